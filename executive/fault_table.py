@@ -171,6 +171,9 @@ def _window(low_s: float = 0.1) -> Bound:
 
 _RATIO: Final = Bound("share of what was driven or turned, added to the bound", "", 0.0, 2.0)
 _HELD: Final = (Then.SAFE, Clears.ON_RESUME)
+_STOPPED: Final = (Then.STOP, Clears.ON_RESUME)
+_ENDED: Final = (Then.STOP, Clears.ITSELF)
+_TOLD: Final = (Then.WARN, Clears.ITSELF)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +209,163 @@ class FaultTable:
         "The battery is nearly empty.",
         Row(When.ALWAYS, *_HELD, below=22.0),
         below=Bound("voltage", "V", 1.0, 1000.0),
+    )
+
+    wheels_off_command: Row = _fault(
+        Reason.WHEELS_OFF_COMMAND,
+        "The wheels of a side turn slower or faster than commanded.",
+        Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.12, ratio=0.2, within_s=0.25),
+        beyond=Bound("speed outside of what was commanded in the window", "m/s", 0.02, 5.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    wheels_unpowered: Row = _fault(
+        Reason.WHEELS_UNPOWERED,
+        "The wheels of a side are off their command, and their motors give no torque.",
+        Row(When.MOVING, *_STOPPED, for_s=0.1, below=0.05, within_s=0.4),
+        below=Bound("mean torque of a side", "Nm", 0.001, 100.0),
+        within=_window(),
+    )
+    odometry_off_wheels: Row = _fault(
+        Reason.ODOMETRY_OFF_WHEELS,
+        "The odometry tells of another way than the wheels turned.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.06, within_s=0.5),
+        beyond=Bound("difference of the ways", "m", 0.01, 5.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    odometry_off_wheels_slowly: Row = _fault(
+        Reason.ODOMETRY_OFF_WHEELS,
+        "The odometry tells, little by little, of another way than the wheels turned.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.02, within_s=3.0),
+        beyond=Bound("difference of the ways", "m", 0.01, 5.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    odometry_off_gyro: Row = _fault(
+        Reason.ODOMETRY_OFF_GYRO,
+        "The odometry tells of another turn than the gyro feels.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.05, ratio=0.05, within_s=0.5),
+        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    odometry_off_gyro_slowly: Row = _fault(
+        Reason.ODOMETRY_OFF_GYRO,
+        "The odometry tells, little by little, of another turn than the gyro feels.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.03, within_s=4.0),
+        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    wheels_off_gyro: Row = _fault(
+        Reason.WHEELS_OFF_GYRO,
+        "The rover does not turn as its wheels do.",
+        Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6),
+        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    wheels_slip: Row = _fault(
+        Reason.WHEELS_SLIP,
+        "The wheels gain or lose a speed that the rover does not feel.",
+        Row(When.MOVING, *_ENDED, for_s=0.05, beyond=0.48, within_s=0.6),
+        beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
+        within=_window(),
+    )
+    wheels_slip_slowly: Row = _fault(
+        Reason.WHEELS_SLIP,
+        "The wheels gain or lose, little by little, a speed that the rover does not feel.",
+        Row(When.MOVING, *_ENDED, for_s=0.05, beyond=1.0, within_s=2.0),
+        beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
+        within=_window(),
+    )
+    blocked: Row = _fault(
+        Reason.BLOCKED,
+        "The wheels push with a force that does not move the rover.",
+        Row(When.MOVING, *_ENDED, for_s=0.1, beyond=45.0, ratio=1.5, within_s=0.4),
+        beyond=Bound("difference of the forces", "N", 1.0, 100_000.0),
+        ratio=Bound("share of what is felt, added to the bound", "", 0.0, 10.0),
+        within=_window(),
+    )
+    tilted_by_imu: Row = _fault(
+        Reason.TILTED,
+        "The rover leans, by its inertial sensors.",
+        Row(When.ALWAYS, *_HELD, for_s=0.1, beyond=0.49),
+        beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
+    )
+    slips: Row = _fault(
+        Reason.SLIPS,
+        "The second odometry tells of another way.",
+        Row(When.MOVING, *_ENDED, beyond=0.1, ratio=0.2, within_s=1.0),
+        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
+        ratio=_RATIO,
+        within=_window(0.2),
+    )
+    slips_slowly: Row = _fault(
+        Reason.SLIPS,
+        "The second odometry tells, little by little, of another way.",
+        Row(When.MOVING, *_ENDED, beyond=0.1, ratio=0.1, within_s=4.0),
+        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
+        ratio=_RATIO,
+        within=_window(0.2),
+    )
+    slips_fused: Row = _fault(
+        Reason.SLIPS,
+        "The second odometry tells of a way too different to correct the pose by it.",
+        Row(When.MOVING, *_ENDED, beyond=0.25, ratio=0.3, within_s=1.0),
+        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
+        ratio=_RATIO,
+        within=_window(0.2),
+    )
+    slips_fused_slowly: Row = _fault(
+        Reason.SLIPS,
+        "The second odometry tells, little by little, of a way too different to correct by it.",
+        Row(When.MOVING, *_ENDED, beyond=0.6, ratio=0.3, within_s=4.0),
+        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
+        ratio=_RATIO,
+        within=_window(0.2),
+    )
+    turn_slips: Row = _fault(
+        Reason.TURN_SLIPS,
+        "The second odometry tells of another turn.",
+        Row(When.MOVING, *_ENDED, beyond=0.06, ratio=0.05, within_s=1.0),
+        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        ratio=_RATIO,
+        within=_window(0.2),
+    )
+    turn_slips_slowly: Row = _fault(
+        Reason.TURN_SLIPS,
+        "The second odometry tells, little by little, of another turn.",
+        Row(When.MOVING, *_ENDED, beyond=0.07, ratio=0.04, within_s=4.0),
+        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        ratio=_RATIO,
+        within=_window(0.2),
+    )
+    slides: Row = _fault(
+        Reason.SLIDES,
+        "The rover moves while it is to stand, which its odometry does not see.",
+        Row(When.ALWAYS, *_TOLD, beyond=0.05, within_s=0.4),
+        beyond=Bound("way between two frames of the second odometry", "m", 0.01, 10.0),
+        within=_window(0.2),
+    )
+    joints_silent: Row = _fault(
+        Reason.SENSOR_SILENT,
+        "The sensors of the wheels tell nothing: the wheels are not monitored.",
+        Row(When.ALWAYS, *_TOLD, beyond=0.5),
+        beyond=Bound("age of what they told last", "s", 0.1, 60.0),
+    )
+    imu_silent: Row = _fault(
+        Reason.SENSOR_SILENT,
+        "The inertial sensor tells nothing: slip, turns and tilt are not monitored by it.",
+        Row(When.ALWAYS, *_TOLD, beyond=0.5),
+        beyond=Bound("age of what it told last", "s", 0.1, 60.0),
+    )
+    second_odometry_silent: Row = _fault(
+        Reason.SENSOR_SILENT,
+        "The second odometry tells nothing: slip is not monitored.",
+        Row(When.ALWAYS, *_TOLD, beyond=6.0),
+        beyond=Bound("age of what it told last", "s", 0.5, 60.0),
     )
 
     def __post_init__(self) -> None:

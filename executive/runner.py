@@ -127,7 +127,7 @@ class Executive:
     ) -> None:
         self.settings = settings
         self.status = Status(clock, settings)
-        self.safety = Safety(clock, settings.faults)
+        self.safety = Safety(clock, settings)
         self.files = FileFolder(files, self._tell_of_file)
         self.wake: Callable[[], None] = lambda: None
         self.retention = Retention(ledger, settings.kept_reports)

@@ -296,6 +296,6 @@ def preview(settings: Settings) -> tuple[Node, ...]:
     status = AssetStatus(clock, settings)
     locomotion = VelocityLocomotion(clock, settings, status)
     files = FileFolder(Path(), lambda _: None)
-    safety = Safety(clock, settings.faults)
+    safety = Safety(clock, settings)
     context = Context(clock, settings, status, safety, Goals(clock), locomotion, files)
     return nodes(build(context), ())

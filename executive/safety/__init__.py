@@ -1,7 +1,8 @@
 """What the executive watches for, and when a fault begins and ends."""
 
+from executive.safety.channel import Channel
 from executive.safety.evidence import Evidence, Monitor
-from executive.safety.history import Channel, History, Moved
+from executive.safety.history import History, Moved
 from executive.safety.safety import MONITORS, Changes, Fault, Safety
 
 __all__ = [

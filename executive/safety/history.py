@@ -1,123 +1,29 @@
 """The last seconds of what was commanded and sensed, on one time base.
 
-Facts are placed by their stamps. The clock of a publisher may be another one than the core's: its
-offset is learnt as the smallest difference of arrival and stamp, so that late is what comes later
-than usual. Each source has a channel of running sums, from which what happened between any two
-times is two look-ups.
+Facts are placed by their stamps. Each source has a channel of running sums, from which what
+happened between any two times is two look-ups.
 """
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, floor, hypot, inf, isfinite, sin
-from typing import Final, NamedTuple
+from math import cos, hypot, inf, isfinite, sin
+from typing import NamedTuple
 
 from executive.clock import Clock
 from executive.fault_table import FaultTable
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.state import Battery, Fact, Odometry
-
-GRID_S: Final = 0.02
-SLOTS: Final = 512
-"""Of a channel: about ten seconds."""
-USUAL_LATENCY_S: Final = 0.05
-"""At most taken for usual of the first message, where its stamp is of the core's own clocks."""
-OWN_CLOCK_S: Final = 0.5
-"""A first message that is no older by a clock of the core was stamped by that clock."""
-SAME_CLOCK_S: Final = 1.0
-"""Publishers whose offsets differ by less share a clock."""
-DRIFT_RATIO: Final = 1e-3
-"""By how much a publisher's clock may lose on the core's."""
-
-
-class StampClock:
-    """Puts stamps of all sources on the core's time.
-
-    Sources of one clock share one offset, so that what takes longer to arrive is not taken for
-    newer.
-    """
-
-    def __init__(self) -> None:
-        self._offsets_s: dict[type, float] = {}
-        self._last: dict[type, tuple[float, float]] = {}
-
-    def time_s(self, source: type, stamp_s: float, now_s: float, utc_s: float) -> float:
-        """Return when something was measured, on the core's time.
-
-        Args:
-            source: the kind of fact.
-            stamp_s: on the clock of its publisher.
-            now_s: when it arrived.
-            utc_s: the same, in UTC.
-        """
-        offset_s = now_s - stamp_s
-        last_stamp_s, last_now_s = self._last.get(source, (inf, now_s))
-        self._last[source] = (stamp_s, now_s)
-        if stamp_s < last_stamp_s - SAME_CLOCK_S:
-            own_age_s = next((a for a in (offset_s, utc_s - stamp_s) if 0 <= a < OWN_CLOCK_S), 0.0)
-            known_s = offset_s - max(0.0, own_age_s - USUAL_LATENCY_S)
-        else:
-            known_s = self._offsets_s[source] + DRIFT_RATIO * (now_s - last_now_s)
-        self._offsets_s[source] = own_s = min(offset_s, known_s)
-        shared_s = min(
-            each for each in self._offsets_s.values() if abs(each - own_s) < SAME_CLOCK_S
-        )
-        return stamp_s + shared_s
-
-
-class Channel:
-    """Running sums of one source over time, on a grid, interpolated in between.
-
-    Attributes:
-        time_s: of the newest; before the first it is minus infinity.
-        sums: the newest.
-    """
-
-    def __init__(self, width: int) -> None:
-        self._slots: list[Sequence[float]] = [(0.0,) * width] * SLOTS
-        self._filled = self._first = 0
-        self.time_s = -inf
-        self.sums: Sequence[float] = (0.0,) * width
-
-    def add(self, time_s: float, sums: Sequence[float]) -> None:
-        """Take the sums up to a time; what is not newer is left out."""
-        if time_s <= self.time_s:
-            return
-        last, since_s = floor(time_s / GRID_S), time_s - self.time_s
-        if since_s > GRID_S * SLOTS:
-            self._first = self._filled = last
-            self._slots[last % SLOTS] = sums
-        for index in range(self._filled + 1, last + 1):
-            part = (index * GRID_S - self.time_s) / since_s
-            self._slots[index % SLOTS] = [
-                old + part * (new - old) for old, new in zip(self.sums, sums, strict=True)
-            ]
-        self._filled = last
-        self.time_s, self.sums = time_s, sums
-
-    def covers(self, time_s: float) -> bool:
-        """Whether the sums at a time are known."""
-        oldest = max(self._first, self._filled - SLOTS + 2)
-        return oldest * GRID_S <= time_s <= self.time_s
-
-    def at(self, time_s: float) -> Sequence[float]:
-        """Return the sums at a time that is covered."""
-        index = floor(time_s / GRID_S)
-        low = self._slots[index % SLOTS]
-        if index >= self._filled:
-            begun_s, high, span_s = index * GRID_S, self.sums, self.time_s - index * GRID_S
-            if span_s <= 0.0:
-                return high
-        else:
-            begun_s, high, span_s = index * GRID_S, self._slots[(index + 1) % SLOTS], GRID_S
-        part = (time_s - begun_s) / span_s
-        return [old + part * (new - old) for old, new in zip(low, high, strict=True)]
-
-    def between(self, from_s: float, to_s: float) -> list[float] | None:
-        """Return what was added between two times; None where that is not known."""
-        if not (self.covers(from_s) and self.covers(to_s)):
-            return None
-        return [new - old for old, new in zip(self.at(from_s), self.at(to_s), strict=True)]
+from executive.safety.channel import GRID_S, SLOTS, Channel, StampClock
+from executive.safety.sensor_history import (
+    REST_S,
+    Inertia,
+    InertialSums,
+    SecondTrack,
+    Sighting,
+    Wheels,
+    WheelSums,
+)
+from executive.settings import Sensors
+from executive.state import Battery, Fact, Imu, Joints, Odometry, SecondOdometry
 
 
 class Moved(NamedTuple):
@@ -178,11 +84,26 @@ class History:
         begun_s: no window reaches back beyond this time.
         jump: the last step of the odometry that nothing explains.
         battery: the newest voltage, as it came, and `battery_at_s`, when.
+        wheels, inertia, second: of the sensors that the asset has; None of those that it has not.
+        mass_kg: of the asset, where that is known.
     """
 
-    def __init__(self, clock: Clock, faults: FaultTable) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        faults: FaultTable,
+        sensors: Sensors | None = None,
+        mass_kg: float | None = None,
+    ) -> None:
         self._clock = clock
         self._faults = faults
+        self.mass_kg = mass_kg
+        sensors = sensors or Sensors()
+        imu, joints, second = sensors.imu, sensors.joints, sensors.second_odometry
+        self.inertia = None if imu is None else Inertia()
+        self.wheels = None if joints is None else Wheels(joints)
+        self.second = None if second is None else SecondTrack(second)
+        self._track = Channel(3)
         self._stamps = StampClock()
         self.odometry: Odometry | None = None
         self.odometry_time_s = -inf
@@ -207,6 +128,14 @@ class History:
             case Battery(voltage_v):
                 if isfinite(voltage_v):
                     self.battery, self.battery_at_s = fact, now_s
+            case Joints() if self.wheels is not None:
+                self.wheels.observe(fact, self._time_s(fact, now_s))
+            case Imu() if self.inertia is not None:
+                time_s = self._time_s(fact, now_s)
+                self.inertia.observe(fact, time_s, self._travel_mps, self._resting(time_s))
+            case SecondOdometry() if self.second is not None:
+                sighting = self._sighting(fact, self._time_s(fact, now_s))
+                self.second.observe(fact, sighting, now_s)
             case _:
                 pass
 
@@ -263,17 +192,62 @@ class History:
         rotate = [each.rotate_radps for each in found] or [0.0]
         return Commanded(min(travel), max(travel), min(rotate), max(rotate))
 
+    def wheels_in(self, window_s: float, to_s: float) -> WheelSums | None:
+        """Return what the wheels turned in the seconds before a time."""
+        if self.wheels is None:
+            return None
+        sums = self.window(self.wheels.sums, window_s, to_s)
+        return None if sums is None else WheelSums(*sums)
+
+    def inertia_in(self, window_s: float, to_s: float) -> InertialSums | None:
+        """Return what the inertial sensors felt in the seconds before a time, less their bias."""
+        if self.inertia is None:
+            return None
+        sums = self.window(self.inertia.sums, window_s, to_s)
+        if sums is None:
+            return None
+        turn_rad, gained_mps, force_mps = sums
+        return InertialSums(turn_rad - self.inertia.bias_radps * window_s, gained_mps, force_mps)
+
+    @property
+    def _travel_mps(self) -> float:
+        """How fast the rover goes ahead, by its wheels, or by its odometry."""
+        if self.wheels is not None:
+            return self.wheels.travel_mps
+        return 0.0 if self.odometry is None else self.odometry.velocity.travel_mps
+
+    def _resting(self, time_s: float) -> bool:
+        """Whether nothing but to stand is commanded, and the wheels stand, for a while."""
+        since_s = self.standing_since_s
+        if self.wheels is not None:
+            since_s = max(since_s, self.wheels.resting_since_s)
+        return since_s <= time_s - REST_S
+
+    def _time_s(self, fact: Odometry | Joints | Imu | SecondOdometry, now_s: float) -> float:
+        return self._stamps.time_s(type(fact), fact.stamp_s, now_s, self._clock.utc_s())
+
+    def _sighting(self, fact: SecondOdometry, time_s: float) -> Sighting | None:
+        if not (self._track.covers(time_s) and self.moved.covers(time_s)):
+            return None
+        x_m, y_m, heading_rad = self._track.at(time_s)
+        moved = Moved(*self.moved.at(time_s))
+        believed = Pose(x_m, y_m, heading_rad=heading_rad)
+        return Sighting(time_s, fact.pose, believed, moved.driven_m, moved.turned_rad)
+
     def _observe_odometry(self, fact: Odometry, now_s: float) -> None:
         if not (fact.pose.finite and fact.velocity.finite):
             self.not_finite_at_s = now_s
             return
-        time_s = self._stamps.time_s(Odometry, fact.stamp_s, now_s, self._clock.utc_s())
+        time_s = self._time_s(fact, now_s)
         count, age_s = self.arrivals.sums
         self.arrivals.add(now_s, (count + 1, age_s + max(now_s - time_s, 0.0)))
         if self.odometry is not None:
             self._step(self.odometry, fact, time_s, now_s)
         else:
             self.moved.add(time_s, self.moved.sums)
+        pose, heading_rad = fact.pose, self._track.sums[2]
+        heading_rad += wrap_rad(pose.heading_rad - heading_rad)
+        self._track.add(time_s, (pose.x_m, pose.y_m, heading_rad))
         self.odometry, self.odometry_time_s, self.odometry_at_s = fact, time_s, now_s
 
     def _step(self, before: Odometry, after: Odometry, time_s: float, now_s: float) -> None:

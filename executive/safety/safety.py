@@ -9,12 +9,34 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from executive.clock import Clock
-from executive.fault_table import DECLARED, Clears, FaultTable, Row, Then, When
+from executive.fault_table import DECLARED, Clears, Row, Then, When
 from executive.reasons import Refusal
 from executive.safety.asset_monitors import battery_low, tilted
 from executive.safety.evidence import Evidence, Monitor
 from executive.safety.history import History
+from executive.safety.inertial_monitors import (
+    blocked,
+    imu_silent,
+    odometry_off_gyro,
+    tilted_by_imu,
+    wheels_off_gyro,
+    wheels_slip,
+)
 from executive.safety.odometry_monitors import jumped, stale, turned
+from executive.safety.second_odometry_monitors import (
+    second_odometry_silent,
+    slides,
+    slips,
+    slips_fused,
+    turn_slips,
+)
+from executive.safety.wheel_monitors import (
+    joints_silent,
+    odometry_off_wheels,
+    wheels_off_command,
+    wheels_unpowered,
+)
+from executive.settings import Settings
 from executive.state import Fact
 
 MONITORS: Final[Mapping[str, Monitor]] = {
@@ -23,6 +45,27 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_stale": stale,
     "tilted": tilted,
     "battery_low": battery_low,
+    "wheels_off_command": wheels_off_command,
+    "wheels_unpowered": wheels_unpowered,
+    "odometry_off_wheels": odometry_off_wheels,
+    "odometry_off_wheels_slowly": odometry_off_wheels,
+    "odometry_off_gyro": odometry_off_gyro,
+    "odometry_off_gyro_slowly": odometry_off_gyro,
+    "wheels_off_gyro": wheels_off_gyro,
+    "wheels_slip": wheels_slip,
+    "wheels_slip_slowly": wheels_slip,
+    "blocked": blocked,
+    "tilted_by_imu": tilted_by_imu,
+    "slips": slips,
+    "slips_slowly": slips,
+    "slips_fused": slips_fused,
+    "slips_fused_slowly": slips_fused,
+    "turn_slips": turn_slips,
+    "turn_slips_slowly": turn_slips,
+    "slides": slides,
+    "joints_silent": joints_silent,
+    "imu_silent": imu_silent,
+    "second_odometry_silent": second_odometry_silent,
 }
 """What looks for each fault of the table."""
 
@@ -72,13 +115,13 @@ class Safety:
         active: the faults that have begun and are not over, the oldest first.
     """
 
-    def __init__(self, clock: Clock, faults: FaultTable) -> None:
+    def __init__(self, clock: Clock, settings: Settings) -> None:
         self._clock = clock
-        self.history = History(clock, faults)
+        self.history = History(clock, settings.faults, settings.sensors, settings.mass_kg)
         self.active: list[Fault] = []
         self._watches = [
             _Watch(declared.name, row, MONITORS[declared.name])
-            for declared, row in faults
+            for declared, row in settings.faults
             if row.then is not Then.IGNORE and declared.name in MONITORS
         ]
 

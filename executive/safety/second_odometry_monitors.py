@@ -1,0 +1,106 @@
+"""Monitors by an odometry that does not come from the wheels: slip, and all that others share.
+
+The two odometries are in frames of their own, so their steps between two sightings are compared,
+each in the axes of base_link at the first one. Where the second odometry corrects the pose, only
+gross disagreement is a fault.
+"""
+
+from typing import Final
+
+from executive.fault_table import Row
+from executive.safety.comparison import compared, silent, speeds, turns
+from executive.safety.evidence import Evidence
+from executive.safety.history import History
+from executive.safety.sensor_history import Disagreement
+
+SLIDE_M_PER_RAD: Final = 0.08
+"""By how much a turn on the spot may move the rover that its odometry does not see."""
+STILL_M: Final = 0.02
+"""Of odometry that stands."""
+STOPPED_S: Final = 1.0
+"""From the command to stand until the rover surely does."""
+FRESH_S: Final = 1.5
+"""So long a message tells of now."""
+
+
+def slips(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a second odometry that tells of another way."""
+    return _slips(history, row, now_s, fused=False)
+
+
+def slips_fused(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a second odometry that tells of a way too different to be corrected."""
+    return _slips(history, row, now_s, fused=True)
+
+
+def _slips(history: History, row: Row, now_s: float, *, fused: bool) -> Evidence | None:
+    found = _found(history, row, now_s, fused=fused)
+    if found is None:
+        return None
+    bound_m = row.allowed(found.driven_m) + SLIDE_M_PER_RAD * found.turned_rad
+    if found.off_m <= bound_m:
+        return None
+    span_s = found.span_s
+    ways_m = {"odometry": found.believed_m, "second odometry": found.seen_m, "apart": found.off_m}
+    turned = history.wheels_in(span_s, found.to_s)
+    if turned is not None:
+        ways_m = {"wheels": abs(turned.way_m), **ways_m}
+    figures = speeds(history, span_s, found.to_s, ways_m)
+    return compared("the rover slips", figures, bound_m / span_s, span_s)
+
+
+def turn_slips(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a second odometry that tells of another turn."""
+    found = _found(history, row, now_s)
+    if found is None:
+        return None
+    bound_rad = row.allowed(found.turned_rad)
+    if found.off_rad <= bound_rad:
+        return None
+    figures = turns(
+        history,
+        found.span_s,
+        found.to_s,
+        {"odometry": found.believed_rad, "second odometry": found.seen_rad},
+    )
+    return compared("the odometries disagree on the turn", figures, bound_rad, found.span_s)
+
+
+def slides(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that the rover moves although it is to stand, and its odometry says that it does."""
+    found = _found(history, row, now_s)
+    if found is None or found.from_s < history.standing_since_s + STOPPED_S:
+        return None
+    if found.driven_m > STILL_M or found.off_m <= row.bound:
+        return None
+    ways_m = {"odometry": found.believed_m, "second odometry": found.seen_m}
+    figures = speeds(history, found.span_s, found.to_s, ways_m)
+    bound_mps = row.bound / found.span_s
+    return compared("the rover slides while it is to stand", figures, bound_mps, found.span_s)
+
+
+def second_odometry_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that the second odometry no longer tells anything."""
+    if history.second is None or not history.second.sightings:
+        return None
+    last_s = history.second.sightings[-1].time_s
+    return silent("the second odometry", "slip is", last_s, row, now_s)
+
+
+def _found(
+    history: History, row: Row, now_s: float, *, fused: bool | None = None
+) -> Disagreement | None:
+    """Return what the odometries say of the window of a row, where it is of now.
+
+    Args:
+        history: has them.
+        row: with the window.
+        now_s: the time.
+        fused: of which second odometries the row is; None of each.
+    """
+    second = history.second
+    if second is None or now_s - second.at_s > FRESH_S:
+        return None
+    if fused is not None and second.settings.fused is not fused:
+        return None
+    return second.disagreement(row.window_s, history.begun_s)

@@ -1,0 +1,318 @@
+"""The last seconds of the sensors beside the odometry, as running sums on the core's time.
+
+What is not finite, or not newer than what is known, is left out. After a gap the sums begin anew:
+what happened in it is not known.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import copysign, cos, hypot, inf, isfinite, sin, sqrt
+from typing import Final, NamedTuple
+
+from executive.geometry import Pose, wrap_rad
+from executive.safety.channel import Channel
+from executive.settings import JointsSettings, SecondOdometrySettings
+from executive.state import Imu, Joints, SecondOdometry
+
+GAP_S: Final = 0.3
+"""Messages that are further apart have a gap between them."""
+FRESH_S: Final = 0.3
+"""So long a message tells of now."""
+GRAVITY_MPS2: Final = 9.81
+SLIP_OFFSET_M: Final = 0.044
+SLIP_GAIN: Final = 0.065
+"""Side slip of a skid-steered rover: v_y = -(offset + gain sign(v) sqrt|v w|) w."""
+REST_RADPS: Final = 0.05
+"""A wheel that turns less stands."""
+REST_S: Final = 0.5
+"""So long the wheels stand before the gyro's bias is learnt."""
+BIAS_OVER_S: Final = 5.0
+"""Over which the gyro's bias is averaged."""
+MOST_BIAS_RADPS: Final = 0.02
+"""What is more is no bias of a gyro that works."""
+KEPT_S: Final = 10.0
+"""Sightings of the second odometry."""
+LONGEST_WINDOW: Final = 2.5
+"""How many times as long a window may be where frames are missing."""
+ALMOST_S: Final = 0.1
+"""By which a window may be shorter: frames do not come to the millisecond."""
+
+
+class WheelSums(NamedTuple):
+    """Ways of the wheels of each side, and their torques over time.
+
+    Attributes:
+        left_m, right_m: way of the mean wheel.
+        left_nms, right_nms: sum of the torques of a side.
+    """
+
+    left_m: float
+    right_m: float
+    left_nms: float = 0.0
+    right_nms: float = 0.0
+
+    @property
+    def way_m(self) -> float:
+        """The way of the middle of the rover."""
+        return (self.left_m + self.right_m) / 2
+
+
+class Wheels:
+    """What the wheels turned, by their encoders.
+
+    Attributes:
+        sums: the channel of `WheelSums`.
+        settings: of the sensors.
+        torques: whether torques are measured.
+        count: how many wheels there are.
+        travel_mps: the newest speed of the middle of the rover.
+        resting_since_s: since when no wheel turns; infinite while one does.
+    """
+
+    def __init__(self, settings: JointsSettings) -> None:
+        self.settings = settings
+        self.sums = Channel(len(WheelSums._fields))
+        self.torques = False
+        self.count = 0
+        self.travel_mps = 0.0
+        self.resting_since_s = inf
+        self._rates = WheelSums(0.0, 0.0)
+
+    def fresh(self, now_s: float) -> bool:
+        """Whether the newest message is of now."""
+        return now_s - self.sums.time_s <= FRESH_S
+
+    def observe(self, fact: Joints, time_s: float) -> None:
+        """Take in a message that was measured at a time."""
+        speeds = (*fact.left_radps, *fact.right_radps)
+        if not (fact.left_radps and fact.right_radps) or not _finite(
+            *speeds, *fact.left_nm, *fact.right_nm
+        ):
+            return
+        radius_m = self.settings.wheel_radius_m
+        rates = WheelSums(
+            radius_m * sum(fact.left_radps) / len(fact.left_radps),
+            radius_m * sum(fact.right_radps) / len(fact.right_radps),
+            sum(fact.left_nm),
+            sum(fact.right_nm),
+        )
+        self.sums = extended(self.sums, time_s, self._rates, rates)
+        self._rates, self.count = rates, len(speeds)
+        self.torques = bool(fact.left_nm and fact.right_nm)
+        self.travel_mps = rates.way_m
+        if max(map(abs, speeds)) > REST_RADPS:
+            self.resting_since_s = inf
+        elif self.resting_since_s == inf:
+            self.resting_since_s = time_s
+
+
+class InertialSums(NamedTuple):
+    """What the inertial sensors measured, over time.
+
+    Attributes:
+        turn_rad: by how much the heading changed, the gyro's bias included.
+        gained_mps: the speed ahead that was gained.
+        force_mps: the specific force ahead, over time.
+    """
+
+    turn_rad: float
+    gained_mps: float
+    force_mps: float
+
+
+class Inertia:
+    """What the inertial sensors measured.
+
+    Attributes:
+        sums: the channel of `InertialSums`.
+        newest: the newest message.
+        bias_radps: of the heading rate, learnt while the wheels stand.
+    """
+
+    def __init__(self) -> None:
+        self.sums = Channel(len(InertialSums._fields))
+        self.newest: Imu | None = None
+        self.bias_radps = 0.0
+        self._learnt_s = 0.0
+        self._rates = InertialSums(0.0, 0.0, 0.0)
+
+    def fresh(self, now_s: float) -> bool:
+        """Whether the newest message is of now."""
+        return now_s - self.sums.time_s <= FRESH_S
+
+    def observe(self, fact: Imu, time_s: float, travel_mps: float, resting: bool) -> None:
+        """Take in a message.
+
+        Args:
+            fact: the message.
+            time_s: when it was measured.
+            travel_mps: how fast the wheels go ahead.
+            resting: whether they stand.
+        """
+        figures = (fact.roll_rad, fact.pitch_rad, fact.gyro_y_radps, fact.gyro_z_radps)
+        if not _finite(*figures, fact.acceleration_x_mps2):
+            return
+        rate_radps = (
+            fact.gyro_y_radps * sin(fact.roll_rad) + fact.gyro_z_radps * cos(fact.roll_rad)
+        ) / max(cos(fact.pitch_rad), 0.1)
+        turning_radps = rate_radps - self.bias_radps
+        slip_m = SLIP_OFFSET_M + copysign(
+            SLIP_GAIN * sqrt(abs(travel_mps * turning_radps)), travel_mps
+        )
+        aside_mps2 = -slip_m * turning_radps * turning_radps
+        gain_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(fact.pitch_rad) + aside_mps2
+        rates = InertialSums(rate_radps, gain_mps2, fact.acceleration_x_mps2)
+        if resting and self.sums.time_s > -inf:
+            self._learn(rate_radps, min(time_s - self.sums.time_s, GAP_S))
+        self.sums = extended(self.sums, time_s, self._rates, rates)
+        self._rates, self.newest = rates, fact
+
+    def _learn(self, rate_radps: float, step_s: float) -> None:
+        self._learnt_s = min(self._learnt_s + step_s, BIAS_OVER_S)
+        if self._learnt_s > 0.0:
+            self.bias_radps += (rate_radps - self.bias_radps) * step_s / self._learnt_s
+            self.bias_radps = max(-MOST_BIAS_RADPS, min(MOST_BIAS_RADPS, self.bias_radps))
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """Where the second odometry saw the rover, and what the odometry said of that time.
+
+    Attributes:
+        time_s: when it was measured.
+        seen, believed: pose by the second odometry and by the odometry, each in its own frame.
+        driven_m, turned_rad: way and turn by the odometry, without signs, from the beginning.
+    """
+
+    time_s: float
+    seen: Pose
+    believed: Pose
+    driven_m: float
+    turned_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """What two odometries say of the time between two sightings.
+
+    Attributes:
+        from_s, to_s: that time.
+        seen_m, believed_m: how far the rover went, straight, by each.
+        off_m, off_rad: between the two ways, as vectors, and the two turns.
+        seen_rad, believed_rad: by how much it turned, by each.
+        driven_m, turned_rad: way and turn by the odometry, without signs.
+    """
+
+    from_s: float
+    to_s: float
+    seen_m: float
+    believed_m: float
+    off_m: float
+    seen_rad: float
+    believed_rad: float
+    off_rad: float
+    driven_m: float
+    turned_rad: float
+
+    @property
+    def span_s(self) -> float:
+        """How long that was."""
+        return self.to_s - self.from_s
+
+
+class SecondTrack:
+    """Where the second odometry saw the rover, beside where the odometry had it then.
+
+    Attributes:
+        settings: of the sensor.
+        sightings: of the last seconds, the oldest first.
+        at_s: when the newest message arrived.
+    """
+
+    def __init__(self, settings: SecondOdometrySettings) -> None:
+        self.settings = settings
+        self.sightings: deque[Sighting] = deque()
+        self.at_s = -inf
+
+    def observe(self, fact: SecondOdometry, sighting: Sighting | None, now_s: float) -> None:
+        """Take in a message that arrived now; no sighting, if it is of an unknown time."""
+        if not fact.pose.finite:
+            return
+        self.at_s = now_s
+        if sighting is None or (self.sightings and sighting.time_s <= self.sightings[-1].time_s):
+            return
+        self.sightings.append(sighting)
+        while self.sightings[0].time_s < sighting.time_s - KEPT_S:
+            self.sightings.popleft()
+
+    def disagreement(self, window_s: float, since_s: float) -> Disagreement | None:
+        """Compare the last of the sightings with the newest that is a window older.
+
+        Args:
+            window_s: the window.
+            since_s: what is older is not looked at.
+
+        Returns:
+            None if there is none, or only one much older.
+        """
+        if not self.sightings:
+            return None
+        last = self.sightings[-1]
+        for first in reversed(self.sightings):
+            span_s = last.time_s - first.time_s
+            if first.time_s < since_s or span_s > LONGEST_WINDOW * window_s:
+                return None
+            if span_s > window_s - ALMOST_S:
+                return between(first, last)
+        return None
+
+
+def between(first: Sighting, last: Sighting) -> Disagreement:
+    """Return what two odometries say of the time between two sightings."""
+    seen_x_m, seen_y_m = _step(first.seen, last.seen)
+    x_m, y_m = _step(first.believed, last.believed)
+    seen_rad = wrap_rad(last.seen.heading_rad - first.seen.heading_rad)
+    believed_rad = wrap_rad(last.believed.heading_rad - first.believed.heading_rad)
+    return Disagreement(
+        first.time_s,
+        last.time_s,
+        hypot(seen_x_m, seen_y_m),
+        hypot(x_m, y_m),
+        hypot(seen_x_m - x_m, seen_y_m - y_m),
+        seen_rad,
+        believed_rad,
+        abs(wrap_rad(seen_rad - believed_rad)),
+        last.driven_m - first.driven_m,
+        last.turned_rad - first.turned_rad,
+    )
+
+
+def _step(first: Pose, last: Pose) -> tuple[float, float]:
+    """Return a step in the axes that base_link had before it."""
+    dx_m, dy_m = last.x_m - first.x_m, last.y_m - first.y_m
+    cosine, sine = cos(first.heading_rad), sin(first.heading_rad)
+    return dx_m * cosine + dy_m * sine, dy_m * cosine - dx_m * sine
+
+
+def extended(
+    channel: Channel, time_s: float, before: Sequence[float], now: Sequence[float]
+) -> Channel:
+    """Return a channel with the sums of rates up to a time; a new one after a gap."""
+    step_s = time_s - channel.time_s
+    if step_s > GAP_S:
+        channel = Channel(len(now))
+        channel.add(time_s, (0.0,) * len(now))
+    elif step_s > 0.0:
+        channel.add(
+            time_s,
+            [
+                total + step_s * (old + new) / 2
+                for total, old, new in zip(channel.sums, before, now, strict=True)
+            ],
+        )
+    return channel
+
+
+def _finite(*figures: float) -> bool:
+    return all(map(isfinite, figures))

@@ -1,0 +1,97 @@
+"""Monitors of the driven wheels: their encoders, and the torques of their motors.
+
+The wheels are compared with what was commanded and with the odometry, over windows that end where
+the older of the two does. What encoders and odometry have in common, such as a wrong wheel radius,
+is not seen here.
+"""
+
+from typing import Final
+
+from executive.fault_table import Row
+from executive.reasons import Figure
+from executive.safety.comparison import compared, silent, speeds
+from executive.safety.evidence import Evidence
+from executive.safety.history import History
+
+SPEED_OVER_S: Final = 0.06
+"""Over which the present speed of wheels is taken."""
+OFF_COMMAND_MPS: Final = 0.06
+"""How far wheels without torque are off their command, where that matters."""
+
+
+def wheels_off_command(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a side that is slower or faster than all that it was commanded in the window."""
+    wheels = history.wheels
+    if wheels is None or not wheels.fresh(now_s):
+        return None
+    to_s = wheels.sums.time_s
+    turned = history.wheels_in(SPEED_OVER_S, to_s)
+    if turned is None:
+        return None
+    wanted = history.commands_in(row.window_s, to_s)
+    half_m = wheels.settings.track_m / 2
+    low_mps, high_mps = wanted.rotate_low_radps * half_m, wanted.rotate_high_radps * half_m
+    sides = (
+        ("left", turned.left_m, -high_mps, -low_mps),
+        ("right", turned.right_m, low_mps, high_mps),
+    )
+    for side, way_m, across_low_mps, across_high_mps in sides:
+        speed_mps = way_m / SPEED_OVER_S
+        least_mps = wanted.travel_low_mps + across_low_mps
+        most_mps = wanted.travel_high_mps + across_high_mps
+        nearest_mps = min(max(speed_mps, least_mps), most_mps)
+        bound_mps = row.allowed(max(abs(least_mps), abs(most_mps)))
+        if abs(speed_mps - nearest_mps) > bound_mps:
+            figures = Figure("commanded", nearest_mps, "m/s"), Figure("wheels", speed_mps, "m/s")
+            what = f"the {side} wheels do not follow"
+            return compared(what, figures, bound_mps, row.window_s)
+    return None
+
+
+def wheels_unpowered(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a side that is off its command, and motors on it that do nothing about it."""
+    wheels = history.wheels
+    if wheels is None or not (wheels.fresh(now_s) and wheels.torques):
+        return None
+    window_s, to_s = row.window_s, wheels.sums.time_s
+    turned, wanted = history.wheels_in(window_s, to_s), history.commanded_in(window_s, to_s)
+    if turned is None or wanted is None:
+        return None
+    across_m = wanted.turn_rad * wheels.settings.track_m / 2
+    sides = (
+        ("left", turned.left_m, turned.left_nms, wanted.way_m - across_m),
+        ("right", turned.right_m, turned.right_nms, wanted.way_m + across_m),
+    )
+    for side, way_m, torque_nms, wanted_m in sides:
+        off_mps, torque_nm = (way_m - wanted_m) / window_s, torque_nms / window_s
+        if abs(torque_nm) < row.bound and abs(off_mps) > OFF_COMMAND_MPS:
+            figures = (
+                Figure("commanded", wanted_m / window_s, "m/s"),
+                Figure("wheels", way_m / window_s, "m/s"),
+                Figure("torque", torque_nm, "Nm"),
+            )
+            return compared(f"the {side} motors give no torque", figures, row.bound, window_s)
+    return None
+
+
+def odometry_off_wheels(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See odometry that tells of another way than the wheels turned."""
+    wheels = history.wheels
+    if wheels is None or not wheels.fresh(now_s):
+        return None
+    window_s, to_s = row.window_s, min(wheels.sums.time_s, history.moved.time_s)
+    turned, moved = history.wheels_in(window_s, to_s), history.moved_in(window_s, to_s)
+    if turned is None or moved is None:
+        return None
+    bound_m = row.allowed(max(abs(turned.way_m), moved.driven_m))
+    if abs(turned.way_m - moved.way_m) <= bound_m:
+        return None
+    figures = speeds(history, window_s, to_s, {"wheels": turned.way_m, "odometry": moved.way_m})
+    return compared("odometry and wheels disagree", figures, bound_m / window_s, window_s)
+
+
+def joints_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that the sensors of the wheels no longer tell anything."""
+    if history.wheels is None:
+        return None
+    return silent("the wheels' sensor", "the wheels are", history.wheels.sums.time_s, row, now_s)

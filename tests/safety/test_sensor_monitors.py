@@ -1,0 +1,227 @@
+"""What wheels, inertial sensors and a second odometry show, and what they do not."""
+
+from dataclasses import replace
+from functools import cache
+from math import nan
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from executive.fault_table import Then
+from executive.geometry import STANDING, Pose, Velocity
+from executive.reasons import Reason
+from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings
+from executive.state import Imu, Joints, SecondOdometry
+from tests.support.sensed_drive import SensedDrive
+
+AHEAD = Velocity(0.8, 0.0)
+SPIN = Velocity(0.0, 1.2)
+ARC = Velocity(0.6, 0.8)
+
+
+@cache
+def asset(*, fused: bool = False) -> Settings:
+    jackal = load_settings("jackal")
+    second = SecondOdometrySettings(rate_hz=2.0, fused=fused)
+    return replace(jackal, sensors=replace(jackal.sensors, second_odometry=second))
+
+
+def driving(velocity: Velocity = AHEAD, duration_s: float = 4.0, **given: Any) -> SensedDrive:
+    drive = SensedDrive(asset(), **given)
+    drive.run(STANDING, 1.0)
+    drive.run(velocity, duration_s)
+    assert drive.names == []
+    return drive
+
+
+def goes_wrong(drive: SensedDrive, limit_s: float = 5.0, **given: Any) -> float:
+    """Have something go wrong, and return after how many seconds a fault began."""
+    for name, value in given.items():
+        assert hasattr(drive, name)
+        setattr(drive, name, value)
+    for tick in range(round(limit_s / 0.05)):
+        drive.run(drive.wanted, 0.05)
+        if drive.begun:
+            return (tick + 1) * 0.05
+    return limit_s
+
+
+SPEEDS = st.floats(-1.0, 1.0)
+RATES = st.floats(-1.5, 1.5)
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    legs=st.lists(st.tuples(SPEEDS, RATES, st.floats(0.3, 3.0)), min_size=1, max_size=4),
+    roll_rad=st.floats(-0.3, 0.3),
+    pitch_rad=st.floats(-0.3, 0.3),
+    gyro_bias_radps=st.floats(-0.008, 0.008),
+    clock_off_s=st.sampled_from([0.0, -1e9, 31.7]),
+    frame=st.builds(Pose, SPEEDS, SPEEDS, st.just(0.0), st.floats(-3.0, 3.0)),
+)
+def test_no_fault_is_seen_in_a_rover_that_does_what_it_is_told(
+    legs: list[tuple[float, float, float]],
+    roll_rad: float,
+    pitch_rad: float,
+    gyro_bias_radps: float,
+    clock_off_s: float,
+    frame: Pose,
+) -> None:
+    drive = SensedDrive(
+        asset(),
+        roll_rad=roll_rad,
+        pitch_rad=pitch_rad,
+        gyro_bias_radps=gyro_bias_radps,
+        clock_off_s=clock_off_s,
+        second_in_odometry=frame,
+    )
+    drive.run(STANDING, 3.0)
+    for travel_mps, rotate_radps, duration_s in legs:
+        drive.run(Velocity(travel_mps, rotate_radps), duration_s)
+    drive.run(STANDING, 2.0)
+    assert drive.names == []
+
+
+@pytest.mark.parametrize(
+    ("velocity", "given", "name", "within_s"),
+    [
+        (AHEAD, {"left": 0.0}, "wheels_off_command", 0.6),
+        (SPIN, {"right": 0.3}, "wheels_off_command", 0.6),
+        (AHEAD, {"left": 0.9, "torque_nm": 0.0}, "wheels_unpowered", 0.8),
+        (AHEAD, {"odometry_travel": 0.0}, "odometry_off_wheels", 0.3),
+        (AHEAD, {"odometry_travel": 1.05}, "odometry_off_wheels_slowly", 3.0),
+        (SPIN, {"odometry_turn": 0.0}, "odometry_off_gyro", 0.3),
+        (SPIN, {"odometry_turn": 1.06}, "odometry_off_gyro_slowly", 4.0),
+        (AHEAD, {"gyro_bias_radps": 0.03}, "odometry_off_gyro_slowly", 2.0),
+        (SPIN, {"gyro": 0.0, "odometry_turn": 0.0}, "wheels_off_gyro", 0.8),
+        (AHEAD, {"grip": 0.0}, "wheels_slip", 0.4),
+        (AHEAD, {"held_n": 60.0}, "blocked", 0.7),
+        (AHEAD, {"roll_rad": 0.6}, "tilted", 0.2),
+        (AHEAD, {"aside_mps": 0.5}, "slips", 1.6),
+        (AHEAD, {"aside_mps": 0.15}, "slips_slowly", 5.0),
+    ],
+)
+def test_a_fault_is_seen_by_what_it_shows_in(
+    velocity: Velocity, given: dict[str, float], name: str, within_s: float
+) -> None:
+    drive = driving(velocity)
+    assert goes_wrong(drive, **given) <= within_s
+    assert drive.names[0] == name, drive.begun[0].refusal.text
+
+
+@pytest.mark.parametrize("rate_radps", [0.3, 0.025])
+def test_a_gyro_that_the_odometry_shares_is_seen_by_the_second_odometry(rate_radps: float) -> None:
+    drive = driving()
+    drive.gyro_bias_radps = rate_radps
+    drive.odometry_bias_radps = rate_radps
+    assert goes_wrong(drive, limit_s=8.0) < 8.0
+    assert drive.names[0].startswith("turn_slips")
+
+
+def test_the_evidence_says_in_figures_who_told_what() -> None:
+    drive = driving()
+    goes_wrong(drive, odometry_travel=0.0)
+    refusal = drive.begun[0].refusal
+    assert refusal.reason is Reason.ODOMETRY_OFF_WHEELS
+    figures = {figure.name: figure for figure in refusal.figures}
+    assert list(figures) == ["commanded", "wheels", "odometry", "bound", "window"]
+    assert figures["commanded"].value == pytest.approx(0.8)
+    assert figures["wheels"].value == pytest.approx(0.8, abs=0.01)
+    assert figures["odometry"].value < 0.7
+    assert figures["window"].value == 0.5
+    assert "wheels 0.80 m/s" in refusal.text
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "limit_s"),
+    [
+        (Joints, "joints_silent", 1.0),
+        (Imu, "imu_silent", 1.0),
+        (SecondOdometry, "second_odometry_silent", 7.0),
+    ],
+)
+def test_a_sensor_that_falls_silent_is_told_and_stops_nothing(
+    kind: type[Joints | Imu | SecondOdometry], name: str, limit_s: float
+) -> None:
+    drive = driving()
+    drive.lost.add(kind)
+    assert goes_wrong(drive, limit_s) <= limit_s
+    assert drive.names == [name]
+    assert drive.begun[0].row.then is Then.WARN
+    assert "no longer monitored" in drive.begun[0].refusal.text
+    drive.run(AHEAD, 1.0)
+    drive.lost.clear()
+    drive.run(AHEAD, 5.0)
+    assert drive.names == [name]
+    assert [fault.name for fault in drive.over] == [name]
+
+
+def test_what_is_not_finite_counts_as_silence() -> None:
+    drive = driving()
+    drive.lost |= {Joints, Imu}
+    for _ in range(20):
+        drive.run(AHEAD, 0.05)
+        now_s = drive.clock.now_s()
+        drive.safety.observe(Joints(now_s, (nan, 8.0), (8.0, 8.0), (1.0,), (1.0,)))
+        drive.safety.observe(Joints(now_s, (), ()))
+        drive.safety.observe(Imu(now_s, 0.0, nan, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81))
+    assert set(drive.names) == {"joints_silent", "imu_silent"}
+
+
+def test_an_asset_without_the_sensors_has_none_of_their_faults() -> None:
+    bare = replace(load_settings("jackal"), sensors=Sensors())
+    drive = SensedDrive(bare)
+    drive.run(STANDING, 1.0)
+    drive.run(AHEAD, 4.0)
+    goes_wrong(drive, odometry_travel=1.2, gyro=0.0, aside_mps=0.5)
+    assert drive.names == []
+
+
+def test_torques_are_not_missed_where_the_wheels_tell_none() -> None:
+    drive = driving()
+    drive.torques = False
+    assert goes_wrong(drive, left=0.9, held_n=100.0) == 5.0
+    assert drive.names == []
+
+
+def test_a_rover_that_slides_while_it_is_to_stand_is_told_of() -> None:
+    drive = driving()
+    drive.run(STANDING, 3.0)
+    drive.moving = False
+    assert goes_wrong(drive, aside_mps=0.2) <= 2.5
+    assert drive.names == ["slides"]
+    assert drive.begun[0].refusal.reason is Reason.SLIDES
+
+
+def test_where_the_second_odometry_corrects_the_pose_only_gross_slip_is_a_fault() -> None:
+    drive = SensedDrive(asset(fused=True))
+    drive.run(STANDING, 1.0)
+    drive.run(AHEAD, 4.0)
+    assert goes_wrong(drive, aside_mps=0.15) == 5.0
+    assert goes_wrong(drive, aside_mps=0.8) <= 2.0
+    assert drive.names == ["slips_fused"]
+
+
+def test_a_bias_of_the_gyro_is_learnt_while_the_wheels_stand_and_only_then() -> None:
+    drive = SensedDrive(asset(), gyro_bias_radps=0.015)
+    drive.run(STANDING, 3.0)
+    drive.run(AHEAD, 8.0)
+    assert drive.names == []
+    inertia = drive.safety.history.inertia
+    assert inertia is not None
+    assert inertia.bias_radps == pytest.approx(0.015, abs=1e-6)
+    assert goes_wrong(drive, gyro_bias_radps=0.04) <= 4.0
+    assert drive.names == ["odometry_off_gyro_slowly"]
+
+
+def test_nothing_is_made_of_a_gap_in_what_a_sensor_tells() -> None:
+    drive = driving(ARC)
+    for kind in (Imu, Joints, SecondOdometry):
+        drive.lost.add(kind)
+        drive.run(AHEAD, 0.45)
+        drive.run(ARC, 0.0)
+        drive.lost.clear()
+        drive.run(ARC, 2.0)
+    assert drive.names == []
