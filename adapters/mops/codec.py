@@ -31,6 +31,8 @@ _CODE: Final = re.compile("[0-9A-F]{3}")
 _NAME: Final = re.compile(r"[!\"$-+\--{}~]+")
 """Printable ASCII but the space and what separates: `#`, `|` and the comma."""
 _VALUE: Final = re.compile(r"[ !\"$-+\--{}~]*")
+_VALUES: Final = re.compile(r"[ !\"$-{}~]*")
+"""Values with commas between them."""
 _NUMBER: Final = re.compile("0|[1-9][0-9]*")
 _FLAGS: Final = {"True": True, "False": False}
 _FIELDS: Final = 10
@@ -154,11 +156,15 @@ def _checked(pattern: re.Pattern[str], name: str, text: str) -> str:
 def _joined(name: str, values: tuple[str, ...]) -> str:
     if values == ("",):
         raise MopsError(f"{name}: one empty value reads as none")
-    return COMMA.join(_checked(_VALUE, name, value) for value in values)
+    text = COMMA.join(values)
+    if text.count(COMMA) >= max(len(values), 1) or not _VALUES.fullmatch(text):
+        for value in values:
+            _checked(_VALUE, name, value)
+    return text
 
 
 def _split(name: str, text: str) -> tuple[str, ...]:
-    return tuple(_checked(_VALUE, name, value) for value in text.split(COMMA)) if text else ()
+    return tuple(_checked(_VALUES, name, text).split(COMMA)) if text else ()
 
 
 def _flag(name: str, text: str) -> bool:
@@ -266,6 +272,7 @@ def fingerprint(text: str) -> int:
 
 
 _KEPT: Final = " !\"$&'()*+-./:;<=>?@[\\]^_`{}~"
+_PLAIN: Final = re.compile(f"[0-9A-Za-z{re.escape(_KEPT)}]*")
 _FLOAT: Final = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[+-]?[0-9]+)?")
 _INTEGER: Final = re.compile(r"-?[0-9]+")
 _LONGEST_NUMBER: Final = 40
@@ -286,7 +293,7 @@ def names_of(kind: type, before: str = "") -> Iterator[str]:
 
 def encoded(text: str) -> str:
     """Return a text as it stands in a message; numbers and base64 stay as they are."""
-    return quote(text, safe=_KEPT)
+    return text if _PLAIN.fullmatch(text) else quote(text, safe=_KEPT)
 
 
 def values_of(item: Any) -> Iterator[str]:
@@ -296,10 +303,27 @@ def values_of(item: Any) -> Iterator[str]:
         MopsError: a number is not finite, or a text that may be missing is empty.
     """
     kind: type = type(item)
-    for field in fields(item):
-        if getattr(item, field.name) == "" and field.name in _may_be_missing(kind):
-            raise MopsError(f"{field.name}: an empty text would be read as none")
-        yield from _texts(field.name, getattr(item, field.name))
+    for name, may_be_missing in _fields(kind):
+        match getattr(item, name):
+            case None:
+                yield ""
+            case "" if may_be_missing:
+                raise MopsError(f"{name}: an empty text would be read as none")
+            case str(text):
+                yield encoded(text)
+            case bytes(octets):
+                yield base64.b64encode(octets).decode("ascii")
+            case tuple(items):
+                for one in items:
+                    yield from values_of(one)
+            case int(number):
+                yield str(number)
+            case float(number) if isfinite(number):
+                yield repr(number)
+            case float(number):
+                raise MopsError(f"{name}: {number} cannot be written")
+            case composite:
+                yield from values_of(composite)
 
 
 def made_of(kind: type, values: Sequence[str]) -> Any:
@@ -316,8 +340,9 @@ def made_of(kind: type, values: Sequence[str]) -> Any:
 
 
 @cache
-def _may_be_missing(kind: type) -> frozenset[str]:
-    return frozenset(name for name, hint in _hints(kind) if type(None) in get_args(hint))
+def _fields(kind: type) -> Sequence[tuple[str, bool]]:
+    """Return the name of each value of a dataclass, and whether it may be missing."""
+    return [(name, type(None) in get_args(hint)) for name, hint in _hints(kind)]
 
 
 @cache
@@ -332,27 +357,6 @@ def _element(hint: Any) -> type | None:
         return None
     element: type = get_args(hint)[0]
     return element
-
-
-def _texts(name: str, value: Any) -> Iterator[str]:
-    match value:
-        case None:
-            yield ""
-        case str():
-            yield encoded(value)
-        case bytes():
-            yield base64.b64encode(value).decode("ascii")
-        case tuple():
-            for one in value:
-                yield from values_of(one)
-        case int():
-            yield str(value)
-        case float() if isfinite(value):
-            yield repr(value)
-        case float():
-            raise MopsError(f"{name}: {value} cannot be written")
-        case _:
-            yield from values_of(value)
 
 
 def _made(kind: type, left: list[str]) -> Any:
