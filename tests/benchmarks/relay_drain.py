@@ -47,13 +47,19 @@ DICTIONARY: Final = load_dictionary()
 
 @dataclass
 class Ground:
-    """The orbiter's agent, what it sent, and when the executive took each command."""
+    """The orbiter's agent, what it sent, and when the executive took each command.
+
+    Attributes:
+        received_utc_s: when each command was taken, by its number.
+        stages: what was reported on each, by the reports' sequence numbers: a report that comes
+            again is the same report.
+    """
 
     agent: BundleAgent
     wire: Victim
     witness: Victim
     received_utc_s: dict[int, float] = field(default_factory=dict)
-    stages: dict[int, list[Stage]] = field(default_factory=dict)
+    stages: dict[int, dict[int, Stage]] = field(default_factory=dict)
     last: int = 0
 
     async def send(self, request: Request) -> int:
@@ -74,12 +80,16 @@ class Ground:
                         if report.identity is not None and report.stage is not None:
                             number = report.identity.command_id
                             self.received_utc_s.setdefault(number, report.utc_s)
-                            self.stages.setdefault(number, []).append(report.stage)
+                            self.stages.setdefault(number, {})[report.sequence] = report.stage
 
     async def took(self, number: int) -> float:
         """Wait until the executive has reported on a command; return when it took it."""
         await until(lambda: number in self.received_utc_s, f"command {number}")
         return self.received_utc_s[number]
+
+    def executed(self, number: int) -> int:
+        """Return how often a command was executed."""
+        return list(self.stages.get(number, {}).values()).count(Stage.EXECUTED)
 
     async def dark(self, numbers: int, request: Request) -> Sequence[int]:
         """Send commands while there is no contact."""
@@ -196,10 +206,8 @@ async def _drain(ground: Ground, commands: int, tell: Callable[[str], None]) -> 
     numbers = await ground.dark(commands, SetTravelSpeed(0.25))
     began_utc_s = ground.dawn()
     took_s = max([await ground.took(number) for number in numbers]) - began_utc_s
-    await until(
-        lambda: all(Stage.EXECUTED in ground.stages[number] for number in numbers), "all executed"
-    )
-    twice = sum(ground.stages[number].count(Stage.EXECUTED) > 1 for number in numbers)
+    await until(lambda: all(ground.executed(number) for number in numbers), "all executed")
+    twice = sum(ground.executed(number) > 1 for number in numbers)
     beside = f"{commands} commands in the dark, one bundle each, LTP on loopback"
     return [
         Figure("drained after contact", commands / took_s, "1/s", beside, Goal(1000.0, True)),
@@ -241,7 +249,7 @@ async def _stops_behind_refused(
 
 async def _resume(ground: Ground) -> None:
     number = await ground.send(Resume())
-    await until(lambda: Stage.EXECUTED in ground.stages.get(number, []), "resumed")
+    await until(lambda: ground.executed(number) > 0, "resumed")
 
 
 def _figures(name: str, delays_s: Sequence[float]) -> list[Figure]:
