@@ -29,7 +29,7 @@ class Notifications:
         self._clock = clock
         self._ledger = ledger
         self._downlinks = downlinks
-        self._outbox: list[Report | PlanUpdate] = []
+        self._outbox: list[list[Report] | PlanUpdate] = []
 
     def command(self, command: Command, stage: Stage, note: Note) -> None:
         """Report that a command reached a stage. A stage nobody asked for is only written down."""
@@ -75,7 +75,7 @@ class Notifications:
 
     def again(self, report: Report) -> None:
         """Send a report once more, under its own number."""
-        self._outbox.append(report)
+        self._send_later(report)
 
     def flush(self) -> None:
         """Write down what was reported, then send it.
@@ -92,13 +92,19 @@ class Notifications:
                 else:
                     downlink.report(said)
 
+    def _send_later(self, report: Report) -> None:
+        if self._outbox and isinstance(last := self._outbox[-1], list):
+            last.append(report)
+        else:
+            self._outbox.append([report])
+
     def _append(
         self, kind: Kind, severity: Severity, text: str, foreign: bool = False, **details: Any
     ) -> None:
         number = self._ledger.last_sequence + 1
         report = Report(number, self._clock.utc_s(), kind, severity, printable(text), **details)
         self._ledger.append(report, foreign)
-        self._outbox.append(report)
+        self._send_later(report)
         _LOG.info(
             "%s %s %s",
             report.identity or report.kind.name,

@@ -121,8 +121,8 @@ class Video(Protocol):
 class Downlink(Protocol):
     """A way out. Called on the core's thread: must neither block nor raise."""
 
-    def report(self, report: Report) -> None:
-        """Send a report, once it is written down."""
+    def report(self, reports: Sequence[Report]) -> None:
+        """Send reports, once they are written down: those of one commit, in their order."""
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values."""

@@ -281,6 +281,8 @@ class Broker:
         Raises:
             EncodeError: A value does not fit the specification; noticed when somebody subscribed.
         """
+        if not self._subscribers:
+            return
         event = _Update(self._codec, operation, update, keys, parts)
         checked = False
         for connection, subscribers in list(self._subscribers.items()):

@@ -369,11 +369,12 @@ class ClaimAnnouncer:
         self._source = source
         self._brick = brick
 
-    def report(self, report: Report) -> None:
-        """Claim a command that was accepted; tell what else becomes of it, and of the authority."""
-        if report.identity is None:
-            self._tell_authority()
-        self._tell(report, report.stage is Stage.ACCEPTED)
+    def report(self, reports: Sequence[Report]) -> None:
+        """Claim accepted commands; tell what else becomes of them, and of the authority."""
+        for report in reports:
+            if report.identity is None:
+                self._tell_authority()
+            self._tell(report, report.stage is Stage.ACCEPTED)
 
     def again(self, reports: Iterable[Report]) -> None:
         """Claim the commands of reports, and tell the last one on each: they may be news.

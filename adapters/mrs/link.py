@@ -102,10 +102,10 @@ class MrsLink:
             self._thread.join()
             self._thread = None
 
-    def report(self, report: Report) -> None:
-        """Send a report to whoever subscribed."""
+    def report(self, reports: Sequence[Report]) -> None:
+        """Send reports to whoever subscribed."""
         if self._serving is not None:
-            self._serving.gateway.post(self._serving.asset.report, report)
+            self._serving.gateway.post(self._serving.asset.report, reports)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values to whoever subscribed."""

@@ -50,6 +50,7 @@ class RelayRecord:
             ledger.write("INSERT INTO ledger_name VALUES (0, ?)", (name,))
             ledger.commit()
         ((self.ledger_name,),) = ledger.rows("SELECT name FROM ledger_name")
+        self._asked_last: tuple[Identity, RelayedCommand] | None = None
 
     @property
     def kept(self) -> int:
@@ -71,11 +72,16 @@ class RelayRecord:
 
     def asked(self, identity: Identity) -> RelayedCommand | None:
         """Return how a command was asked for by the relay; None if it was not."""
+        if self._asked_last is not None and self._asked_last[0] == identity:
+            return self._asked_last[1]  # the reports on a command mostly come one after another
         rows = self._ledger.rows(
             "SELECT code, counter FROM relayed WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
         )
-        return RelayedCommand(*rows[0]) if rows else None
+        if not rows:
+            return None
+        self._asked_last = identity, RelayedCommand(*rows[0])
+        return self._asked_last[1]
 
     def _forget(self, identity: Identity, _: Stage) -> None:
         self._ledger.write(

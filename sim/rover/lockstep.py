@@ -97,9 +97,9 @@ class Recorder:
         self.file_events: list[FileEvent] = []
         self.plans: list[PlanUpdate] = []
 
-    def report(self, report: Report) -> None:
-        """Keep a report."""
-        self.reports.append(report)
+    def report(self, reports: Sequence[Report]) -> None:
+        """Keep reports."""
+        self.reports += reports
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Keep a batch."""

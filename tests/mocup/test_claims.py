@@ -33,8 +33,7 @@ def claims_of(bench: SelfMovingBench, sent: list[Message]) -> ClaimAnnouncer:
 def heard(bench: SelfMovingBench) -> list[Message]:
     sent: list[Message] = []
     claims = claims_of(bench, sent)
-    for report in bench.heard.reports:
-        claims.report(report)
+    claims.report(bench.heard.reports)
     return sent
 
 

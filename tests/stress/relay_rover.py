@@ -92,7 +92,7 @@ class Rover:
                 self._ledger.record(command)
                 self._ledger.append(report)
             self._ledger.commit()
-            self._link.report(report)
+            self._link.report((report,))
             answer(Repeated(report))
 
     def _done(self, command: Command) -> Report:

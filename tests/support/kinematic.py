@@ -93,8 +93,8 @@ class Heard:
         self.values: list[Sequence[ParameterValue]] = []
         self.files: list[FileEvent] = []
 
-    def report(self, report: Report) -> None:
-        self.reports.append(report)
+    def report(self, reports: Sequence[Report]) -> None:
+        self.reports += reports
 
     def plan(self, update: PlanUpdate) -> None:
         self.plans.append(update)

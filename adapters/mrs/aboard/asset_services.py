@@ -159,14 +159,14 @@ class AssetServices:
         self._of_all = PeerRate(ALL_EVENTS_HZ, loop.time)
         served.serve("Notification", "sendNotification", self._send_notification)
 
-    def report(self, report: Report) -> None:
-        """Broadcast a report."""
-        notification = notification_of(report)
-        keys = notification_keys(self._asset, notification)
-        for tell in self._tell:
-            tell(notification, keys=keys)
-        if self.above is not None:
-            self.above.notification(notification)
+    def report(self, reports: Sequence[Report]) -> None:
+        """Broadcast reports."""
+        for notification in map(notification_of, reports):
+            keys = notification_keys(self._asset, notification)
+            for tell in self._tell:
+                tell(notification, keys=keys)
+            if self.above is not None:
+                self.above.notification(notification)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast values of the rover's own."""

@@ -447,16 +447,18 @@ class SendQueue:
             text: what came.
             refuse: is told of each piece that is no message.
         """
-        reports = ""
-        for message in messages_in(text, refuse):
-            if message.code in self._measurements:
-                self._newest[message.code] = message
-            else:
-                reports += str(message)
+        dropped: list[str] = []
+        messages = list(messages_in(text, dropped.append))
+        for line in dropped:
+            refuse(line)
+        reports = [each for each in messages if each.code not in self._measurements]
+        self._newest |= {each.code: each for each in messages if each.code in self._measurements}
         if reports:
             if len(self._reports) >= MOST_QUEUED:
                 return False
-            self._reports[Reports(reports, fingerprint(text))] = None
+            whole = len(reports) == len(messages) and not dropped
+            kept = text if whole else "".join(map(str, reports))
+            self._reports[Reports(kept, fingerprint(text))] = None
         return True
 
     def take(self, queued: int, most: int) -> tuple[Sequence[Reports], Sequence[Message]]:

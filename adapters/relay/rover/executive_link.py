@@ -39,7 +39,7 @@ RETRANSMIT_LOOKS: Final = 5
 """Reports that the relay has not confirmed for so many looks are told again."""
 WINDOW: Final = 4
 """Strings of reports that are not confirmed; what comes meanwhile is told together."""
-PAGE: Final = 25
+PAGE: Final = 50
 """Reports that are told together."""
 LONGEST_SOURCE: Final = 256
 Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]], None]
@@ -131,14 +131,20 @@ class ExecutiveRelayLink:
         served.subscribe(UInt64, self._kept_topic, self._on_kept)
         steady_timer(self._node, LOOK_S, served.contained(self._look))
 
-    def report(self, report: Report) -> None:
-        """Publish a report, or later where nobody listens or too many are unconfirmed."""
-        again = report.sequence <= self._written
-        self._written = max(self._written, report.sequence)
-        if again:
-            self._publish(report)
-        elif self._sent == report.sequence - 1 and self._may_tell:
-            self._tell((report,))
+    def report(self, reports: Sequence[Report]) -> None:
+        """Publish reports, or later where nobody listens or too many are unconfirmed."""
+        new = []
+        for report in reports:
+            if report.sequence > self._written:
+                new.append(report)
+            else:
+                self._publish(report)
+        if not new:
+            return
+        in_turn, self._written = self._sent == self._written, new[-1].sequence
+        for first in range(0, len(new), PAGE):
+            if in_turn and self._may_tell:
+                self._tell(new[first : first + PAGE])
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Publish all parameters, those that did not change included, and the mode."""
@@ -285,7 +291,7 @@ class ExecutiveRelayLink:
         """Report on the command by this link, unless its number is another command's."""
         with suppress(LedgerError):  # where that cannot be read, the command is refused
             known = self._ledger.digest_of(command.identity)
-            if bad_identity(command) is None and known in (None, digest(command)):
+            if bad_identity(command) is None and (known is None or known == digest(command)):
                 self._record.remember(command, code)
 
     def _answer(self, message: Message, admission: SubmitResult) -> None:

@@ -97,7 +97,7 @@ class Executive:
 
     def submit(self, number: int, dies: bool = False) -> None:
         if number in self.last:
-            self.claims.report(self.last[number])
+            self.claims.report((self.last[number],))
             return
         self.reach(number, Stage.ACCEPTED, told=not dies)
         self.waiting.append(number)
@@ -137,7 +137,7 @@ class Executive:
         self.ledger.append(report)
         self.last[number] = report
         if told:
-            self.claims.report(report)
+            self.claims.report((report,))
 
     def _go_on(self) -> None:
         assert self.active is not None

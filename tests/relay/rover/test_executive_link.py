@@ -9,6 +9,7 @@ import pytest
 from geometry_msgs.msg import Twist
 
 from adapters.mops import UNNUMBERED, ledger_of, mode_of, parameters_of
+from adapters.relay.rover.executive_link import PAGE
 from executive.commands import Mode
 from executive.commands.catalogue import MoveForward, Resume, SetTravelSpeed, Stop
 from executive.commands.intake import SOURCE_PREFIX
@@ -148,10 +149,12 @@ def test_a_report_that_is_kept_says_nothing_of_those_before_it(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("adapters.relay.rover.executive_link.RETRANSMIT_LOOKS", 2)
+    monkeypatch.setattr("adapters.relay.rover.executive_link.PAGE", 1)
     aboard.relay.keeps = False
     aboard.ask(SetTravelSpeed(0.25), 1)
     aboard.told(1, Stage.EXECUTED)
     first, *others = aboard.relay.strings_of_reports
+    assert others
     for text in others:
         aboard.relay.keep(text)
     aboard.relay.heard.clear()
@@ -204,3 +207,4 @@ def test_a_long_life_is_told_whole_and_in_order(aboard: Aboard) -> None:
     sequences = [report.sequence for report in aboard.relay.reports]
     assert sequences == sorted(sequences)
     assert [r.text for r in aboard.relay.reports] == [f"event {n}" for n in range(1, 151)]
+    assert len(set(aboard.relay.strings_of_reports)) == 150 / PAGE, "told together"
