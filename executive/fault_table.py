@@ -210,7 +210,11 @@ class FaultTable:
         Row(When.ALWAYS, *_HELD, below=22.0),
         below=Bound("voltage", "V", 1.0, 1000.0),
     )
-
+    other_publisher: Row = _fault(
+        Reason.OTHER_PUBLISHER,
+        "Somebody else commands the base, which obeys them: a joystick, or another node.",
+        Row(When.MOVING, Then.PAUSE, Clears.ON_RESUME, for_s=0.2),
+    )
     wheels_off_command: Row = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",

@@ -253,7 +253,7 @@ class Context:
             return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
         if not status.odometry_fresh:
             return "stands: no odometry"
-        inputs = ", ".join(map(str, status.inputs))
+        inputs = ", ".join(map(str, self.safety.history.inputs))
         publishing = ", ".join(filter(None, (inputs, *status.foreign)))
         others = f" (also publishing: {publishing})" if publishing else ""
         if active is None and inputs and moving:

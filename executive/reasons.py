@@ -88,6 +88,7 @@ class Reason(Enum):
     SLIDES = 953
     SENSOR_SILENT = 961
     FAULT_OVER = 909
+    OTHER_PUBLISHER = 930
 
 
 @dataclass(frozen=True, slots=True)

@@ -405,7 +405,7 @@ class Executive:
 
     def _tell_of_inputs(self) -> None:
         """Report who begins to command the base by another input of its mux, and who ends."""
-        active = {each.name: each for each in self.status.inputs}
+        active = {each.name: each for each in self.safety.history.inputs}
         for name, heard in active.items():
             if name not in self._inputs:
                 how = (

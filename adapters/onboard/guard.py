@@ -14,8 +14,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from adapters.ros import RosMotionRover, RosVelocityRover, declare_topics, ros_node
-from adapters.ros.node import GUARD_NAME, clock_of
+from adapters.ros import GUARD_NAME, RosMotionRover, RosVelocityRover, declare_topics, ros_node
+from adapters.ros.node import clock_of
 from executive.settings import LocomotionKind, Settings
 
 ZEROS: Final = 6

@@ -22,6 +22,7 @@ from adapters.ros.parameters import (
     declare_value,
 )
 from adapters.ros.rover import (
+    GUARD_NAME,
     LOCK_QOS,
     MuxOnRos,
     RosAsset,
@@ -46,6 +47,7 @@ from adapters.ros.sensor_messages import (
 from adapters.ros.sensors import MESSAGES, SensorTopics, declare_sensor_topics
 
 __all__ = [
+    "GUARD_NAME",
     "LOCK_QOS",
     "MESSAGES",
     "HeartbeatMonitor",

@@ -20,7 +20,7 @@ from adapters.ros.context import SpunNode
 from adapters.ros.conversions import MessageError, battery_fact, finite, frame_fact, odometry_fact
 from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
-from adapters.ros.rover import RosAsset, publishers_of
+from adapters.ros.rover import RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock
@@ -31,8 +31,6 @@ from executive.runner import Executive
 from executive.state import CameraAngles, Fact, ForeignPublishers
 from trees import RoverTree
 
-GUARD_NAME: Final = "executive_guard"
-"""The node of the process that has the rover stand when the executive is gone."""
 HEALTH_S: Final = 1.0
 STOP_SOURCE: Final = "ROS"
 STOP_LINK: Final = "ros"
@@ -261,16 +259,3 @@ class RosClock:
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC."""
         return time.time()
-
-
-def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
-    """Return the full names of the nodes that publish a topic beside this node, sorted.
-
-    One publisher of this node's own name is ours, and one of its guard; a second one is another
-    process under our name, and counts. A process that was killed stays in the graph for up to 20 s.
-    """
-    names = list(publishers_of(node, topic))
-    for own in (node.get_name(), GUARD_NAME):
-        if (full := f"{node.get_namespace().rstrip('/')}/{own}") in names:
-            names.remove(full)
-    return tuple(names)

@@ -1,6 +1,8 @@
 """What the node needs of a rover, and the rover that takes velocities on `cmd_vel`."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import inf
 from typing import Any, Final, Protocol
 
@@ -16,11 +18,15 @@ from executive.clock import Clock
 from executive.geometry import STANDING, Velocity
 from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover
 from executive.record import Ledger
-from executive.settings import MuxEntry, MuxSettings, Settings
-from executive.state import Fact, OtherInput
+from executive.settings import MuxSettings, Settings
+from executive.state import VELOCITY_TOPIC, Fact, OtherInput
 
+GUARD_NAME: Final = "executive_guard"
+"""The node of the process that has the rover stand when the executive is gone."""
 LOCK_QOS: Final = 10
 """Depth; reliable, as twist_mux listens."""
+SENT: Final = 100
+"""Velocities of this process that are known when they come back: five seconds."""
 LOOK_UP_S: Final = 1.0
 """After so long a silence it is looked up anew who publishes."""
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
@@ -146,8 +152,9 @@ class MuxOnRos:
         above = self._settings.topics[self._settings.input].priority
         for name, entry in self._settings.topics.items():
             if name != self._settings.input:
-                told = self._teller(name, entry, entry.priority > above, observe)
-                subscribe(Twist, Topic(entry.topic, self._qos), told)
+                who = _Publishers(self._node, self._clock, entry.topic)
+                tell = partial(_tell_of, observe, name, entry.priority > above, who)
+                subscribe(Twist, Topic(entry.topic, self._qos), tell)
 
     def hold(self, held: bool) -> None:
         """Publish the lock: all the time while it is held, else to who has not heard of it.
@@ -168,26 +175,41 @@ class MuxOnRos:
         """Wait until what was published last has been received; return whether it was."""
         return self._lock.wait_for_all_acked(Duration(seconds=timeout_s))
 
-    def _teller(
-        self, name: str, entry: MuxEntry, above: bool, observe: Callable[[Fact], None]
-    ) -> Callable[[Twist], None]:
-        heard_s, by = -inf, ""
 
-        def tell(_: Twist) -> None:
-            nonlocal heard_s, by
-            now_s = self._clock.now_s()
-            if now_s - heard_s > LOOK_UP_S:
-                by = ", ".join(publishers_of(self._node, entry.topic))
-            heard_s = now_s
-            observe(OtherInput(name, above, by))
+class _Publishers:
+    """Who publishes a topic, looked up in the graph when it is heard after a silence."""
 
-        return tell
+    def __init__(self, node: Node, clock: Clock, topic: str) -> None:
+        self._node, self._clock, self._topic = node, clock, topic
+        self._heard_s, self._names = -inf, ""
+
+    def now(self) -> str:
+        """Return the names, at a message."""
+        now_s = self._clock.now_s()
+        if now_s - self._heard_s > LOOK_UP_S:
+            self._names = ", ".join(foreign_publishers(self._node, self._topic))
+        self._heard_s = now_s
+        return self._names
 
 
-def publishers_of(node: Node, topic: str) -> tuple[str, ...]:
-    """Return the full names of the nodes that publish a topic, one for each publisher, sorted."""
+def _tell_of(
+    observe: Callable[[Fact], None], name: str, above: bool, who: _Publishers, _: Twist
+) -> None:
+    observe(OtherInput(name, above, who.now()))
+
+
+def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
+    """Return the full names of the nodes that publish a topic beside this node, sorted.
+
+    One publisher of this node's own name is ours, and one of its guard; a second one is another
+    process under our name, and counts. A process that was killed stays in the graph for up to 20 s.
+    """
     infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-    return tuple(sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in infos))
+    names = sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in infos)
+    for own in (node.get_name(), GUARD_NAME):
+        if (full := f"{node.get_namespace().rstrip('/')}/{own}") in names:
+            names.remove(full)
+    return tuple(names)
 
 
 class RosRover(RosCamera):
@@ -204,10 +226,20 @@ class RosRover(RosCamera):
         mux = settings.mux
         self._mux = None if mux is None else MuxOnRos(node, velocity, mux, clock)
         self._velocity = node.create_publisher(Twist, velocity.name, velocity.qos)
+        self._topic = velocity
         self._twist = Twist()
+        self._sent: deque[tuple[float, float]] = deque(maxlen=SENT)
+        self._others = _Publishers(node, clock, velocity.name)
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
-        """Hear who else wants to drive, where a mux is before the base."""
+        """Hear who else drives, on this topic too; zero is nobody's, it does no harm."""
+
+        def hear(twist: Twist) -> None:
+            heard = (twist.linear.x, twist.angular.z)
+            if any(heard) and heard not in self._sent:
+                observe(OtherInput(VELOCITY_TOPIC, above=True, by=self._others.now()))
+
+        subscribe(Twist, self._topic, hear)
         if self._mux is not None:
             self._mux.listen(subscribe, observe)
 
@@ -215,6 +247,7 @@ class RosRover(RosCamera):
         """Publish a velocity."""
         self._twist.linear.x = velocity.travel_mps
         self._twist.angular.z = velocity.rotate_radps
+        self._sent.append((velocity.travel_mps, velocity.rotate_radps))
         self._velocity.publish(self._twist)
 
     def stand(self) -> None:

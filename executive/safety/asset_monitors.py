@@ -1,4 +1,4 @@
-"""Monitors of the rover as a whole: how it leans, and its battery."""
+"""Monitors of the rover as a whole: how it leans, its battery, and who else drives it."""
 
 from executive.fault_table import Row
 from executive.reasons import Figure
@@ -25,3 +25,9 @@ def battery_low(history: History, row: Row, _: float) -> Evidence | None:
     voltage_v = history.battery.voltage_v
     figures = Figure("voltage", voltage_v, "V"), Figure("bound", row.bound, "V")
     return Evidence(f"the battery is down to {voltage_v:.1f} V", figures)
+
+
+def other_publisher(history: History, _: Row, __: float) -> Evidence | None:
+    """See that the base obeys somebody else."""
+    drivers = ", ".join(str(each) for each in history.inputs if each.above)
+    return Evidence(f"{drivers} drives the rover") if drivers else None

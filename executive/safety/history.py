@@ -7,7 +7,7 @@ happened between any two times is two look-ups.
 from collections import deque
 from dataclasses import dataclass
 from math import cos, hypot, inf, isfinite, sin
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from executive.clock import Clock
 from executive.fault_table import FaultTable
@@ -23,7 +23,10 @@ from executive.safety.sensor_history import (
     WheelSums,
 )
 from executive.settings import Sensors
-from executive.state import Battery, Fact, Imu, Joints, Odometry, SecondOdometry
+from executive.state import Battery, Fact, Imu, Joints, Odometry, OtherInput, SecondOdometry
+
+INPUT_S: Final = 0.5
+"""For so long a command of somebody else counts: twist_mux masks the others for as long."""
 
 
 class Moved(NamedTuple):
@@ -118,6 +121,7 @@ class History:
         self.jump: Jump | None = None
         self.battery: Battery | None = None
         self.battery_at_s = -inf
+        self._inputs: dict[str, tuple[OtherInput, float]] = {}
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
@@ -136,8 +140,19 @@ class History:
             case SecondOdometry() if self.second is not None:
                 sighting = self._sighting(fact, self._time_s(fact, now_s))
                 self.second.observe(fact, sighting, now_s)
+            case OtherInput(name):
+                self._inputs[name] = (fact, now_s)
+                if fact.above or not self.commanding:
+                    self.begun_s = now_s
+                    self.standing_since_s = max(self.standing_since_s, now_s)
             case _:
                 pass
+
+    @property
+    def inputs(self) -> tuple[OtherInput, ...]:
+        """Who commands the base now beside the executive."""
+        since_s = self._clock.now_s() - INPUT_S
+        return tuple(heard for heard, at_s in self._inputs.values() if at_s >= since_s)
 
     def command(self, velocity: Velocity) -> None:
         """Note the velocity that is commanded from now on."""

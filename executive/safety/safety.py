@@ -11,7 +11,7 @@ from typing import Final
 from executive.clock import Clock
 from executive.fault_table import DECLARED, Clears, Row, Then, When
 from executive.reasons import Refusal
-from executive.safety.asset_monitors import battery_low, tilted
+from executive.safety.asset_monitors import battery_low, other_publisher, tilted
 from executive.safety.evidence import Evidence, Monitor
 from executive.safety.history import History
 from executive.safety.inertial_monitors import (
@@ -45,6 +45,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_stale": stale,
     "tilted": tilted,
     "battery_low": battery_low,
+    "other_publisher": other_publisher,
     "wheels_off_command": wheels_off_command,
     "wheels_unpowered": wheels_unpowered,
     "odometry_off_wheels": odometry_off_wheels,
@@ -70,6 +71,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
 """What looks for each fault of the table."""
 
 HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
+TAKEN: Final = "other_publisher"
 CALM_S: Final = 0.5
 """For which there must be no evidence before a fault is over by itself."""
 
@@ -160,10 +162,24 @@ class Safety:
         """Take in a fact."""
         self.history.observe(fact)
 
+    @property
+    def _taken(self) -> bool:
+        """Whether motion is to wait for somebody else whom the base obeys.
+
+        What it does is then not what was commanded here, which is no fault of the rover.
+        """
+        if not any(watch.name == TAKEN and watch.row.then in HOLDING for watch in self._watches):
+            return False
+        return any(each.above for each in self.history.inputs)
+
     def _begun(self, now_s: float, moving: bool) -> Iterator[Fault]:
         known = {fault.name: fault for fault in self.active}
+        taken = self._taken
         for watch in self._watches:
             evidence = None
+            if taken and watch.row.when is When.MOVING and watch.name != TAKEN:
+                watch.since_s = None
+                continue
             if moving or watch.row.when is When.ALWAYS or watch.name in known:
                 evidence = watch.monitor(self.history, watch.row, now_s)
             if evidence is None:

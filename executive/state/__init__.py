@@ -1,6 +1,7 @@
 """What the rover knows: facts, status, parameters, telemetry, files and pictures."""
 
 from executive.state.facts import (
+    VELOCITY_TOPIC,
     AuthorityUsed,
     Battery,
     CameraAngles,
@@ -33,6 +34,7 @@ from executive.state.telemetry import Parameter, ParameterValue, Telemetry
 
 __all__ = [
     "LONGEST_PATH",
+    "VELOCITY_TOPIC",
     "AuthorityUsed",
     "Battery",
     "CameraAngles",

@@ -1,6 +1,7 @@
 """What sensors and other links report to the executive."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from executive.geometry import Pose, Velocity
 from executive.reports import Identity
@@ -134,12 +135,15 @@ class ForeignPublishers:
     names: tuple[str, ...]
 
 
+VELOCITY_TOPIC: Final = "the executive's own topic"
+
+
 @dataclass(frozen=True, slots=True)
 class OtherInput:
-    """Somebody commands a velocity on another input of the mux before the base.
+    """Somebody commands the base by another input of its mux, or on the executive's own topic.
 
     Attributes:
-        name: of the input.
+        name: of the input; `VELOCITY_TOPIC` on the executive's own.
         above: whether the base obeys it rather than the executive.
         by: who, for people, where that is known.
     """

@@ -27,9 +27,6 @@ from executive.state.facts import (
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
 
-INPUT_S = 0.5
-"""For so long an input of the mux counts after its last message."""
-
 
 class Status:
     """The one place where facts are kept. Ages are counted from arrival aboard.
@@ -62,7 +59,6 @@ class Status:
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
         self.standstill = Standstill(clock)
-        self._inputs: dict[str, tuple[OtherInput, float]] = {}
         self._odometry_at_s = -inf
 
     def observe(self, fact: Fact) -> None:
@@ -80,8 +76,6 @@ class Status:
                 self.frames += 1
             case ForeignPublishers(names):
                 self.foreign = names
-            case OtherInput(name):
-                self._inputs[name] = (fact, self._clock.now_s())
             case MotionEnded():
                 self.motion_ended = fact
             case CommandUnderWay(identity):
@@ -90,7 +84,7 @@ class Status:
                 self.standstill.observe(fact)
             case LaserScan():
                 pass  # says nothing of the rover's own motion
-            case CommandEnded() | Stopped() | AuthorityUsed():
+            case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
                 pass  # says nothing of the asset's state
 
     @property
@@ -123,12 +117,6 @@ class Status:
     def velocity(self) -> Velocity:
         """The measured velocity of base_link: standing until odometry comes."""
         return STANDING if self.odometry is None else self.odometry.velocity
-
-    @property
-    def inputs(self) -> tuple[OtherInput, ...]:
-        """Other inputs of the mux on which somebody commands now."""
-        since_s = self._clock.now_s() - INPUT_S
-        return tuple(heard for heard, at_s in self._inputs.values() if at_s >= since_s)
 
     @property
     def odometry_age_s(self) -> float:

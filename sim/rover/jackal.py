@@ -14,7 +14,7 @@ import numpy as np
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
 from executive.settings import MuxEntry, MuxSettings, Sensors
-from executive.state import Battery, Odometry, OtherInput
+from executive.state import VELOCITY_TOPIC, Battery, Odometry, OtherInput
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover import faults
 from sim.rover.body import PERIOD_S, STEP_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left
@@ -347,16 +347,13 @@ class SimulatedJackal(SimulatedBody):
         return ANOTHER
 
     def _tell_of_input(self, name: str | None) -> None:
-        """Tell the executive, which listens to the other inputs of the mux."""
+        """Tell the executive, which listens to its own topic and to the other inputs of the mux."""
         settings = self._mux_settings
-        if settings is None or name in {None, settings.input}:
-            return
-        assert name is not None
-        entry = settings.topics.get(name)
-        if entry is not None:
-            self._due.append(
-                OtherInput(name, entry.priority > settings.topics[settings.input].priority)
-            )
+        if settings is None or name == settings.input:
+            self._due.append(OtherInput(VELOCITY_TOPIC, above=True))
+        elif name in settings.topics:
+            own = settings.topics[settings.input]
+            self._due.append(OtherInput(name, settings.topics[name].priority > own.priority))
 
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""

@@ -179,14 +179,14 @@ def test_the_lock_of_the_mux_is_held_from_a_stop_to_the_resume(bench: Bench) -> 
     bench.until(lambda: len(bench.locked) > 5, "the lock")
     assert all(bench.locked[1:])
     joystick = bench.rover.create_publisher(Twist, "joy_vel", 1)
-    status = bench.executive.status
+    history = bench.executive.safety.history
 
     def heard() -> bool:
         joystick.publish(Twist())
-        return bool(status.inputs)
+        return bool(history.inputs)
 
     bench.until(heard, "the joystick")
-    assert status.inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
+    assert history.inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
     bench.submit(Command(Identity("test", 2), Resume(), "direct"))
     bench.until(lambda: bench.locked[-1] is False, "the lock opens")
     assert bench.executive.mode is Mode.IDLE

@@ -1,15 +1,27 @@
 """Who drives a simulated base: its mux decides as twist_mux does."""
 
+from dataclasses import replace
+from math import hypot
 from pathlib import Path
 
 import pytest
 
 from executive.commands import Mode
-from executive.commands.catalogue import Command, DriveFor, MoveForward, Resume, Stop
-from executive.commands.lifecycle import Admitted
+from executive.commands.catalogue import (
+    Command,
+    DriveFor,
+    MoveForward,
+    MoveTo,
+    Resume,
+    Stop,
+    Waypoint,
+)
+from executive.commands.lifecycle import Admitted, Refused
 from executive.geometry import STANDING, Velocity
-from executive.reports import Identity
+from executive.reasons import Reason
+from executive.reports import Identity, Stage
 from executive.settings import MuxEntry, MuxSettings, SettingsError, load_settings, structure
+from executive.state import VELOCITY_TOPIC
 from sim.rover import faults
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep
@@ -89,7 +101,7 @@ def speed_mps(lock_step: LockStep) -> float:
     return abs(lock_step.rover.true_velocity.travel_mps)
 
 
-@pytest.mark.parametrize("priority", [EXTERNAL, 5.0, JOYSTICK, 77.0])
+@pytest.mark.parametrize("priority", [EXTERNAL, 5.0, JOYSTICK])
 def test_after_a_stop_the_rover_stands_whoever_else_publishes(
     lock_step: LockStep, priority: float
 ) -> None:
@@ -103,9 +115,54 @@ def test_after_a_stop_the_rover_stands_whoever_else_publishes(
     x_m = lock_step.rover.true_pose.x_m
     lock_step.run(5.0)
     assert lock_step.rover.true_pose.x_m == pytest.approx(x_m, abs=0.002)
-    submit(lock_step, 3, Resume())
+
+
+@pytest.mark.parametrize("mux", [JACKAL.mux, None])
+def test_a_takeover_has_motion_wait_for_a_resume(tmp_path: Path, mux: MuxSettings | None) -> None:
+    lock_step = LockStep(replace(JACKAL, mux=mux), World(), tmp_path)
+    lock_step.run(0.2)
+    submit(lock_step, 1, MoveTo(Waypoint(3.0, 0.0, 0.05)))
+    submit(lock_step, 2, MoveForward(0.5))
+    lock_step.run(1.5)
+    lock_step.rover.inject(faults.CmdVelTaken(travel_mps=0.0, rotate_radps=0.8))
+    lock_step.run(0.4)
+    executive = lock_step.executive
+    assert executive.mode.name == "PAUSED"
+    name = "joystick" if mux else VELOCITY_TOPIC
+    assert f"{name} drives the rover" in executive.why
+    told = [r for r in lock_step.heard.reports if r.reason is Reason.OTHER_PUBLISHER]
+    assert [report.text for report in told] == [f"{name} drives the rover"]
+    lock_step.run(2.0)
+    answer = lock_step.submit(Command(Identity("MOE", 3), Resume(), "direct"))
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.CAUSE_PERSISTS
+    lock_step.rover.clear(faults.CmdVelTaken)
+    lock_step.run(2.0)
+    assert executive.mode.name == "PAUSED"
+    assert speed_mps(lock_step) < 0.02
+    submit(lock_step, 4, Resume())
+    lock_step.run(20.0)
+    assert executive.mode.name == "IDLE"
+    ends = [r.stage for r in lock_step.heard.reports if r.stage is Stage.EXECUTED]
+    assert len(ends) == 3
+    assert hypot(lock_step.rover.true_pose.x_m - 3.0, lock_step.rover.true_pose.y_m) > 0.4
+
+
+def test_an_input_that_nobody_knows_of_is_noticed_by_the_wheels(lock_step: LockStep) -> None:
+    lock_step.rover.inject(faults.CmdVelTaken(priority=77.0))
+    submit(lock_step, 1, DriveFor(-0.5, 0.0, 30.0))
+    lock_step.run(2.0)
+    assert lock_step.executive.mode is Mode.STOPPED
+    assert speed_mps(lock_step) < 0.02
+
+
+def test_what_is_relative_fails_by_a_takeover(lock_step: LockStep) -> None:
+    submit(lock_step, 1, MoveForward(3.0))
     lock_step.run(1.0)
-    assert speed_mps(lock_step) > 0.4
+    lock_step.rover.inject(faults.CmdVelTaken(travel_mps=-0.3))
+    lock_step.run(1.0)
+    (last,) = [r for r in lock_step.heard.reports if r.stage is Stage.FAILED]
+    assert last.reason is Reason.OTHER_PUBLISHER
 
 
 def test_a_lower_input_does_not_disturb_a_motion_and_is_told_of(lock_step: LockStep) -> None:
@@ -136,6 +193,7 @@ def test_the_lock_outlives_the_executive_until_its_successor_lets_go(lock_step: 
     submit(lock_step, 2, Resume())
     lock_step.run(1.0)
     assert speed_mps(lock_step) > 0.4
+    assert "driven by joystick" in lock_step.executive.why
 
 
 def test_without_a_mux_the_newest_command_counts() -> None:
