@@ -329,6 +329,20 @@ class SecondOdometryFrozen(Fault):
     """The second odometry arrives with new stamps, its pose as it was."""
 
 
+@fault(Part.SECOND_ODOMETRY)
+class SecondOdometryJump(Fault):
+    """The pose of the second odometry jumps once; clearing it does not jump back."""
+
+    by_m: float = argument(within(10.0), "to the left", default=0.36)
+
+
+@fault(Part.SECOND_ODOMETRY)
+class SecondOdometryDrift(Fault):
+    """The pose of the second odometry drifts; clearing it ends the drift."""
+
+    rate_mps: float = argument(within(5.0), "to the left", default=0.1)
+
+
 @fault(Part.LASER)
 class LaserDead(Fault):
     """No scan of the laser arrives."""

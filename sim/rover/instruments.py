@@ -7,11 +7,12 @@ so that none changes what another measures.
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import asin, atan2, sqrt
+from math import asin, atan2
 from typing import Final, Protocol, TypeVar
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.state import Fact, Imu, Joints
 from sim.rover import faults
@@ -19,6 +20,7 @@ from sim.rover.body import STEP_S
 from sim.rover.faults import Fault
 
 F = TypeVar("F", bound=Fault)
+Vector = tuple[float, float, float]
 
 _GRAVITY_MPS2: Final = 9.81
 _GREATEST_RADPS: Final = 35.0
@@ -63,10 +65,15 @@ class Instrument(ABC):
         """Return what is measured now; None where nothing is."""
 
 
-def draws(random: np.random.Generator, width: int) -> Iterator[list[float]]:
-    """Yield rows of standard normal numbers, drawn in blocks because that is fast."""
+def draws(
+    random: np.random.Generator,
+    width: int,
+    mean: NDArray[np.float64] | float = 0.0,
+    deviation: NDArray[np.float64] | float = 1.0,
+) -> Iterator[list[float]]:
+    """Yield rows of normal numbers, drawn in blocks because that is fast."""
     while True:
-        yield from random.standard_normal((512, width)).tolist()
+        yield from (mean + deviation * random.standard_normal((512, width))).tolist()
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +97,10 @@ class ImuErrors:
 
 
 class InertialUnit(Instrument):
-    """Mean rates and accelerations since the last measurement, and the lean."""
+    """Mean rates and accelerations since the last measurement, and the lean.
+
+    It is read more often than anything else, and so written out.
+    """
 
     def __init__(
         self,
@@ -101,92 +111,97 @@ class InertialUnit(Instrument):
     ) -> None:
         super().__init__(rate_hz, fault)
         self._errors = errors = ImuErrors()
-        bias = random.standard_normal(8).tolist()
-        self._bias_mps2 = [errors.acceleration_bias_mps2 * each for each in bias[:3]]
-        self._bias_radps = [errors.gyro_bias_radps * each for each in bias[3:6]]
-        self._bias_rad = [errors.lean_bias_rad * each for each in bias[6:]]
-        self._draws = draws(random, 8)
+        bias = random.standard_normal(8)
+        self._bias_mps2 = (errors.acceleration_bias_mps2 * bias[:3]).tolist()
+        constant = np.concatenate(
+            (errors.gyro_bias_radps * bias[3:6], np.zeros(3), errors.lean_bias_rad * bias[6:])
+        )
+        deviation = [errors.gyro_noise_radps] * 3 + [1.0] * 3 + [errors.lean_noise_rad] * 2
+        self._draws = draws(random, 8, constant, np.array(deviation))
         self._attitude, self._linear = data.qpos[3:7], data.qvel[:3]
         self._wheels = data.qvel[_WHEEL_RATES]
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
 
     def measure(self, stamp_s: float) -> Imu | None:
         """Return what is measured since the last call, in the axes of base_link."""
-        errors, since_s, row = self._errors, self._since_s, next(self._draws)
+        noise = next(self._draws)
         before, before_mps = self._before, self._before_mps
-        now, now_mps = self._attitude.tolist(), self._linear.tolist()
-        self._before, self._before_mps = now, now_mps
+        self._before = now = self._attitude.tolist()
+        self._before_mps = now_mps = self._linear.tolist()
         if self._fault(faults.ImuDead) is not None:
             return None
-        force_mps2 = [(a - b) / since_s for a, b in zip(now_mps, before_mps, strict=True)]
-        force_mps2[2] += _GRAVITY_MPS2
-        felt_mps2 = _in_body(_midway(before, now), force_mps2)
-        wheels_mps = _SHAKEN_M * sum(map(abs, self._wheels.tolist()))
+        roll_radps, pitch_radps, yaw_radps = self._by_gyro(_rates(before, now, self._since_s))
+        x_mps2, y_mps2, z_mps2 = _felt(before, now, before_mps, now_mps, self._since_s)
+        left, right, rear_left, rear_right = self._wheels.tolist()
+        wheels_mps = _SHAKEN_M * (abs(left) + abs(right) + abs(rear_left) + abs(rear_right))
+        errors, (bias_x, bias_y, bias_z) = self._errors, self._bias_mps2
         shaking_mps2 = errors.acceleration_noise_mps2 + errors.vibration_hz * wheels_mps
-        turned_radps = self._by_gyro(_rates(before, now, since_s))
         w, x, y, z = now
-        roll_rad = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        pitch_rad = asin(max(-1.0, min(1.0, 2 * (w * y - x * z))))
         return Imu(
             stamp_s,
-            roll_rad + self._bias_rad[0] + errors.lean_noise_rad * row[6],
-            pitch_rad + self._bias_rad[1] + errors.lean_noise_rad * row[7],
-            *(
-                _cut(true + bias + errors.gyro_noise_radps * drawn, _GREATEST_RADPS)
-                for true, bias, drawn in zip(turned_radps, self._bias_radps, row[:3], strict=True)
-            ),
-            *(
-                _cut(true + bias + shaking_mps2 * drawn, _GREATEST_MPS2)
-                for true, bias, drawn in zip(felt_mps2, self._bias_mps2, row[3:6], strict=True)
-            ),
+            atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) + noise[6],
+            asin(max(-1.0, min(1.0, 2 * (w * y - x * z)))) + noise[7],
+            _cut(roll_radps + noise[0], _GREATEST_RADPS),
+            _cut(pitch_radps + noise[1], _GREATEST_RADPS),
+            _cut(yaw_radps + noise[2], _GREATEST_RADPS),
+            _cut(x_mps2 + bias_x + shaking_mps2 * noise[3], _GREATEST_MPS2),
+            _cut(y_mps2 + bias_y + shaking_mps2 * noise[4], _GREATEST_MPS2),
+            _cut(z_mps2 + bias_z + shaking_mps2 * noise[5], _GREATEST_MPS2),
         )
 
-    def _by_gyro(self, rates_radps: list[float]) -> list[float]:
+    def _by_gyro(self, rates_radps: Vector) -> Vector:
         """Return what the gyro measures of true rates, but for its own errors."""
         dead = self._fault(faults.GyroDead)
         gain, bias = self._fault(faults.GyroGain), self._fault(faults.GyroBias)
         if dead is not None and dead.shared:
-            return [0.0, 0.0, 0.0]
+            return 0.0, 0.0, 0.0
+        roll_radps, pitch_radps, yaw_radps = rates_radps
         if gain is not None and gain.shared:
-            rates_radps = [gain.factor * each for each in rates_radps]
+            roll_radps, pitch_radps = gain.factor * roll_radps, gain.factor * pitch_radps
+            yaw_radps *= gain.factor
         if bias is not None and bias.shared:
-            rates_radps = [*rates_radps[:2], rates_radps[2] + bias.rate_radps]
-        return rates_radps
+            yaw_radps += bias.rate_radps
+        return roll_radps, pitch_radps, yaw_radps
 
 
-def _rates(before: list[float], after: list[float], since_s: float) -> list[float]:
+def _rates(before: list[float], after: list[float], since_s: float) -> Vector:
     """Return the mean rates about the body's axes between two attitudes near each other."""
     a, b, c, d = before
     w, x, y, z = after
     same = 2 / since_s if a * w + b * x + c * y + d * z >= 0 else -2 / since_s
-    return [
+    return (
         same * (a * x - b * w - c * z + d * y),
         same * (a * y + b * z - c * w - d * x),
         same * (a * z - b * y + c * x - d * w),
-    ]
+    )
 
 
-def _midway(before: list[float], after: list[float]) -> list[float]:
-    """Return the attitude between two that are near each other."""
-    same = 1 if sum(a * b for a, b in zip(before, after, strict=True)) >= 0 else -1
-    middle = [a + same * b for a, b in zip(before, after, strict=True)]
-    length = sqrt(sum(each * each for each in middle))
-    return [each / length for each in middle]
-
-
-def _in_body(attitude: list[float], vector: list[float]) -> list[float]:
-    """Return a vector of the world in the axes of a body."""
-    w, x, y, z = attitude
-    u, v, r = vector
-    return [
-        (1 - 2 * (y * y + z * z)) * u + 2 * (x * y + w * z) * v + 2 * (x * z - w * y) * r,
-        2 * (x * y - w * z) * u + (1 - 2 * (x * x + z * z)) * v + 2 * (y * z + w * x) * r,
-        2 * (x * z + w * y) * u + 2 * (y * z - w * x) * v + (1 - 2 * (x * x + y * y)) * r,
-    ]
+def _felt(
+    before: list[float],
+    after: list[float],
+    before_mps: list[float],
+    after_mps: list[float],
+    since_s: float,
+) -> Vector:
+    """Return the mean specific force in the body's axes, midway between two attitudes."""
+    a, b, c, d = before
+    w, x, y, z = after
+    if a * w + b * x + c * y + d * z < 0:
+        w, x, y, z = -w, -x, -y, -z
+    w, x, y, z = a + w, b + x, c + y, d + z
+    k = 2 / (w * w + x * x + y * y + z * z)
+    u = (after_mps[0] - before_mps[0]) / since_s
+    v = (after_mps[1] - before_mps[1]) / since_s
+    r = (after_mps[2] - before_mps[2]) / since_s + _GRAVITY_MPS2
+    return (
+        u + k * (-(y * y + z * z) * u + (x * y + w * z) * v + (x * z - w * y) * r),
+        v + k * ((x * y - w * z) * u - (x * x + z * z) * v + (y * z + w * x) * r),
+        r + k * ((x * z + w * y) * u + (y * z - w * x) * v - (x * x + y * y) * r),
+    )
 
 
 def _cut(value: float, most: float) -> float:
-    return max(-most, min(most, value))
+    return value if -most <= value <= most else max(-most, min(most, value))
 
 
 class WheelSensors(Instrument):
@@ -203,13 +218,14 @@ class WheelSensors(Instrument):
         data: mujoco.MjData,
     ) -> None:
         super().__init__(rate_hz, fault)
-        self._draws = draws(random, 8)
+        deviation = [self.SPEED_NOISE_RADPS] * 4 + [self.EFFORT_NOISE_NM] * 4
+        self._draws = draws(random, 8, deviation=np.array(deviation))
         self._angles, self._efforts = data.qpos[_WHEELS], data.actuator_force[:4]
         self._before = self._angles.tolist()
 
     def measure(self, stamp_s: float) -> Joints | None:
         """Return what is measured."""
-        row, since_s = next(self._draws), self._since_s
+        noise, since_s = next(self._draws), self._since_s
         before, now = self._before, self._angles.tolist()
         self._before = now
         if self._fault(faults.JointsDead) is not None:
@@ -221,15 +237,12 @@ class WheelSensors(Instrument):
         if dead is not None and dead.shared:
             counts = (not dead.side.left, not dead.side.right)
             speeds = [each * counts[at % 2] for at, each in enumerate(speeds)]
-        speeds = [s + self.SPEED_NOISE_RADPS * n for s, n in zip(speeds, row[:4], strict=True)]
-        efforts = [
-            effort + self.EFFORT_NOISE_NM * drawn
-            for effort, drawn in zip(self._efforts.tolist(), row[4:], strict=True)
-        ]
+        left, right, rear_left, rear_right = speeds
+        left_nm, right_nm, rear_left_nm, rear_right_nm = self._efforts.tolist()
         return Joints(
             stamp_s,
-            (speeds[0], speeds[2]),
-            (speeds[1], speeds[3]),
-            (efforts[0], efforts[2]),
-            (efforts[1], efforts[3]),
+            (left + noise[0], rear_left + noise[2]),
+            (right + noise[1], rear_right + noise[3]),
+            (left_nm + noise[4], rear_left_nm + noise[6]),
+            (right_nm + noise[5], rear_right_nm + noise[7]),
         )

@@ -10,7 +10,7 @@ import numpy as np
 from executive.geometry import Pose, wrap_rad
 from executive.state import LaserScan, SecondOdometry
 from sim.rover import faults
-from sim.rover.body import SimulatedBody
+from sim.rover.body import SimulatedBody, moved_left
 from sim.rover.instruments import FaultLookup, Instrument
 
 
@@ -66,10 +66,12 @@ class VisualOdometry(Instrument):
         self._gap_from_s = random.uniform(0.0, errors.between_gaps_s[1])
         self._gap_until_s = self._gap_from_s + random.uniform(*errors.gap_s)
         self._last: SecondOdometry | None = None
+        self._jumped: faults.SecondOdometryJump | None = None
 
     def measure(self, stamp_s: float) -> SecondOdometry | None:
         """Return the pose of a frame that is taken now; None where it gives nothing."""
         self._follow(self._rover.true_pose)
+        self._mislead()
         fact, there = self._frame(stamp_s)
         if not there or self._fault(faults.SecondOdometryLost) is not None:
             return None
@@ -94,6 +96,16 @@ class VisualOdometry(Instrument):
             true.roll_rad,
             true.pitch_rad,
         )
+
+    def _mislead(self) -> None:
+        """Move the pose as faults do."""
+        jump = self._fault(faults.SecondOdometryJump)
+        drift = self._fault(faults.SecondOdometryDrift)
+        if jump is not None and jump is not self._jumped:
+            self._pose = moved_left(self._pose, jump.by_m)
+        self._jumped = jump
+        if drift is not None:
+            self._pose = moved_left(self._pose, drift.rate_mps * self._since_s)
 
     def _frame(self, stamp_s: float) -> tuple[SecondOdometry, bool]:
         """Return what a frame says, and whether it says anything: the same draws for each."""

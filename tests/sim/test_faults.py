@@ -336,6 +336,7 @@ def test_a_stale_camera_sends_what_it_saw_and_a_cut_one_too_little(
 OF_SENSORS = {
     *("imu_dead", "joints_dead", "laser_dead"),
     *("second_odometry_lost", "second_odometry_frozen"),
+    *("second_odometry_jump", "second_odometry_drift"),
 }
 
 

@@ -221,6 +221,24 @@ def test_frozen_visual_odometry_has_new_stamps() -> None:
     assert len({fact.stamp_s for fact in facts}) == len(facts) > 3
 
 
+def test_visual_odometry_jumps_once_for_each_jump_and_drifts_while_it_does() -> None:
+    rover = SimulatedJackal(World(), seed=1, sensors=SECOND)
+
+    def seen_m(duration_s: float) -> float:
+        return of(SecondOdometry, hold(rover, STANDING, duration_s))[-1].pose.y_m
+
+    before_m = seen_m(2.0)
+    rover.inject(faults.SecondOdometryJump(0.5))
+    assert seen_m(3.0) == pytest.approx(before_m + 0.5, abs=0.03)
+    rover.inject(faults.SecondOdometryJump(0.5))
+    assert seen_m(3.0) == pytest.approx(before_m + 1.0, abs=0.03)
+    rover.inject(faults.SecondOdometryDrift(-0.1))
+    hold(rover, STANDING, 5.0)
+    rover.clear(faults.SecondOdometryDrift)
+    rover.clear(faults.SecondOdometryJump)
+    assert seen_m(3.0) == pytest.approx(before_m + 0.5, abs=0.03)
+
+
 @pytest.mark.parametrize(
     ("fault", "gain", "bias_radps"),
     [
