@@ -147,6 +147,7 @@ class Declaration:
 
 
 FIGURES: Final = ("beyond", "below", "ratio", "within", "for")
+_FIELDS: Final = {key: key + "_s" if key in {"for", "within"} else key for key in FIGURES}
 _FOR: Final = Bound("how long it lasts before it counts", "s", 0.0, 60.0)
 
 
@@ -407,20 +408,30 @@ def read_table(raw: object) -> FaultTable:
     return FaultTable(**rows)
 
 
+def plain_table(table: FaultTable) -> dict[str, dict[str, object]]:
+    """Return the plain data that `read_table` makes a table of."""
+    found: dict[str, dict[str, object]] = {}
+    for name in DECLARED:
+        row: Row = getattr(table, name)
+        said = {"when": row.when.value, "then": row.then.value, "clears": row.clears.value}
+        figures = {key: getattr(row, field) for key, field in _FIELDS.items()}
+        found[name] = said | {key: value for key, value in figures.items() if value is not None}
+    return found
+
+
 def _row(declared: Declaration, given: object) -> Row:
     if not isinstance(given, dict):
         raise ValueError(f"{declared.name}: expected keys and values, got {given!r}")
     choices = {"when": When, "then": Then, "clears": Clears}
-    names = {key: key + "_s" if key in {"for", "within"} else key for key in FIGURES}
     values: dict[str, Any] = {}
     for key, raw in given.items():
         if key in choices:
             values[key] = _choice(f"{declared.name}.{key}", raw, choices[key])
-        elif key in names:
-            values[names[key]] = _number(f"{declared.name}.{key}", raw)
+        elif key in _FIELDS:
+            values[_FIELDS[key]] = _number(f"{declared.name}.{key}", raw)
         else:
             raise ValueError(
-                f"{declared.name}: unknown key {key!r}{_near(key, [*choices, *names])}"
+                f"{declared.name}: unknown key {key!r}{_near(key, [*choices, *_FIELDS])}"
             )
     return replace(declared.row, **values)
 

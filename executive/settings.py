@@ -14,7 +14,7 @@ from cattrs import Converter, transform_error
 from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
 from cattrs.v import format_exception
 
-from executive.fault_table import FaultTable, read_table
+from executive.fault_table import FaultTable, plain_table, read_table
 from executive.zones import Footprint, Zones
 
 T = TypeVar("T")
@@ -376,12 +376,18 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
         raise SettingsError(faults) from error
 
 
+def unstructure(value: object) -> object:
+    """Return the plain data that `structure` makes a value of."""
+    return _converter().unstructure(value)
+
+
 @cache
 def _converter() -> Converter:
     """Return the converter, which compiles code for each dataclass that it meets first."""
     converter = Converter(forbid_extra_keys=True)
     converter.register_structure_hook(float, _number)
     converter.register_structure_hook(FaultTable, lambda raw, _: read_table(raw))
+    converter.register_unstructure_hook(FaultTable, plain_table)
     converter.register_structure_hook_func(lambda made: isinstance(made, EnumMeta), _choice)
     return converter
 

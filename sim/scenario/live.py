@@ -14,13 +14,12 @@ from math import ceil
 from pathlib import Path
 from typing import Final
 
-import cattrs
 import yaml
 
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Validity
 from executive.commands import SetCameraAngles
-from executive.settings import LocomotionKind, config_folder
+from executive.settings import LocomotionKind, config_folder, unstructure
 from executive.state import Parameter
 from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
 from sim.processes import Eclipse as Dark
@@ -145,7 +144,7 @@ def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
     paths = []
     for name, value in (("asset", scenario.settings), ("world", scenario.world)):
         path = folder / f"{name}.yaml"
-        path.write_text(yaml.safe_dump(cattrs.unstructure(value)), encoding="utf-8")
+        path.write_text(yaml.safe_dump(unstructure(value)), encoding="utf-8")
         paths.append(str(path))
     return paths[0], paths[1]
 

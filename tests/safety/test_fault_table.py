@@ -8,7 +8,15 @@ from hypothesis import strategies as st
 from executive.fault_table import DECLARED, Clears, FaultTable, Then, read_table
 from executive.reasons import Reason
 from executive.safety import MONITORS
-from executive.settings import Settings, SettingsError, load_settings, structure
+from executive.settings import (
+    Settings,
+    SettingsError,
+    config_folder,
+    load_settings,
+    names_in,
+    structure,
+    unstructure,
+)
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
 from sim.scenario.reading import load_scenario
@@ -100,3 +108,10 @@ def test_every_figure_is_within_what_its_fault_allows_or_refused(name: str, valu
     else:
         with pytest.raises(ValueError, match=rf"^{name}\.{key}: "):
             read_table({name: {key: value}})
+
+
+@pytest.mark.parametrize("asset", names_in(config_folder()))
+def test_settings_are_read_as_they_were_written(asset: str) -> None:
+    settings = load_settings(asset)
+    text = yaml.safe_dump(unstructure(settings))
+    assert structure(yaml.safe_load(text), Settings, "again") == settings
