@@ -372,6 +372,31 @@ class FaultTable:
         Row(When.ALWAYS, *_TOLD, beyond=6.0),
         beyond=Bound("age of what it told last", "s", 0.5, 60.0),
     )
+    zone_ahead: Row = _fault(
+        Reason.ZONE_AHEAD,
+        "The rover cannot go on much longer and still stand before a zone or a known rock.",
+        Row(When.ALWAYS, Then.STOP, Clears.ITSELF, within_s=0.16),
+        within=Bound("time until the rover brakes", "s", 0.0, 5.0),
+    )
+    obstacle_ahead: Row = _fault(
+        Reason.OBSTACLE_AHEAD,
+        "The laser sees something where the rover drives or turns to before it can stand.",
+        Row(When.ALWAYS, Then.STOP, Clears.ITSELF, below=0.05, within_s=0.25),
+        below=Bound("way that is left once the rover stands", "m", 0.0, 5.0),
+        within=Bound("time from a scan until the rover brakes", "s", 0.0, 5.0),
+    )
+    obstacle_near: Row = _fault(
+        Reason.OBSTACLE_NEAR,
+        "The laser sees something near, in the direction in which the rover drives.",
+        Row(When.ALWAYS, Then.SLOW_DOWN, Clears.ITSELF, below=0.9),
+        below=Bound("free way", "m", 0.05, 10.0),
+    )
+    laser_silent: Row = _fault(
+        Reason.LASER_SILENT,
+        "No scan of the laser arrives, or always the same one.",
+        Row(When.MOVING, Then.STOP, Clears.ITSELF, beyond=0.35),
+        beyond=Bound("age of the newest scan", "s", 0.05, 10.0),
+    )
 
     def __post_init__(self) -> None:
         """Raise ValueError where a row does not fit its fault."""

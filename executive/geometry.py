@@ -1,7 +1,8 @@
 """Planar geometry of the rover, in SI units and the frames of REP 103 and REP 105."""
 
-from dataclasses import dataclass
-from math import atan2, cos, hypot, isfinite, pi, sin
+from dataclasses import dataclass, replace
+from math import atan2, ceil, cos, hypot, isfinite, pi, sin
+from typing import Final
 
 
 def wrap_rad(angle_rad: float) -> float:
@@ -70,3 +71,33 @@ class Velocity:
 
 
 STANDING = Velocity()
+
+
+FINEST_TURN_RAD: Final = 0.2
+"""Of an arc, for each straight line that stands for it."""
+
+
+def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point], Pose]:
+    """Return straight lines along what a velocity that is held leads through, and where it ends.
+
+    Of one that leads round and round, the first round.
+    """
+    turn_rad = velocity.rotate_radps * duration_s
+    length_m = velocity.travel_mps * duration_s
+    pieces = max(1, ceil(min(abs(turn_rad), 2 * pi) / FINEST_TURN_RAD))
+    whole = pieces * max(1.0, abs(turn_rad) / (2 * pi))
+    places = [_on_arc(pose, length_m, turn_rad, step / whole).point for step in range(pieces + 1)]
+    return places, _on_arc(pose, length_m, turn_rad, 1.0)
+
+
+def _on_arc(pose: Pose, length_m: float, turn_rad: float, part: float) -> Pose:
+    length_m, turn_rad = length_m * part, turn_rad * part
+    half_rad = turn_rad / 2
+    chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
+    along_rad = pose.heading_rad + half_rad
+    return replace(
+        pose,
+        x_m=pose.x_m + chord_m * cos(along_rad),
+        y_m=pose.y_m + chord_m * sin(along_rad),
+        heading_rad=wrap_rad(pose.heading_rad + turn_rad),
+    )

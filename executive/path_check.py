@@ -6,8 +6,7 @@ Turns on the spot are covered by the disc in which the footprint turns.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import ceil, cos, pi, sin
-from typing import Final
+from math import pi
 
 from executive.clock import Clock
 from executive.commands import (
@@ -20,13 +19,10 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.geometry import Point, Pose, Velocity, wrap_rad
+from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.goals import Goal
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
-
-FINEST_TURN_RAD: Final = 0.2
-"""Of an arc, for each straight line that stands for it."""
 
 
 def check_path(path: Sequence[Point], settings: Settings) -> Refusal | None:
@@ -98,32 +94,6 @@ def planned_path(request: object, pose: Pose, settings: Settings) -> tuple[list[
             return arc(pose, Velocity(travel_mps, rotate_radps), duration_s)
         case _:
             raise TypeError(f"{request} is no motion")
-
-
-def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point], Pose]:
-    """Return straight lines along what a velocity that is held leads through, and where it ends.
-
-    Of one that leads round and round, the first round.
-    """
-    turn_rad = velocity.rotate_radps * duration_s
-    length_m = velocity.travel_mps * duration_s
-    pieces = max(1, ceil(min(abs(turn_rad), 2 * pi) / FINEST_TURN_RAD))
-    whole = pieces * max(1.0, abs(turn_rad) / (2 * pi))
-    places = [_on_arc(pose, length_m, turn_rad, step / whole).point for step in range(pieces + 1)]
-    return places, _on_arc(pose, length_m, turn_rad, 1.0)
-
-
-def _on_arc(pose: Pose, length_m: float, turn_rad: float, part: float) -> Pose:
-    length_m, turn_rad = length_m * part, turn_rad * part
-    half_rad = turn_rad / 2
-    chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
-    along_rad = pose.heading_rad + half_rad
-    return replace(
-        pose,
-        x_m=pose.x_m + chord_m * cos(along_rad),
-        y_m=pose.y_m + chord_m * sin(along_rad),
-        heading_rad=wrap_rad(pose.heading_rad + turn_rad),
-    )
 
 
 def _to_waypoints(

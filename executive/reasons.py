@@ -89,6 +89,10 @@ class Reason(Enum):
     SENSOR_SILENT = 961
     FAULT_OVER = 909
     OTHER_PUBLISHER = 930
+    ZONE_AHEAD = 971
+    OBSTACLE_AHEAD = 972
+    OBSTACLE_NEAR = 973
+    LASER_SILENT = 974
 
 
 @dataclass(frozen=True, slots=True)

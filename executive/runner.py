@@ -43,6 +43,7 @@ from executive.state import (
     FileEvent,
     FileFolder,
     ForeignPublishers,
+    LaserScan,
     OtherInput,
     ParameterValue,
     Status,
@@ -309,6 +310,8 @@ class Executive:
             self._dispatcher.on_external_stop(fact)
         if isinstance(fact, AuthorityUsed):
             self.authority.used(fact.epoch)
+        if isinstance(fact, LaserScan):
+            self._watch()  # at once, whatever the tree is at
         self._arbiter.guard()
 
     def event(
@@ -431,6 +434,7 @@ class Executive:
     def _watch(self) -> None:
         """Look at the monitors, and do what the table says of faults that begin or end."""
         self.safety.history.command(self.velocity)
+        self.safety.history.pose = self.status.pose
         changes = self.safety.check(self.moving)
         for fault in changes.begun:
             self._dispatcher.begin_fault(fault)
@@ -463,6 +467,8 @@ class Executive:
             if not self._context.latches.held:
                 self._arbiter.release()
             self._dispatcher.fail_active(_raised(error))
+        if not self.moving and isinstance(self._context.intents.motion, Velocity):
+            self._context.intents.motion = STANDING  # the goal it was for has been ended
         self._arbiter.commit(self._context.intents)
         self.safety.history.command(self.velocity)
 

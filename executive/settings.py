@@ -34,7 +34,11 @@ class SettingsError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """Bounds of the motion, for the arbiter and the intake."""
+    """Bounds of the motion, for the arbiter and the intake.
+
+    Attributes:
+        braking_mps2: at which the base slows down, at least, when it is told to stand.
+    """
 
     travel_speed_mps: float
     rotate_speed_radps: float
@@ -45,6 +49,7 @@ class DriveLimits:
     compensation_m: float
     path_waypoints: int
     queue_length: int
+    braking_mps2: float = 2.0
 
 
 class LocomotionKind(Enum):

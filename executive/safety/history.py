@@ -22,8 +22,18 @@ from executive.safety.sensor_history import (
     Wheels,
     WheelSums,
 )
+from executive.safety.surroundings import Surroundings
 from executive.settings import Sensors
-from executive.state import Battery, Fact, Imu, Joints, Odometry, OtherInput, SecondOdometry
+from executive.state import (
+    Battery,
+    Fact,
+    Imu,
+    Joints,
+    LaserScan,
+    Odometry,
+    OtherInput,
+    SecondOdometry,
+)
 
 INPUT_S: Final = 0.5
 """For so long a command of somebody else counts: twist_mux masks the others for as long."""
@@ -89,6 +99,8 @@ class History:
         battery: the newest voltage, as it came, and `battery_at_s`, when.
         wheels, inertia, second: of the sensors that the asset has; None of those that it has not.
         mass_kg: of the asset, where that is known.
+        pose: where the rover is taken to be, in the frame of commands.
+        surroundings: what stands around it; None where nothing is watched for.
     """
 
     def __init__(
@@ -97,6 +109,7 @@ class History:
         faults: FaultTable,
         sensors: Sensors | None = None,
         mass_kg: float | None = None,
+        surroundings: Surroundings | None = None,
     ) -> None:
         self._clock = clock
         self._faults = faults
@@ -122,6 +135,8 @@ class History:
         self.battery: Battery | None = None
         self.battery_at_s = -inf
         self._inputs: dict[str, tuple[OtherInput, float]] = {}
+        self.pose = Pose()
+        self.surroundings = surroundings
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
@@ -145,6 +160,8 @@ class History:
                 if fact.above or not self.commanding:
                     self.begun_s = now_s
                     self.standing_since_s = max(self.standing_since_s, now_s)
+            case LaserScan() if self.surroundings is not None:
+                self.surroundings.see(fact, now_s)
             case _:
                 pass
 
@@ -169,6 +186,18 @@ class History:
             self.standing_since_s = inf
         elif self.standing_since_s == inf:
             self.standing_since_s = now_s
+
+    @property
+    def fastest(self) -> Velocity:
+        """What is commanded or what odometry says, whichever is faster; none, once to stand is."""
+        commanded = self._velocities[-1][1]
+        if commanded == STANDING or self.odometry is None:
+            return commanded
+        measured = self.odometry.velocity
+        return Velocity(
+            max(commanded.travel_mps, measured.travel_mps, key=abs),
+            max(commanded.rotate_radps, measured.rotate_radps, key=abs),
+        )
 
     def accept(self) -> None:
         """Take what odometry says now as good, and look at nothing that was before."""

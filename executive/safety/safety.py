@@ -30,6 +30,13 @@ from executive.safety.second_odometry_monitors import (
     slips_fused,
     turn_slips,
 )
+from executive.safety.surroundings import Surroundings
+from executive.safety.surroundings_monitors import (
+    laser_silent,
+    obstacle_ahead,
+    obstacle_near,
+    zone_ahead,
+)
 from executive.safety.wheel_monitors import (
     joints_silent,
     odometry_off_wheels,
@@ -67,6 +74,10 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "joints_silent": joints_silent,
     "imu_silent": imu_silent,
     "second_odometry_silent": second_odometry_silent,
+    "zone_ahead": zone_ahead,
+    "obstacle_ahead": obstacle_ahead,
+    "obstacle_near": obstacle_near,
+    "laser_silent": laser_silent,
 }
 """What looks for each fault of the table."""
 
@@ -119,7 +130,8 @@ class Safety:
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
         self._clock = clock
-        self.history = History(clock, settings.faults, settings.sensors, settings.mass_kg)
+        around = Surroundings(settings)
+        self.history = History(clock, settings.faults, settings.sensors, settings.mass_kg, around)
         self.active: list[Fault] = []
         self._watches = [
             _Watch(declared.name, row, MONITORS[declared.name])

@@ -34,6 +34,7 @@ _ARROW: Final = {
     Kind.TEXT: pa.string(),
     float | None: pa.float64(),
     float: pa.float64(),
+    int | None: pa.int64(),
     int: pa.int64(),
     tuple[Reason, ...]: pa.list_(pa.string()),
 }

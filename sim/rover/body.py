@@ -159,6 +159,16 @@ def _pose(qpos: list[float]) -> Pose:
     )
 
 
+def _obstacles(model: mujoco.MjModel) -> frozenset[int]:
+    """Return the geoms of rocks, walls and steps that can be touched."""
+    return frozenset(
+        geom
+        for geom in range(model.ngeom)
+        if model.geom(geom).name.startswith(("rock", "feature"))
+        and model.geom_contype[geom] | model.geom_conaffinity[geom]
+    )
+
+
 class SimulatedBody(ABC):
     """A rover in a world. What it senses and how it is moved is for its kind.
 
@@ -166,6 +176,7 @@ class SimulatedBody(ABC):
         parts: what it has that faults can act on.
         world: where it drives.
         model, data: of MuJoCo.
+        contacts: how often it began to touch a rock, a wall or a step.
     """
 
     def __init__(
@@ -199,6 +210,9 @@ class SimulatedBody(ABC):
         self._frame_wanted = False
         self._faults: dict[type[Fault], Fault] = {}
         self._stale: View | None = None
+        self._obstacles = _obstacles(self.model)
+        self._touching = False
+        self.contacts = 0
         self._due: list[Fact] = []
 
     def request_frame(self) -> None:
@@ -368,6 +382,15 @@ class SimulatedBody(ABC):
             return nan
         return self._pack.fault_v if faults.BatteryLow in self._faults else voltage_v
 
+    def _count_contacts(self) -> None:
+        """Count a contact where the rover begins to touch a rock, a wall or a step."""
+        if not self._obstacles:
+            return
+        pairs = self.data.contact.geom[: self.data.ncon].ravel().tolist()
+        touching = not self._obstacles.isdisjoint(pairs)
+        self.contacts += touching and not self._touching
+        self._touching = touching
+
     def _end_period(self) -> None:
         before, self._pose = self._pose, self.true_pose
         wheels_rad = self._qpos[self._wheels].tolist()
@@ -381,5 +404,6 @@ class SimulatedBody(ABC):
         )
         self._battery.draw(work_j, PERIOD_S)
         self._disturbance.follow_patches()
+        self._count_contacts()
         self._sense(before, turned_rad)
         self._actuate()

@@ -87,6 +87,7 @@ class Scatter:
         size_m: side of the square.
         smallest_m: smallest half width of a rock.
         largest_m: greatest half width of a rock.
+        lowest_m: least height of a rock; most are 0.6 to 1.2 of their half width high.
         seed: which of the random scatters.
         clearings: where none may lie.
     """
@@ -97,8 +98,10 @@ class Scatter:
     largest_m: float = 0.4
     seed: int = 0
     clearings: tuple[Clearing, ...] = ()
+    lowest_m: float = 0.01
 
     def __post_init__(self) -> None:
+        require(0.01 <= self.lowest_m <= 5, f"lowest_m {self.lowest_m} is not in 0.01 .. 5")
         require(0 <= self.count <= 500, f"count {self.count} is not in 0 .. 500")
         require(
             0.02 <= self.smallest_m <= self.largest_m <= 5,
@@ -117,7 +120,7 @@ class Scatter:
             radius_m = self.smallest_m * (self.largest_m / self.smallest_m) ** random.random() ** 2
             x_m = random.uniform(-0.5, 0.5) * self.size_m
             y_m = random.uniform(-0.5, 0.5) * self.size_m
-            height_m = radius_m * random.uniform(0.6, 1.2)
+            height_m = max(self.lowest_m, radius_m * random.uniform(0.6, 1.2))
             free = all(
                 hypot(x_m - clear.x_m, y_m - clear.y_m) > clear.radius_m + radius_m
                 for clear in clearings

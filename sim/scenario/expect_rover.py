@@ -237,8 +237,21 @@ class VideoComes(Lasting):
         return Finding("video", wanted, ", ".join([seen, *faults]), enough and not faults)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contacts:
+    """How often the rover has begun to touch a rock, a wall or a step; in lock step only."""
+
+    contacts: int = figure()
+
+    def judge(self, record: Record) -> Finding:
+        """Compare the contacts of the whole run."""
+        seen = record.contacts
+        text = "not known" if seen is None else f"{seen} contacts"
+        return Finding("contacts", f"{self.contacts} contacts", text, seen == self.contacts)
+
+
 RoverExpectation = (
-    PoseIs | ModeIs | RoverMoves | ParameterIs | TelemetryCount | Pictures | VideoComes
+    PoseIs | ModeIs | RoverMoves | ParameterIs | TelemetryCount | Pictures | VideoComes | Contacts
 )
 
 

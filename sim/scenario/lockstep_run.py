@@ -102,6 +102,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
     lock.executive.abandon()
     record.simulated_s = lock.time_s
     record.energy_j = lock.rover.energy_j
+    record.contacts = lock.rover.contacts
     look_up_requests(record, folder / "ledger.sqlite")
     return record
 

@@ -37,6 +37,7 @@ class Figures:
         energy_j: drawn from the battery.
         detection_s: from the first fault to the first report or mode that tells of it: a command
             that FAILED, an event of a severity above INFORMATIONAL, or SAFE.
+        contacts: how often the rover began to touch a rock, a wall or a step.
         executed, failed: how many commands ended so.
         false_executed: how many ended EXECUTED although that was not true, or could not be seen.
         reasons: of the last reports on commands that did not end EXECUTED, in their order.
@@ -48,6 +49,7 @@ class Figures:
     distance_m: float
     energy_j: float | None
     detection_s: float | None
+    contacts: int | None
     executed: int
     failed: int
     false_executed: int
@@ -176,6 +178,7 @@ def figures_of(record: Record) -> Figures:
         distance_m=way_m(record.poses),
         energy_j=record.energy_j,
         detection_s=_detection_s(record),
+        contacts=record.contacts,
         executed=sum(end.stage is Stage.EXECUTED for end in ends),
         failed=sum(end.stage is Stage.FAILED for end in ends),
         false_executed=sum(bool(end.wrong) for end in true),

@@ -353,6 +353,8 @@ def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str,
             yield ".inject", "by the relay the link is lost by an eclipse, which is planned"
         case Send(link=str(link)) | Repeat(link=str(link)) if live and link != mode.link:
             yield ".link", f"{link!r} works in lock step only"
+        case of_rover.Contacts() if live:
+            yield ".contacts", "what the rover touches is known in lock step only"
         case of_rover.VideoComes() if not live:
             yield ".video", "video works with --live only"
         case of_commands.LinkTells() if not relay:

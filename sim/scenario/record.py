@@ -246,6 +246,7 @@ class Record:
         requested: what each command that was admitted asks for, as far as that is known.
         played: how many entries of the timeline were carried out.
         energy_j: drawn from the battery; None where the simulation does not tell.
+        contacts: how often the rover began to touch a rock, a wall or a step; None likewise.
         simulated_s, wall_s: how long it lasted aboard and here, once the rover stood in its world.
     """
 
@@ -266,6 +267,7 @@ class Record:
     video: list[Datagram] = field(default_factory=list)
     played: int = 0
     energy_j: float | None = None
+    contacts: int | None = None
     simulated_s: float = 0.0
     wall_s: float = 0.0
 

@@ -27,6 +27,7 @@ FIGURES = Figures(
     distance_m=3.0,
     energy_j=300.0,
     detection_s=None,
+    contacts=None,
     executed=1,
     failed=0,
     false_executed=0,

@@ -22,8 +22,7 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.geometry import Point, Pose, Velocity
-from executive.path_check import arc
+from executive.geometry import Point, Pose, Velocity, arc
 from executive.reasons import Reason
 from executive.reports import Stage
 from executive.settings import SettingsError, load_settings, structure

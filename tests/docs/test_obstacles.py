@@ -1,9 +1,12 @@
-"""The example of docs/obstacles.md can be read, and refuses what the page says."""
+"""The examples of docs/obstacles.md can be read, and refuse what the page says."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
+from textwrap import dedent
 
 from executive.commands import MoveForward
+from executive.fault_table import Then, read_table
 from executive.settings import Settings, load_settings, parse_yaml, structure
 from executive.zones import Footprint, Zones
 from tests.docs.pages import CHECKOUT, blocks
@@ -23,3 +26,13 @@ def test_the_zones_are_some_and_refuse_as_told(tmp_path: Path) -> None:
     )
     with Bench(tmp_path, settings) as bench:
         assert f"    {bench.refusal(MoveForward(4.0), 1).text}\n" in PAGE.read_text()
+
+
+def test_the_rows_of_faults_are_some() -> None:
+    found = re.search(r"^    faults:\n(?:      .*\n)+", PAGE.read_text(), re.MULTILINE)
+    assert found
+    said = parse_yaml(dedent(found[0]), PAGE.name)
+    assert isinstance(said, dict)
+    table = read_table(said["faults"])
+    assert (table.obstacle_near.below, table.obstacle_ahead.within_s) == (1.5, 0.3)
+    assert table.laser_silent.then is Then.WARN

@@ -83,6 +83,7 @@ def verdict(folder: Path, expectation: str, record: Record) -> Finding:
         ("files: [%], asked: there", "pictures/MOE-2.jpg", "", "pictures/MOE-2.jpg"),
         ("fetched: %.jpg", "pictures/MOE-2", "none", "there is no file none.jpg"),
         ("video: %, for: 1", "0", "1", "0 pictures, 0 datagrams"),
+        ("contacts: %", "0", "1", "0 contacts"),
         ("plan: tour, status: %", "SUBMITTED", "COMPLETED", "SUBMITTED, 0 of"),
         ("plan: %, status: SUBMITTED", "tour", "other", "nothing told"),
         ("plan: tour, status: SUBMITTED%", "", ", after: ahead STARTED", "nothing told"),

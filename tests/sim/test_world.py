@@ -248,3 +248,24 @@ def test_slip_and_patches_act_together_and_mocup_has_them_too() -> None:
     rover.inject(Slip(0.1))
     rover.advance(1.0)
     assert rover.true_pose.x_m < -0.05
+
+
+def test_rocks_may_all_be_higher_than_a_laser() -> None:
+    low, high = Scatter(count=20, seed=3), Scatter(count=20, seed=3, lowest_m=1.0)
+    assert [rock.x_m for rock in low.rocks()] == [rock.x_m for rock in high.rocks()]
+    assert min(rock.height_m for rock in low.rocks()) < 0.5
+    assert {rock.height_m for rock in high.rocks()} == {1.0}
+
+
+def test_contacts_are_counted_where_the_rover_begins_to_touch() -> None:
+    wall = Wall(1.0, -1.0, Place(1.0, 1.0))
+    rover = SimulatedJackal(World(walls=(wall,), rocks=(Rock(-2.0, 0.0, 0.3, 0.3),)))
+    hold(rover, Velocity(0.5), 0.8)
+    assert rover.contacts == 0
+    hold(rover, Velocity(0.5), 2.0)
+    touched = rover.contacts
+    assert touched >= 1
+    hold(rover, Velocity(-0.5), 2.0)
+    assert rover.contacts == touched
+    hold(rover, Velocity(-0.5), 4.0)
+    assert rover.contacts > touched

@@ -1,0 +1,195 @@
+"""What the laser sees near the rover, and what of it the rover would drive or turn into.
+
+Modelled on the collision monitor of Nav2: a zone in which the rover slows down, and its footprint,
+moved ahead in time, in which nothing may be before it can stand. Pure geometry in the axes of
+base_link.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, cos, hypot, inf, isfinite, sin
+from typing import Final
+
+from executive.geometry import Velocity
+from executive.settings import Settings
+from executive.state import LaserScan
+from executive.zones import Footprint
+
+FEWEST_POINTS: Final = 2
+"""Of a scan that are something: a single one may be dust."""
+BESIDE_M: Final = 0.055
+"""Free on either side of the footprint of a rover that drives."""
+TURNING_M: Final = 0.02
+"""Free on either side of the footprint of a rover that turns on the spot."""
+TURN_BRAKING: Final = 4.0
+"""Angular deceleration by linear deceleration, in 1/m, of a base that is told to stand."""
+STEP_M: Final = 0.05
+STEP_RAD: Final = 0.05
+"""In which the footprint is moved ahead."""
+NEARER_M: Final = 0.01
+"""What is near already is met if it comes this much nearer."""
+REACH_M: Final = 3.0
+"""Points that are farther than that from base_link are not looked at."""
+SLOWEST_MPS: Final = 0.02
+SLOWEST_RADPS: Final = 0.05
+"""A rover that is slower stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A point that the laser sees, in the axes of base_link, and how far it is from the hull."""
+
+    x_m: float
+    y_m: float
+    gap_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """What must stay free around a footprint: ahead and behind, and on either side."""
+
+    along_m: float
+    beside_m: float
+
+
+class Surroundings:
+    """What is known of what stands around an asset.
+
+    Attributes:
+        spots: what the newest scan shows outside the rover itself.
+        scanned_s: when a new scan last came; minus infinity before the first.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.spots: tuple[Spot, ...] = ()
+        self.scanned_s = -inf
+        self._stamp_s = -inf
+
+    @property
+    def footprint(self) -> Footprint | None:
+        """What the rover covers of the ground."""
+        return self.settings.footprint
+
+    @property
+    def laser(self) -> bool:
+        """Whether there are scans to be watched."""
+        return self.settings.sensors.laser is not None and self.footprint is not None
+
+    def see(self, scan: LaserScan, now_s: float) -> None:
+        """Take a scan that is newer than the last, without what is the rover itself."""
+        if self.footprint is None or not isfinite(scan.stamp_s) or scan.stamp_s == self._stamp_s:
+            return
+        self._stamp_s, self.scanned_s = scan.stamp_s, now_s
+        directions = _directions(scan.angle_min_rad, scan.angle_increment_rad, len(scan.ranges_m))
+        least_m, most_m = scan.range_min_m, min(scan.range_max_m, REACH_M)
+        found = []
+        for range_m, (cosine, sine) in zip(scan.ranges_m, directions, strict=True):
+            if least_m <= range_m <= most_m:
+                x_m, y_m = range_m * cosine, range_m * sine
+                gap_m = _gap_m(x_m, y_m, self.footprint)
+                if gap_m > 0.0:
+                    found.append(Spot(x_m, y_m, gap_m))
+        self.spots = tuple(found)
+
+    def braking_s(self, velocity: Velocity, latency_s: float) -> float:
+        """Return for how long the velocity would have to be held to go the way of braking."""
+        braking_mps2 = self.settings.drive.braking_mps2
+        return latency_s + max(
+            abs(velocity.travel_mps) / (2.0 * braking_mps2),
+            abs(velocity.rotate_radps) / (2.0 * TURN_BRAKING * braking_mps2),
+        )
+
+    def met(self, velocity: Velocity, held_s: float, margin_m: float) -> Spot | None:
+        """Return what the rover comes too near to by a velocity that is held; None if nothing.
+
+        Of several points the second nearest.
+        """
+        if self.footprint is None or not moves(velocity):
+            return None
+        length_m = abs(velocity.travel_mps) * held_s
+        turn_rad = velocity.rotate_radps * held_s
+        reach_m = length_m + margin_m + self.footprint.radius_m * min(abs(turn_rad), 2.0)
+        near = [spot for spot in self.spots if spot.gap_m <= reach_m + BESIDE_M]
+        if len(near) < FEWEST_POINTS:
+            return None
+        margin = Margin(margin_m, self._beside_m if length_m > 0.0 else TURNING_M)
+        steps = max(1, ceil(max(length_m / STEP_M, abs(turn_rad) / STEP_RAD)))
+        found = [
+            spot
+            for spot in near
+            if any(
+                self._is_met(spot, velocity, held_s * step / steps, margin)
+                for step in range(1, steps + 1)
+            )
+        ]
+        return _second_nearest(found)
+
+    @property
+    def _beside_m(self) -> float:
+        """What must stay free on either side: less along what is nearer already."""
+        footprint = self.footprint
+        assert footprint is not None
+        along = [spot for spot in self.spots if abs(spot.x_m) < footprint.length_m / 2]
+        nearest = _second_nearest(along)
+        left_m = BESIDE_M if nearest is None else nearest.gap_m - NEARER_M
+        return max(0.0, min(BESIDE_M, left_m))
+
+    def near(self, velocity: Velocity, within_m: float) -> Spot | None:
+        """Return what stands so near in the direction in which the rover drives; None if nothing.
+
+        Of several points the second nearest.
+        """
+        if self.footprint is None or abs(velocity.travel_mps) < SLOWEST_MPS:
+            return None
+        sign = 1.0 if velocity.travel_mps > 0 else -1.0
+        half_m, side_m = self.footprint.length_m / 2, self.footprint.width_m / 2 + BESIDE_M
+        return _second_nearest(
+            [
+                spot
+                for spot in self.spots
+                if half_m < sign * spot.x_m < half_m + within_m and abs(spot.y_m) < side_m
+            ]
+        )
+
+    def _is_met(self, spot: Spot, velocity: Velocity, held_s: float, margin: Margin) -> bool:
+        """Return whether a point is within the margin, and nearer, once a velocity was held."""
+        footprint = self.footprint
+        assert footprint is not None
+        ahead_m = self.settings.turn_drive.control_point_m
+        turn_rad, length_m = velocity.rotate_radps * held_s, velocity.travel_mps * held_s
+        half_rad = turn_rad / 2
+        chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
+        dx_m = spot.x_m - ahead_m - chord_m * cos(half_rad)
+        dy_m = spot.y_m - chord_m * sin(half_rad)
+        cosine, sine = cos(turn_rad), sin(turn_rad)
+        x_m, y_m = dx_m * cosine + dy_m * sine + ahead_m, dy_m * cosine - dx_m * sine
+        return (
+            abs(x_m) < footprint.length_m / 2 + margin.along_m
+            and abs(y_m) < footprint.width_m / 2 + margin.beside_m
+            and _gap_m(x_m, y_m, footprint) < spot.gap_m - NEARER_M
+        )
+
+
+def moves(velocity: Velocity) -> bool:
+    """Return whether a rover at a velocity goes anywhere."""
+    return abs(velocity.travel_mps) >= SLOWEST_MPS or abs(velocity.rotate_radps) >= SLOWEST_RADPS
+
+
+@lru_cache(maxsize=8)
+def _directions(first_rad: float, step_rad: float, count: int) -> tuple[tuple[float, float], ...]:
+    """Return cosine and sine of each ray: those of a laser are the same in each scan."""
+    angles_rad = [first_rad + step_rad * index for index in range(count)]
+    return tuple((cos(angle_rad), sin(angle_rad)) for angle_rad in angles_rad)
+
+
+def _gap_m(x_m: float, y_m: float, footprint: Footprint) -> float:
+    """Return how far a point is from the hull; 0 within it."""
+    ahead_m, aside_m = abs(x_m) - footprint.length_m / 2, abs(y_m) - footprint.width_m / 2
+    return hypot(max(ahead_m, 0.0), max(aside_m, 0.0))
+
+
+def _second_nearest(spots: list[Spot]) -> Spot | None:
+    if len(spots) < FEWEST_POINTS:
+        return None
+    return sorted(spots, key=lambda spot: spot.gap_m)[FEWEST_POINTS - 1]
