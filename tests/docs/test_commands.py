@@ -21,7 +21,7 @@ from tests.support.certificates import authority_for
 from tests.support.processes import Running, run_to_end
 
 BIN = Path(sys.executable).parent
-LIMIT_S = 120
+LIMIT_S = 600
 START = "./rover demo --no-play"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
@@ -36,7 +36,10 @@ STAYS = {
 }
 """Commands that stay until Ctrl-C, and what they say once they are ready."""
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+NO_ROVER = ("./rover scenario ", "./rover campaign ")
+"""Commands that need no rover that runs, and no real time."""
+
+pytestmark = pytest.mark.slow
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,12 +100,17 @@ def _stays(text: str) -> str | None:
     return next((ready for start, ready in STAYS.items() if text.startswith(start)), None)
 
 
+def laid_out(folder: Path) -> Path:
+    """Return a folder, with the configuration of the checkout in it."""
+    shutil.copytree(CHECKOUT / "config", folder / "config")
+    return folder
+
+
 @pytest.fixture(scope="module")
 def desk(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     """Give a desk with the rover that the pages start."""
     assert os.environ["ROS_DOMAIN_ID"] == str(module_ros_domain)
-    folder = tmp_path_factory.mktemp("desk")
-    shutil.copytree(CHECKOUT / "config", folder / "config")
+    folder = laid_out(tmp_path_factory.mktemp("desk"))
     desk = Desk(folder, {known: port_of(module_ros_domain) for known in KNOWN_PORTS})
     orbiter = folder / "config" / "mops" / "orbiter.yaml"
     orbiter.write_text(desk.here(orbiter.read_text()))
@@ -114,9 +122,21 @@ def desk(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> It
             yield desk
 
 
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if lines(page)], ids=lambda page: page.stem
-)
+def pages(no_rover: bool) -> list[Path]:
+    """Return the pages with commands that need no rover, or the others."""
+    typed = {page: [line.text.startswith(NO_ROVER) for line in lines(page)] for page in PAGES}
+    return [page for page, without in typed.items() if without and all(without) == no_rover]
+
+
+@pytest.mark.parametrize("page", pages(no_rover=True), ids=lambda page: page.stem)
+def test_commands_without_a_rover_do_what_the_page_says(page: Path, tmp_path: Path) -> None:
+    desk = Desk(laid_out(tmp_path), {})
+    for line in lines(page):
+        desk.run(line)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("page", pages(no_rover=False), ids=lambda page: page.stem)
 def test_commands_do_what_the_page_says(page: Path, desk: Desk) -> None:
     with ExitStack() as terminals:
         for line in lines(page):
@@ -139,6 +159,7 @@ def printed(script: str, desk: Desk) -> str:
     return ran.stdout
 
 
+@pytest.mark.ros
 def test_python_commands_a_rover(desk: Desk) -> None:
     (script,) = blocks(CHECKOUT / "docs" / "command-a-rover.md", "python")
     told = printed(script, desk)
@@ -146,6 +167,7 @@ def test_python_commands_a_rover(desk: Desk) -> None:
     assert "Pose(frame='odom'" in told
 
 
+@pytest.mark.ros
 def test_python_fetches_a_picture(desk: Desk) -> None:
     (script,) = blocks(CHECKOUT / "docs" / "fetch-a-picture.md", "python")
     told = printed(script, desk)
@@ -153,6 +175,7 @@ def test_python_fetches_a_picture(desk: Desk) -> None:
     assert "True ['commandId', 'POS_X'" in told
 
 
+@pytest.mark.ros
 def test_a_client_of_ones_own_commands_a_rover(desk: Desk) -> None:
     by_specification, by_octets = blocks(CHECKOUT / "docs" / "own-client.md", "python")
     told = printed(by_specification, desk)

@@ -134,6 +134,7 @@ def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
 
 
 def test_tells_the_life_of_a_command_as_json(aboard: Aboard) -> None:
+    aboard.runs = True
     result = command(aboard, "--json", "--id", "7", "stop")
     assert result.exit_code == DONE
     sent, *life = map(json.loads, result.output.splitlines())
