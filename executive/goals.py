@@ -16,7 +16,8 @@ from executive.commands import (
 )
 from executive.commands.intake import PLAN_LINK, expired
 from executive.commands.lifecycle import Life
-from executive.motion import Intents, Latches, Leg, Locomotion
+from executive.geometry import Pose
+from executive.motion import Intents, Latches, Leg, Locomotion, Verification
 from executive.plans import ActivePlans
 from executive.ports import Video
 from executive.reasons import Figure, Refusal
@@ -32,6 +33,8 @@ class Goal:
         step: index of the step under way, of `step_count`.
         attempts: how often the step was ended away from its target.
         leg: the step as it was planned last.
+        begun: the pose from which the step was planned.
+        verification: what compares it with the second odometry; None where there is none.
     """
 
     def __init__(self, life: Life, arrived_s: float, arrived_utc_s: float) -> None:
@@ -42,6 +45,8 @@ class Goal:
         self.step = 0
         self.attempts = 0
         self.leg = Leg(None, None, False, None, 0.0)
+        self.begun = Pose()
+        self.verification: Verification | None = None
 
     @property
     def command(self) -> Command:

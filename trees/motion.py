@@ -13,7 +13,17 @@ from executive.commands import (
 )
 from executive.geometry import STANDING
 from executive.goals import Context, Goal
-from executive.motion import Motion, Step, leg_errors, plan_leg
+from executive.motion import (
+    FUSED_NEAR_M,
+    TURN_NEAR_M,
+    WAIT_S,
+    Motion,
+    Step,
+    Verification,
+    Verified,
+    leg_errors,
+    plan_leg,
+)
 from executive.path_check import check_request
 from executive.reasons import Figure, Reason, Refusal
 from executive.state import listed
@@ -52,17 +62,41 @@ class _MotionLeaf(GoalLeaf):
     @property
     def _known_by(self) -> str:
         """By which sources it is known where the rover is."""
-        return listed(["odometry"])
+        if self.context.status.fusion is None:
+            return listed(["odometry"])
+        return listed(["odometry", "second odometry"])
 
     @property
     def _where(self) -> tuple[Figure, ...]:
-        """Where the rover is."""
-        pose = self.context.status.pose
-        return (
+        """Where the rover is, and how sure its odometry is of that, if it says so."""
+        pose, odometry = self.context.status.pose, self.context.status.odometry
+        place = (
             Figure("x", pose.x_m, "m"),
             Figure("y", pose.y_m, "m"),
             Figure("heading", pose.heading_rad, "rad"),
         )
+        if odometry is None or not odometry.position_sd_m:
+            return place
+        return (
+            *place,
+            Figure("position sd", odometry.position_sd_m, "m"),
+            Figure("heading sd", odometry.heading_sd_rad, "rad"),
+        )
+
+    def _ended(self) -> None:
+        """Note that the motion has ended, and is to be verified."""
+        self._ended_s = self.context.clock.now_s()
+
+    def _verify(self) -> Verified | Refusal | None:
+        """Stand, and return what a second odometry says of the motion; None while it is awaited."""
+        verification = self.goal.verification
+        if verification is None:
+            return Verified(())
+        outcome = verification.outcome(self.context.clock.now_s() - self._ended_s)
+        if outcome is None:
+            self.context.intents.motion = STANDING
+            self.feedback_message = "waits for a frame of the second odometry"
+        return outcome
 
     def _allow(self, expected_s: float) -> float:
         return 2.0 * expected_s + MARGIN_S
@@ -90,9 +124,12 @@ class PlanLeg(_MotionLeaf):
     """Waits until the rover stands, then plans the leg from there."""
 
     def begin(self) -> float:
-        """Allow the time of a stop from full speed."""
-        self._begun_s = self.context.clock.now_s()
-        return self._allow(0.0)
+        """Allow the time of a stop from full speed, and of waiting for a second odometry."""
+        context, goal = self.context, self.goal
+        self._begun_s = context.clock.now_s()
+        if goal.step == goal.attempts == 0:
+            goal.verification = Verification.begin(context.settings, context.status)
+        return self._allow(0.0 if goal.verification is None else WAIT_S)
 
     def act(self) -> Status:
         """Stand, unless this command moves the rover already; then plan."""
@@ -105,12 +142,16 @@ class PlanLeg(_MotionLeaf):
             if now_s - self._begun_s >= HEARING_S:
                 self.context.intents.motion = STANDING
             return Status.RUNNING
+        verification = self.goal.verification
+        if verification is not None and not verification.ready(now_s - self._begun_s):
+            self.feedback_message = "waits for a frame of the second odometry"
+            return Status.RUNNING
         step, pose, settings = _step(self.goal), self.context.status.pose, self.context.settings
         request = MoveTo(step) if isinstance(step, Waypoint) else step
         blocked = check_request(request, pose, settings)
         if blocked is not None:
             return self.fail(blocked)
-        self.goal.leg = plan_leg(step, settings, self.context.status)
+        self.goal.leg, self.goal.begun = plan_leg(step, settings, self.context.status), pose
         return Status.SUCCESS
 
 
@@ -150,24 +191,33 @@ class FinishLeg(_MotionLeaf):
     """Moves the goal on to its next step, or ends it with success.
 
     A waypoint that was missed is tried again from where the rover stands, up to `ATTEMPTS` times;
-    no goal ends with success away from its target.
+    no goal ends with success away from its target. A second odometry has to agree with the whole
+    goal.
     """
 
     def begin(self) -> float:
-        """Take no time."""
-        return self._allow(0.0)
+        """Take no time, but what a frame of a second odometry takes."""
+        self._ended()
+        return self._allow(WAIT_S)
 
     def act(self) -> Status:
         """Count the step, unless the rover ended away from its target."""
-        goal, leg = self.goal, self.goal.leg
-        place_m, heading_rad = leg_errors(leg, self.context.settings, self.context.status)
-        if place_m > leg.tolerance_m:
+        goal = self.goal
+        verified: Verified | Refusal | None = Verified(())
+        if goal.step + 1 == goal.step_count:
+            verified = self._verify()
+        if verified is None:
+            return Status.RUNNING
+        if isinstance(verified, Refusal):
+            return self.fail(verified)
+        place_m, near_m, heading_rad = self._errors()
+        if place_m > near_m:
             goal.attempts += 1
-            relative = isinstance(goal.command.request, MoveForward)
+            relative = not isinstance(goal.command.request, MoveTo | FollowPath)
             if not relative and goal.attempts < ATTEMPTS:
                 return Status.FAILURE
             text = f"the rover stands {place_m:.3f} m from its target"
-            figures = Figure("position error", place_m, "m"), Figure("bound", leg.tolerance_m, "m")
+            figures = Figure("position error", place_m, "m"), Figure("bound", near_m, "m")
             return self.fail(Refusal(Reason.OFF_TARGET, text, figures))
         goal.step += 1
         goal.attempts = 0
@@ -183,9 +233,27 @@ class FinishLeg(_MotionLeaf):
                 Figure("position error", place_m, "m"),
                 Figure("heading error", heading_rad, "rad"),
                 *self._where,
+                *verified.figures,
             ),
         )
         return Status.SUCCESS
+
+    def _errors(self) -> tuple[float, float, float]:
+        """Return the distance from the target, how near is near enough, and the heading's error.
+
+        Where the pose is corrected, a turn on the spot has to stay where it began.
+        """
+        context, goal, leg = self.context, self.goal, self.goal.leg
+        place_m, heading_rad = leg_errors(leg, context.settings, context.status)
+        near_m, fusion, pose = leg.tolerance_m, context.status.fusion, context.status.pose
+        if fusion is not None and fusion.fused:
+            near_m = max(near_m, FUSED_NEAR_M)
+            if leg.target is None and isinstance(goal.command.request, RotateTo | RotateBy):
+                place_m, near_m = goal.begun.point.distance_m(pose.point), TURN_NEAR_M
+            elif leg.target is None:
+                ahead_m = context.settings.turn_drive.control_point_m
+                place_m = goal.begun.ahead(ahead_m).distance_m(pose.ahead(ahead_m))
+        return place_m, near_m, heading_rad
 
 
 class HoldVelocity(_MotionLeaf):
@@ -198,13 +266,25 @@ class HoldVelocity(_MotionLeaf):
             raise TypeError(f"{request} holds no velocity")
         pose, settings = self.context.status.pose, self.context.settings
         self._blocked = check_request(request, pose, settings)
+        self.goal.verification = Verification.begin(settings, self.context.status)
+        self._held = False
         return self._begin(self.context.locomotion.hold(command, request))
 
     def act(self) -> Status:
         """Go on until its time is over and the rover stands."""
         if self._blocked is not None:
             return self.fail(self._blocked)
-        status = self._go_on(standing=True)
-        if status is Status.SUCCESS:
-            self.queue.execute(f"velocity held for its time, {self._known_by}", self._where)
-        return status
+        if not self._held:
+            status = self._go_on(standing=True)
+            if status is not Status.SUCCESS:
+                return status
+            self._held = True
+            self._ended()
+        verified = self._verify()
+        if verified is None:
+            return Status.RUNNING
+        if isinstance(verified, Refusal):
+            return self.fail(verified)
+        figures = (*self._where, *verified.figures)
+        self.queue.execute(f"velocity held for its time, {self._known_by}", figures)
+        return Status.SUCCESS

@@ -3,8 +3,18 @@
 from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
 from executive.motion.locomotion import Leg, Locomotion, Motion, Step, leg_errors, plan_leg
 from executive.motion.velocity_control import VelocityLocomotion
+from executive.motion.verification import (
+    FUSED_NEAR_M,
+    TURN_NEAR_M,
+    WAIT_S,
+    Verification,
+    Verified,
+)
 
 __all__ = [
+    "FUSED_NEAR_M",
+    "TURN_NEAR_M",
+    "WAIT_S",
     "Arbiter",
     "Intents",
     "Latches",
@@ -13,6 +23,8 @@ __all__ = [
     "Motion",
     "Step",
     "VelocityLocomotion",
+    "Verification",
+    "Verified",
     "leg_errors",
     "make_locomotion",
     "plan_leg",

@@ -129,6 +129,7 @@ class Leg:
         heading_rad: heading to take at the end; None to stay as the drive ends.
         tolerance_m: how near is near enough.
         turn_rad: signed angle to turn to that heading; None for the shorter way.
+        aim: where the line ends, uphill of the target by what the last turn will slide.
     """
 
     toward_rad: float | None
@@ -137,6 +138,7 @@ class Leg:
     heading_rad: float | None
     tolerance_m: float
     turn_rad: float | None = None
+    aim: Point | None = None
 
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
@@ -174,12 +176,29 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
         return Leg(None, None, False, waypoint.heading_rad, near_m)
     forward = _towards(pose, place, waypoint, False, law.control_point_m, near_m)
     if not law.reverse:
-        return forward
+        return _uphill(forward, pose, settings, status)
     backward = _towards(pose, place, waypoint, True, law.control_point_m, near_m)
     bounds = turn_bounds(settings, status)
     if _turning_s(pose, forward, bounds) <= _turning_s(pose, backward, bounds) + FORWARD_FAVOUR_S:
-        return forward
-    return backward
+        return _uphill(forward, pose, settings, status)
+    return _uphill(backward, pose, settings, status)
+
+
+def _uphill(leg: Leg, pose: Pose, settings: Settings, status: Status) -> Leg:
+    """Return a leg that allows for the slide of its turns on a slope, where that was learnt."""
+    if leg.target is None or leg.toward_rad is None:
+        return leg
+    start = pose.ahead(settings.turn_drive.control_point_m)
+    first = status.slide(wrap_rad(leg.toward_rad - pose.heading_rad))
+    last = Point(0.0, 0.0)
+    if leg.heading_rad is not None:
+        last = status.slide(wrap_rad(leg.heading_rad - leg.toward_rad))
+    if first == last == Point(0.0, 0.0):
+        return leg
+    start = Point(start.x_m + first.x_m, start.y_m + first.y_m)
+    aim = Point(leg.target.x_m - last.x_m, leg.target.y_m - last.y_m)
+    toward_rad = wrap_rad(start.bearing_rad(aim) + (pi if leg.reverse else 0.0))
+    return replace(leg, toward_rad=toward_rad, aim=aim)
 
 
 def aim_m(tolerance_m: float, settings: Settings) -> float:

@@ -249,7 +249,7 @@ class VelocityLocomotion:
         if leg.target is None:
             return None
         return DriveLaw(
-            leg.target,
+            leg.aim or leg.target,
             leg.reverse,
             leg.tolerance_m,
             self._settings,

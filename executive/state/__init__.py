@@ -28,6 +28,7 @@ from executive.state.files import (
     check_path,
     store_picture,
 )
+from executive.state.fusion import FramePair, disagreement
 from executive.state.standstill import SourceMotion, listed
 from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
@@ -47,6 +48,7 @@ __all__ = [
     "FileStamp",
     "ForeignPublishers",
     "Frame",
+    "FramePair",
     "Imu",
     "Joints",
     "LaserScan",
@@ -61,6 +63,7 @@ __all__ = [
     "Stopped",
     "Telemetry",
     "check_path",
+    "disagreement",
     "listed",
     "store_picture",
 ]

@@ -179,6 +179,11 @@ class Standstill:
             case SecondOdometry(stamp_s, pose):
                 self._frames.take(now_s, stamp_s, pose, self._odometry.since_s)
 
+    @property
+    def since_s(self) -> float:
+        """The stamp from which on the odometry shows the rover standing; infinite if it moves."""
+        return self._odometry.since_s
+
     def by_source(self) -> tuple[SourceMotion, ...]:
         """Return how the rover moves by each source that has told something lately."""
         now_s = self._clock.now_s()

@@ -3,7 +3,7 @@
 from math import cos, inf, isfinite, sin
 
 from executive.clock import Clock
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.reports import Identity
 from executive.settings import Settings
 from executive.state.facts import (
@@ -24,6 +24,7 @@ from executive.state.facts import (
     SecondOdometry,
     Stopped,
 )
+from executive.state.fusion import Fusion
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
 
@@ -40,6 +41,7 @@ class Status:
         elsewhere: the command that the rover last received over another link.
         foreign: other publishers of the rover's velocity.
         standstill: whether the rover stands, by each source that can tell.
+        fusion: what a second odometry says of the pose; None where there is none.
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
@@ -59,6 +61,8 @@ class Status:
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
         self.standstill = Standstill(clock)
+        second = settings.sensors.second_odometry
+        self.fusion = None if second is None else Fusion(second.fused)
         self._odometry_at_s = -inf
 
     def observe(self, fact: Fact) -> None:
@@ -80,8 +84,12 @@ class Status:
                 self.motion_ended = fact
             case CommandUnderWay(identity):
                 self.elsewhere = identity
-            case Imu() | Joints() | SecondOdometry():
+            case Imu() | Joints():
                 self.standstill.observe(fact)
+            case SecondOdometry():
+                self.standstill.observe(fact)
+                if self.fusion is not None:
+                    self.fusion.second_odometry(fact)
             case LaserScan():
                 pass  # says nothing of the rover's own motion
             case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
@@ -102,7 +110,8 @@ class Status:
         """The compensated pose of base_link: at the origin until odometry comes."""
         if self.odometry is None:
             return Pose()
-        raw, offset = self.odometry.pose, self.compensation
+        raw = self.odometry.pose if self.fusion is None else self.fusion.pose
+        offset = self.compensation
         turn_rad = offset.heading_rad
         return Pose(
             x_m=raw.x_m * cos(turn_rad) - raw.y_m * sin(turn_rad) + offset.x_m,
@@ -111,6 +120,16 @@ class Status:
             heading_rad=wrap_rad(raw.heading_rad + turn_rad),
             roll_rad=raw.roll_rad,
             pitch_rad=raw.pitch_rad,
+        )
+
+    def slide(self, turn_rad: float) -> Point:
+        """Return by how much a turn on the spot is known to slide here, in the frame of `pose`."""
+        if self.fusion is None:
+            return Point(0.0, 0.0)
+        slid, heading_rad = self.fusion.slide(turn_rad), self.compensation.heading_rad
+        return Point(
+            slid.x_m * cos(heading_rad) - slid.y_m * sin(heading_rad),
+            slid.x_m * sin(heading_rad) + slid.y_m * cos(heading_rad),
         )
 
     @property
@@ -172,3 +191,5 @@ class Status:
         self.odometry = fact
         self._odometry_at_s = self._clock.now_s()
         self.standstill.observe(fact)
+        if self.fusion is not None:
+            self.fusion.odometry(fact)

@@ -1,0 +1,295 @@
+"""The pose by the odometry of the wheels and, where there is one, by a second odometry.
+
+Each frame of the second odometry is put beside the pose at its stamp: pairs, by which the end of a
+motion is verified. Where it is fused, its steps correct the place. The heading is left alone: a
+gyro is better.
+
+The gain is that of a Kalman filter of one dimension. Wheels are as good as `WHEELS_PER_M` on level
+ground and slide in proportion to the slope, above all in turns; the second odometry is as good as
+`FRAME_M` and `FRAME_PER_M`. So on level ground hardly anything is corrected that agrees within
+these, and on slopes nearly all. What is not corrected is kept: a slow slide adds up.
+
+How far a turn slides downhill is learnt: metres for each radian turned and sine of the slope.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+from math import cos, hypot, sin
+from typing import Final
+
+from executive.geometry import Point, Pose, wrap_rad
+from executive.state.facts import Odometry, SecondOdometry
+
+KEPT_S: Final = 3.0
+MOST_KEPT: Final = 1024
+"""Frames that come later than this are left out."""
+AHEAD_S: Final = 0.1
+"""A frame that is newer than the odometry by more is left out."""
+FRAME_M: Final = 0.01
+FRAME_PER_M: Final = 0.015
+WHEELS_PER_M: Final = 0.002
+WHEELS_PER_RAD: Final = 0.002
+SLIDE_M_PER_RAD: Final = 0.5
+"""In a turn, for each sine of the slope, before more is learnt; and so below."""
+SLIDE_PER_M: Final = 0.3
+SLIDE_MPS: Final = 0.05
+GATE_SD: Final = 2.5
+"""Beyond so many standard deviations of the second odometry the wheels must be wrong."""
+STEP_M: Final = 0.02
+"""At most corrected with each message of the odometry."""
+LEARNT_AFTER: Final = 0.05
+"""Radians times sine of the slope that count as much as not having seen any."""
+FORGOTTEN: Final = 0.9
+"""What is left of what was learnt after each frame in which the rover turned on a slope."""
+LEAST_TURN_RAD: Final = 0.15
+LEAST_SLOPE: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class FramePair:
+    """A frame of the second odometry and the pose at its stamp.
+
+    Attributes:
+        way_m: driven since the start.
+        pose, second: in the frames of both odometries.
+        position_sd_m, heading_sd_rad: of the second; 0 where it says none.
+    """
+
+    stamp_s: float
+    way_m: float
+    pose: Pose
+    second: Pose
+    position_sd_m: float
+    heading_sd_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """By how much two odometries differ over a way."""
+
+    off_m: float
+    off_rad: float
+    way_m: float
+
+
+def disagreement(first: FramePair, last: FramePair) -> Disagreement:
+    """Return by how much two odometries differ over the way between two pairs."""
+    own, other = _seen_from(first.pose, last.pose), _seen_from(first.second, last.second)
+    turned_rad = wrap_rad(last.pose.heading_rad - first.pose.heading_rad)
+    other_rad = wrap_rad(last.second.heading_rad - first.second.heading_rad)
+    return Disagreement(
+        own.distance_m(other), abs(wrap_rad(turned_rad - other_rad)), last.way_m - first.way_m
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where dead reckoning has come to, and what was summed up on the way."""
+
+    stamp_s: float
+    pose: Pose
+    way_m: float
+    turn_rad: float
+    slide: float
+    downhill_x: float
+    downhill_y: float
+
+
+class Fusion:
+    """Takes both odometries, and gives the pose.
+
+    Attributes:
+        fused: whether the second odometry corrects the pose.
+        latest: the newest frame that has a pose beside it.
+    """
+
+    def __init__(self, fused: bool) -> None:
+        self.fused = fused
+        self._places: deque[_Place] = deque(maxlen=MOST_KEPT)
+        self._raw: Odometry | None = None
+        self.latest: FramePair | None = None
+        self._before: _Place | None = None
+        self._left = Point(0.0, 0.0)
+        self._left_sd_m = 0.0
+        self._wheels_m2 = 0.0
+        self._target = self._applied = Point(0.0, 0.0)
+        self._turns2 = self._slid = 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """The pose; at the origin until odometry comes."""
+        return self._corrected(self._places[-1].pose) if self._places else Pose()
+
+    @property
+    def settled(self) -> bool:
+        """Whether what the frames say has been taken over."""
+        return self._applied == self._target
+
+    @property
+    def slide_m_per_rad(self) -> float:
+        """How far a turn slides downhill, for each radian and sine of the slope."""
+        return self._slid / (self._turns2 + LEARNT_AFTER**2)
+
+    def slide(self, turn_rad: float) -> Point:
+        """Return by how much a turn on the spot will slide, here and in the plane."""
+        if not self._places:
+            return Point(0.0, 0.0)
+        x, y = _downhill(self._places[-1].pose)
+        slid = self.slide_m_per_rad * abs(turn_rad)
+        return Point(slid * x, slid * y)
+
+    def odometry(self, fact: Odometry) -> None:
+        """Take the odometry of the wheels."""
+        before, self._raw = self._raw, fact
+        if self._places and fact.stamp_s < self._places[-1].stamp_s:
+            self._places.clear()
+            self._before = None
+        if before is None or not self._places:
+            self._places.append(_Place(fact.stamp_s, fact.pose, 0.0, 0.0, 0.0, 0.0, 0.0))
+            return
+        last = self._places[-1]
+        step = Point(fact.pose.x_m - before.pose.x_m, fact.pose.y_m - before.pose.y_m)
+        turn_rad = abs(wrap_rad(fact.pose.heading_rad - before.pose.heading_rad))
+        x, y = _downhill(fact.pose)
+        slid = self.slide_m_per_rad * turn_rad
+        pose = fact.pose
+        if self.fused:
+            x_m, y_m = last.pose.x_m + step.x_m, last.pose.y_m + step.y_m
+            pose = replace(pose, x_m=x_m + slid * x, y_m=y_m + slid * y)
+        slope, way_m = hypot(x, y), hypot(step.x_m, step.y_m)
+        since_s = max(0.0, fact.stamp_s - last.stamp_s)
+        self._places.append(
+            _Place(
+                fact.stamp_s,
+                pose,
+                last.way_m + way_m,
+                last.turn_rad + turn_rad,
+                last.slide
+                + slope * (SLIDE_M_PER_RAD * turn_rad + SLIDE_PER_M * way_m + SLIDE_MPS * since_s),
+                last.downhill_x + turn_rad * x,
+                last.downhill_y + turn_rad * y,
+            )
+        )
+        while self._places[0].stamp_s < fact.stamp_s - KEPT_S:
+            self._places.popleft()
+        self._approach()
+
+    def second_odometry(self, fact: SecondOdometry) -> None:
+        """Take a frame, stamped by the clock of the odometry; one that is too old is left out."""
+        newest = self.latest
+        if not fact.pose.finite:
+            return
+        if newest is not None and fact.stamp_s <= newest.stamp_s:
+            return
+        here = self._at(fact.stamp_s)
+        if here is None:
+            return
+        if self.fused and newest is not None and self._before is not None:
+            self._correct(self._before, here, newest.second, fact.pose)
+        self._before = here
+        place = Point(here.pose.x_m + self._target.x_m, here.pose.y_m + self._target.y_m)
+        self.latest = FramePair(
+            fact.stamp_s,
+            here.way_m,
+            replace(here.pose, x_m=place.x_m, y_m=place.y_m),
+            fact.pose,
+            fact.position_sd_m,
+            fact.heading_sd_rad,
+        )
+
+    def _correct(self, before: _Place, here: _Place, second: Pose, second_now: Pose) -> None:
+        step = _seen_from(second, second_now)
+        heading_rad = before.pose.heading_rad
+        cosine, sine = cos(heading_rad), sin(heading_rad)
+        apart_x = step.x_m * cosine - step.y_m * sine - (here.pose.x_m - before.pose.x_m)
+        apart_y = step.x_m * sine + step.y_m * cosine - (here.pose.y_m - before.pose.y_m)
+        self._learn(before, here, apart_x, apart_y)
+        way_m, turn_rad = here.way_m - before.way_m, here.turn_rad - before.turn_rad
+        left_x, left_y = self._left.x_m + apart_x, self._left.y_m + apart_y
+        self._left_sd_m += FRAME_PER_M * way_m
+        self._wheels_m2 += (
+            WHEELS_PER_M * way_m + WHEELS_PER_RAD * turn_rad + here.slide - before.slide
+        ) ** 2
+        sd_m = FRAME_M + self._left_sd_m
+        beyond_m = max(0.0, hypot(left_x, left_y) - GATE_SD * sd_m)
+        wheels_m2 = self._wheels_m2 + beyond_m**2
+        gain = wheels_m2 / (wheels_m2 + sd_m**2)
+        self._target = Point(self._target.x_m + gain * left_x, self._target.y_m + gain * left_y)
+        self._left = Point((1 - gain) * left_x, (1 - gain) * left_y)
+        self._left_sd_m *= 1 - gain
+        self._wheels_m2 *= 1 - gain
+
+    def _learn(self, before: _Place, here: _Place, apart_x: float, apart_y: float) -> None:
+        """Learn the slide of turns from one step in which the rover turned on a slope."""
+        turn_rad = here.turn_rad - before.turn_rad
+        x, y = here.downhill_x - before.downhill_x, here.downhill_y - before.downhill_y
+        turned = hypot(x, y)
+        if turn_rad < LEAST_TURN_RAD or turned < LEAST_SLOPE * turn_rad:
+            return
+        downhill_m = (apart_x * x + apart_y * y) / turned + self.slide_m_per_rad * turned
+        self._turns2 = FORGOTTEN * self._turns2 + turned**2
+        self._slid = FORGOTTEN * self._slid + turned * downhill_m
+
+    def _at(self, stamp_s: float) -> _Place | None:
+        """Return where dead reckoning was at a stamp; None where that is not known."""
+        places = self._places
+        if not places or not places[0].stamp_s <= stamp_s <= places[-1].stamp_s + AHEAD_S:
+            return None
+        after = places[-1]
+        for place in reversed(places):
+            if place.stamp_s <= stamp_s:
+                return _between(place, after, stamp_s)
+            after = place
+        return None
+
+    def _approach(self) -> None:
+        x, y = self._target.x_m - self._applied.x_m, self._target.y_m - self._applied.y_m
+        left_m = hypot(x, y)
+        if left_m <= STEP_M:
+            self._applied = self._target
+        else:
+            part = STEP_M / left_m
+            self._applied = Point(self._applied.x_m + part * x, self._applied.y_m + part * y)
+
+    def _corrected(self, pose: Pose) -> Pose:
+        return replace(pose, x_m=pose.x_m + self._applied.x_m, y_m=pose.y_m + self._applied.y_m)
+
+
+def _seen_from(pose: Pose, other: Pose) -> Point:
+    x_m, y_m = other.x_m - pose.x_m, other.y_m - pose.y_m
+    cosine, sine = cos(pose.heading_rad), sin(pose.heading_rad)
+    return Point(x_m * cosine + y_m * sine, y_m * cosine - x_m * sine)
+
+
+def _downhill(pose: Pose) -> tuple[float, float]:
+    """Return the direction downhill in the plane, as long as the sine of the slope."""
+    ahead, left = sin(pose.pitch_rad), -sin(pose.roll_rad)
+    cosine, sine = cos(pose.heading_rad), sin(pose.heading_rad)
+    return ahead * cosine - left * sine, ahead * sine + left * cosine
+
+
+def _between(one: _Place, other: _Place, stamp_s: float) -> _Place:
+    span_s = other.stamp_s - one.stamp_s
+    part = (stamp_s - one.stamp_s) / span_s if span_s > 0.0 else 0.0
+    part = min(part, 1.0)
+
+    def mix(old: float, new: float) -> float:
+        return old + part * (new - old)
+
+    heading_rad = one.pose.heading_rad
+    turned_rad = wrap_rad(other.pose.heading_rad - heading_rad)
+    pose = replace(
+        one.pose,
+        x_m=mix(one.pose.x_m, other.pose.x_m),
+        y_m=mix(one.pose.y_m, other.pose.y_m),
+        heading_rad=wrap_rad(heading_rad + part * turned_rad),
+    )
+    return _Place(
+        stamp_s,
+        pose,
+        mix(one.way_m, other.way_m),
+        mix(one.turn_rad, other.turn_rad),
+        mix(one.slide, other.slide),
+        mix(one.downhill_x, other.downhill_x),
+        mix(one.downhill_y, other.downhill_y),
+    )
