@@ -193,11 +193,110 @@ class FaultTable:
         Row(When.ALWAYS, *_HELD, beyond=0.2),
         beyond=Bound("turn that the rate does not explain", "rad", 0.02, 1.5),
     )
+    odometry_not_finite: Row = _fault(
+        Reason.ODOMETRY_NOT_FINITE,
+        "Odometry has figures that are no numbers.",
+        Row(When.MOVING, *_STOPPED, for_s=0.1),
+    )
     odometry_stale: Row = _fault(
         Reason.ODOMETRY_STALE,
         "No odometry arrives, or always the same message.",
-        Row(When.MOVING, *_HELD, beyond=0.25),
-        beyond=Bound("age of the newest odometry", "s", 0.05, 10.0),
+        Row(When.MOVING, *_HELD, beyond=0.3),
+        beyond=Bound("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
+    )
+    odometry_late: Row = _fault(
+        Reason.ODOMETRY_LATE,
+        "Odometry comes too late to steer by.",
+        Row(When.MOVING, *_STOPPED, for_s=0.3, beyond=0.12),
+        beyond=Bound("age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0),
+    )
+    odometry_slow: Row = _fault(
+        Reason.ODOMETRY_SLOW,
+        "Odometry comes too seldom to steer by.",
+        Row(When.MOVING, *_STOPPED, for_s=0.2, below=10.0, within_s=1.0),
+        below=Bound("messages a second", "Hz", 0.5, 1000.0),
+        within=_window(0.5),
+    )
+    odometry_frozen: Row = _fault(
+        Reason.ODOMETRY_FROZEN,
+        "Odometry does not change at all, though the rover is commanded to move.",
+        Row(When.MOVING, *_STOPPED, within_s=0.3),
+        within=_window(),
+    )
+    odometry_off_twist: Row = _fault(
+        Reason.ODOMETRY_INCONSISTENT,
+        "The pose of the odometry goes elsewhere than its own velocity says.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5),
+        beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    odometry_drifts: Row = _fault(
+        Reason.ODOMETRY_INCONSISTENT,
+        "The pose of the odometry drifts away from what its own velocity says.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.06, ratio=0.03, within_s=4.0),
+        beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    odometry_heading_off_twist: Row = _fault(
+        Reason.ODOMETRY_INCONSISTENT,
+        "The heading of the odometry turns otherwise than its own rate says.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5),
+        beyond=Bound("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    off_command: Row = _fault(
+        Reason.OFF_COMMAND,
+        "The rover does not go as fast as it is commanded to, by its odometry.",
+        Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35),
+        beyond=Bound("speed outside of what was commanded", "m/s", 0.02, 2.0),
+        ratio=Bound("share of the speed that was commanded, where it is more", "", 0.0, 2.0),
+        within=_window(),
+    )
+    turn_off_command: Row = _fault(
+        Reason.OFF_COMMAND,
+        "The rover does not turn as fast as it is commanded to, by its odometry.",
+        Row(When.MOVING, *_STOPPED, for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35),
+        beyond=Bound("rate outside of what was commanded", "rad/s", 0.05, 3.0),
+        ratio=Bound("share of the rate that was commanded, where it is more", "", 0.0, 2.0),
+        within=_window(),
+    )
+    turn_amiss: Row = _fault(
+        Reason.OFF_COMMAND,
+        "The rover turns more or less than it is commanded to, by its odometry.",
+        Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0),
+        beyond=Bound("turn beside what was commanded", "rad", 0.05, 3.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    no_progress: Row = _fault(
+        Reason.NO_PROGRESS,
+        "Nothing comes of what is commanded, by the odometry.",
+        Row(When.MOVING, *_STOPPED, below=0.3, within_s=3.0),
+        below=Bound("share of the way or turn that was commanded", "", 0.01, 1.0),
+        within=_window(1.0),
+    )
+    drives_uncommanded: Row = _fault(
+        Reason.MOVES_UNCOMMANDED,
+        "The rover drives though it should stand, and nobody else commands it.",
+        Row(When.ALWAYS, *_STOPPED, for_s=0.1, beyond=0.04, within_s=1.0),
+        beyond=Bound("speed", "m/s", 0.005, 1.0),
+        within=_window(),
+    )
+    turns_uncommanded: Row = _fault(
+        Reason.MOVES_UNCOMMANDED,
+        "The rover turns though it should stand, or its gyro says so, and nobody else commands it.",
+        Row(When.ALWAYS, *_STOPPED, for_s=0.1, beyond=0.01, within_s=1.0),
+        beyond=Bound("rate", "rad/s", 0.001, 1.0),
+        within=_window(),
+    )
+    odometry_silent: Row = _fault(
+        Reason.ODOMETRY_SILENT,
+        "There is no odometry any more, whether the rover moves or not.",
+        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, beyond=1.0),
+        beyond=Bound("time since it last came", "s", 0.1, 3600.0),
     )
     tilted: Row = _fault(
         Reason.TILTED,
@@ -216,6 +315,18 @@ class FaultTable:
         "Somebody else commands the base, which obeys them: a joystick, or another node.",
         Row(When.MOVING, Then.PAUSE, Clears.ON_RESUME, for_s=0.2),
     )
+    battery_silent: Row = _fault(
+        Reason.BATTERY_SILENT,
+        "The battery no longer tells its voltage.",
+        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, beyond=5.0),
+        beyond=Bound("time since it last did", "s", 0.5, 3600.0),
+    )
+    battery_not_finite: Row = _fault(
+        Reason.BATTERY_NOT_FINITE,
+        "The voltage of the battery is not a number.",
+        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, for_s=0.5),
+    )
+
     wheels_off_command: Row = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",

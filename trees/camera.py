@@ -6,6 +6,7 @@ from executive.commands import MoveCameraAngles, SetCameraAngles
 from executive.goals import Context, Goal, GoalQueue
 from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
+from executive.safety import frame_fault
 from executive.state import CameraAngles, store_picture
 from trees.leaf import GoalLeaf
 
@@ -102,23 +103,35 @@ class PanTilt(GoalLeaf):
 
 
 class Capture(GoalLeaf):
-    """Stores the first camera frame that arrives after it asked for one."""
+    """Stores the first camera frame that was taken after it asked for one, and is whole."""
 
     late = Reason.CAPTURE_DEADLINE
     late_text = "no camera frame came"
 
+    def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
+        super().__init__(name, context, queue)
+        self._last_stamp_s: float | None = None
+
     def begin(self) -> float:
         """Ask for a frame."""
-        self._seen = self.context.status.frames
-        self.context.intents.frame = True
+        self._asked_s = self.context.clock.now_s()
+        self._wrong: Refusal | None = None
+        self._ask()
         return self.context.settings.camera.capture_deadline_s
 
     def act(self) -> Status:
-        """Wait for the frame and store it."""
+        """Wait for the frame and store it; ask again for one that is no picture of now."""
         frame = self.context.status.frame
         if frame is None or self.context.status.frames == self._seen:
             self.feedback_message = "waiting for a frame"
             return Status.RUNNING
+        taken_s = self.context.safety.history.frame_time_s
+        self._wrong = frame_fault(frame, taken_s, self._asked_s, self._last_stamp_s)
+        if self._wrong is not None:
+            self.feedback_message = self._wrong.text
+            self._ask()
+            return Status.RUNNING
+        self._last_stamp_s = frame.stamp_s
         try:
             context, identity = self.context, self.goal.command.identity
             path = store_picture(context.files, frame, identity, context.status.values())
@@ -128,3 +141,11 @@ class Capture(GoalLeaf):
             )
         self.queue.execute(f"picture {path} stored", (Figure("size", len(frame.data), "octet"),))
         return Status.SUCCESS
+
+    def give_up(self) -> Status:
+        """Fail the goal, with what was wrong with the last frame."""
+        return super().give_up() if self._wrong is None else self.fail(self._wrong)
+
+    def _ask(self) -> None:
+        self._seen = self.context.status.frames
+        self.context.intents.frame = True

@@ -47,6 +47,10 @@ def _step(goal: Goal) -> Step:
             raise TypeError(f"{other} has no leg")
 
 
+HELD_M, HELD_RAD, HELD_RATIO = 0.08, 0.08, 0.02
+"""How far a velocity that was held may have led beside its time; the ratio is of way and turn."""
+
+
 class _MotionLeaf(GoalLeaf):
     late = Reason.DRIVE_DEADLINE
 
@@ -268,6 +272,7 @@ class HoldVelocity(_MotionLeaf):
         self._blocked = check_request(request, pose, settings)
         self.goal.verification = Verification.begin(settings, self.context.status)
         self._held = False
+        self._request, self._from = request, self.context.safety.history.driven
         return self._begin(self.context.locomotion.hold(command, request))
 
     def act(self) -> Status:
@@ -278,6 +283,9 @@ class HoldVelocity(_MotionLeaf):
             status = self._go_on(standing=True)
             if status is not Status.SUCCESS:
                 return status
+            short = self._short()
+            if short is not None:
+                return self.fail(short)
             self._held = True
             self._ended()
         verified = self._verify()
@@ -288,3 +296,28 @@ class HoldVelocity(_MotionLeaf):
         figures = (*self._where, *verified.figures)
         self.queue.execute(f"velocity held for its time, {self._known_by}", figures)
         return Status.SUCCESS
+
+    def _short(self) -> Refusal | None:
+        """Return why the rover did not move as the velocity says, by its odometry, or None."""
+        request, (way0_m, turn0_rad) = self._request, self._from
+        way1_m, turn1_rad = self.context.safety.history.driven
+        way_m, turn_rad = way1_m - way0_m, turn1_rad - turn0_rad
+        wanted_m = request.travel_mps * request.duration_s
+        wanted_rad = request.rotate_radps * request.duration_s
+        bound_m = HELD_M + HELD_RATIO * abs(wanted_m)
+        bound_rad = HELD_RAD + HELD_RATIO * abs(wanted_rad)
+        if abs(way_m - wanted_m) <= bound_m and abs(turn_rad - wanted_rad) <= bound_rad:
+            return None
+        return Refusal(
+            Reason.OFF_TARGET,
+            f"the rover went {way_m:.2f} m and turned by {turn_rad:.2f} rad of {wanted_m:.2f} m and"
+            f" {wanted_rad:.2f} rad",
+            (
+                Figure("commanded", wanted_m, "m"),
+                Figure("odometry", way_m, "m"),
+                Figure("bound", bound_m, "m"),
+                Figure("turn commanded", wanted_rad, "rad"),
+                Figure("turn", turn_rad, "rad"),
+                Figure("turn bound", bound_rad, "rad"),
+            ),
+        )

@@ -86,12 +86,8 @@ def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
 
 
 def battery_fact(message: BatteryState) -> Battery:
-    """Return the voltage.
-
-    Raises:
-        MessageError: it is not finite, as where it is not measured.
-    """
-    return Battery(finite(message.voltage, "battery voltage"))
+    """Return the voltage: NaN where it is not measured."""
+    return Battery(message.voltage)
 
 
 def frame_fact(message: CompressedImage) -> Frame:

@@ -1,5 +1,6 @@
 """What the executive watches for, and when a fault begins and ends."""
 
+from executive.safety.camera_checks import frame_fault
 from executive.safety.channel import Channel
 from executive.safety.evidence import Evidence, Monitor
 from executive.safety.history import History, Moved
@@ -15,4 +16,5 @@ __all__ = [
     "Monitor",
     "Moved",
     "Safety",
+    "frame_fault",
 ]

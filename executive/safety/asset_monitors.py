@@ -31,3 +31,19 @@ def other_publisher(history: History, _: Row, __: float) -> Evidence | None:
     """See that the base obeys somebody else."""
     drivers = ", ".join(str(each) for each in history.inputs if each.above)
     return Evidence(f"{drivers} drives the rover") if drivers else None
+
+
+def battery_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that the battery no longer tells its voltage."""
+    age_s = now_s - history.battery_at_s
+    if history.battery is None or age_s <= row.bound:
+        return None
+    figures = Figure("age", age_s, "s"), Figure("bound", row.bound, "s")
+    return Evidence(f"the battery has not told its voltage for {age_s:.0f} s", figures)
+
+
+def battery_not_finite(history: History, _row: Row, _: float) -> Evidence | None:
+    """See a voltage that is no number."""
+    if not history.voltage_not_finite:
+        return None
+    return Evidence("the battery's voltage is not a number")

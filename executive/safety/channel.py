@@ -18,6 +18,8 @@ OWN_CLOCK_S: Final = 0.5
 """A first message that is no older by a clock of the core was stamped by that clock."""
 SAME_CLOCK_S: Final = 1.0
 """Publishers whose offsets differ by less share a clock."""
+OTHER_CLOCK_S: Final = 86_400.0
+"""A stamp that is further off is of a clock that nobody here knows."""
 DRIFT_RATIO: Final = 1e-3
 """By how much a publisher's clock may lose on the core's."""
 
@@ -56,6 +58,18 @@ class StampClock:
         )
         return stamp_s + shared_s
 
+    def seen_s(self, like: type, stamp_s: float, now_s: float, utc_s: float) -> float | None:
+        """Return when something was measured that comes seldom; None where its clock is unknown.
+
+        Args:
+            like: the source whose clock may have stamped it, if it was not UTC.
+            stamp_s: on the clock of its publisher.
+            now_s: when it arrived.
+            utc_s: the same, in UTC.
+        """
+        ages_s = (now_s - stamp_s - self._offsets_s.get(like, 0.0), utc_s - stamp_s)
+        return next((now_s - age_s for age_s in ages_s if abs(age_s) < OTHER_CLOCK_S), None)
+
 
 class Channel:
     """Running sums of one source over time, on a grid, interpolated in between.
@@ -87,10 +101,14 @@ class Channel:
         self._filled = last
         self.time_s, self.sums = time_s, sums
 
+    @property
+    def first_s(self) -> float:
+        """From when on the sums are known."""
+        return max(self._first, self._filled - SLOTS + 2) * GRID_S
+
     def covers(self, time_s: float) -> bool:
         """Whether the sums at a time are known."""
-        oldest = max(self._first, self._filled - SLOTS + 2)
-        return oldest * GRID_S <= time_s <= self.time_s
+        return self.first_s <= time_s <= self.time_s
 
     def at(self, time_s: float) -> Sequence[float]:
         """Return the sums at a time that is covered."""

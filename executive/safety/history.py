@@ -27,6 +27,8 @@ from executive.settings import Sensors
 from executive.state import (
     Battery,
     Fact,
+    ForeignPublishers,
+    Frame,
     Imu,
     Joints,
     LaserScan,
@@ -47,6 +49,7 @@ class Moved(NamedTuple):
         driven_m, turned_rad: the same without signs.
         ahead_m, left_m, heading_rad: by how much its pose moved beyond its velocities.
         pose_m: length of the path of its pose.
+        pose_ahead_m: the same along its heading, signed.
         pose_rad: by how much its heading changed.
     """
 
@@ -58,6 +61,7 @@ class Moved(NamedTuple):
     left_m: float = 0.0
     heading_rad: float = 0.0
     pose_m: float = 0.0
+    pose_ahead_m: float = 0.0
     pose_rad: float = 0.0
 
 
@@ -94,9 +98,13 @@ class History:
         arrivals: how many messages of odometry came, and the sum of their ages, by arrival.
         commands: the channel of what was commanded.
         standing_since_s: since when nothing but to stand is commanded; infinite while it is not.
+        unchanged_since_s: since when the odometry is the same to the last bit.
+        frame_time_s: when the newest camera frame was taken; None where its clock is not known.
+        others: who else may move the rover.
         begun_s: no window reaches back beyond this time.
         jump: the last step of the odometry that nothing explains.
-        battery: the newest voltage, as it came, and `battery_at_s`, when.
+        battery: the newest voltage that is finite, and `battery_at_s`, when it came.
+        voltage_not_finite: whether one came since that is not.
         wheels, inertia, second: of the sensors that the asset has; None of those that it has not.
         mass_kg: of the asset, where that is known.
         pose: where the rover is taken to be, in the frame of commands.
@@ -125,6 +133,9 @@ class History:
         self.odometry_time_s = -inf
         self.odometry_at_s = -inf
         self.not_finite_at_s = -inf
+        self.unchanged_since_s = -inf
+        self.frame_time_s: float | None = None
+        self.others: tuple[str, ...] = ()
         self.moved = Channel(len(Moved._fields))
         self.arrivals = Channel(2)
         self.commands = Channel(4)
@@ -137,6 +148,7 @@ class History:
         self._inputs: dict[str, tuple[OtherInput, float]] = {}
         self.pose = Pose()
         self.surroundings = surroundings
+        self.voltage_not_finite = False
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
@@ -145,7 +157,8 @@ class History:
             case Odometry():
                 self._observe_odometry(fact, now_s)
             case Battery(voltage_v):
-                if isfinite(voltage_v):
+                self.voltage_not_finite = not isfinite(voltage_v)
+                if not self.voltage_not_finite:
                     self.battery, self.battery_at_s = fact, now_s
             case Joints() if self.wheels is not None:
                 self.wheels.observe(fact, self._time_s(fact, now_s))
@@ -162,6 +175,12 @@ class History:
                     self.standing_since_s = max(self.standing_since_s, now_s)
             case LaserScan() if self.surroundings is not None:
                 self.surroundings.see(fact, now_s)
+            case Frame(stamp_s):
+                self.frame_time_s = self._stamps.seen_s(
+                    Odometry, stamp_s, now_s, self._clock.utc_s()
+                )
+            case ForeignPublishers(names):
+                self.others = names
             case _:
                 pass
 
@@ -186,6 +205,12 @@ class History:
             self.standing_since_s = inf
         elif self.standing_since_s == inf:
             self.standing_since_s = now_s
+
+    @property
+    def driven(self) -> tuple[float, float]:
+        """The way and the turn that odometry has shown since it first came, signed."""
+        moved = Moved(*self.moved.sums)
+        return moved.pose_ahead_m, moved.pose_rad
 
     @property
     def fastest(self) -> Velocity:
@@ -213,6 +238,11 @@ class History:
         """Return what a channel added in the seconds before a time; None where it is not known."""
         from_s = to_s - window_s
         return None if from_s < self.begun_s else channel.between(from_s, to_s)
+
+    def lately(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
+        """Return the same of as much of the seconds before a time as is known."""
+        from_s = max(to_s - window_s, self.begun_s, channel.first_s)
+        return None if from_s >= to_s else channel.between(from_s, to_s)
 
     def moved_in(self, window_s: float, to_s: float) -> Moved | None:
         """Return what the odometry says of the seconds before a time."""
@@ -287,6 +317,8 @@ class History:
         self.arrivals.add(now_s, (count + 1, age_s + max(now_s - time_s, 0.0)))
         if self.odometry is not None:
             self._step(self.odometry, fact, time_s, now_s)
+            if (fact.pose, fact.velocity) != (self.odometry.pose, self.odometry.velocity):
+                self.unchanged_since_s = now_s
         else:
             self.moved.add(time_s, self.moved.sums)
         pose, heading_rad = fact.pose, self._track.sums[2]
@@ -300,16 +332,26 @@ class History:
         rotate_radps = (before.velocity.rotate_radps + after.velocity.rotate_radps) / 2
         way_m, turn_rad = travel_mps * step_s, rotate_radps * step_s
         ahead_m, left_m, turned_rad = step_between(before.pose, after.pose)
+        level = cos(after.pose.pitch_rad)
         if step_s > 0.0:
             steps = (
                 way_m,
                 turn_rad,
                 abs(way_m),
                 abs(turn_rad),
-                ahead_m - way_m * cos(after.pose.pitch_rad),
+                _beyond(
+                    ahead_m,
+                    before.velocity.travel_mps * step_s * level,
+                    after.velocity.travel_mps * step_s * level,
+                ),
                 left_m,
-                turned_rad - turn_rad,
+                _beyond(
+                    turned_rad,
+                    before.velocity.rotate_radps * step_s,
+                    after.velocity.rotate_radps * step_s,
+                ),
                 hypot(ahead_m, left_m),
+                ahead_m,
                 turned_rad,
             )
             sums = [old + step for old, step in zip(self.moved.sums, steps, strict=True)]
@@ -332,6 +374,11 @@ class History:
         )
         near = found.step_m <= found.bound_m and found.turn_rad <= found.bound_rad
         return None if near else found
+
+
+def _beyond(step: float, one: float, other: float) -> float:
+    """Return what a step is beyond all between two, since a velocity changes between messages."""
+    return step - max(min(step, max(one, other)), min(one, other))
 
 
 def step_between(before: Pose, after: Pose) -> tuple[float, float, float]:

@@ -1,14 +1,26 @@
-"""Monitors that need odometry, and what was commanded."""
+"""Monitors that need odometry, and what was commanded.
+
+Windows end with the newest odometry, at its stamp: what comes late says nothing wrong. What was
+commanded is taken as all velocities that were in force in the window, since a base needs time.
+"""
 
 from typing import Final, TypeGuard
 
 from executive.fault_table import Row
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
-from executive.safety.history import History, Jump
+from executive.safety.history import History, Jump, Moved
 
 SHOWN_S: Final = 0.1
 """For which a single message is evidence."""
+REACTION_S: Final = 0.06
+"""By which a base turns later than it is commanded to."""
+SIDE_SLIP_M: Final = 0.15
+"""How far base_link skids sideways for each radian of a turn, at most: the twist has none of it."""
+SETTLE_S: Final = 1.4
+"""In which a base that was commanded to stand has come to rest."""
+LEAST_MPS, LEAST_RADPS = 0.05, 0.1
+"""Commands that any base follows."""
 
 
 def jumped(history: History, _: Row, now_s: float) -> Evidence | None:
@@ -39,10 +51,221 @@ def _told(jump: Jump) -> Evidence:
     )
 
 
-def stale(history: History, row: Row, now_s: float) -> Evidence | None:
-    """See that the newest odometry is too old to move by."""
-    age_s = now_s - history.odometry_at_s
-    if age_s <= row.bound:
+def not_finite(history: History, _: Row, now_s: float) -> Evidence | None:
+    """See odometry with figures that are no numbers."""
+    if now_s - history.not_finite_at_s > SHOWN_S:
         return None
+    return Evidence("odometry has figures that are not finite")
+
+
+def stale(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that the newest odometry was measured too long ago to move by."""
+    age_s = now_s - min(history.odometry_time_s, history.odometry_at_s)
+    return _old("odometry is", age_s, row) if age_s > row.bound else None
+
+
+def late(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that odometry comes so late that the rover cannot be steered by it."""
+    age_s = now_s - history.odometry_time_s
+    if age_s <= row.bound or now_s - history.odometry_at_s > row.bound:
+        return None
+    return _old("odometry comes late: it is", age_s, row)
+
+
+def silent(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that there is no odometry any more."""
+    if history.odometry is None:
+        return None
+    age_s = now_s - history.odometry_at_s
+    return _old("the newest odometry is", age_s, row) if age_s > row.bound else None
+
+
+def _old(what: str, age_s: float, row: Row) -> Evidence:
     figures = Figure("age", age_s, "s"), Figure("bound", row.bound, "s")
-    return Evidence(f"odometry is {age_s:.2f} s old", figures)
+    return Evidence(f"{what} {age_s:.2f} s old", figures)
+
+
+def slow(history: History, row: Row, _: float) -> Evidence | None:
+    """See that odometry comes too seldom to steer by."""
+    came = history.window(history.arrivals, row.window_s, history.odometry_at_s)
+    if came is None or came[0] / row.window_s >= row.bound:
+        return None
+    rate_hz = came[0] / row.window_s
+    figures = Figure("rate", rate_hz, "Hz"), Figure("bound", row.bound, "Hz")
+    return Evidence(f"odometry comes {rate_hz:.1f} times a second", figures)
+
+
+def frozen(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See that odometry does not change at all though the rover is commanded to move."""
+    unchanged_s = now_s - history.unchanged_since_s
+    wanted = history.commands_in(row.window_s, now_s)
+    moves = not wanted.travel_low_mps < LEAST_MPS or not wanted.travel_high_mps > -LEAST_MPS
+    turns = not wanted.rotate_low_radps < LEAST_RADPS or not wanted.rotate_high_radps > -LEAST_RADPS
+    old = now_s - history.odometry_time_s > row.window_s / 2
+    if unchanged_s < row.window_s or old or not (moves or turns):
+        return None
+    return Evidence(
+        f"odometry has been the same for {unchanged_s:.2f} s",
+        (Figure("unchanged", unchanged_s, "s"), Figure("bound", row.window_s, "s")),
+    )
+
+
+def off_twist(history: History, row: Row, _: float) -> Evidence | None:
+    """See that the pose goes elsewhere than its own velocity says."""
+    moved = _moved(history, row)
+    if moved is None:
+        return None
+    bound_m = row.allowed(moved.driven_m)
+    aside_m = max(0.0, abs(moved.left_m) - SIDE_SLIP_M * moved.turned_rad)
+    off_m = max(abs(moved.ahead_m), aside_m)
+    if off_m <= bound_m:
+        return None
+    return Evidence(
+        f"the pose of the odometry and its velocity are {off_m:.2f} m apart",
+        (
+            Figure("by velocity", moved.way_m, "m"),
+            Figure("apart", off_m, "m"),
+            Figure("bound", bound_m, "m"),
+        ),
+    )
+
+
+def heading_off_twist(history: History, row: Row, _: float) -> Evidence | None:
+    """See that the heading turns otherwise than its own rate says."""
+    moved = _moved(history, row)
+    if moved is None or abs(moved.heading_rad) <= row.allowed(moved.turned_rad):
+        return None
+    return Evidence(
+        f"the heading of the odometry and its rate are {abs(moved.heading_rad):.2f} rad apart",
+        (
+            Figure("by rate", moved.turn_rad, "rad"),
+            Figure("by heading", moved.pose_rad, "rad"),
+            Figure("bound", row.allowed(moved.turned_rad), "rad"),
+        ),
+    )
+
+
+def _moved(history: History, row: Row) -> Moved | None:
+    sums = history.lately(history.moved, row.window_s, history.odometry_time_s)
+    return None if sums is None else Moved(*sums)
+
+
+def off_command(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a speed that is outside of all that was commanded lately."""
+    if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
+        return None
+    wanted = history.commands_in(row.window_s, history.odometry_time_s)
+    low_mps, high_mps = wanted.travel_low_mps, wanted.travel_high_mps
+    speed_mps = history.odometry.velocity.travel_mps
+    bound_mps = max(row.bound, (row.ratio or 0.0) * max(abs(low_mps), abs(high_mps)))
+    nearest_mps = min(max(speed_mps, low_mps), high_mps)
+    if abs(speed_mps - nearest_mps) <= bound_mps:
+        return None
+    return Evidence(
+        f"the rover does not go as commanded: {speed_mps:+.2f} m/s instead of {nearest_mps:+.2f}",
+        (
+            Figure("commanded", nearest_mps, "m/s"),
+            Figure("odometry", speed_mps, "m/s"),
+            Figure("window", row.window_s, "s"),
+            Figure("bound", bound_mps, "m/s"),
+        ),
+    )
+
+
+def turn_off_command(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a rate of turn that is outside of all that was commanded lately."""
+    if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
+        return None
+    wanted = history.commands_in(row.window_s, history.odometry_time_s)
+    low_radps, high_radps = wanted.rotate_low_radps, wanted.rotate_high_radps
+    rate_radps = history.odometry.velocity.rotate_radps
+    bound_radps = max(row.bound, (row.ratio or 0.0) * max(abs(low_radps), abs(high_radps)))
+    nearest_radps = min(max(rate_radps, low_radps), high_radps)
+    if abs(rate_radps - nearest_radps) <= bound_radps:
+        return None
+    return Evidence(
+        f"the rover does not turn as commanded: {rate_radps:+.2f} rad/s instead of"
+        f" {nearest_radps:+.2f}",
+        (
+            Figure("commanded", nearest_radps, "rad/s"),
+            Figure("odometry", rate_radps, "rad/s"),
+            Figure("window", row.window_s, "s"),
+            Figure("bound", bound_radps, "rad/s"),
+        ),
+    )
+
+
+def turn_amiss(history: History, row: Row, _: float) -> Evidence | None:
+    """See that the rover has turned more or less than it was commanded to."""
+    to_s = history.odometry_time_s
+    moved = history.moved_in(row.window_s, to_s)
+    wanted = history.commanded_in(row.window_s, to_s - REACTION_S)
+    if moved is None or wanted is None:
+        return None
+    off_rad, bound_rad = abs(moved.pose_rad - wanted.turn_rad), row.allowed(wanted.turned_rad)
+    if off_rad <= bound_rad:
+        return None
+    return Evidence(
+        f"the rover turned by {moved.pose_rad:+.2f} rad instead of {wanted.turn_rad:+.2f}",
+        (
+            Figure("commanded", wanted.turn_rad, "rad"),
+            Figure("odometry", moved.pose_rad, "rad"),
+            Figure("window", row.window_s, "s"),
+            Figure("bound", bound_rad, "rad"),
+        ),
+    )
+
+
+def drives_uncommanded(history: History, row: Row, _: float) -> Evidence | None:
+    """See that the rover drives though it should stand."""
+    moved = _at_rest(history, row)
+    speed_mps = 0.0 if moved is None else moved.pose_m / row.window_s
+    if speed_mps <= row.bound:
+        return None
+    figures = Figure("odometry", speed_mps, "m/s"), Figure("bound", row.bound, "m/s")
+    return Evidence(f"the rover should stand, and drives at {speed_mps:.2f} m/s", figures)
+
+
+def turns_uncommanded(history: History, row: Row, _: float) -> Evidence | None:
+    """See that the rover turns though it should stand."""
+    moved = _at_rest(history, row)
+    rate_radps = 0.0 if moved is None else abs(moved.pose_rad) / row.window_s
+    if rate_radps <= row.bound:
+        return None
+    figures = Figure("odometry", rate_radps, "rad/s"), Figure("bound", row.bound, "rad/s")
+    return Evidence(f"the rover should stand, and turns at {rate_radps:.3f} rad/s", figures)
+
+
+def _at_rest(history: History, row: Row) -> Moved | None:
+    """Return what moved in a window in which the rover should have stood, and nobody else drove."""
+    to_s = history.odometry_time_s
+    rests = to_s - row.window_s >= history.standing_since_s + SETTLE_S
+    return history.moved_in(row.window_s, to_s) if rests and not history.others else None
+
+
+def no_progress(history: History, row: Row, _: float) -> Evidence | None:
+    """See that nothing comes of what is commanded."""
+    to_s = history.odometry_time_s
+    moved = history.moved_in(row.window_s, to_s)
+    wanted = history.commanded_in(row.window_s, to_s - REACTION_S)
+    if moved is None or wanted is None:
+        return None
+    drives = wanted.driven_m >= LEAST_MPS * row.window_s
+    turns = wanted.turned_rad >= 2 * LEAST_RADPS * row.window_s
+    share = max(
+        moved.pose_m / wanted.driven_m if drives else 0.0,
+        moved.turned_rad / wanted.turned_rad if turns else 0.0,
+    )
+    if not (drives or turns) or share >= row.bound:
+        return None
+    return Evidence(
+        f"the rover does not come on: in {row.window_s:g} s it went {moved.pose_m:.2f} m and turned"
+        f" {moved.turned_rad:.2f} rad, of {wanted.driven_m:.2f} m and {wanted.turned_rad:.2f} rad",
+        (
+            Figure("commanded", wanted.driven_m, "m"),
+            Figure("odometry", moved.pose_m, "m"),
+            Figure("turn commanded", wanted.turned_rad, "rad"),
+            Figure("turn", moved.turned_rad, "rad"),
+            Figure("window", row.window_s, "s"),
+        ),
+    )

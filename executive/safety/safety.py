@@ -11,7 +11,13 @@ from typing import Final
 from executive.clock import Clock
 from executive.fault_table import DECLARED, Clears, Row, Then, When
 from executive.reasons import Refusal
-from executive.safety.asset_monitors import battery_low, other_publisher, tilted
+from executive.safety.asset_monitors import (
+    battery_low,
+    battery_not_finite,
+    battery_silent,
+    other_publisher,
+    tilted,
+)
 from executive.safety.evidence import Evidence, Monitor
 from executive.safety.history import History
 from executive.safety.inertial_monitors import (
@@ -22,7 +28,24 @@ from executive.safety.inertial_monitors import (
     wheels_off_gyro,
     wheels_slip,
 )
-from executive.safety.odometry_monitors import jumped, stale, turned
+from executive.safety.odometry_monitors import (
+    drives_uncommanded,
+    frozen,
+    heading_off_twist,
+    jumped,
+    late,
+    no_progress,
+    not_finite,
+    off_command,
+    off_twist,
+    silent,
+    slow,
+    stale,
+    turn_amiss,
+    turn_off_command,
+    turned,
+    turns_uncommanded,
+)
 from executive.safety.second_odometry_monitors import (
     second_odometry_silent,
     slides,
@@ -43,16 +66,32 @@ from executive.safety.wheel_monitors import (
     wheels_off_command,
     wheels_unpowered,
 )
-from executive.settings import Settings
+from executive.settings import LocomotionKind, Settings
 from executive.state import Fact
 
 MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_jumped": jumped,
     "odometry_turned": turned,
+    "odometry_not_finite": not_finite,
     "odometry_stale": stale,
+    "odometry_late": late,
+    "odometry_slow": slow,
+    "odometry_frozen": frozen,
+    "odometry_off_twist": off_twist,
+    "odometry_drifts": off_twist,
+    "odometry_heading_off_twist": heading_off_twist,
+    "off_command": off_command,
+    "turn_off_command": turn_off_command,
+    "turn_amiss": turn_amiss,
+    "no_progress": no_progress,
+    "drives_uncommanded": drives_uncommanded,
+    "turns_uncommanded": turns_uncommanded,
+    "odometry_silent": silent,
     "tilted": tilted,
     "battery_low": battery_low,
     "other_publisher": other_publisher,
+    "battery_silent": battery_silent,
+    "battery_not_finite": battery_not_finite,
     "wheels_off_command": wheels_off_command,
     "wheels_unpowered": wheels_unpowered,
     "odometry_off_wheels": odometry_off_wheels,
@@ -80,6 +119,19 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "laser_silent": laser_silent,
 }
 """What looks for each fault of the table."""
+
+BY_VELOCITY: Final = frozenset(
+    {
+        "odometry_frozen",
+        "off_command",
+        "turn_off_command",
+        "turn_amiss",
+        "no_progress",
+        "drives_uncommanded",
+        "turns_uncommanded",
+    }
+)
+"""Faults that show beside the velocities that are commanded, where the rover takes velocities."""
 
 HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
 TAKEN: Final = "other_publisher"
@@ -136,7 +188,8 @@ class Safety:
         self._watches = [
             _Watch(declared.name, row, MONITORS[declared.name])
             for declared, row in settings.faults
-            if row.then is not Then.IGNORE and declared.name in MONITORS
+            if row.then is not Then.IGNORE
+            and (settings.locomotion is LocomotionKind.VELOCITY or declared.name not in BY_VELOCITY)
         ]
 
     def check(self, moving: bool) -> Changes:
@@ -187,6 +240,7 @@ class Safety:
     def _begun(self, now_s: float, moving: bool) -> Iterator[Fault]:
         known = {fault.name: fault for fault in self.active}
         taken = self._taken
+        held = any(fault.row.then in HOLDING for fault in self.active)
         for watch in self._watches:
             evidence = None
             if taken and watch.row.when is When.MOVING and watch.name != TAKEN:
@@ -202,9 +256,14 @@ class Safety:
                 continue
             if watch.since_s is None:
                 watch.since_s = now_s
+            holds = watch.row.then in HOLDING
+            if held and (not holds or watch.row.when is When.MOVING):
+                continue
             if now_s - watch.since_s >= watch.row.for_s - 1e-9:
                 fault = Fault(watch.name, watch.row, _refusal(watch.name, evidence), now_s)
                 self.active.append(fault)
+                if holds:
+                    held, self.history.begun_s = True, now_s
                 yield fault
 
     def _over(self, now_s: float) -> Iterator[Fault]:

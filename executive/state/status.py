@@ -54,6 +54,7 @@ class Status:
         self.compensation = Pose()
         self.odometry: Odometry | None = None
         self.battery: Battery | None = None
+        self._battery_at_s = -inf
         self.camera: CameraAngles | None = None
         self.frame: Frame | None = None
         self.frames = 0
@@ -71,8 +72,8 @@ class Status:
             case Odometry():
                 self._observe_odometry(fact)
             case Battery(voltage_v):
-                if isfinite(voltage_v):
-                    self.battery = fact
+                self.battery = fact if isfinite(voltage_v) else None
+                self._battery_at_s = self._clock.now_s()
             case CameraAngles():
                 self.camera = fact
             case Frame():
@@ -160,7 +161,7 @@ class Status:
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all twelve parameters, in the order of their definition.
 
-        What old odometry says is not known now.
+        What old odometry or an old voltage says is not known now.
         """
         figures: dict[Parameter, float] = {
             Parameter.TRAVEL_SPEED: self.travel_speed_mps,
@@ -177,7 +178,8 @@ class Status:
                 Parameter.CURRENT_TRAVEL_SPEED: velocity.travel_mps,
                 Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps,
             }
-        if self.battery is not None:
+        battery_age_s = self._clock.now_s() - self._battery_at_s
+        if self.battery is not None and battery_age_s <= self._settings.faults.battery_silent.bound:
             figures[Parameter.BATERY_VOLTAGE] = self.battery.voltage_v
         if self.camera is not None:
             figures[Parameter.CAM_PAN] = self.camera.pan_rad

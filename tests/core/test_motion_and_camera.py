@@ -1,5 +1,6 @@
 """How the rover moves and where its camera looks, as commands say."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from math import cos, hypot, pi, radians, sin
@@ -31,7 +32,7 @@ from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.settings import Profile, load_settings
 from executive.state import Battery, CameraAngles
-from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench
+from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, ignoring
 
 
 @pytest.mark.parametrize(
@@ -59,8 +60,16 @@ def test_a_finer_tolerance_is_kept(bench: Bench, x_m: float, y_m: float) -> None
     assert hypot(bench.rover.pose.x_m - x_m, bench.rover.pose.y_m - y_m) <= 0.01
 
 
+@pytest.fixture
+def shoved(tmp_path: Path) -> Iterator[Bench]:
+    """Give a bench whose rover may be shoved aside without its velocity showing it."""
+    with Bench(tmp_path, ignoring("odometry_off_twist", "odometry_drifts")) as bench:
+        yield bench
+
+
 @pytest.mark.parametrize("bearing_rad", [3.0, -3.0, 2.2, -1.9, 0.9])
-def test_a_line_is_found_again_forward_and_backward(bench: Bench, bearing_rad: float) -> None:
+def test_a_line_is_found_again_forward_and_backward(shoved: Bench, bearing_rad: float) -> None:
+    bench = shoved
     target = Waypoint(7.0 * cos(bearing_rad), 7.0 * sin(bearing_rad))
     bench.submit(MoveTo(target), 1)
     bench.run(3.0)
@@ -74,7 +83,8 @@ def test_a_line_is_found_again_forward_and_backward(bench: Bench, bearing_rad: f
     assert duration.value < 10.5
 
 
-def test_a_missed_waypoint_is_tried_again(bench: Bench) -> None:
+def test_a_missed_waypoint_is_tried_again(shoved: Bench) -> None:
+    bench = shoved
     bench.submit(MoveTo(Waypoint(3.0, 0.0)), 1)
     bench.run(3.2)
     bench.rover.pose = replace(bench.rover.pose, y_m=0.15)
@@ -82,7 +92,8 @@ def test_a_missed_waypoint_is_tried_again(bench: Bench) -> None:
     assert hypot(bench.rover.pose.x_m - 3.0, bench.rover.pose.y_m) < 0.05
 
 
-def test_no_straight_drive_ends_with_success_away_from_its_target(bench: Bench) -> None:
+def test_no_straight_drive_ends_with_success_away_from_its_target(shoved: Bench) -> None:
+    bench = shoved
     bench.submit(MoveForward(3.0), 1)
     bench.run(3.2)
     bench.rover.pose = replace(bench.rover.pose, y_m=0.15)
@@ -277,7 +288,7 @@ def test_a_picture_is_stored_whole_under_its_command(bench: Bench) -> None:
     bench.execute(TakePicture(), 7)
     (stored,) = (bench.folder / "files/pictures").iterdir()
     assert stored.name == "MOE-7.jpg"
-    assert stored.read_bytes() == b"\xff\xd8picture"
+    assert stored.read_bytes() == b"\xff\xd8picture\xff\xd9"
     assert stored.name in bench.last(7).text
 
 

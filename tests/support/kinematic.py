@@ -1,7 +1,7 @@
 """A rover without physics, and an executive on it in simulated time."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, sin
 from pathlib import Path
 from typing import Self
@@ -9,6 +9,7 @@ from typing import Self
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, MoveForward, Request
 from executive.commands.lifecycle import Refused, SubmitResult
+from executive.fault_table import Then
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
 from executive.ports import CameraIntent, Downlink
@@ -22,6 +23,13 @@ from trees import RoverTree
 
 STEP_S = 0.05
 WHOLE_LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
+
+
+def ignoring(*faults: str) -> Settings:
+    """Return the settings of a Jackal that does not watch for some faults."""
+    settings = load_settings("jackal")
+    rows = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in faults}
+    return replace(settings, faults=replace(settings.faults, **rows))
 
 
 @dataclass
@@ -121,7 +129,7 @@ class Bench:
 
     Attributes:
         odometry: whether the rover tells where it is.
-        voltage_v: what its battery shows.
+        voltage_v: what its battery shows; None where it tells nothing.
         ledger: that of the executive.
     """
 
@@ -141,7 +149,7 @@ class Bench:
         self.heard = Heard()
         self.video = VideoSwitch()
         self.odometry = True
-        self.voltage_v = 26.0
+        self.voltage_v: float | None = 26.0
         self.build_tree = build_tree
         self.executive = self._start()
         self.run(STEP_S)
@@ -215,11 +223,12 @@ class Bench:
         facts, self.rover.facts = self.rover.facts, []
         for fact in facts:
             self.executive.observe(fact)
-        self.executive.observe(Battery(self.voltage_v))
+        if self.voltage_v is not None:
+            self.executive.observe(Battery(self.voltage_v))
         self.executive.observe(self.rover.angles)
         if self.rover.frame_wanted and self.rover.camera_works:
             self.rover.frame_wanted = False
-            self.executive.observe(Frame(self.clock.now_s(), "JPG", b"\xff\xd8picture"))
+            self.executive.observe(Frame(self.clock.now_s(), "JPG", b"\xff\xd8picture\xff\xd9"))
         self.executive.tick()
 
     def run(self, duration_s: float) -> None:
