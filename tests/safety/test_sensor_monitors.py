@@ -14,6 +14,7 @@ from executive.geometry import STANDING, Pose, Velocity
 from executive.reasons import Reason
 from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings
 from executive.state import Imu, Joints, SecondOdometry
+from tests.support.kinematic import ignoring
 from tests.support.sensed_drive import SensedDrive
 
 AHEAD = Velocity(0.8, 0.0)
@@ -23,7 +24,7 @@ ARC = Velocity(0.6, 0.8)
 
 @cache
 def asset(*, fused: bool = False) -> Settings:
-    jackal = load_settings("jackal")
+    jackal = ignoring("odometry_frozen", "off_command", "turn_off_command", "turn_amiss")
     second = SecondOdometrySettings(rate_hz=2.0, fused=fused)
     return replace(jackal, sensors=replace(jackal.sensors, second_odometry=second))
 
