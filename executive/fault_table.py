@@ -330,7 +330,7 @@ class FaultTable:
     wheels_off_command: Row = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",
-        Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.12, ratio=0.2, within_s=0.25),
+        Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.12, ratio=0.2, within_s=0.25),
         beyond=Bound("speed outside of what was commanded in the window", "m/s", 0.02, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -345,7 +345,7 @@ class FaultTable:
     odometry_off_wheels: Row = _fault(
         Reason.ODOMETRY_OFF_WHEELS,
         "The odometry tells of another way than the wheels turned.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.06, within_s=0.5),
+        Row(When.MOVING, *_STOPPED, beyond=0.03, ratio=0.04, within_s=0.5),
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -353,7 +353,7 @@ class FaultTable:
     odometry_off_wheels_slowly: Row = _fault(
         Reason.ODOMETRY_OFF_WHEELS,
         "The odometry tells, little by little, of another way than the wheels turned.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.02, within_s=3.0),
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.03, ratio=0.015, within_s=3.0),
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -361,7 +361,7 @@ class FaultTable:
     odometry_off_gyro: Row = _fault(
         Reason.ODOMETRY_OFF_GYRO,
         "The odometry tells of another turn than the gyro feels.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.05, ratio=0.05, within_s=0.5),
+        Row(When.MOVING, *_STOPPED, beyond=0.04, ratio=0.04, within_s=0.5),
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_window(),
@@ -399,7 +399,7 @@ class FaultTable:
     blocked: Row = _fault(
         Reason.BLOCKED,
         "The wheels push with a force that does not move the rover.",
-        Row(When.MOVING, *_ENDED, for_s=0.1, beyond=45.0, ratio=1.5, within_s=0.4),
+        Row(When.MOVING, *_ENDED, for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4),
         beyond=Bound("difference of the forces", "N", 1.0, 100_000.0),
         ratio=Bound("share of what is felt, added to the bound", "", 0.0, 10.0),
         within=_window(),

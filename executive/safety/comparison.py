@@ -2,11 +2,15 @@
 
 from collections.abc import Mapping
 from math import inf
+from typing import Final
 
 from executive.fault_table import Row
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
+
+FIRST_HEARD_S: Final = 10.0
+"""After the start, in which nodes find each other: so long a sensor may be unheard."""
 
 
 def compared(what: str, figures: tuple[Figure, ...], bound: float, window_s: float) -> Evidence:
@@ -55,18 +59,24 @@ def turns(
     return tuple(Figure(name, turn_rad, "rad") for name, turn_rad in known.items())
 
 
-def silent(who: str, what: str, last_s: float, row: Row, now_s: float) -> Evidence | None:
-    """Return evidence that a source tells nothing any more, if so.
+def silent(
+    history: History, who: str, what: str, last_s: float, row: Row, now_s: float
+) -> Evidence | None:
+    """Return evidence that a source tells nothing, if so.
 
     Args:
+        history: has when it began.
         who: the source, for people.
-        what: can no longer be monitored, with its verb.
+        what: is not monitored then, with its verb.
         last_s: when what it told last was measured; minus infinity if it never told anything.
         row: with the greatest age.
         now_s: the time.
     """
-    age_s = now_s - last_s
-    if not row.bound < age_s < inf:
+    unheard = last_s == -inf
+    age_s = now_s - (history.start_s + FIRST_HEARD_S if unheard else last_s)
+    if age_s <= row.bound:
         return None
     figures = Figure("age", age_s, "s"), Figure("bound", row.bound, "s")
-    return Evidence(f"{who} tells nothing for {age_s:.1f} s: {what} no longer monitored", figures)
+    if unheard:
+        return Evidence(f"{who} has told nothing yet: {what} not monitored", figures)
+    return Evidence(f"{who} tells nothing for {age_s:.1f} s: {what} not monitored", figures)

@@ -109,6 +109,7 @@ class History:
         mass_kg: of the asset, where that is known.
         pose: where the rover is taken to be, in the frame of commands.
         surroundings: what stands around it; None where nothing is watched for.
+        start_s: when this began.
     """
 
     def __init__(
@@ -122,6 +123,7 @@ class History:
         self._clock = clock
         self._faults = faults
         self.mass_kg = mass_kg
+        self.start_s = clock.now_s()
         sensors = sensors or Sensors()
         imu, joints, second = sensors.imu, sensors.joints, sensors.second_odometry
         self.inertia = None if imu is None else Inertia()

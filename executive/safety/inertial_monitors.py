@@ -116,4 +116,4 @@ def imu_silent(history: History, row: Row, now_s: float) -> Evidence | None:
     inertia = history.inertia
     if inertia is None:
         return None
-    return silent("the inertial sensor", "slip is", inertia.sums.time_s, row, now_s)
+    return silent(history, "the inertial sensor", "slip is", inertia.sums.time_s, row, now_s)

@@ -5,6 +5,7 @@ each in the axes of base_link at the first one. Where the second odometry correc
 gross disagreement is a fault.
 """
 
+from math import inf
 from typing import Final
 
 from executive.fault_table import Row
@@ -81,10 +82,11 @@ def slides(history: History, row: Row, now_s: float) -> Evidence | None:
 
 def second_odometry_silent(history: History, row: Row, now_s: float) -> Evidence | None:
     """See that the second odometry no longer tells anything."""
-    if history.second is None or not history.second.sightings:
+    if history.second is None:
         return None
-    last_s = history.second.sightings[-1].time_s
-    return silent("the second odometry", "slip is", last_s, row, now_s)
+    sightings = history.second.sightings
+    last_s = sightings[-1].time_s if sightings else -inf
+    return silent(history, "the second odometry", "slip is", last_s, row, now_s)
 
 
 def _found(

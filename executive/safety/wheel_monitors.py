@@ -94,4 +94,5 @@ def joints_silent(history: History, row: Row, now_s: float) -> Evidence | None:
     """See that the sensors of the wheels no longer tell anything."""
     if history.wheels is None:
         return None
-    return silent("the wheels' sensor", "the wheels are", history.wheels.sums.time_s, row, now_s)
+    last_s = history.wheels.sums.time_s
+    return silent(history, "the wheels' sensor", "the wheels are", last_s, row, now_s)

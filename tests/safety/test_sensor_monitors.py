@@ -151,12 +151,21 @@ def test_a_sensor_that_falls_silent_is_told_and_stops_nothing(
     assert goes_wrong(drive, limit_s) <= limit_s
     assert drive.names == [name]
     assert drive.begun[0].row.then is Then.WARN
-    assert "no longer monitored" in drive.begun[0].refusal.text
+    assert "not monitored" in drive.begun[0].refusal.text
     drive.run(AHEAD, 1.0)
     drive.lost.clear()
     drive.run(AHEAD, 5.0)
     assert drive.names == [name]
     assert [fault.name for fault in drive.over] == [name]
+
+
+def test_a_sensor_that_is_never_heard_is_told_once_it_had_its_time() -> None:
+    drive = SensedDrive(asset(), lost={Imu})
+    drive.run(STANDING, 10.0)
+    assert drive.names == []
+    drive.run(STANDING, 1.0)
+    assert drive.names == ["imu_silent"]
+    assert "has told nothing yet" in drive.begun[0].refusal.text
 
 
 def test_what_is_not_finite_counts_as_silence() -> None:

@@ -17,7 +17,7 @@ from executive.reasons import Refusal
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.runner import Executive, Tree
-from executive.settings import Settings, load_settings
+from executive.settings import Sensors, Settings, load_settings
 from executive.state import Battery, CameraAngles, Fact, FileEvent, Frame, Odometry, ParameterValue
 from trees import RoverTree
 
@@ -143,7 +143,7 @@ class Bench:
         rover: KinematicRover | None = None,
     ) -> None:
         self.folder = folder
-        self.settings = settings or load_settings("jackal")
+        self.settings = replace(settings or load_settings("jackal"), sensors=Sensors())
         self.clock = ManualClock()
         self.rover = rover or KinematicRover()
         self.heard = Heard()
