@@ -42,7 +42,7 @@ from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
 from executive.reports import Identity, Severity, Stage, printable
 from executive.safety import Fault
-from executive.settings import LocomotionKind
+from executive.settings import LinkLossAction, LocomotionKind
 from executive.state import CommandEnded, Stopped, Telemetry
 
 SLOW_RATIO: Final = 0.3
@@ -133,6 +133,15 @@ class Dispatcher:
         self._arbiter.stop()
         self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
         self._hold(danger, safe=True)
+
+    def lose_link(self, action: LinkLossAction, why: Refusal) -> None:
+        """Report that nothing is heard of the ground, and do what is to be done then."""
+        if action is LinkLossAction.STOP:
+            self._arbiter.stop()
+        severity = Severity.ALARM if action is LinkLossAction.STOP else Severity.WARNING
+        self._notifications.event(severity, why.text, why.reason, why.figures)
+        if action is LinkLossAction.STOP:
+            self._hold(why, safe=False)
 
     def begin_fault(self, fault: Fault) -> None:
         """Report a fault, and do what its row says."""

@@ -66,12 +66,17 @@ class Goal:
 
 
 class GoalQueue:
-    """Goals of one branch of the tree, in the order of their arrival; at most one is active."""
+    """Goals of one branch of the tree, in the order of their arrival; at most one is active.
+
+    Attributes:
+        held: whether goals that wait go on waiting.
+    """
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._waiting: deque[Goal] = deque()
         self.active: Goal | None = None
+        self.held = False
 
     @property
     def waiting(self) -> int:
@@ -92,7 +97,7 @@ class GoalQueue:
 
     def take(self) -> Goal | None:
         """Return the active goal, else start the next one whose lifetime is not over."""
-        while self.active is None and self._waiting:
+        while self.active is None and self._waiting and not self.held:
             goal = self._waiting.popleft()
             waited_s = self._clock.now_s() - goal.arrived_s
             late = expired(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)

@@ -20,6 +20,7 @@ from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import Dispatcher, unwritten
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, Goals
+from executive.link_loss import GroundMonitor
 from executive.motion import Arbiter, make_locomotion
 from executive.notifications import Notifications
 from executive.plans import PlanHost, Planner
@@ -35,7 +36,7 @@ from executive.record import (
 )
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
 from executive.safety import Safety
-from executive.settings import Settings
+from executive.settings import LinkLossAction, Settings
 from executive.state import (
     AuthorityUsed,
     CommandEnded,
@@ -53,6 +54,11 @@ from executive.state import (
 
 _LOG = logging.getLogger(__name__)
 
+_DONE: Final = {
+    LinkLossAction.GO_ON: "the rover goes on",
+    LinkLossAction.HOLD: "the rover holds at the end of the step",
+    LinkLossAction.STOP: "the rover is stopped",
+}
 MOST_A_TURN: Final = 32
 """Commands and questions of one turn, so that the ticks keep their time."""
 LONGEST_EVENT: Final = 4096
@@ -109,6 +115,7 @@ class Executive:
 
     Attributes:
         authority: who may command.
+        ground: for how long nothing has been heard of the ground.
         safety: which faults there are.
         wake: called from the thread that submits or asks, after each time; must be thread-safe
             and quick.
@@ -142,6 +149,7 @@ class Executive:
         self._stopped_at = 0
         self._answers: list[tuple[Submission, SubmitResult]] = []
         self._inputs: dict[str, OtherInput] = {}
+        self.ground = GroundMonitor(clock, settings.link_loss)
         self._ledger = ledger
         self._latch = _latch_beside(ledger)
         self._downlinks = downlinks
@@ -194,6 +202,7 @@ class Executive:
             prepare: called on that thread before the command is looked at, but for a stop's effect;
                 what it writes to the ledger is committed with the command.
         """
+        self.ground.hear()
         submission = Submission(next(self._arrivals), command, reply, prepare)
         if isinstance(command.request, Stop):
             self._stops.put(submission)
@@ -364,8 +373,10 @@ class Executive:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         self.turn()
         self._watch()
+        self._listen_for_ground()
         self._tell_of_inputs()
         self._run_plan()
+        self._hold_plan()
         self._run_tree()
         self._telemetry.update()
         self.authority.tick()
@@ -405,6 +416,27 @@ class Executive:
             self._dispatcher.stop(stop.command.identity)
             stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
+
+    def _listen_for_ground(self) -> None:
+        """Do what is to be done when nothing is heard of the ground, and end it when it is."""
+        ground, lost = self.ground, self.ground.stage
+        reached = ground.look(self.mode)
+        if reached is not None:
+            action, silent_s = reached.stage.then, reached.silent_s
+            text = f"nothing was heard from the ground for {silent_s:.1f} s: {_DONE[action]}"
+            figures = (Figure("silent", silent_s, "s"),)
+            self._dispatcher.lose_link(action, Refusal(Reason.LINK_LOST, text, figures))
+        elif lost is not None and ground.stage is None and ground.silent_s < lost.after_s:
+            self._notifications.event(Severity.INFORMATIONAL, "the ground is heard again")
+        holds = ground.stage is not None and ground.stage.then is LinkLossAction.HOLD
+        self._context.goals.motion.held = holds
+
+    def _hold_plan(self) -> None:
+        """Suspend a plan between two of its steps where motion is held."""
+        goals, executing = self._context.goals, self._context.plans.executing
+        if goals.motion.held and goals.active is None and executing is not None:
+            text = "nothing is heard from the ground: it is held at the end of a step"
+            self._planner.suspend(Refusal(Reason.LINK_LOST, text))
 
     def _tell_of_inputs(self) -> None:
         """Report who begins to command the base by another input of its mux, and who ends."""

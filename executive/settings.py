@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, EnumMeta, unique
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -220,6 +221,50 @@ class AuthoritySettings:
         require_above_zero(self, "lease_s", "longest_lease_s")
 
 
+class LinkLossAction(Enum):
+    """What the rover does when nothing is heard of the ground."""
+
+    GO_ON = "go_on"
+    HOLD = "hold"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkLossStage:
+    """What is done after so many seconds without a sign of the ground.
+
+    Attributes:
+        then: go on; let the command under way end and begin no other until the ground is heard
+            again; or stop until resumed.
+    """
+
+    after_s: float
+    then: LinkLossAction
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where it would be reached at once."""
+        require_above_zero(self, "after_s")
+
+
+@dataclass(frozen=True, slots=True)
+class LinkLoss:
+    """The stages of what is done in a mode, the earliest first; without any the rover goes on."""
+
+    teleop: tuple[LinkLossStage, ...] = ()
+    motion: tuple[LinkLossStage, ...] = ()
+    plan: tuple[LinkLossStage, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where stages are not in their order."""
+        for stages in (self.teleop, self.motion, self.plan):
+            for before, after in pairwise(stages):
+                if after.after_s <= before.after_s:
+                    raise ValueError(
+                        f"a stage after {after.after_s:g} s follows one after {before.after_s:g} s:"
+                        " the earliest comes first"
+                    )
+
+
 @dataclass(frozen=True, slots=True)
 class VideoSettings:
     """Between which UDP ports the camera's video stream is forwarded.
@@ -312,6 +357,7 @@ class Settings:
         mass_kg: what it weighs as it drives; None where that is not known.
         footprint: None where nothing needs it: zones do.
         zones: where it may drive, in the frame of its odometry.
+        link_loss: what is done when nothing is heard of the ground.
         mux: None where the base takes velocities from one topic, whoever publishes there.
     """
 
@@ -337,6 +383,7 @@ class Settings:
     footprint: Footprint | None = None
     zones: Zones = field(default_factory=Zones)
     mux: MuxSettings | None = None
+    link_loss: LinkLoss = field(default_factory=LinkLoss)
 
     def __post_init__(self) -> None:
         """Raise ValueError where settings do not fit each other, or their bounds."""

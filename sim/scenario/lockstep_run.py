@@ -147,6 +147,8 @@ class _Play:
     def _look(self) -> None:
         time_s = self._lock.time_s
         self._record.poses.append(TruePose(time_s, self._lock.rover.true_pose))
+        if self._there:
+            self._lock.executive.ground.hear()
         if self._lock.alive:
             self._record.modes.append(SeenMode(time_s, self._lock.executive.mode))
 

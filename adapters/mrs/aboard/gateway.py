@@ -63,6 +63,7 @@ class Gateway:
 
         One whose future is cancelled waits, and counts, until the core has come to it.
         """
+        self._executive.ground.hear()
         answer: asyncio.Future[T] = self._loop.create_future()
         if self._pending >= MOST_PENDING:
             return _no_room(answer)
