@@ -25,7 +25,7 @@ from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
 from sim.processes import Eclipse as Dark
 from sim.processes.recorder import Recorder, recorder
 from sim.processes.relay import Orbiter, relayed
-from sim.ros.cargo import DISCOVERY_S, loading
+from sim.ros.cargo import loading
 from sim.ros.faults import FaultClient, fault_client
 from sim.rover.faults import Fault, LinkLost
 from sim.scenario.live_session import LiveSession, watched
@@ -105,9 +105,7 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
             load = running.enter_context(loading(name, place.domain, parameters))
         faults: FaultClient | None = None
         if any(kind is not LinkLost for kind in _fault_kinds(scenario)):
-            faults = running.enter_context(
-                fault_client(name, place.domain, parameters, DISCOVERY_S)
-            )
+            faults = running.enter_context(fault_client(name, place.domain, parameters, START_S))
         yield Scene(rover, orbiter, start_utc_s, heard, ground, load, faults)
 
 
