@@ -82,6 +82,7 @@ def _is_long(line: str) -> bool:
 
 
 BRICK: Final = "MOCUP"
+STOP_CODE: Final = 0x10E
 _MOST_QUEUED: Final = 4
 
 
@@ -205,9 +206,9 @@ class Brick:
 
 
 def _plain(octets: bytes) -> bytes:
-    """Return a message as the brick is sent it: a stop without inputs, outputs and flags."""
+    """Return a message as the brick is sent it: a stop, by its code, without what it carries."""
     message = decode(octets)
-    if message.command == "STOP":
+    if message.code == STOP_CODE:
         return encode(replace(message, inputs=(), outputs=(), received=False))
     return octets
 

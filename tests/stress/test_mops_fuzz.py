@@ -6,10 +6,12 @@ from collections.abc import Callable
 import pytest
 from click.testing import CliRunner
 
+from adapters.mops import load_dictionary
 from executive.settings import load_settings
 from tests.benchmarks.commands import bench
 from tests.stress import broken_readers, mops_fuzz
 from tests.stress.fuzzing import break_nothing
+from tests.stress.mops_readers import Brick, Fault, MopsFindings
 
 FEW = 600
 
@@ -17,6 +19,13 @@ FEW = 600
 def missed(prepare: Callable[[], None], seed: int = 1) -> set[str]:
     figures = mops_fuzz.measure(load_settings("jackal"), FEW, seed, lambda _: None, prepare)
     return {figure.name.removeprefix("MOPS: ") for figure in figures if figure.met is False}
+
+
+def test_a_stop_under_another_name_is_expected_as_the_brick_is_sent_it() -> None:
+    brick, findings = Brick(load_dictionary()), MopsFindings(print)
+    for _ in range(3):
+        brick.take((b"10E|MOE|MOCUP|REMOVE_PLAN|1||False|False|7|#",), findings)
+    assert findings.counts[Fault.MOVED] == 0
 
 
 def test_sound_readers_meet_every_goal() -> None:
