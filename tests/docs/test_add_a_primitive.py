@@ -45,12 +45,13 @@ def follow(root: Path) -> None:
         for name in ("executive/commands/catalogue.py", "trees/motion.py", "trees/rover.py")
     )
     imported = "from executive.commands import "
+    import_wait = f"{imported}Wait\n{imported}"
     edit(catalogue, ("Motion = ", f"{request}\n\nMotion = Wait | "))
-    edit(motion, (imported, f"{imported}Wait, "), ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"))
-    branch = '        _sequence("go",'
+    edit(motion, (imported, import_wait), ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"))
+    branch = '        _sequence(\n            "go",'
     edit(
         rover,
-        (imported, f"from trees.motion import StandBy\n{imported}Wait, "),
+        (imported, f"from trees.motion import StandBy\n{import_wait}"),
         (branch, place + branch),
     )
     specification = root / "adapters/mrs/spec/mrs.xml"
