@@ -35,7 +35,7 @@ from executive.record import (
     StopLatch,
 )
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
-from executive.safety import Safety
+from executive.safety import Safety, unmonitored
 from executive.settings import LinkLossAction, Settings
 from executive.state import (
     AuthorityUsed,
@@ -184,6 +184,8 @@ class Executive:
             self._planner,
             self.authority,
         )
+        for text in unmonitored(settings):
+            _LOG.info("%s", text)
         self.files.tidy()
         self._dispatcher.take_over()
         self._notifications.flush()

@@ -1,0 +1,58 @@
+"""Writes the table of docs/faults.md anew: `python -m tests.docs.faults_page`."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from executive.fault_table import DECLARED, FIGURES, Bound, Clears, Declaration, Row, Then
+
+PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
+TITLE = "| fault | reason | what is wrong | watched | shows | then |"
+
+
+def faults_page() -> str:
+    """Return the page with the table as the declarations have it."""
+    before, _, after = PAGE.read_text(encoding="utf-8").partition(TITLE)
+    rest = after.partition("\n\n")[2]
+    return before + "\n".join(_rows()) + "\n\n" + rest
+
+
+def _rows() -> Iterator[str]:
+    yield TITLE
+    yield "|---|---|---|---|---|---|"
+    for declared in DECLARED.values():
+        row = declared.row
+        reason = f"{declared.reason.value} {declared.reason.name}"
+        then = _then(row)
+        cells = (f"`{declared.name}`", reason, declared.summary, row.when.value)
+        yield f"| {' | '.join((*cells, _shows(declared), then))} |"
+
+
+def _then(row: Row) -> str:
+    if row.then is Then.IGNORE:
+        return "ignore"
+    until = "until a resume" if row.clears is Clears.ON_RESUME else "while it shows"
+    return f"{row.then.value}, {until}"
+
+
+def _shows(declared: Declaration) -> str:
+    row = declared.row
+    meant = (declared.beyond, declared.below, declared.ratio, declared.within)
+    given = (row.beyond, row.below, row.ratio, row.within_s)
+    said = [
+        _figure(key, bound, value)
+        for key, bound, value in zip(FIGURES, meant, given, strict=False)
+        if bound is not None and value is not None
+    ]
+    if row.for_s:
+        said.append(f"`for` {row.for_s:g} s")
+    return "<br>".join(said) or "at once"
+
+
+def _figure(key: str, bound: Bound, value: float) -> str:
+    most = f"{bound.low:g} to {bound.high:g}"
+    what = "" if key == "within" else f": {bound.what}"
+    return f"`{key}` {value:g} {bound.unit}".rstrip() + f"{what} ({most})"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(faults_page(), encoding="utf-8")

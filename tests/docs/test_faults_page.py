@@ -1,0 +1,21 @@
+"""The page of faults is as it is written from their declarations, and its example is read."""
+
+from dataclasses import replace
+
+import yaml
+
+from executive.fault_table import Then, read_table
+from executive.settings import load_settings
+from tests.docs.faults_page import PAGE, faults_page
+from tests.docs.pages import blocks
+
+
+def test_the_page_is_written_from_the_declarations() -> None:
+    assert PAGE.read_text(encoding="utf-8") == faults_page()
+
+
+def test_its_example_is_what_a_file_may_say() -> None:
+    (example,) = blocks(PAGE, "yaml")
+    table = read_table(yaml.safe_load(example)["faults"])
+    assert table.turns_uncommanded.then is Then.IGNORE
+    assert replace(load_settings("jackal"), faults=table).faults.odometry_stale.bound == 0.5
