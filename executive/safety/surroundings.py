@@ -107,23 +107,39 @@ class Surroundings:
         """
         if self.footprint is None or not moves(velocity):
             return None
-        length_m = abs(velocity.travel_mps) * held_s
+        length_m = velocity.travel_mps * held_s
         turn_rad = velocity.rotate_radps * held_s
-        reach_m = length_m + margin_m + self.footprint.radius_m * min(abs(turn_rad), 2.0)
-        near = [spot for spot in self.spots if spot.gap_m <= reach_m + BESIDE_M]
+        margin = Margin(margin_m, self._beside_m if length_m else TURNING_M)
+        near = self._within_reach(length_m, abs(turn_rad), margin)
         if len(near) < FEWEST_POINTS:
             return None
-        margin = Margin(margin_m, self._beside_m if length_m > 0.0 else TURNING_M)
-        steps = max(1, ceil(max(length_m / STEP_M, abs(turn_rad) / STEP_RAD)))
-        found = [
-            spot
-            for spot in near
-            if any(
-                self._is_met(spot, velocity, held_s * step / steps, margin)
-                for step in range(1, steps + 1)
-            )
+        steps = max(1, ceil(max(abs(length_m) / STEP_M, abs(turn_rad) / STEP_RAD)))
+        moved = [
+            self._moved(length_m * k / steps, turn_rad * k / steps) for k in range(1, steps + 1)
         ]
-        return _second_nearest(found)
+        return _second_nearest(
+            [spot for spot in near if _is_met(spot, moved, self.footprint, margin)]
+        )
+
+    def _within_reach(self, length_m: float, turn_rad: float, margin: Margin) -> list[Spot]:
+        """Return the points that a motion may lead to, and perhaps some more."""
+        footprint = self.footprint
+        assert footprint is not None
+        corners_m = footprint.radius_m * min(turn_rad, 2.0)
+        aside_m = abs(length_m) * min(turn_rad, 1.0) + corners_m
+        half_m = footprint.length_m / 2 + margin.along_m + corners_m
+        front_m, back_m = half_m + max(length_m, 0.0), -half_m + min(length_m, 0.0)
+        side_m = footprint.width_m / 2 + margin.beside_m + aside_m
+        return [
+            spot for spot in self.spots if back_m < spot.x_m < front_m and abs(spot.y_m) < side_m
+        ]
+
+    def _moved(self, length_m: float, turn_rad: float) -> tuple[float, float, float, float, float]:
+        """Return where an arc of the control point leads: place, cosine and sine, offset."""
+        ahead_m, half_rad = self.settings.turn_drive.control_point_m, turn_rad / 2
+        chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
+        x_m, y_m = ahead_m + chord_m * cos(half_rad), chord_m * sin(half_rad)
+        return x_m, y_m, cos(turn_rad), sin(turn_rad), ahead_m
 
     @property
     def _beside_m(self) -> float:
@@ -152,28 +168,28 @@ class Surroundings:
             ]
         )
 
-    def _is_met(self, spot: Spot, velocity: Velocity, held_s: float, margin: Margin) -> bool:
-        """Return whether a point is within the margin, and nearer, once a velocity was held."""
-        footprint = self.footprint
-        assert footprint is not None
-        ahead_m = self.settings.turn_drive.control_point_m
-        turn_rad, length_m = velocity.rotate_radps * held_s, velocity.travel_mps * held_s
-        half_rad = turn_rad / 2
-        chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
-        dx_m = spot.x_m - ahead_m - chord_m * cos(half_rad)
-        dy_m = spot.y_m - chord_m * sin(half_rad)
-        cosine, sine = cos(turn_rad), sin(turn_rad)
-        x_m, y_m = dx_m * cosine + dy_m * sine + ahead_m, dy_m * cosine - dx_m * sine
-        return (
-            abs(x_m) < footprint.length_m / 2 + margin.along_m
-            and abs(y_m) < footprint.width_m / 2 + margin.beside_m
-            and _gap_m(x_m, y_m, footprint) < spot.gap_m - NEARER_M
-        )
-
 
 def moves(velocity: Velocity) -> bool:
     """Return whether a rover at a velocity goes anywhere."""
     return abs(velocity.travel_mps) >= SLOWEST_MPS or abs(velocity.rotate_radps) >= SLOWEST_RADPS
+
+
+def _is_met(
+    spot: Spot,
+    moved: list[tuple[float, float, float, float, float]],
+    footprint: Footprint,
+    margin: Margin,
+) -> bool:
+    """Return whether a point is within the margin, and nearer than now, anywhere on the way."""
+    along_m = footprint.length_m / 2 + margin.along_m
+    beside_m = footprint.width_m / 2 + margin.beside_m
+    for place_x_m, place_y_m, cosine, sine, ahead_m in moved:
+        dx_m, dy_m = spot.x_m - place_x_m, spot.y_m - place_y_m
+        x_m, y_m = dx_m * cosine + dy_m * sine + ahead_m, dy_m * cosine - dx_m * sine
+        within = abs(x_m) < along_m and abs(y_m) < beside_m
+        if within and _gap_m(x_m, y_m, footprint) < spot.gap_m - NEARER_M:
+            return True
+    return False
 
 
 @lru_cache(maxsize=8)

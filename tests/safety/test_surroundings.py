@@ -89,6 +89,26 @@ def test_what_is_met_by_a_velocity(
     assert (evidence is not None) == met
 
 
+@given(
+    travel=st.floats(-2, 2),
+    rotate=st.floats(-2, 2),
+    away_m=st.floats(0.3, 2.5),
+    bearing=st.integers(0, 359),
+)
+def test_no_point_that_is_met_is_left_out_beforehand(
+    travel: float, rotate: float, away_m: float, bearing: int
+) -> None:
+    x_m, y_m = away_m * cos(radians(bearing)), away_m * sin(radians(bearing))
+    velocity = Velocity(travel, rotate)
+    seen = history(velocity, (x_m, y_m), (1.01 * x_m, 1.01 * y_m)).surroundings
+    assert seen is not None
+    held_s = seen.braking_s(velocity, 0.25)
+    found = seen.met(velocity, held_s, 0.05)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Surroundings, "_within_reach", lambda self, *_: list(self.spots))
+        assert seen.met(velocity, held_s, 0.05) == found
+
+
 def test_a_rover_that_stands_close_may_go_away_but_not_nearer() -> None:
     wall = [(0.29, y / 50) for y in range(-15, 16)]
     for travel_mps, met in ((0.3, True), (-0.3, False)):
