@@ -143,7 +143,8 @@ class Bench:
         rover: KinematicRover | None = None,
     ) -> None:
         self.folder = folder
-        self.settings = replace(settings or load_settings("jackal"), sensors=Sensors())
+        asset = settings or load_settings("jackal")
+        self.settings = replace(asset, sensors=Sensors(laser=asset.sensors.laser))
         self.clock = ManualClock()
         self.rover = rover or KinematicRover()
         self.heard = Heard()
