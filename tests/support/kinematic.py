@@ -144,7 +144,9 @@ class Bench:
     ) -> None:
         self.folder = folder
         asset = settings or load_settings("jackal")
-        self.settings = replace(asset, sensors=Sensors(laser=asset.sensors.laser))
+        told = asset.sensors
+        sensors = Sensors(laser=told.laser, second_odometry=told.second_odometry)
+        self.settings = replace(asset, sensors=sensors)
         self.clock = ManualClock()
         self.rover = rover or KinematicRover()
         self.heard = Heard()
