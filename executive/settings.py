@@ -317,20 +317,24 @@ class MuxSettings:
         input: the input of `topics` that is the executive's own.
         lock: the lock of `locks` that the executive holds while the rover has to stand.
         topics, locks: as in the file of twist_mux.
+        stop: the input of `topics` on which the executive publishes zero meanwhile, of the lock's
+            priority or a higher one; None: a locked base stops when its own timeout is over.
     """
 
     input: str
     lock: str
     topics: dict[str, MuxEntry]
     locks: dict[str, MuxEntry]
+    stop: str | None = None
 
     def __post_init__(self) -> None:
         """Raise ValueError where the executive's own input or lock is not there, or has no say."""
         for key, name, there in (
             ("input", self.input, self.topics),
             ("lock", self.lock, self.locks),
+            ("stop", self.stop, self.topics),
         ):
-            if name not in there:
+            if name is not None and name not in there:
                 known = ", ".join(there) or "none"
                 raise ValueError(f"{key} is {name!r}, which the mux does not have: {known}")
         own, lock = self.topics[self.input].priority, self.locks[self.lock].priority
@@ -338,6 +342,11 @@ class MuxSettings:
             raise ValueError(
                 f"lock {self.lock} has priority {lock}: it must be above {own}, that of"
                 f" {self.input}, or it stops nobody"
+            )
+        if self.stop is not None and self.topics[self.stop].priority < lock:
+            raise ValueError(
+                f"stop {self.stop} has priority {self.topics[self.stop].priority}: it must be at"
+                f" least {lock}, that of {self.lock}, which masks it otherwise"
             )
 
 

@@ -123,6 +123,9 @@ class RosCamera(RosFrames):
 class MuxOnRos:
     """The executive's side of a mux before the base: holds its lock, hears its other inputs.
 
+    While the lock is held, zero is published on the input for stops, if the mux has one: a base
+    that hears nothing would go on until its own timeout is over.
+
     Args:
         node: where topics are made.
         velocity: the topic on which the executive publishes.
@@ -144,6 +147,8 @@ class MuxOnRos:
         self._node, self._settings, self._clock = node, settings, clock
         self._qos = velocity.qos
         self._lock = node.create_publisher(Bool, settings.locks[settings.lock].topic, LOCK_QOS)
+        stop = None if settings.stop is None else settings.topics[settings.stop].topic
+        self._stop = None if stop is None else node.create_publisher(Twist, stop, velocity.qos)
         self._told: bool | None = None
         self._listeners = 0
 
@@ -151,7 +156,7 @@ class MuxOnRos:
         """Tell the core of velocities on other inputs."""
         above = self._settings.topics[self._settings.input].priority
         for name, entry in self._settings.topics.items():
-            if name != self._settings.input:
+            if name not in (self._settings.input, self._settings.stop):
                 who = _Publishers(self._node, self._clock, entry.topic)
                 tell = partial(_tell_of, observe, name, entry.priority > above, who)
                 subscribe(Twist, Topic(entry.topic, self._qos), tell)
@@ -166,10 +171,17 @@ class MuxOnRos:
         if held or expires or held is not self._told or listeners > self._listeners:
             self._lock.publish(Bool(data=held))
         self._told, self._listeners = held, listeners
+        if held:
+            self._zero()
 
     def take(self) -> None:
         """Take the lock, from any thread; nothing here is changed by it."""
+        self._zero()
         self._lock.publish(Bool(data=True))
+
+    def _zero(self) -> None:
+        if self._stop is not None:
+            self._stop.publish(Twist())
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until what was published last has been received; return whether it was."""

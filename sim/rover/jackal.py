@@ -230,9 +230,13 @@ class SimulatedJackal(SimulatedBody):
             self._mux.lock(name, locked, self.time_s)
 
     def lock(self, held: bool) -> None:
-        """Hold the executive's lock of the mux, or let go of it."""
-        if self._mux_settings is not None:
-            self.take_lock(self._mux_settings.lock, held)
+        """Hold the executive's lock of the mux, with zero on its input for stops, or let go."""
+        mux = self._mux_settings
+        if mux is None:
+            return
+        if held and mux.stop is not None:
+            self.take(mux.stop, STANDING)
+        self.take_lock(mux.lock, held)
 
     def emergency_stop(self) -> None:
         """Command to stand, and hold the lock."""

@@ -49,7 +49,9 @@ def test_the_highest_input_that_is_heard_drives() -> None:
 def test_a_lock_masks_what_is_below_it_until_it_is_told_to_open() -> None:
     mux = Mux(MUX)
     mux.lock("e_stop", True, 0.0)
-    assert not any(mux.passes(name, 100.0) for name in MUX.topics)
+    assert {name for name in MUX.topics if mux.passes(name, 100.0)} == {MUX.stop}
+    mux = Mux(MUX)
+    mux.lock("e_stop", True, 99.0)
     mux.lock("e_stop", False, 100.0)
     assert mux.passes("joystick", 100.0)
     mux.add("remote", MuxEntry("remote", 0.5, 255))
@@ -74,6 +76,8 @@ def test_a_lock_with_a_timeout_is_locked_by_silence() -> None:
         ("locks", {"e_stop": {"topic": "s", "timeout": 0, "priority": 5}}, "must be above 5"),
         ("locks", {"e_stop": {"topic": "s", "timeout": 0, "priority": 256}}, "0 to 255"),
         ("locks", {"e_stop": {"topic": "s", "timeout": -1, "priority": 9}}, "0 for never"),
+        ("stop", "joystick", "stop joystick has priority 10: it must be at least 255"),
+        ("stop", "halt", "stop is 'halt', which the mux does not have"),
     ],
 )
 def test_a_mux_that_would_hold_nobody_is_refused(key: str, value: object, says: str) -> None:
@@ -115,6 +119,17 @@ def test_after_a_stop_the_rover_stands_whoever_else_publishes(
     x_m = lock_step.rover.true_pose.x_m
     lock_step.run(5.0)
     assert lock_step.rover.true_pose.x_m == pytest.approx(x_m, abs=0.002)
+
+
+@pytest.mark.parametrize("priority", [EXTERNAL, 5.0, JOYSTICK])
+def test_a_stop_does_not_wait_for_the_timeout_of_the_base(
+    lock_step: LockStep, priority: float
+) -> None:
+    lock_step.rover.inject(faults.CmdVelTaken(priority=priority, travel_mps=1.0))
+    lock_step.run(2.0)
+    submit(lock_step, 1, Stop())
+    lock_step.run(0.3)
+    assert speed_mps(lock_step) < 0.02
 
 
 @pytest.mark.parametrize("mux", [JACKAL.mux, None])
