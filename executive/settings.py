@@ -1,36 +1,25 @@
 """What one asset may do and how it is driven, read from its YAML in `config/`."""
 
-import os
-import re
-from collections.abc import Collection
-from dataclasses import dataclass, field, fields, replace
-from enum import Enum, EnumMeta, unique
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum, unique
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import ClassVar, Final
 
-import yaml
-from cattrs import Converter, transform_error
-from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
-from cattrs.v import format_exception
-
-from executive.fault_table import FaultTable, plain_table, read_table
+from executive.fault_table import FaultTable
+from executive.settings_files import (
+    HIGHEST_FIGURE,
+    config_folder,
+    named_file,
+    read_yaml,
+    require_above_zero,
+)
 from executive.zones import Footprint, Zones
-
-T = TypeVar("T")
 
 HIGHEST_PORT: Final = 65535
 HIGHEST_PRIORITY: Final = 255
 FEWEST_REPORTS: Final = 1000
-HIGHEST_FIGURE: Final = 1e10
-"""Of settings: three hundred years in seconds."""
-
-_MERGE: Final = "tag:yaml.org,2002:merge"
-
-
-class SettingsError(ValueError):
-    """A settings file is missing or wrong; the text says where and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +98,16 @@ class Safety:
         watchdog_s: for how long the core's thread may hang while the rover moves. Longer than what
             a busy computer or disk delays a tick by; not longer than the rover may drive blindly.
     """
+
+    MOVED: ClassVar[Mapping[str, str]] = {
+        "odometry_stale": "faults.odometry_stale.beyond",
+        "odometry_jump_m": "faults.odometry_jumped.beyond",
+        "odometry_jump": "faults.odometry_jumped.beyond",
+        "odometry_jump_rad": "faults.odometry_turned.beyond",
+        "tilt": "faults.tilted.beyond",
+        "battery_low": "faults.battery_low.below",
+    }
+    """Where keys of this section went."""
 
     watchdog_s: float = 0.5
 
@@ -412,148 +411,6 @@ class Settings:
         return replace(self, authority=replace(self.authority, needed=by_others))
 
 
-def require_above_zero(settings: object, *names: str) -> None:
-    """Do nothing where fields of a settings dataclass are above zero and no mistake, or None.
-
-    Raises:
-        ValueError: one is not.
-    """
-    for name in names:
-        figure = getattr(settings, name)
-        if figure is not None and not 0 < figure <= HIGHEST_FIGURE:
-            raise ValueError(f"{name} must be above 0 and at most {HIGHEST_FIGURE:g}, not {figure}")
-
-
-def structure(raw: object, kind: type[T], origin: str) -> T:
-    """Return a value of a settings dataclass made from the plain data of a file.
-
-    Raises:
-        SettingsError: a key is unknown, missing, or of the wrong kind.
-    """
-    try:
-        return _converter().structure(raw, kind)
-    except BaseValidationError as error:
-        faults = "; ".join(transform_error(error, path=origin, format_exception=_fault))
-        raise SettingsError(faults) from error
-
-
-def unstructure(value: object) -> object:
-    """Return the plain data that `structure` makes a value of."""
-    return _converter().unstructure(value)
-
-
-@cache
-def _converter() -> Converter:
-    """Return the converter, which compiles code for each dataclass that it meets first."""
-    converter = Converter(forbid_extra_keys=True)
-    converter.register_structure_hook(float, _number)
-    converter.register_structure_hook(FaultTable, lambda raw, _: read_table(raw))
-    converter.register_unstructure_hook(FaultTable, plain_table)
-    converter.register_structure_hook_func(lambda made: isinstance(made, EnumMeta), _choice)
-    return converter
-
-
-class _Loader(yaml.CSafeLoader):
-    """Refuses a key that is said twice, where YAML would forget the first; takes 1e-5 for a number.
-
-    YAML 1.1, which PyYAML reads, wants a point and a sign: 1.0e-5.
-    """
-
-
-def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    seen = set()
-    for key, _ in node.value:
-        if key.tag == _MERGE:
-            continue
-        name = loader.construct_object(key, deep=True)
-        if name in seen:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"key {name!r} is said twice", key.start_mark
-            )
-        seen.add(name)
-    return loader.construct_mapping(node, deep=True)
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
-_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
-
-
-def load_yaml(path: Path) -> object:
-    """Return what a YAML file holds, whoever wrote it: data, or one error.
-
-    Raises:
-        SettingsError: the file cannot be read, or is no YAML.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise _not_yaml(str(path), error) from error
-    return parse_yaml(text, str(path))
-
-
-def parse_yaml(text: str, origin: str) -> object:
-    """Return what a YAML text holds; the origin is for the error.
-
-    Raises:
-        SettingsError: it is no YAML.
-    """
-    try:
-        return yaml.load(text, Loader=_Loader)
-    except RecursionError as error:
-        raise SettingsError(f"{origin}: is nested too deeply") from error
-    except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or key may be none
-        raise _not_yaml(origin, error) from error
-
-
-def _not_yaml(origin: str, error: Exception) -> SettingsError:
-    return SettingsError(f"{origin}: is not YAML ({' '.join(str(error).split())})")
-
-
-def read_yaml(path: Path, kind: type[T]) -> T:
-    """Return the contents of a YAML file as a settings dataclass.
-
-    Raises:
-        SettingsError: the file cannot be read, is no YAML, or does not fit.
-    """
-    return structure(load_yaml(path), kind, str(path))
-
-
-def config_folder() -> Path:
-    """Return where configuration files lie: $ROVER_CONFIG, the checkout, or the installation."""
-    override = os.environ.get("ROVER_CONFIG")
-    if override:
-        return Path(override)
-    checkout = Path(__file__).resolve().parent.parent / "config"
-    if checkout.is_dir():
-        return checkout
-    prefix = Path(__file__).parents[4]  # of a pip install and of a colcon install alike
-    return prefix / "share" / "rover_executive" / "config"
-
-
-def named_file(kind: str, name: str, folder: Path) -> Path:
-    """Return the YAML file in a folder of what is known by a name; the kind is for the error.
-
-    Raises:
-        SettingsError: there is none of that name; the text says which there are.
-    """
-    path = folder / f"{name}.yaml"
-    if path.is_file():
-        return path
-    names = ", ".join(names_in(folder)) or f"none, {folder} has no YAML file"
-    raise SettingsError(f"there is no {kind} {name!r}; there are: {names}")
-
-
-def names_in(folder: Path) -> list[str]:
-    """Return the names of the YAML files in a folder; `jackal.ros.yaml` is not one of them."""
-    return sorted(path.stem for path in folder.glob("*.yaml") if "." not in path.stem)
-
-
 def load_settings(asset: str) -> Settings:
     """Return the settings of an asset by name (`jackal`) or by the path of its YAML file.
 
@@ -563,46 +420,3 @@ def load_settings(asset: str) -> Settings:
     if asset.endswith((".yaml", ".yml")):
         return read_yaml(Path(asset), Settings)
     return read_yaml(named_file("asset", asset, config_folder()), Settings)
-
-
-def _fault(error: BaseException, kind: type | None) -> str:
-    """Return what is wrong: in our words, where the check is ours."""
-    if isinstance(error, ForbiddenExtraKeysError):
-        wrong = ", ".join(map(repr, sorted(error.extra_fields)))
-        known = ", ".join(field.name for field in fields(error.cl))
-        gone = moved(error.extra_fields) if error.cl is Safety else ""
-        return f"unknown key {wrong}; known are {known}{gone}"
-    if type(error) is ValueError and kind is not int:
-        return str(error)
-    return format_exception(error, kind)
-
-
-MOVED: Final = {
-    "odometry_stale": "faults.odometry_stale.beyond",
-    "odometry_jump_m": "faults.odometry_jumped.beyond",
-    "odometry_jump": "faults.odometry_jumped.beyond",
-    "odometry_jump_rad": "faults.odometry_turned.beyond",
-    "tilt": "faults.tilted.beyond",
-    "battery_low": "faults.battery_low.below",
-}
-"""Where keys of `safety` went, with the unit that they were written with or without."""
-
-
-def moved(unknown: Collection[str]) -> str:
-    """Return where keys went that a section no longer knows, for the end of an error."""
-    places = {each: MOVED.get(each, MOVED.get(each.rpartition("_")[0])) for each in unknown}
-    said = ", ".join(f"{each} is now {place}" for each, place in sorted(places.items()) if place)
-    return f"; {said}" if said else ""
-
-
-def _choice(raw: object, kind: type[Enum]) -> Enum:
-    for choice in kind:
-        if choice.value == raw:
-            return choice
-    raise ValueError(f"{raw!r} is none of {', '.join(str(choice.value) for choice in kind)}")
-
-
-def _number(raw: object, _: type) -> float:
-    if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise ValueError(f"expected a number, got {raw!r}")
-    return float(raw)

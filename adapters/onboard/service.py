@@ -44,7 +44,8 @@ from executive.goals import Context
 from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
 from executive.runner import Executive
-from executive.settings import LocomotionKind, Settings, SettingsError
+from executive.settings import LocomotionKind, Settings
+from executive.settings_files import SettingsError
 from trees import RoverTree
 
 NODE_NAME: Final = "executive"

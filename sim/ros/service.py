@@ -39,13 +39,8 @@ from adapters.ros import (
 )
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from executive.settings import (
-    LocomotionKind,
-    MuxSettings,
-    Sensor,
-    Settings,
-    SettingsError,
-)
+from executive.settings import LocomotionKind, MuxSettings, Sensor, Settings
+from executive.settings_files import SettingsError
 from executive.state import (
     Battery,
     CameraAngles,

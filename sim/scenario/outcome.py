@@ -11,7 +11,7 @@ from typing import Final
 from executive.commands import Mode
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Severity, Stage
-from executive.settings import SettingsError
+from executive.settings_files import SettingsError
 from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario

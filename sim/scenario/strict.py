@@ -22,7 +22,7 @@ from cattrs import (
 )
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
-from executive.settings import Safety, moved
+from executive.settings_files import moved
 
 T = TypeVar("T")
 
@@ -148,7 +148,7 @@ def _faults(error: BaseException, path: str) -> Iterator[tuple[str, str]]:
         case ForbiddenExtraKeysError():
             known = ", ".join(_key(each.name) for each in fields(error.cl)) or "none"
             unknown = ", ".join(map(shown, error.extra_fields))
-            gone = moved(error.extra_fields) if error.cl is Safety else ""
+            gone = moved(error.cl, error.extra_fields)
             yield path, f"unknown key {unknown}; known are {known}{gone}"
         case ClassValidationError() | IterableValidationError():
             noted, bare = error.group_exceptions()

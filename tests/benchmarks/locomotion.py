@@ -12,7 +12,8 @@ from typing import Any, Final
 from executive.commands.catalogue import Command, MoveTo, Waypoint
 from executive.geometry import wrap_rad
 from executive.reports import Identity, Stage
-from executive.settings import Profile, Settings, SettingsError, structure
+from executive.settings import Profile, Settings
+from executive.settings_files import SettingsError, structure
 from sim.rover import World
 from sim.rover.lockstep import LockStep
 from tests.support.figures import Figure, Goal, quantile

@@ -9,7 +9,8 @@ from executive.commands import DriveFor, Mode, MoveForward, Resume
 from executive.commands.catalogue import ActivatePlan, SubmitPlan
 from executive.reasons import Reason
 from executive.reports import Stage
-from executive.settings import LinkLoss, SettingsError, load_settings, structure
+from executive.settings import LinkLoss, load_settings
+from executive.settings_files import SettingsError, structure
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 

@@ -32,7 +32,7 @@ from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.settings import Profile, load_settings
 from executive.state import Battery, CameraAngles
-from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, ignoring
+from tests.support.kinematic import PICTURE, STEP_S, WHOLE_LIFE, Bench, ignoring
 
 
 @pytest.mark.parametrize(
@@ -288,7 +288,7 @@ def test_a_picture_is_stored_whole_under_its_command(bench: Bench) -> None:
     bench.execute(TakePicture(), 7)
     (stored,) = (bench.folder / "files/pictures").iterdir()
     assert stored.name == "MOE-7.jpg"
-    assert stored.read_bytes() == b"\xff\xd8picture\xff\xd9"
+    assert stored.read_bytes() == PICTURE
     assert stored.name in bench.last(7).text
 
 

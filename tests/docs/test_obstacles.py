@@ -7,7 +7,8 @@ from textwrap import dedent
 
 from executive.commands import MoveForward
 from executive.fault_table import Then, read_table
-from executive.settings import Settings, load_settings, parse_yaml, structure
+from executive.settings import Settings, load_settings
+from executive.settings_files import parse_yaml, structure
 from executive.zones import Footprint, Zones
 from tests.docs.pages import CHECKOUT, blocks
 from tests.support.kinematic import Bench

@@ -20,7 +20,7 @@ from executive.commands import (
     declared,
 )
 from executive.reports import Identity
-from executive.settings import SettingsError
+from executive.settings_files import SettingsError
 from executive.state import Parameter
 
 DICTIONARY = load_dictionary()

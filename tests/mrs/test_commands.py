@@ -31,6 +31,7 @@ from executive.commands import (
 from executive.geometry import STANDING
 from executive.reasons import Reason
 from tests.mrs.aboard import HEADER, Aboard, stages
+from tests.support.kinematic import PICTURE
 
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
@@ -100,7 +101,7 @@ def test_takes_a_picture(aboard: Aboard) -> None:
     assert outcome.executed
     folder = aboard.do(lambda bench: bench.folder)
     number = outcome.command.identity.command_id
-    assert (folder / "files/pictures" / f"MOE-{number}.jpg").read_bytes() == b"\xff\xd8picture"
+    assert (folder / "files/pictures" / f"MOE-{number}.jpg").read_bytes() == PICTURE
 
 
 async def test_a_stop_acts_before_it_is_acknowledged(aboard: Aboard, client: MrsClient) -> None:

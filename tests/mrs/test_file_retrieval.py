@@ -17,6 +17,7 @@ from adapters.mrs.terms import Terms
 from executive.commands import DeleteFile, MoveFile, TakePicture
 from tests.mrs.aboard import Aboard, raises
 from tests.support.certificates import make_ends
+from tests.support.kinematic import PICTURE
 
 
 class Cutting:
@@ -228,7 +229,7 @@ def test_a_picture_shows_up_by_itself_and_goes(aboard: Aboard) -> None:
             assert await client.list_files() == await client.list_files("pictures")
             assert [file.path for file in await client.list_files()] == [path]
             file = await client.get_attributes(path)
-            assert file.checksum == crc32(b"\xff\xd8picture")
+            assert file.checksum == crc32(PICTURE)
             assert file.mimeType == "image/jpeg"
             assert (await client.run(client.command(MoveFile(path, "kept/a.jpg")))).executed
             assert (await client.run(client.command(DeleteFile("kept/a.jpg")))).executed

@@ -131,7 +131,7 @@ async def test_a_stop_is_served_between_two_chunks(aboard: Aboard, consumer: Con
     assert order.count("chunk") > 700
     assert order.count("stop") == 1
     assert order[-1] == "whole", "the stop came in among the chunks, by the same way"
-    assert aboard.do(lambda bench: bench.stages(1))[-1] is Stage.EXECUTED
+    assert aboard.do(lambda bench: bench.finish(1)) is Stage.EXECUTED
 
 
 async def test_several_at_a_time_and_no_more_than_there_is_room_for(

@@ -13,8 +13,7 @@ from click.testing import Result
 from executive.commands import TakePicture
 from tests.mrs.aboard import Aboard, rover
 from tests.mrs.test_command_command import ROVER, command
-
-PICTURE = b"\xff\xd8picture"
+from tests.support.kinematic import PICTURE
 
 
 @pytest.fixture

@@ -8,15 +8,8 @@ from hypothesis import strategies as st
 from executive.fault_table import DECLARED, Clears, FaultTable, Then, read_table
 from executive.reasons import Reason
 from executive.safety import MONITORS
-from executive.settings import (
-    Settings,
-    SettingsError,
-    config_folder,
-    load_settings,
-    names_in,
-    structure,
-    unstructure,
-)
+from executive.settings import Settings, load_settings
+from executive.settings_files import SettingsError, config_folder, names_in, structure, unstructure
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
 from sim.scenario.reading import load_scenario

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from executive.commands import MoveForward, RotateBy
-from executive.settings import SecondOdometrySettings, Sensor, SettingsError
+from executive.settings import SecondOdometrySettings, Sensor
+from executive.settings_files import SettingsError
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
 from sim.scenario.changes import Change

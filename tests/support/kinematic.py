@@ -22,6 +22,7 @@ from executive.state import Battery, CameraAngles, Fact, FileEvent, Frame, Odome
 from trees import RoverTree
 
 STEP_S = 0.05
+PICTURE = b"\xff\xd8picture\xff\xd9"
 WHOLE_LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
@@ -231,7 +232,7 @@ class Bench:
         self.executive.observe(self.rover.angles)
         if self.rover.frame_wanted and self.rover.camera_works:
             self.rover.frame_wanted = False
-            self.executive.observe(Frame(self.clock.now_s(), "JPG", b"\xff\xd8picture\xff\xd9"))
+            self.executive.observe(Frame(self.clock.now_s(), "JPG", PICTURE))
         self.executive.tick()
 
     def run(self, duration_s: float) -> None:

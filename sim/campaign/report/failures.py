@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from executive.settings import SettingsError
+from executive.settings_files import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.runs import Run, Runs
