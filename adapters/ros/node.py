@@ -89,7 +89,7 @@ class ExecutiveNode:
         self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
         self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
         rover.on_frame = self.contained(self._on_frame)
-        rover.listen(self.subscribe, executive.observe)
+        rover.listen(self.subscribe, self._observe)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
         node.create_timer(tick_s, self.contained(self._tick), clock=ticking)
@@ -155,13 +155,15 @@ class ExecutiveNode:
         return call
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._executive.observe(odometry_fact(message))
+        self._observe(odometry_fact(message))
 
     def _observe(self, fact: Fact) -> None:
-        self._executive.observe(fact)
+        """Take in a fact, unless nothing can be dated: simulated time is 0 until it is heard."""
+        if self._clock.now_s() > 0.0:
+            self._executive.observe(fact)
 
     def _on_battery(self, message: BatteryState) -> None:
-        self._executive.observe(battery_fact(message))
+        self._observe(battery_fact(message))
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = finite(message.data, "camera pan")
@@ -173,12 +175,12 @@ class ExecutiveNode:
 
     def _observe_camera(self) -> None:
         if self._pan_rad is not None and self._tilt_rad is not None:
-            self._executive.observe(CameraAngles(self._pan_rad, self._tilt_rad))
+            self._observe(CameraAngles(self._pan_rad, self._tilt_rad))
 
     def _on_frame(self, message: CompressedImage) -> None:
         frame = frame_fact(message)
         self._rover.frame_taken()
-        self._executive.observe(frame)
+        self._observe(frame)
 
     def _catch_up(self) -> None:
         """Take odometry that waits, which is not old because rclpy serves timers first; sensors."""

@@ -27,6 +27,8 @@ LOCK_QOS: Final = 10
 """Depth; reliable, as twist_mux listens."""
 SENT: Final = 100
 """Velocities of this process that are known when they come back: five seconds."""
+NAME_UNKNOWN: Final = "_NODE_NAME_UNKNOWN_"
+"""What ROS says of a publisher whose node discovery has not told yet."""
 LOOK_UP_S: Final = 1.0
 """After so long a silence it is looked up anew who publishes."""
 Subscribe = Callable[[type, Topic, Callable[[Any], None]], None]
@@ -198,7 +200,7 @@ class _Publishers:
     def now(self) -> str:
         """Return the names, at a message."""
         now_s = self._clock.now_s()
-        if now_s - self._heard_s > LOOK_UP_S:
+        if now_s - self._heard_s > LOOK_UP_S or not self._names:
             self._names = ", ".join(foreign_publishers(self._node, self._topic))
         self._heard_s = now_s
         return self._names
@@ -214,10 +216,15 @@ def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
     """Return the full names of the nodes that publish a topic beside this node, sorted.
 
     One publisher of this node's own name is ours, and one of its guard; a second one is another
-    process under our name, and counts. A process that was killed stays in the graph for up to 20 s.
+    process under our name, and counts. A process that was killed stays in the graph for up to 20 s;
+    one that has just begun may have no name yet, and is left out until it has.
     """
     infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-    names = sorted(f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in infos)
+    names = sorted(
+        f"{each.node_namespace.rstrip('/')}/{each.node_name}"
+        for each in infos
+        if each.node_name != NAME_UNKNOWN
+    )
     for own in (node.get_name(), GUARD_NAME):
         if (full := f"{node.get_namespace().rstrip('/')}/{own}") in names:
             names.remove(full)

@@ -55,8 +55,9 @@ class StandIn:
 
     def step(self) -> None:
         self.rover.advance(STEP_S)
+        now_s = self.node.get_clock().now().nanoseconds * 1e-9
         self._odometry.publish(
-            odometry_message(Odometry(0.0, self.rover.pose, self.rover.velocity))
+            odometry_message(Odometry(now_s, self.rover.pose, self.rover.velocity))
         )
 
     def serve(self, done: "Future[list[Outcome]]") -> list[Outcome]:

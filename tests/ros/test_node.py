@@ -177,10 +177,9 @@ def test_the_lock_of_the_mux_is_held_from_a_stop_to_the_resume(bench: Bench) -> 
 
     def heard() -> bool:
         joystick.publish(Twist())
-        return bool(history.inputs)
+        return history.inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
 
     bench.until(heard, "the joystick")
-    assert history.inputs == (OtherInput("joystick", above=True, by="/jackal/rover"),)
     bench.submit(Command(Identity("test", 2), Resume(), "direct"))
     bench.until(lambda: bench.locked[-1] is False, "the lock opens")
     assert bench.executive.mode is Mode.IDLE
