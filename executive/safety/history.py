@@ -98,6 +98,7 @@ class History:
         arrivals: how many messages of odometry came, and the sum of their ages, by arrival.
         commands: the channel of what was commanded.
         standing_since_s: since when nothing but to stand is commanded; infinite while it is not.
+            At first since now: an executive before this one may have left the rover moving.
         unchanged_since_s: since when the odometry is the same to the last bit.
         frame_time_s: when the newest camera frame was taken; None where its clock is not known.
         others: who else may move the rover.
@@ -142,7 +143,7 @@ class History:
         self.arrivals = Channel(2)
         self.commands = Channel(4)
         self._velocities: deque[tuple[float, Velocity]] = deque([(-inf, STANDING)])
-        self.standing_since_s = -inf
+        self.standing_since_s = clock.now_s()
         self.begun_s = -inf
         self.jump: Jump | None = None
         self.battery: Battery | None = None

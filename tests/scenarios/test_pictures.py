@@ -24,9 +24,9 @@ settings: {status_interval: 0.5}
 timeline:
   - {at: 0.5, command: {moveTo: {x: 1, y: 0}}, label: near}
   - {at: 0.6, command: {moveForward: {distance: 2}}, label: further}
-  - {after: further STARTED + 1, inject: left_stuck}
+  - {after: further STARTED + 1, inject: {slip: {factor: 0.9}}}
   - {after: further STARTED + 1.5, command: stop}
-  - {after: stop EXECUTED, clear: left_stuck}
+  - {after: stop EXECUTED, clear: slip}
   - {after: stop EXECUTED + 1, crash: 1}
   - {after: stop EXECUTED + 1.5, command: resume, label: unheard}
   - {after: unheard EXECUTED, inject: camera_dead}
@@ -69,7 +69,7 @@ def test_a_fault_lasts_until_it_is_cleared_and_only_if_its_time_came(
     stuck, lost = timeline.faults
     assert further.started_s is not None
     assert stop.ended_s is not None
-    assert (stuck.name, lost.name) == ("left_stuck", "executive lost")
+    assert (stuck.name, lost.name) == ("slip", "executive lost")
     assert stuck.begin_s == pytest.approx(further.started_s + 1)
     assert stuck.end_s == pytest.approx(stop.ended_s)
     assert lost.end_s - lost.begin_s == pytest.approx(1.0)
@@ -92,7 +92,7 @@ def test_the_map_shows_goals_tracks_stops_and_what_went_wrong_where(
     assert drive.true[0].x_m == pytest.approx(0.0, abs=0.01)
     (stop,) = drive.stops
     assert 1.1 < stop.x_m < 2.5
-    assert [incident.words for incident in drive.incidents] == ["left_stuck", "executive lost"]
+    assert [incident.words for incident in drive.incidents] == ["slip", "executive lost"]
     assert drive.incidents[0].pose.x_m < stop.x_m
 
 
@@ -125,6 +125,7 @@ UNTRUE: Final = """
 title: Not there
 lasts: 8
 odometry: {gyro_bias: 2deg}
+settings: {sensors: {imu: null, joints: null}}
 timeline:
   - {at: 1, command: {moveTo: {x: 3, y: 0, heading: 0}}, label: there}
 expect:

@@ -198,6 +198,7 @@ PLAN = """<root BTCPP_format="4">
 PLANNED = """
 title: A plan
 lasts: 6
+settings: {sensors: {imu: null, joints: null}}
 timeline:
   - {at: 0.1, command: {submitPlan: {plan: there.xml}}}
   - {at: 0.2, command: {activatePlan: {plan_id: there}}}
