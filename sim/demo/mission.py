@@ -115,9 +115,9 @@ async def _play(
                 played.append(Played(member, session, listener))
 
             async def play_all() -> None:
-                async with asyncio.TaskGroup() as playing:
-                    for each in played:
-                        playing.create_task(each.session.play(each.participant.script.steps))
+                await asyncio.gather(
+                    *(each.session.play(each.participant.script.steps) for each in played)
+                )
                 await asyncio.sleep(SETTLE_S)
 
             await until_first(play_all(), participants.processes.guard())

@@ -54,7 +54,7 @@ class WhenDone:
 
 @dataclass(frozen=True, slots=True)
 class WhenNear:
-    """Send it when the rover has come this near to a place."""
+    """Send it when the rover has come this near to a place, or goes nowhere any more."""
 
     place: Waypoint
     distance_m: float

@@ -257,11 +257,15 @@ class Session:
             ConnectionError: the rover cannot be reached any more.
             TimeoutError: a command did not end within `LONGEST_S`.
         """
-        async with asyncio.timeout(LONGEST_S):
-            links = self._clients
-            await until_first(
-                self._play(script), *map(self._listen, links), *map(self._look, links)
-            )
+        links = self._clients
+        try:
+            async with asyncio.timeout(LONGEST_S):
+                await until_first(
+                    self._play(script), *map(self._listen, links), *map(self._look, links)
+                )
+        except TimeoutError as error:
+            late = ", ".join(life.spelled for life in self.lives if not life.ending)
+            raise TimeoutError(f"{late} did not end within {LONGEST_S:.0f} s") from error
 
     async def _play(self, script: Sequence[Step]) -> None:
         for step in script:
@@ -286,7 +290,7 @@ class Session:
             case WhenNear(place, distance_m):
                 async with self._news:
                     await self._news.wait_for(
-                        lambda: self._is_near(place.x_m, place.y_m, distance_m)
+                        lambda: self._is_near(place.x_m, place.y_m, distance_m) or self._all_ended
                     )
             case WhenDark(pause_s):
                 async with self._news:
@@ -321,7 +325,11 @@ class Session:
 
     async def _until_all_ended(self) -> None:
         async with self._news:
-            await self._news.wait_for(lambda: all(life.ending for life in self.lives))
+            await self._news.wait_for(lambda: self._all_ended)
+
+    @property
+    def _all_ended(self) -> bool:
+        return all(life.ending for life in self.lives)
 
     async def _listen(self, link: Link) -> None:
         kept = self.reports[link]

@@ -100,6 +100,24 @@ def test_an_ending_that_the_script_does_not_expect_is_told(aboard: Aboard) -> No
     assert not life.as_expected
 
 
+def test_a_command_that_ends_short_of_a_place_keeps_no_later_one_back(aboard: Aboard) -> None:
+    script = (
+        Step(MoveForward(1e6), WhenDone()),
+        Step(Stop(), WhenNear(Waypoint(3.0, 0.0), 0.5)),
+    )
+    played = play(aboard, script, Audience())
+    assert [life.ending for life in played.lives] == [Ending.REJECTED, Ending.EXECUTED]
+
+
+def test_a_command_that_never_ends_is_named(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    aboard.runs = False
+    monkeypatch.setattr("sim.demo.session.LONGEST_S", 2.0)
+    with pytest.raises(TimeoutError, match=r"moveForward 1 did not end within 2 s"):
+        play(aboard, (Step(MoveForward(1.0), WhenDone()),), Audience())
+
+
 def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None:
     console = Console(width=110)
     with console.capture() as printed, LineDisplay(console) as shown:
