@@ -45,6 +45,7 @@ class Firmware:
     Attributes:
         machine: its wheels and its camera's head.
         distort: makes of what it is about to tell what it does tell; None for no telemetry.
+        mute: whether what it says is lost.
         ignored: messages that were no commands for it, and octets that were no message.
     """
 
@@ -58,6 +59,7 @@ class Firmware:
         track_m = settings.track_m * (1 + random.choice((-error, error)))
         self.machine = Machine(settings, track_m, start)
         self.distort: Callable[[Readings], Readings | None] = lambda readings: readings
+        self.mute = False
         self.ignored = 0
         self._heard = MopsStream(self._ignore)
         self._said = bytearray()
@@ -75,7 +77,7 @@ class Firmware:
 
     def give(self) -> bytes:
         """Return what it has said since the last call."""
-        said = bytes(self._said)
+        said = b"" if self.mute else bytes(self._said)
         self._said.clear()
         return said
 

@@ -210,6 +210,7 @@ class SimulatedBody(ABC):
         self._frame_wanted = False
         self._faults: dict[type[Fault], Fault] = {}
         self._stale: View | None = None
+        self._stuck_head: CameraAngles | None = None
         self._obstacles = _obstacles(self.model)
         self._touching = False
         self.contacts = 0
@@ -281,6 +282,8 @@ class SimulatedBody(ABC):
                 seen = mujoco.MjData(self.model)
                 mujoco.mj_copyData(seen, self.model, self.data)
                 self._stale = View(seen, self.time_s)
+            case faults.HeadStuck():
+                self._stuck_head = self.camera_angles
             case faults.Pushed(by_m):
                 self._disturbance.push(moved_left(self.true_pose, by_m))
             case faults.Tip(by_rad):
@@ -294,6 +297,8 @@ class SimulatedBody(ABC):
             return
         if kind is faults.CameraStale:
             self._stale = None
+        elif kind is faults.HeadStuck:
+            self._stuck_head = None
         elif kind is faults.Tip:
             self._disturbance.set_upright(self.true_pose)
         else:
@@ -364,6 +369,11 @@ class SimulatedBody(ABC):
         left = faults.LeftStuck in stuck or faults.WheelsStuck in stuck
         right = faults.RightStuck in stuck or faults.WheelsStuck in stuck
         return 0.0 if left else left_radps, 0.0 if right else right_radps
+
+    def _head_rad(self, pan_rad: float, tilt_rad: float) -> tuple[float, float]:
+        """Return the set points of the camera's head, those of where it is if that is stuck."""
+        stuck = self._stuck_head
+        return (pan_rad, tilt_rad) if stuck is None else (stuck.pan_rad, stuck.tilt_rad)
 
     def _counted(self, turned_rad: list[float]) -> list[float]:
         """Return what the encoders count while the wheels turn; those of the left are even."""

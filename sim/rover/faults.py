@@ -39,6 +39,7 @@ class Part(Enum):
     CMD_VEL = "velocity commands"
     BATTERY = "a battery voltage"
     CAMERA = "a camera"
+    BRICK = "a brick that moves it"
     LINK = "a link to the ground"
 
 
@@ -309,6 +310,16 @@ class CameraCut(Fault):
     """Of every JPEG only the first 200 octets arrive."""
 
 
+@fault(None)
+class HeadStuck(Fault):
+    """The camera's head does not turn."""
+
+
+@fault(Part.BRICK)
+class BrickSilent(Fault):
+    """The brick tells nothing, neither telemetry nor replies; it still does what it is told."""
+
+
 @fault(Part.IMU)
 class ImuDead(Fault):
     """No message of the inertial measurement unit arrives."""
@@ -371,7 +382,9 @@ JACKAL_PARTS: Final = frozenset(
         Part.CAMERA,
     }
 )
-MOCUP_PARTS: Final = frozenset({Part.ODOMETRY, Part.ENCODERS, Part.BATTERY, Part.CAMERA})
+MOCUP_PARTS: Final = frozenset(
+    {Part.ODOMETRY, Part.ENCODERS, Part.BATTERY, Part.CAMERA, Part.BRICK}
+)
 
 
 SENSOR_PARTS: Final = {

@@ -367,4 +367,5 @@ class SimulatedJackal(SimulatedBody):
             self.take(self._other_input, Velocity(taken.travel_mps, taken.rotate_radps))
             self._tell_of_input(self._other_input)
         left, right = self._unstuck(*self._base.wheels_radps(self.time_s, PERIOD_S))
-        self._ctrl[:] = (left, right, left, right, *self._servos.setpoints_rad(PERIOD_S))
+        head_rad = self._head_rad(*self._servos.setpoints_rad(PERIOD_S))
+        self._ctrl[:] = (left, right, left, right, *head_rad)

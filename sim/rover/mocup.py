@@ -75,6 +75,14 @@ class SimulatedMocup(SimulatedBody):
         super().inject(fault)
         if isinstance(fault, faults.OdometryJump):
             self._move_belief(fault.by_m)
+        if isinstance(fault, faults.BrickSilent):
+            self.brick.mute = True
+
+    def clear(self, kind: type[Fault]) -> None:
+        """Have a fault end, if it is there."""
+        super().clear(kind)
+        if kind is faults.BrickSilent:
+            self.brick.mute = False
 
     @property
     def odometry_pose(self) -> Pose:
@@ -136,4 +144,4 @@ class SimulatedMocup(SimulatedBody):
         """Give motors and head the brick's set points."""
         points = self._points
         left, right = self._unstuck(points.left_radps, points.right_radps)
-        self._ctrl[:] = (left, right, points.pan_rad, points.tilt_rad)
+        self._ctrl[:] = (left, right, *self._head_rad(points.pan_rad, points.tilt_rad))

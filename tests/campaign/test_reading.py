@@ -140,5 +140,5 @@ def test_the_most_runs_have_room_for_all_combinations(write: Write) -> None:
 
 
 def test_a_name_that_is_none_is_told_with_those_there_are() -> None:
-    with pytest.raises(SettingsError, match="there are: faults, normal, obstacles, slopes"):
+    with pytest.raises(SettingsError, match="there are: faults, mocup, normal, obstacles, slopes"):
         load_campaign("norma")

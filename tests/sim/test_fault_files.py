@@ -86,6 +86,7 @@ def row(declaration: FaultDeclaration) -> str:
         parameters.append(f"`{each.name}: {shown}` ({meant})")
     jackal_only = {Part.GYRO, Part.CMD_VEL, Part.ODOMETRY_LINK, *SENSOR_PARTS.values()}
     lacks = "MOCUP" if declaration.needs in jackal_only else ""
+    lacks = "Jackal" if declaration.needs is Part.BRICK else lacks
     cells = (f"`{declaration.name}`", declaration.summary, "; ".join(parameters), lacks)
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 

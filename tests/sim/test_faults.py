@@ -7,6 +7,7 @@ import pytest
 
 from adapters.mops import Message, MopsStream, load_dictionary
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.ports import CameraIntent
 from executive.settings import load_settings
 from executive.state import Battery, Frame, Odometry, Parameter
 from sim.rover import faults
@@ -343,7 +344,7 @@ OF_SENSORS = {
 @pytest.mark.parametrize(
     ("kind", "lacks"),
     [
-        (SimulatedJackal, {"link_lost", *OF_SENSORS}),
+        (SimulatedJackal, {"link_lost", "brick_silent", *OF_SENSORS}),
         (
             SimulatedMocup,
             {
@@ -446,6 +447,29 @@ def test_mocup_with_a_dead_encoder_takes_its_motor_for_stuck() -> None:
     mocup.rover.inject(faults.EncoderDead(Side.RIGHT))
     mocup.rover.advance(2.0)
     assert b"the right motor is stuck" in mocup.rover.brick.give()
+
+
+def test_a_brick_that_is_silent_goes_on_and_tells_again_later() -> None:
+    mocup = Mocup()
+    rover = mocup.rover
+    rover.inject(faults.BrickSilent())
+    before_m = rover.true_pose.x_m
+    assert mocup.tells(1.0) == []
+    assert rover.true_pose.x_m == pytest.approx(before_m + 0.2, abs=0.02)
+    rover.clear(faults.BrickSilent)
+    assert len(mocup.tells(1.0)) == 5
+
+
+def test_a_head_that_is_stuck_stays_where_it_was_until_it_is_free(rover: SimulatedJackal) -> None:
+    rover.point_camera(CameraIntent(1.0, 0.5, 1.0))
+    hold(rover, STANDING, 0.5)
+    rover.inject(faults.HeadStuck())
+    stuck = rover.camera_angles
+    hold(rover, STANDING, 2.0)
+    assert rover.camera_angles.pan_rad == pytest.approx(stuck.pan_rad, abs=0.02)
+    rover.clear(faults.HeadStuck)
+    hold(rover, STANDING, 2.0)
+    assert rover.camera_angles.pan_rad == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_voltage_that_is_no_number_is_as_good_as_none(tmp_path: Path) -> None:
