@@ -1,13 +1,21 @@
 """What the rover does when nothing is heard of the ground, in stages, for what it is about.
 
-Anything that the ground sends on either link is a sign of it. By default the rover goes on.
+Anything that the ground sends on either link is a sign of it; what is asked or commanded aboard is
+none. By default the rover goes on.
 """
 
 from dataclasses import dataclass
+from typing import Final
 
+from executive.authority import RELAY_LINK
 from executive.clock import Clock
 from executive.commands import Mode
 from executive.settings import LinkLoss, LinkLossStage
+
+DIRECT_LINK: Final = "direct"
+"""The link of the commands that come from the ground itself."""
+GROUND_LINKS: Final = frozenset({DIRECT_LINK, RELAY_LINK})
+"""The links of which the other end is the ground."""
 
 
 @dataclass(frozen=True, slots=True)

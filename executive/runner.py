@@ -20,7 +20,7 @@ from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import Dispatcher, unwritten
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, Goals
-from executive.link_loss import GroundMonitor
+from executive.link_loss import GROUND_LINKS, GroundMonitor
 from executive.motion import Arbiter, make_locomotion
 from executive.notifications import Notifications
 from executive.plans import PlanHost, Planner
@@ -204,7 +204,8 @@ class Executive:
             prepare: called on that thread before the command is looked at, but for a stop's effect;
                 what it writes to the ledger is committed with the command.
         """
-        self.ground.hear()
+        if command.link in GROUND_LINKS:
+            self.ground.hear()
         submission = Submission(next(self._arrivals), command, reply, prepare)
         if isinstance(command.request, Stop):
             self._stops.put(submission)
@@ -320,6 +321,7 @@ class Executive:
         if isinstance(fact, Stopped):
             self._dispatcher.on_external_stop(fact)
         if isinstance(fact, AuthorityUsed):
+            self.ground.hear()
             self.authority.used(fact.epoch)
         if isinstance(fact, LaserScan):
             self._watch()  # at once, whatever the tree is at

@@ -6,12 +6,13 @@ from typing import Final, TypeVar
 
 from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
+from executive.authority import RELAY_LINK
 from executive.reasons import Reason
 from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
 TO_ALL: Final = "ALL"
 """For whom that is which nobody asked for: events, telemetry."""
-LINK: Final = "relay"
+LINK: Final = RELAY_LINK
 LONGEST_TEXT: Final = 250
 """Characters of a report's text: percent-encoded they still fit into a message."""
 UNNUMBERED: Final = 0

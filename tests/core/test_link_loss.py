@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import DriveFor, Mode, MoveForward, Resume
+from executive.commands import Command, DriveFor, Mode, MoveForward, Resume, SetTravelSpeed
 from executive.commands.catalogue import ActivatePlan, SubmitPlan
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Identity, Stage
 from executive.settings import LinkLoss, load_settings
 from executive.settings_files import SettingsError, structure
 from tests.support.kinematic import Bench
@@ -92,3 +92,16 @@ def test_stages_that_are_out_of_order_are_refused() -> None:
         structure({"motion": STAGES[::-1]}, LinkLoss, "jackal.yaml")
     with pytest.raises(SettingsError, match="'wait' is none of go_on, hold, stop"):
         structure({"plan": [{"after_s": 1, "then": "wait"}]}, LinkLoss, "jackal.yaml")
+
+
+@pytest.mark.parametrize(("link", "signs"), [("ros", 0), ("direct", 1), ("relay", 1)])
+def test_only_what_comes_by_a_link_with_the_ground_is_a_sign_of_it(
+    tmp_path: Path, link: str, signs: int
+) -> None:
+    with bench_with(tmp_path, motion=[{"after_s": 2, "then": "go_on"}]) as bench:
+        bench.submit(MoveForward(10.0), 1)
+        bench.run(1.5)
+        assert bench.executive.ground.silent_s > 1.4
+        bench.send(Command(Identity("someone", 1), SetTravelSpeed(0.5), link))
+        bench.run(1.0)
+        assert len(told(bench)) == 1 - signs

@@ -33,6 +33,7 @@ from executive.commands import (
     arguments_of,
     declared,
 )
+from executive.link_loss import DIRECT_LINK
 from executive.reports import Identity, Kind, PlanUpdate, Report
 from executive.state import Parameter, ParameterValue
 
@@ -430,7 +431,7 @@ REQUESTS: Final[Mapping[tuple[str, str], Callable[..., Request]]] = {
 }
 """What makes a request of the parts that follow the command header, by service and operation."""
 
-LINK: Final = "direct"
+LINK: Final = DIRECT_LINK
 ARRIVAL: Final = "arrival"
 """The supplement that says what a motion command does to motion under way: append or replace."""
 AUTHORITY: Final = "authority"
