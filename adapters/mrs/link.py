@@ -136,7 +136,7 @@ class MrsLink:
     async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
         settings, over = self._settings, asyncio.Event()
         tls = self._terms.for_provider()
-        served = ServedOperations(self._terms.encoding)
+        served = ServedOperations(self._terms.encoding, executive.ground.hear)
         gateway = Gateway(executive, asyncio.get_running_loop())
         fleet = FleetService(served, gateway, settings, self._terms)
         asset = AssetServices(served, gateway, settings)

@@ -4,7 +4,7 @@ import socket
 from itertools import count
 from typing import Any, Self
 
-from adapters.mal import Codec, Header, Stage, encode_message
+from adapters.mal import Codec, Header, MalUri, Stage, encode_message
 from adapters.mal.codec import decode_message
 from adapters.mrs.spec import header_of, invocation, mrs_specification
 from executive.commands.catalogue import Command, Request
@@ -45,7 +45,7 @@ class Octets:
     def message(self, service: str, name: str, stage: Stage, *values: Any) -> bytes:
         operation = self._specification.operation(service, name)
         body = self._codec.encode(operation.parts[stage], values)
-        to = self._to + "Broker" * (stage is Stage.REGISTER)
+        to = str(MalUri.parse(self._to).broker) if stage is Stage.REGISTER else self._to
         from_uri = "maltcp://127.0.0.1:1/bench"
         return encode_message(Header.of(operation, stage, next(_NUMBERS), from_uri, to), body)
 

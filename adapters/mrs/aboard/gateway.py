@@ -63,7 +63,6 @@ class Gateway:
 
         One whose future is cancelled waits, and counts, until the core has come to it.
         """
-        self._executive.ground.hear()
         answer: asyncio.Future[T] = self._loop.create_future()
         if self._pending >= MOST_PENDING:
             return _no_room(answer)

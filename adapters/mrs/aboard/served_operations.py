@@ -43,15 +43,27 @@ LIMITS: Final = Limits(
 """What everybody on the link together may take up. The longest lists that anyone needs to send are
 1000 names; reading as many elements as are allowed takes less than a stop may be late."""
 
+BETWEEN_ASSETS: Final = frozenset(
+    {"ServiceLayer", "MonitoringClient", "NotificationClient", "Monitoring.publishParameters"}
+)
+"""What rovers call on each other, by itself: services, and an operation of another."""
+
 
 class ServedOperations:
     """A provider, and the operations that work there.
+
+    Args:
+        encoding: of the bodies of messages.
+        hear: called when an operation is called, unless other rovers may have done so.
 
     Attributes:
         provider: answers NotSupported to everything that is not registered here.
     """
 
-    def __init__(self, encoding: Encoding = Encoding.FIXED) -> None:
+    def __init__(
+        self, encoding: Encoding = Encoding.FIXED, hear: Callable[[], None] = lambda: None
+    ) -> None:
+        self._hear = hear
         self._specification = mrs_specification()
         self.provider = Provider(
             self._specification,
@@ -69,7 +81,13 @@ class ServedOperations:
 
     def serve(self, service: str, operation: str, handler: Handler) -> None:
         """Let a handler answer an operation that is no PUBSUB."""
-        self.provider.serve(service, operation, handler)
+
+        def heard(call: Call, *parts: Any) -> Any:
+            self._hear()
+            return handler(call, *parts)
+
+        between_assets = BETWEEN_ASSETS & {service, f"{service}.{operation}"}
+        self.provider.serve(service, operation, handler if between_assets else heard)
         self._working.add((service, operation))
 
     def recognise(self, connection: Connection) -> None:

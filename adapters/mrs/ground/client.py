@@ -35,6 +35,8 @@ T = TypeVar("T")
 
 SOURCE: Final = "MOE"
 """The name under which people command, unless they give another."""
+SIGN_S: Final = 1.0
+"""Between two signs to the rover that this end of the link is there."""
 SILENCE_S: Final = 1.0
 """A rover tells of a command that it took within this: what is silent for longer waits."""
 TRIES: Final = 8
@@ -67,8 +69,9 @@ class MrsClient(Queries):
     """One mission control's session with one rover, over losses of the link.
 
     After a loss it connects and subscribes again, and catches up with the notifications that it
-    missed. All methods raise ConnectionError when the rover does not come back in time, and
-    MalError when the rover answers with an error.
+    missed. While it is connected it asks for something once a second, so that the rover knows that
+    it is there, though it may only listen. All methods raise ConnectionError when the rover does
+    not come back in time, and MalError when the rover answers with an error.
 
     Attributes:
         source: the name under which it commands.
@@ -91,6 +94,7 @@ class MrsClient(Queries):
         self._file_news: Updates[FileNews] = Updates("FileManagement", "monitorFiles", FileNews)
         self._plans: Updates[PlanUpdate] = Updates("Plan", "monitorPlanExecution", self._note_plan)
         self._last_of_plans: dict[str, PlanUpdate] = {}
+        self._signing: asyncio.Task[None] | None = None
 
     @classmethod
     async def connect(
@@ -120,6 +124,7 @@ class MrsClient(Queries):
             source = terms.certificates.name()
         client = cls(to, source or SOURCE, terms, timeout_s, patience_s)
         await client._session.open()
+        client._signing = asyncio.create_task(client._give_signs())
         return client
 
     async def __aenter__(self) -> "MrsClient":
@@ -131,6 +136,8 @@ class MrsClient(Queries):
     async def close(self) -> None:
         """Hang up; streams end."""
         self.authority.let_go()
+        if self._signing is not None:
+            self._signing.cancel()
         await self._session.close()
         self._end(None, ConnectionError("the session was closed"))
 
@@ -285,6 +292,13 @@ class MrsClient(Queries):
     async def publish_parameters(self, values: tuple[ParameterValue, ...]) -> None:
         """Have parameter values broadcast."""
         await self._tell("Monitoring", "publishParameters", values)
+
+    async def _give_signs(self) -> None:
+        with suppress(ConnectionError):
+            while True:
+                await asyncio.sleep(SIGN_S)
+                with suppress(MalError):  # an answer that is an error came all the same
+                    await self.get_status_interval_s()
 
     async def _ask_authority(self, operation: str, *arguments: Any) -> AuthorityStatus:
         return await self._one(AuthorityStatus, "Authority", operation, *arguments)
