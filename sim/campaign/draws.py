@@ -25,12 +25,14 @@ from sim.campaign.model import (
     Integers,
     Interval,
     LogUniform,
+    Named,
     Normal,
     Number,
     Scalar,
     Uniform,
     Variation,
 )
+from sim.rover.faults import Onset, read_kind
 from sim.scenario.changes import NO_FAULT, Change
 from sim.scenario.reading import SUFFIXES
 
@@ -51,7 +53,7 @@ class Quantity:
     """A varied quantity, a column of the data set.
 
     Attributes:
-        name: the key, or `inject.at`, `inject.for` and `inject.PARAMETER`.
+        name: the key, or `inject.onset`, `inject.at`, `inject.for` and `inject.PARAMETER`.
     """
 
     name: str
@@ -105,7 +107,8 @@ def draw(campaign: Campaign, run: int) -> Draw:
             change, given = _fault(campaign.seed, run, variation, value, chosen)
         else:
             assert not isinstance(value, FaultDraw)
-            change, given = Change(variation.key, as_yaml(value)), [value]
+            change = Change(variation.key, written(value))
+            given = [value.name if isinstance(value, Named) else value]
         changes.append(change)
         values += given
     kinds = [quantity.kind for quantity in quantities(campaign)]
@@ -120,12 +123,18 @@ def as_yaml(value: Scalar) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
+def written(value: Scalar | Named) -> str:
+    """Return what a key is set to."""
+    return as_yaml(value.value if isinstance(value, Named) else value)
+
+
 def _quantities(variation: Variation) -> Iterator[Quantity]:
     distribution = variation.distribution
     if variation.key != INJECT:
         yield Quantity(variation.key, _kind([distribution]))
         return
     yield Quantity(INJECT, Kind.TEXT)
+    yield Quantity(f"{INJECT}.onset", Kind.TEXT)
     yield Quantity(f"{INJECT}.at", Kind.NUMBER)
     if variation.lasts is not None:
         yield Quantity(f"{INJECT}.for", Kind.NUMBER)
@@ -230,13 +239,15 @@ def _fault(
     seed: int, run: int, variation: Variation, value: Alternative, chosen: dict[str, int]
 ) -> tuple[Change, list[Scalar | None]]:
     """Return the change that injects a fault, and its name, times and parameters."""
+    assert not isinstance(value, Named)
     fault = value if isinstance(value, FaultDraw) else FaultDraw(as_yaml(value))
     names = parameters(variation)
     times = {"at": variation.at}
     if variation.lasts is not None:
         times["for"] = variation.lasts
     if fault.name == NO_FAULT:
-        return Change(INJECT, NO_FAULT), [NO_FAULT, *[None for _ in (*times, *names)]]
+        nothing = [None for _ in (*times, *names)]
+        return Change(INJECT, NO_FAULT), [NO_FAULT, Onset.NONE.value, *nothing]
     times_s = {
         key: said if isinstance(said, float) else _seconds(seed, run, key, said, chosen)
         for key, said in times.items()
@@ -248,7 +259,8 @@ def _fault(
             given[name] = number(said, np.random.default_rng([seed, run, own]))
         else:
             given[name] = said
-    values = [fault.name, *times_s.values(), *map(given.get, names)]
+    onset = read_kind(fault.name).onset.value
+    values = [fault.name, onset, *times_s.values(), *map(given.get, names)]
     return fault_change(fault.name, given, times_s), values
 
 

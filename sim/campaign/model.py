@@ -94,7 +94,15 @@ class FaultDraw:
     parameters: tuple[tuple[str, Scalar | Number], ...] = ()
 
 
-Alternative = Scalar | FaultDraw
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A value under a name, by which conditions and reports call it."""
+
+    name: str
+    value: Scalar
+
+
+Alternative = Scalar | Named | FaultDraw
 
 
 @dataclass(frozen=True, slots=True)

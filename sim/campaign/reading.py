@@ -3,6 +3,7 @@
 What a key can be set to, its scenarios say: each end of what varies is tried on each of them.
 """
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from sim.campaign.model import (
     Integers,
     Interval,
     LogUniform,
+    Named,
     Normal,
     Number,
     Quantile,
@@ -40,6 +42,7 @@ from sim.scenario.reading import SUFFIXES, load_scenario, path_of
 from sim.scenario.strict import FormatError, StrictReader, angle
 
 MOST_COMBINATIONS: Final = 1_000_000
+_NAME: Final = re.compile(r"[A-Za-z_][\w-]*")
 FARTHEST: Final = 6.0
 """Standard deviations from its mean that a normal distribution is tried at; one draw in 500 million
 is beyond."""
@@ -169,7 +172,7 @@ def _number(raw: object, reader: StrictReader) -> float:
 
 
 def _alternative(raw: object, reader: StrictReader) -> Alternative:
-    return raw if isinstance(raw, FaultDraw) else _scalar(raw, reader)
+    return raw if isinstance(raw, FaultDraw | Named) else _scalar(raw, reader)
 
 
 def _scalar(raw: object, reader: StrictReader) -> Scalar:
@@ -196,8 +199,25 @@ def _vary(raw: object, reader: StrictReader) -> tuple[Variation, ...]:
         if key == INJECT:
             found.append(_faults(said, path, reader))
         else:
-            found.append(Variation(key=key, distribution=_distribution(said, path, reader)))
+            distribution = _distribution(_with_names(said, path, reader), path, reader)
+            found.append(Variation(key=key, distribution=distribution))
     return tuple(sorted(found, key=lambda variation: variation.key))
+
+
+def _with_names(raw: object, path: str, reader: StrictReader) -> object:
+    """Return a choice or grid of values by their names as one of `Named`; all else as it is."""
+    if not isinstance(raw, dict):
+        return raw
+    made = dict(raw)
+    for kind in ("choice", "grid"):
+        if not isinstance(named := raw.get(kind), dict):
+            continue
+        for name in named:
+            if not isinstance(name, str) or not _NAME.fullmatch(name):
+                said = f"{name!r} is no name of letters, digits, - and _"
+                raise FormatError(f"{path}.{kind}", said)
+        made[kind] = [Named(name, _scalar(value, reader)) for name, value in named.items()]
+    return made
 
 
 def _distribution(raw: object, path: str, reader: StrictReader) -> Distribution:
@@ -320,7 +340,7 @@ def _ends(variation: Variation) -> Iterator[tuple[str, Change]]:
     if variation.key != INJECT:
         for value in values:
             assert not isinstance(value, FaultDraw)
-            yield path, Change(variation.key, draws.as_yaml(value))
+            yield path, Change(variation.key, draws.written(value))
         return
     said = {"at": variation.at, "for": variation.lasts}
     times = {

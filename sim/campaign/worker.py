@@ -24,7 +24,7 @@ from sim.scenario.reading import load_scenario
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
 ERROR: Final = "error.txt"
 """What a run leaves that raised an error: the traceback."""
-NO_FIGURES: Final = Figures(None, None, None, 0.0, None, None, None, 0, 0, 0, ())
+NO_FIGURES: Final = Figures(None, None, None, 0.0, None, None, None, None, 0, 0, 0, ())
 _OF_THIS_MACHINE: Final = (SettingsError, OSError, MemoryError)
 """Errors that another machine, or this one later, may not have: they say nothing of the run."""
 

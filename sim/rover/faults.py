@@ -44,6 +44,20 @@ class Part(Enum):
 
 
 @unique
+class Onset(Enum):
+    """How a fault misleads a motion, by which campaigns group faults."""
+
+    ABRUPT = "abrupt"
+    """Data or drive are wrong at once."""
+    LATENT = "latent"
+    """Data or drive go wrong with the way, the turn or the torque that is needed."""
+    GROUND = "ground"
+    """The rover moves in another way than its wheels do."""
+    NONE = "none"
+    """No motion is misled."""
+
+
+@unique
 class Side(Enum):
     """Wheels of one side, or all of them."""
 
@@ -74,6 +88,7 @@ class FaultDeclaration:
         kind: its class.
         name: in files and at the command line.
         needs: what a rover must have for it; None where each rover can have it.
+        onset: how it misleads a motion.
         summary: the first line of its docstring.
         parameters: each has bounds, or is a `Side`, or true or false.
     """
@@ -81,6 +96,7 @@ class FaultDeclaration:
     kind: type[Fault]
     name: str
     needs: Part | None
+    onset: Onset
     summary: str
     parameters: tuple[Argument, ...]
 
@@ -118,7 +134,7 @@ _DECLARED: Final[dict[str, FaultDeclaration]] = {}
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(argument,))
-def fault(needs: Part | None) -> Callable[[type[F]], type[F]]:
+def fault(needs: Part | None, onset: Onset = Onset.NONE) -> Callable[[type[F]], type[F]]:
     """Make a fault of a class whose fields are `argument(...)`, each with a default."""
 
     def declare(cls: type[F]) -> type[F]:
@@ -126,42 +142,42 @@ def fault(needs: Part | None) -> Callable[[type[F]], type[F]]:
         name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", made.__name__).lower()
         assert all(each.default is not MISSING for each in fields(made))  # type: ignore[arg-type]
         summary = (made.__doc__ or "").partition("\n")[0]
-        _DECLARED[name] = FaultDeclaration(made, name, needs, summary, arguments_of(made))
+        _DECLARED[name] = FaultDeclaration(made, name, needs, onset, summary, arguments_of(made))
         return made
 
     return declare
 
 
-@fault(Part.ODOMETRY)
+@fault(Part.ODOMETRY, Onset.ABRUPT)
 class OdometryLost(Fault):
     """No odometry arrives."""
 
 
-@fault(Part.ODOMETRY)
+@fault(Part.ODOMETRY, Onset.ABRUPT)
 class OdometryFrozen(Fault):
     """Odometry arrives with new stamps, its pose and velocity as they were."""
 
 
-@fault(Part.ODOMETRY)
+@fault(Part.ODOMETRY, Onset.ABRUPT)
 class OdometryRepeated(Fault):
     """The last odometry message arrives again and again, with its old stamp."""
 
 
-@fault(Part.ODOMETRY)
+@fault(Part.ODOMETRY, Onset.ABRUPT)
 class OdometryJump(Fault):
     """The pose of the odometry jumps once; clearing it does not jump back."""
 
     by_m: float = argument(within(10.0), "to the left", default=0.36)
 
 
-@fault(Part.ODOMETRY)
+@fault(Part.ODOMETRY, Onset.LATENT)
 class OdometryDrift(Fault):
     """The pose of the odometry drifts, its velocity stays right; clearing it ends the drift."""
 
     rate_mps: float = argument(within(5.0), "to the left", default=0.1)
 
 
-@fault(Part.ENCODERS)
+@fault(Part.ENCODERS, Onset.LATENT)
 class EncoderScale(Fault):
     """The wheel encoders count too much or too little."""
 
@@ -169,7 +185,7 @@ class EncoderScale(Fault):
     shared: bool = argument(help="messages of the wheels are wrong, too", default=False)
 
 
-@fault(Part.GYRO)
+@fault(Part.GYRO, Onset.LATENT)
 class GyroGain(Fault):
     """The gyro measures too much or too little."""
 
@@ -177,7 +193,7 @@ class GyroGain(Fault):
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
-@fault(Part.ODOMETRY)
+@fault(Part.ODOMETRY, Onset.ABRUPT)
 class OdometryLate(Fault):
     """Odometry arrives late, with the stamps of when it was measured."""
 
@@ -192,12 +208,12 @@ class OdometryJitter(Fault):
     stall_s: float = argument(within(0.0, 10.0), "longest pause, every 4 s or so", default=0.18)
 
 
-@fault(Part.ODOMETRY)
+@fault(Part.ODOMETRY, Onset.ABRUPT)
 class OdometryZeroTwist(Fault):
     """Odometry says that the rover stands; its pose is right."""
 
 
-@fault(Part.GYRO)
+@fault(Part.GYRO, Onset.LATENT)
 class GyroBias(Fault):
     """The gyro measures a turn that is not there."""
 
@@ -205,14 +221,14 @@ class GyroBias(Fault):
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
-@fault(Part.GYRO)
+@fault(Part.GYRO, Onset.LATENT)
 class GyroDead(Fault):
     """The gyro measures no turn."""
 
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
-@fault(Part.ENCODERS)
+@fault(Part.ENCODERS, Onset.ABRUPT)
 class EncoderDead(Fault):
     """The encoders of a side count nothing."""
 
@@ -220,41 +236,41 @@ class EncoderDead(Fault):
     shared: bool = argument(help="messages of the wheels are wrong, too", default=False)
 
 
-@fault(None)
+@fault(None, Onset.ABRUPT)
 class LeftStuck(Fault):
     """The left wheels are locked."""
 
 
-@fault(None)
+@fault(None, Onset.ABRUPT)
 class RightStuck(Fault):
     """The right wheels are locked."""
 
 
-@fault(None)
+@fault(None, Onset.ABRUPT)
 class WheelsStuck(Fault):
     """All wheels are locked."""
 
 
-@fault(None)
+@fault(None, Onset.LATENT)
 class MotorDead(Fault):
     """The motors of a side have no torque: its wheels roll freely."""
 
     side: Side = argument(default=Side.BOTH)
 
 
-@fault(None)
+@fault(None, Onset.GROUND)
 class Slip(Fault):
     """All ground is slippery."""
 
     factor: float = argument(within(0.01, 1.0), "of the friction that is left", default=0.1)
 
 
-@fault(Part.CMD_VEL)
+@fault(Part.CMD_VEL, Onset.ABRUPT)
 class CmdVelCut(Fault):
     """Velocity commands do not reach the base."""
 
 
-@fault(Part.CMD_VEL)
+@fault(Part.CMD_VEL, Onset.ABRUPT)
 class CmdVelTaken(Fault):
     """Somebody else commands a velocity, too; without a mux the newest command counts."""
 
@@ -266,14 +282,14 @@ class CmdVelTaken(Fault):
     )
 
 
-@fault(None)
+@fault(None, Onset.LATENT)
 class Brownout(Fault):
     """The motors have only a part of their torque."""
 
     factor: float = argument(within(0.0, 1.0), "of the torque that is left", default=0.12)
 
 
-@fault(None)
+@fault(None, Onset.ABRUPT)
 class Tip(Fault):
     """The rover is tipped over sideways at once; clearing it sets it upright where it lies."""
 
@@ -315,7 +331,7 @@ class HeadStuck(Fault):
     """The camera's head does not turn."""
 
 
-@fault(Part.BRICK)
+@fault(Part.BRICK, Onset.ABRUPT)
 class BrickSilent(Fault):
     """The brick tells nothing, neither telemetry nor replies; it still does what it is told."""
 
@@ -335,19 +351,19 @@ class SecondOdometryLost(Fault):
     """No message of the second odometry arrives."""
 
 
-@fault(Part.SECOND_ODOMETRY)
+@fault(Part.SECOND_ODOMETRY, Onset.ABRUPT)
 class SecondOdometryFrozen(Fault):
     """The second odometry arrives with new stamps, its pose as it was."""
 
 
-@fault(Part.SECOND_ODOMETRY)
+@fault(Part.SECOND_ODOMETRY, Onset.ABRUPT)
 class SecondOdometryJump(Fault):
     """The pose of the second odometry jumps once; clearing it does not jump back."""
 
     by_m: float = argument(within(10.0), "to the left", default=0.36)
 
 
-@fault(Part.SECOND_ODOMETRY)
+@fault(Part.SECOND_ODOMETRY, Onset.LATENT)
 class SecondOdometryDrift(Fault):
     """The pose of the second odometry drifts; clearing it ends the drift."""
 
@@ -359,7 +375,7 @@ class LaserDead(Fault):
     """No scan of the laser arrives."""
 
 
-@fault(None)
+@fault(None, Onset.GROUND)
 class Pushed(Fault):
     """The rover is pushed sideways at once; clearing it does not push it back."""
 

@@ -4,7 +4,7 @@ import hashlib
 from collections import Counter
 from dataclasses import dataclass, field
 from itertools import groupby
-from math import degrees
+from math import degrees, inf
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +22,9 @@ DIGITS: Final = 6
 """Of seconds: stamps in UTC have no more."""
 BRAKING_S: Final = 1.5
 """After this long in STOPPED or SAFE the rover has come to rest, from whatever speed."""
+STANDING_S: Final = 0.2
+STANDING_M: Final = 0.01
+"""A rover has come to rest that goes no further for so long."""
 HELD: Final = frozenset({Mode.STOPPED, Mode.SAFE})
 
 
@@ -49,6 +52,7 @@ class Figures:
     distance_m: float
     energy_j: float | None
     detection_s: float | None
+    stopping_m: float | None
     contacts: int | None
     executed: int
     failed: int
@@ -178,6 +182,7 @@ def figures_of(record: Record) -> Figures:
         distance_m=way_m(record.poses),
         energy_j=record.energy_j,
         detection_s=_detection_s(record),
+        stopping_m=_stopping_m(record),
         contacts=record.contacts,
         executed=sum(end.stage is Stage.EXECUTED for end in ends),
         failed=sum(end.stage is Stage.FAILED for end in ends),
@@ -192,8 +197,26 @@ def digest_of(record: Record) -> str:
     return hashlib.sha256(repr(seen).encode()).hexdigest()
 
 
+def _began_s(record: Record) -> float | None:
+    return min((fault.time_s for fault in record.faults if fault.begins), default=None)
+
+
+def _stopping_m(record: Record) -> float | None:
+    began_s, detection_s = _began_s(record), _detection_s(record)
+    if began_s is None or detection_s is None:
+        return None
+    poses = between(record.poses, began_s, inf)
+    for index, seen in enumerate(poses):
+        if seen.time_s < began_s + detection_s:
+            continue
+        away_m, turned_rad = travel(between(poses[index:], seen.time_s, seen.time_s + STANDING_S))
+        if away_m <= STANDING_M and turned_rad <= STILL_RAD:
+            return way_m(poses[: index + 1])
+    return None
+
+
 def _detection_s(record: Record) -> float | None:
-    began_s = min((fault.time_s for fault in record.faults if fault.begins), default=None)
+    began_s = _began_s(record)
     if began_s is None:
         return None
     told_s = [record.time_of(report) for report in record.reports if _tells_of_a_fault(report)]

@@ -35,6 +35,7 @@ _NOTHING: Final = Figures(
     distance_m=1.0,
     energy_j=1.0,
     detection_s=None,
+    stopping_m=None,
     contacts=None,
     executed=1,
     failed=0,

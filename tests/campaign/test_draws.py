@@ -19,6 +19,7 @@ from sim.campaign.model import (
     Integers,
     Interval,
     LogUniform,
+    Named,
     Normal,
     Success,
     Uniform,
@@ -105,6 +106,7 @@ def test_faults_have_columns_for_their_time_and_parameters() -> None:
     found = quantities(campaign(FAULTS, SEED))
     assert [(each.name, each.kind) for each in found] == [
         ("inject", Kind.TEXT),
+        ("inject.onset", Kind.TEXT),
         ("inject.at", Kind.NUMBER),
         ("inject.by", Kind.NUMBER),
         ("seed", Kind.WHOLE),
@@ -113,24 +115,26 @@ def test_faults_have_columns_for_their_time_and_parameters() -> None:
     for run in range(30):
         drawn = draw(campaign(FAULTS), run)
         by_fault[drawn.values[0]] = drawn
-    assert by_fault["none"].values == ("none", None, None)
+    assert by_fault["none"].values == ("none", "none", None, None)
     assert by_fault["none"].changes == (Change("inject", "none"),)
-    _, at_s, by = by_fault["tip"].values
+    _, onset, at_s, by = by_fault["tip"].values
+    assert onset == "abrupt"
     assert by_fault["tip"].changes == (Change("inject", f"{{tip: {{by: {by}}}, at: {at_s}}}"),)
-    assert by_fault["left_stuck"].values[2] is None
+    assert by_fault["left_stuck"].values[3] is None
 
 
 def test_a_fault_that_ends_says_after_what_time() -> None:
     lasting = replace(FAULTS, lasts=Uniform(Interval(1, 2)))
-    assert [each.name for each in quantities(campaign(lasting))][:3] == [
+    assert [each.name for each in quantities(campaign(lasting))][:4] == [
         "inject",
+        "inject.onset",
         "inject.at",
         "inject.for",
     ]
     drawn = next(
         each for each in (draw(campaign(lasting), run) for run in range(30)) if "tip" in each.values
     )
-    _, at_s, for_s, by = drawn.values
+    _, _, at_s, for_s, by = drawn.values
     assert isinstance(for_s, float)
     assert 1 <= for_s <= 2
     said = f"{{tip: {{by: {by}}}, at: {at_s}, for: {for_s}}}"
@@ -168,3 +172,10 @@ def spread(distribution: Distribution) -> set[object]:
 def test_a_choice_comes_as_it_is() -> None:
     assert spread(Choice((0.5, 1))) == {0.5, 1.0}
     assert spread(Choice((True, "5", 2))) == {"true", "5", "2"}
+
+
+def test_a_named_value_is_set_and_called_by_its_name() -> None:
+    sensors = Grid((Named("none", "{imu: null}"), Named("asset", "{}")))
+    drawn = draw(campaign(Variation(key="settings.sensors", distribution=sensors)), 0)
+    assert drawn.values == ("none",)
+    assert drawn.changes == (Change("settings.sensors", "{imu: null}"),)

@@ -6,7 +6,7 @@ from math import radians
 import pytest
 
 from executive.settings_files import SettingsError, names_in
-from sim.campaign.model import Choice, FaultDraw, Grid, Interval, LogUniform, Until
+from sim.campaign.model import Choice, FaultDraw, Grid, Interval, LogUniform, Named, Until
 from sim.campaign.reading import campaign_folder, load_campaign
 from tests.campaign.conftest import Write
 
@@ -30,6 +30,7 @@ def test_every_distribution_can_be_told(write: Write) -> None:
         "world.start.heading: {uniform: [-90deg, 90deg]}",
         "settings.turn_drive.reverse: {choice: [true, false]}",
         "settings.sensors.second_odometry: {grid: [null, {rate_hz: 2}]}",
+        "settings.sensors.laser: {grid: {without: null, with: {rate_hz: 10}}}",
         "world.rocks: {choice: [[], [{x: 9, y: 0, radius: 0.3, height: 0.2}]]}",
     )
     campaign = load_campaign(write(("vary:\n", "vary:\n  " + "\n  ".join(lines) + "\n")))
@@ -37,6 +38,8 @@ def test_every_distribution_can_be_told(write: Write) -> None:
     assert len(found) == len(lines) + 4
     assert found["world.slope"] == Grid((0, radians(5), -0.05))
     assert found["settings.sensors.second_odometry"] == Grid(("null", "{rate_hz: 2}"))
+    laser = Grid((Named("without", "null"), Named("with", "{rate_hz: 10}")))
+    assert found["settings.sensors.laser"] == laser
     assert list(found) == sorted(found)
 
 
@@ -93,6 +96,9 @@ def test_a_fault_can_have_a_very_small_parameter(write: Write) -> None:
         (INJECT, "{choice: [left_stuck], at: {normal: [2, 0.4]}}", "from its mean: add within"),
         (INJECT, "{choice: [{tip: {by: {normal: [1, 1]}}}], at: 1}", "from its mean: add within"),
         (FRICTION, "{choice: []}", "choice: there is none"),
+        (FRICTION, "{grid: {}}", "grid: there is none"),
+        (FRICTION, "{grid: {1: 0.5}}", "vary.world.friction.grid: 1 is no name"),
+        (FRICTION, "{grid: {low: 0.01}}", "vary.world.friction: short.yaml: changed by"),
         (FRICTION, "{choice: [0.5], weights: [1, 2]}", "weights: expected 1 numbers"),
         (FRICTION, "0.5", "vary.world.friction: expected keys and values, got 0.5"),
         ("world.friction", "world.frictoin", "vary.world.frictoin: short.yaml: "),
@@ -140,5 +146,5 @@ def test_the_most_runs_have_room_for_all_combinations(write: Write) -> None:
 
 
 def test_a_name_that_is_none_is_told_with_those_there_are() -> None:
-    with pytest.raises(SettingsError, match="there are: faults, mocup, normal, obstacles, slopes"):
+    with pytest.raises(SettingsError, match="there are: faults, mocup, normal, obstacles, slo"):
         load_campaign("norma")

@@ -27,6 +27,7 @@ FIGURES = Figures(
     distance_m=3.0,
     energy_j=300.0,
     detection_s=None,
+    stopping_m=None,
     contacts=None,
     executed=1,
     failed=0,

@@ -18,12 +18,12 @@ def test_the_campaign_is_one_and_its_data_set_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    whole, faults = blocks(PAGE, "yaml")
+    whole, sensors, faults = blocks(PAGE, "yaml")
     Path("my.yaml").write_text(whole)
     assert load_campaign("my.yaml").runs == 500
     before, _, after = whole.partition("  inject:")
-    Path("grid.yaml").write_text(before + faults + "hold:" + after.partition("hold:")[2])
-    assert load_campaign("grid.yaml").combinations == 3
+    Path("grid.yaml").write_text(before + sensors + faults + "hold:" + after.partition("hold:")[2])
+    assert load_campaign("grid.yaml").combinations == 9
 
     options = ["--runs", "2", "--jobs", "1", "--out", "runs/first-try"]
     played = CliRunner().invoke(campaign, ["my.yaml", *options])

@@ -30,12 +30,13 @@ def test_a_drive_in_figures(tmp_path: Path) -> None:
     # 30 W for 6.5 s, and the motors.
     assert figures.energy_j == pytest.approx(327, abs=60)
     assert (figures.executed, figures.failed, figures.false_executed) == (3, 0, 0)
-    assert (figures.detection_s, figures.reasons) == (None, ())
+    assert (figures.detection_s, figures.stopping_m, figures.reasons) == (None, None, ())
 
 
 def test_detection_and_reasons_of_a_fault(tmp_path: Path) -> None:
     figures = play(tmp_path, "odometry_lost").figures
     assert figures.detection_s == pytest.approx(0.3, abs=0.06)
+    assert figures.stopping_m == pytest.approx(0.4, abs=0.15)
     assert (figures.executed, figures.failed) == (3, 1)
     assert figures.reasons[0] is Reason.ODOMETRY_STALE
 

@@ -1,5 +1,6 @@
 """How faults are written: in files, strictly, and in the documentation."""
 
+import re
 from math import nan, pi, radians
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from sim.rover import faults
 from sim.rover.faults import (
     SENSOR_PARTS,
     FaultDeclaration,
+    Onset,
     Part,
     Side,
     bounds,
@@ -153,3 +155,11 @@ def test_a_scenario_says_where_a_fault_does_not_fit(
 ) -> None:
     with pytest.raises(SettingsError, match=says):
         load_scenario(scenario_file(tmp_path, fault, kind, asset))
+
+
+def test_the_page_on_campaigns_groups_every_fault() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text()
+    for onset in Onset:
+        (row,) = re.findall(rf"^\| `{onset.value}` \|.*$", page, re.MULTILINE)
+        named = [name for name in re.findall(r"`(\w+)`", row) if name != onset.value]
+        assert named == [each.name for each in declared_faults() if each.onset is onset]
