@@ -31,7 +31,7 @@ from executive.commands import (
 from executive.commands.actions import action_of
 from executive.commands.intake import LONGEST_SOURCE, bad_identity, check_arguments, validate
 from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
-from executive.fault_table import Then
+from executive.fault_declaration import Then
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.motion import Arbiter

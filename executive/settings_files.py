@@ -14,7 +14,8 @@ from cattrs import Converter, transform_error
 from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
 from cattrs.v import format_exception
 
-from executive.fault_table import FaultTable, plain_table, read_table
+from executive.fault_section import plain_table, read_table
+from executive.fault_table import FaultTable
 
 T = TypeVar("T")
 

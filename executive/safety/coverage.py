@@ -1,6 +1,6 @@
 """What an asset cannot monitor, for want of a sensor, or because its file says so."""
 
-from executive.fault_table import Then
+from executive.fault_declaration import Then
 from executive.settings import Settings
 
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from executive.clock import Clock
-from executive.fault_table import DECLARED, Clears, Row, Then, When
+from executive.fault_declaration import Clears, Row, Then, When
+from executive.fault_table import DECLARED
 from executive.reasons import Refusal
 from executive.safety.asset_monitors import (
     battery_low,

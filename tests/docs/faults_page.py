@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.fault_table import DECLARED, FIGURES, Bound, Clears, Declaration, Row, Then
+from executive.fault_declaration import FIGURES, Bound, Clears, Declaration, Row, Then
+from executive.fault_table import DECLARED
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
 TITLE = "| fault | reason | what is wrong | watched | shows | then |"

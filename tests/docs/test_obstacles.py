@@ -6,7 +6,8 @@ from pathlib import Path
 from textwrap import dedent
 
 from executive.commands import MoveForward
-from executive.fault_table import Then, read_table
+from executive.fault_declaration import Then
+from executive.fault_section import read_table
 from executive.settings import Settings, load_settings
 from executive.settings_files import parse_yaml, structure
 from executive.zones import Footprint, Zones

@@ -5,7 +5,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.fault_table import DECLARED, Clears, FaultTable, Then, read_table
+from executive.fault_declaration import Clears, Then
+from executive.fault_section import read_table
+from executive.fault_table import DECLARED, FaultTable
 from executive.reasons import Reason
 from executive.safety import MONITORS
 from executive.settings import Settings, load_settings

@@ -1,0 +1,144 @@
+"""What is declared of a fault, and the row that says what an asset does about it."""
+
+from dataclasses import dataclass, field
+from enum import Enum, unique
+from math import radians
+from typing import Final
+
+from executive.reasons import Reason
+
+_ANGLE: Final = {"angle": True, "least": -1e10, "most": 1e10}
+
+
+@unique
+class When(Enum):
+    """When a fault is watched for."""
+
+    MOVING = "moving"
+    ALWAYS = "always"
+
+
+@unique
+class Then(Enum):
+    """What the rover does about a fault, from nothing to the most."""
+
+    IGNORE = "ignore"
+    WARN = "warn"
+    SLOW_DOWN = "slow_down"
+    PAUSE = "pause"
+    STOP = "stop"
+    SAFE = "safe"
+
+
+@unique
+class Clears(Enum):
+    """How a fault ends: with its cause, or by a resume once its cause is gone."""
+
+    ITSELF = "itself"
+    ON_RESUME = "on_resume"
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What one figure of a row means.
+
+    Attributes:
+        what: the figure that is compared, for people.
+        unit: of the figure, empty for a count or a ratio.
+        low, high: what a file may say.
+    """
+
+    what: str
+    unit: str
+    low: float
+    high: float
+
+    def fault_of(self, value: float) -> str | None:
+        """Return what is wrong with a value, or None."""
+        if self.low <= value <= self.high:
+            return None
+        text = f"{value:g} is not in {self.low:g} .. {self.high:g} {self.unit}".rstrip()
+        if self.unit.startswith("rad") and self.low <= radians(value) <= self.high:
+            text += f": were degrees meant? Write {value:g}deg, or {radians(value):.4g}"
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What an asset does about one fault. A figure that the fault does not have is None.
+
+    Attributes:
+        for_s: how long the evidence must last before the fault begins.
+        beyond, below: the bound of the figure that is compared.
+        ratio: of the way, the turn or the speed in the window, added to `beyond`.
+        within_s: the window over which the figure is taken.
+    """
+
+    when: When
+    then: Then
+    clears: Clears
+    for_s: float = 0.0
+    beyond: float | None = field(default=None, metadata=_ANGLE)
+    below: float | None = None
+    ratio: float | None = None
+    within_s: float | None = None
+
+    @property
+    def bound(self) -> float:
+        """The bound of a fault that has one."""
+        found = self.beyond if self.below is None else self.below
+        assert found is not None
+        return found
+
+    @property
+    def window_s(self) -> float:
+        """The window of a fault that has one."""
+        assert self.within_s is not None
+        return self.within_s
+
+    def allowed(self, amount: float) -> float:
+        """Return the bound where this much was driven, turned or commanded in the window."""
+        return self.bound + (self.ratio or 0.0) * abs(amount)
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """What is known of a fault.
+
+    Attributes:
+        name: in files, reports and at the command line.
+        summary: one sentence on what is wrong.
+        row: what is done about it unless an asset says otherwise.
+        beyond, below, ratio, within: what these figures of its row mean; None where it has none.
+    """
+
+    name: str
+    reason: Reason
+    summary: str
+    row: Row
+    beyond: Bound | None = None
+    below: Bound | None = None
+    ratio: Bound | None = None
+    within: Bound | None = None
+
+    def check(self, row: Row) -> None:
+        """Do nothing where a row fits.
+
+        Raises:
+            ValueError: a figure is out of its bounds, missing, or not one of this fault.
+        """
+        meant = (self.beyond, self.below, self.ratio, self.within, _FOR)
+        given = (row.beyond, row.below, row.ratio, row.within_s, row.for_s)
+        for key, bound, value in zip(FIGURES, meant, given, strict=True):
+            if (bound is None) != (value is None):
+                had = [each for each, its in zip(FIGURES, meant, strict=True) if its is not None]
+                lack = (
+                    "is missing" if value is None else f"is not known; known are {', '.join(had)}"
+                )
+                raise ValueError(f"{self.name}.{key} {lack}")
+            if bound is not None and value is not None and (wrong := bound.fault_of(value)):
+                raise ValueError(f"{self.name}.{key}: {wrong} ({bound.what})")
+
+
+FIGURES: Final = ("beyond", "below", "ratio", "within", "for")
+_FOR: Final = Bound("how long it lasts before it counts", "s", 0.0, 60.0)
