@@ -125,6 +125,22 @@ class FaultTable:
         ratio=Bound("share of the rate that was commanded, where it is more", "", 0.0, 2.0),
         within=_window(),
     )
+    steady_off_command: Row = _fault(
+        Reason.OFF_COMMAND,
+        "A rover that moves by itself goes steadily slower or faster than it was commanded to.",
+        Row(When.MOVING, *_STOPPED, for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5),
+        beyond=Bound("way by its speed beside what was commanded", "m", 0.001, 5.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    steady_turn_off_command: Row = _fault(
+        Reason.OFF_COMMAND,
+        "A rover that moves by itself turns steadily slower or faster than it was commanded to.",
+        Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6),
+        beyond=Bound("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
     turn_amiss: Row = _fault(
         Reason.OFF_COMMAND,
         "The rover turns more or less than it is commanded to, by its odometry.",

@@ -469,13 +469,17 @@ class Executive:
 
     def _watch(self) -> None:
         """Look at the monitors, and do what the table says of faults that begin or end."""
-        self.safety.history.command(self.velocity)
+        self._note_command()
         self.safety.history.pose = self.status.pose
         changes = self.safety.check(self.moving)
         for fault in changes.begun:
             self._dispatcher.begin_fault(fault)
         for fault in changes.over:
             self._dispatcher.end_fault(fault)
+
+    def _note_command(self) -> None:
+        at_least, velocity = self._arbiter.expected
+        self.safety.history.command(velocity, at_least)
 
     def _run_plan(self) -> None:
         """Let the plan command what it wants; what it wants begins once it is written down."""
@@ -506,7 +510,7 @@ class Executive:
         if not self.moving and isinstance(self._context.intents.motion, Velocity):
             self._context.intents.motion = STANDING  # the goal it was for has been ended
         self._arbiter.commit(self._context.intents)
-        self.safety.history.command(self.velocity)
+        self._note_command()
 
     def _flush(self) -> bool:
         known = self._ledger.failing

@@ -11,7 +11,7 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.geometry import STANDING
+from executive.geometry import STANDING, wrap_rad
 from executive.goals import Context, Goal
 from executive.motion import (
     FUSED_NEAR_M,
@@ -47,6 +47,8 @@ def _step(goal: Goal) -> Step:
             raise TypeError(f"{other} has no leg")
 
 
+OFF_RAD = 0.08
+"""How far a heading may be off at the end of a leg."""
 HELD_M, HELD_RAD, HELD_RATIO = 0.08, 0.08, 0.02
 """How far a velocity that was held may have led beside its time; the ratio is of way and turn."""
 
@@ -215,13 +217,18 @@ class FinishLeg(_MotionLeaf):
         if isinstance(verified, Refusal):
             return self.fail(verified)
         place_m, near_m, heading_rad = self._errors()
-        if place_m > near_m:
+        if place_m > near_m or heading_rad > OFF_RAD:
             goal.attempts += 1
             relative = not isinstance(goal.command.request, MoveTo | FollowPath)
             if not relative and goal.attempts < ATTEMPTS:
                 return Status.FAILURE
-            text = f"the rover stands {place_m:.3f} m from its target"
-            figures = Figure("position error", place_m, "m"), Figure("bound", near_m, "m")
+            text = f"the rover stands {place_m:.3f} m and {heading_rad:.3f} rad from its target"
+            figures = (
+                Figure("position error", place_m, "m"),
+                Figure("bound", near_m, "m"),
+                Figure("heading error", heading_rad, "rad"),
+                Figure("heading bound", OFF_RAD, "rad"),
+            )
             return self.fail(Refusal(Reason.OFF_TARGET, text, figures))
         goal.step += 1
         goal.attempts = 0
@@ -249,6 +256,9 @@ class FinishLeg(_MotionLeaf):
         """
         context, goal, leg = self.context, self.goal, self.goal.leg
         place_m, heading_rad = leg_errors(leg, context.settings, context.status)
+        if isinstance(goal.command.request, MoveForward):
+            turned_rad = context.status.pose.heading_rad - goal.begun.heading_rad
+            heading_rad = abs(wrap_rad(turned_rad))
         near_m, fusion, pose = leg.tolerance_m, context.status.fusion, context.status.pose
         if fusion is not None and fusion.fused:
             near_m = max(near_m, FUSED_NEAR_M)

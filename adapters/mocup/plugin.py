@@ -46,6 +46,7 @@ from executive.state import (
     CommandUnderWay,
     FileEvent,
     MotionEnded,
+    MotionStarted,
     ParameterValue,
     Stopped,
 )
@@ -58,7 +59,7 @@ ANSWER_TIMEOUT_S: Final = 3.0
 """After this the answer to a command that is no motion is waited for no longer."""
 MOST_ASKED: Final = 64
 """Commands whose answers are remembered."""
-MocupFact = MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
+MocupFact = MotionStarted | MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
 """Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
 _TOLD: Final = frozenset(Stage) - {Stage.RECEIVED, Stage.REJECTED, Stage.PROGRESS}
@@ -206,6 +207,10 @@ class MocupRover:
         if is_last(reply):
             self._end(key, reply)
             self._next()
+        elif reply.outputs[:1] == (Stage.STARTED.name,):
+            motion = self._asked[key].motion
+            if motion is not None:
+                self._observe(MotionStarted(motion.number))
 
     def _on_external_stop(self, stop: Message) -> None:
         """End what the brick was asked, as the other link has stopped it."""

@@ -96,15 +96,11 @@ def parameters_of(
     Raises:
         MopsError: it is no telemetry, or a value is no number.
     """
-    if (message.code, message.command) != (spelling.code, spelling.command):
-        raise MopsError(f"{message.code:03X} {message.command} is no telemetry")
-    count = len(spelling.outputs)
-    if len(message.outputs) not in (count, count + 1):
-        raise MopsError(f"outputs: {len(message.outputs)}, not {count} or {count + 1}")
-    return tuple(
-        ParameterValue(parameter, utc_s, _number(parameter, text) if text else None)
-        for parameter, text in zip(spelling.outputs, message.outputs[:count], strict=True)
-    )
+    told = _told(message, spelling)
+    for parameter, value in told.items():
+        if value is not None and not isfinite(value):
+            raise MopsError(f"{parameter.value}: {value!r} is no finite number")
+    return tuple(ParameterValue(parameter, utc_s, value) for parameter, value in told.items())
 
 
 def mode_of(message: Message, spelling: TelemetryEntry) -> Mode | None:
@@ -123,7 +119,7 @@ def mode_of(message: Message, spelling: TelemetryEntry) -> Mode | None:
 def facts_of(
     message: Message, spelling: TelemetryEntry, stamp_s: float
 ) -> Iterator[Odometry | Battery | CameraAngles]:
-    """Yield what telemetry tells; of what is not known in it, nothing.
+    """Yield what telemetry tells, also what is not finite; of what is not known in it, nothing.
 
     Args:
         message: telemetry.
@@ -133,11 +129,7 @@ def facts_of(
     Raises:
         MopsError: it is no telemetry, or a value is no number.
     """
-    known = {
-        value.parameter: value.value
-        for value in parameters_of(message, spelling, stamp_s)
-        if value.value is not None
-    }
+    known = {name: value for name, value in _told(message, spelling).items() if value is not None}
     place = _all(known, (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD))
     speeds = _all(known, (Parameter.CURRENT_TRAVEL_SPEED, Parameter.CURRENT_ROTATE_SPEED))
     if place and speeds:
@@ -156,11 +148,25 @@ def _all(known: dict[Parameter, float], wanted: Sequence[Parameter]) -> list[flo
     return found if len(found) == len(wanted) else []
 
 
+def _told(message: Message, spelling: TelemetryEntry) -> dict[Parameter, float | None]:
+    """Return what telemetry tells of each parameter, in their order; None where nothing is known.
+
+    Raises:
+        MopsError: it is no telemetry, or a value is no number.
+    """
+    if (message.code, message.command) != (spelling.code, spelling.command):
+        raise MopsError(f"{message.code:03X} {message.command} is no telemetry")
+    count = len(spelling.outputs)
+    if len(message.outputs) not in (count, count + 1):
+        raise MopsError(f"outputs: {len(message.outputs)}, not {count} or {count + 1}")
+    return {
+        parameter: _number(parameter, text) if text else None
+        for parameter, text in zip(spelling.outputs, message.outputs[:count], strict=True)
+    }
+
+
 def _number(parameter: Parameter, text: str) -> float:
     try:
-        value = float(text)
+        return float(text)
     except ValueError as fault:
         raise MopsError(f"{parameter.value}: {text[:40]!r} is no number") from fault
-    if not isfinite(value):
-        raise MopsError(f"{parameter.value}: {text[:40]!r} is no number")
-    return value

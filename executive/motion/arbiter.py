@@ -68,6 +68,11 @@ class Arbiter:
         """What the rover is made to do now."""
         return self._mover.velocity
 
+    @property
+    def expected(self) -> tuple[Velocity, Velocity]:
+        """Between which velocities the rover should be now; the same twice where that is known."""
+        return self._mover.expected
+
     def emergency_stop(self) -> None:
         """Make the rover stand, from any thread; for a stop, once `stop_waits`."""
         self._rover.emergency_stop()
@@ -165,7 +170,9 @@ def make_locomotion(
             mover = VelocityMover(clock, settings, status, rover)
             return VelocityLocomotion(clock, settings, status), mover
         case LocomotionKind.WHOLE_MOTION if isinstance(rover, MotionRover):
-            return DelegatedLocomotion(settings, status), DelegatedMover(clock, status, rover)
+            return DelegatedLocomotion(settings, status), DelegatedMover(
+                clock, settings, status, rover
+            )
         case LocomotionKind.VELOCITY | LocomotionKind.WHOLE_MOTION:
             raise TypeError(f"{rover} does not move by {settings.locomotion.value}")
         case _:

@@ -1,17 +1,23 @@
 """Motion of a rover that carries out whole motions by itself, as MOCUP's brick (thesis 6.1)."""
 
+from dataclasses import replace
 from itertools import count
-from typing import Final
+from math import copysign
+from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands import Command, DriveFor
 from executive.geometry import STANDING, Velocity, wrap_rad
-from executive.motion.locomotion import Leg, Motion
+from executive.motion.locomotion import Bounds, Leg, Motion, duration_s
 from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
 from executive.reasons import Reason, Refusal
-from executive.settings import Settings
+from executive.settings import DriveLimits, Settings
 from executive.state import MotionEnded, Status
 
+BEGINS_WITHIN_S: Final = 4.0
+"""In which a rover that does not say when has begun a motion, also if messages were lost."""
+STEADY_AFTER_S: Final = 0.15
+"""After it has gained its speed, and before it begins to lose it, by which a rover may be late."""
 REPEAT_HALT_S: Final = 1.0
 """After which a halt is repeated to a rover that still moves."""
 SETTLE_S: Final = 2.0
@@ -51,9 +57,14 @@ class DelegatedLocomotion:
         return self._awaited(command, Advance(distance_m, speed_mps), length_m / speed_mps)
 
     def hold(self, command: Command, request: DriveFor) -> "PendingMotion":
-        """Return the holding of a velocity."""
-        velocity = Velocity(request.travel_mps, request.rotate_radps)
-        return self._awaited(command, Hold(velocity, request.duration_s), request.duration_s)
+        """Return the holding of a velocity, for as much longer as it takes to lose it.
+
+        The way is then that of the velocity in its time, as of a rover that takes velocities.
+        """
+        what = Hold(Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
+        gain_s, _ = _times_s(what, self._settings.drive)
+        what = replace(what, duration_s=request.duration_s + gain_s)
+        return self._awaited(command, what, what.duration_s)
 
     def _awaited(
         self, command: Command, what: TurnBy | Advance | Hold, expected_s: float
@@ -74,7 +85,7 @@ class PendingMotion(Motion):
     def done(self) -> bool:
         """Whether the rover has carried it out, and stands."""
         ended = self._ended
-        return ended is not None and ended.executed and self._status.standing
+        return ended is not None and ended.executed and self._status.stood_since_motion
 
     @property
     def fault(self) -> Refusal | None:
@@ -108,18 +119,52 @@ class PendingMotion(Motion):
 class DelegatedMover:
     """Commands each whole motion once, and a halt when none is wanted any more."""
 
-    def __init__(self, clock: Clock, status: Status, rover: MotionRover) -> None:
+    def __init__(
+        self, clock: Clock, settings: Settings, status: Status, rover: MotionRover
+    ) -> None:
         self._clock = clock
+        self._settings = settings
         self._status = status
         self._rover = rover
         self._motion: WholeMotion | None = None
         self._begun = 0
+        self._sent_at_s = 0.0
         self._told_at_s: float | None = None
 
     @property
     def velocity(self) -> Velocity:
         """What the rover does of the motion under way."""
         return STANDING if self._motion is None else self._status.velocity
+
+    @property
+    def expected(self) -> tuple[Velocity, Velocity]:
+        """The velocity of the motion under way, and to stand while the rover gains or loses that.
+
+        What it does of a command that it has by another link is not known here: anything.
+        """
+        motion, drive = self._motion, self._settings.drive
+        own = motion is not None and self._under_way
+        if not own and self._status.standing:
+            return STANDING, STANDING
+        if motion is None or not own or self._status.elsewhere == motion.command:
+            fastest = Velocity(drive.travel_speed_mps, drive.rotate_speed_radps)
+            return Velocity(-fastest.travel_mps, -fastest.rotate_radps), fastest
+        full = _velocity(motion.what)
+        return full if self._steady(motion) else STANDING, full
+
+    def _steady(self, motion: WholeMotion) -> bool:
+        """Return whether the rover should have its full speed now, whenever it may have begun."""
+        started, earliest_s, latest_s = (
+            self._status.motion_started,
+            self._sent_at_s,
+            BEGINS_WITHIN_S,
+        )
+        if started is not None and started.number == motion.number:
+            earliest_s, latest_s = self._status.motion_started_at_s, 0.0
+        since_s = self._clock.now_s() - earliest_s
+        gain_s, total_s = _times_s(motion.what, self._settings.drive)
+        margin_s = gain_s + STEADY_AFTER_S
+        return latest_s + margin_s <= since_s <= total_s - margin_s
 
     def stop(self) -> None:
         """Have the rover stand."""
@@ -141,12 +186,12 @@ class DelegatedMover:
 
         A halted motion is not begun again, since the rover would do all of it once more.
         """
-        del now_s, step_s
+        del step_s
         if isinstance(wanted, Velocity) and wanted != STANDING:
             raise TypeError(f"{wanted} is no motion that this rover carries out by itself")
         if isinstance(wanted, WholeMotion) and self._status.odometry_fresh:
             if wanted.number > self._begun:
-                self._motion, self._begun = wanted, wanted.number
+                self._motion, self._begun, self._sent_at_s = wanted, wanted.number, now_s
                 self._rover.carry_out(wanted)
         elif self._under_way:
             self.stop()
@@ -163,3 +208,33 @@ class DelegatedMover:
             return False
         ended = self._status.motion_ended
         return ended is None or ended.number != self._motion.number
+
+
+def _velocity(what: TurnBy | Advance | Hold) -> Velocity:
+    """Return the velocity of a motion between gaining and losing it."""
+    match what:
+        case TurnBy(angle_rad, speed_radps):
+            return Velocity(0.0, copysign(speed_radps, angle_rad))
+        case Advance(distance_m, speed_mps):
+            return Velocity(copysign(speed_mps, distance_m), 0.0)
+        case Hold(velocity):
+            return velocity
+        case _:
+            assert_never(what)
+
+
+def _times_s(what: TurnBy | Advance | Hold, drive: DriveLimits) -> tuple[float, float]:
+    """Return for how long a motion gains its speed, and as long loses it, and its duration."""
+    match what:
+        case TurnBy(angle_rad, speed_radps):
+            bounds = Bounds(speed_radps, drive.rotate_acceleration_radps2)
+            return bounds.speed / bounds.acceleration, duration_s(angle_rad, bounds)
+        case Advance(distance_m, speed_mps):
+            bounds = Bounds(speed_mps, drive.travel_acceleration_mps2)
+            return bounds.speed / bounds.acceleration, duration_s(distance_m, bounds)
+        case Hold(velocity, held_s):
+            gain_s = abs(velocity.travel_mps) / drive.travel_acceleration_mps2
+            gain_s += abs(velocity.rotate_radps) / drive.rotate_acceleration_radps2
+            return gain_s, held_s
+        case _:
+            assert_never(what)

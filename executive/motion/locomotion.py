@@ -302,6 +302,10 @@ class Mover(Protocol):
     def velocity(self) -> Velocity:
         """What the rover is made to do now."""
 
+    @property
+    def expected(self) -> tuple[Velocity, Velocity]:
+        """Between which velocities the rover should be now; the same twice where that is known."""
+
     def stop(self) -> None:
         """Make the rover stand, now."""
 

@@ -312,6 +312,11 @@ class VelocityMover:
         self.velocity = STANDING
         self._moved_at_s = clock.now_s() - RELEASE_S
 
+    @property
+    def expected(self) -> tuple[Velocity, Velocity]:
+        """What was last sent, twice: a base that takes velocities has it soon."""
+        return self.velocity, self.velocity
+
     def stop(self) -> None:
         """Send zero now."""
         self._send(STANDING)

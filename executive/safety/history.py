@@ -142,7 +142,8 @@ class History:
         self.moved = Channel(len(Moved._fields))
         self.arrivals = Channel(2)
         self.commands = Channel(4)
-        self._velocities: deque[tuple[float, Velocity]] = deque([(-inf, STANDING)])
+        self._velocities: deque[tuple[float, Velocity, Velocity]] = deque()
+        self._velocities.append((-inf, STANDING, STANDING))
         self.standing_since_s = clock.now_s()
         self.begun_s = -inf
         self.jump: Jump | None = None
@@ -193,15 +194,23 @@ class History:
         since_s = self._clock.now_s() - INPUT_S
         return tuple(heard for heard, at_s in self._inputs.values() if at_s >= since_s)
 
-    def command(self, velocity: Velocity) -> None:
-        """Note the velocity that is commanded from now on."""
+    def command(self, velocity: Velocity, at_least: Velocity | None = None) -> None:
+        """Note what is commanded from now on.
+
+        Args:
+            velocity: of the rover; to stand where it should.
+            at_least: where the rover gains or loses the velocity by itself, the other end of what
+                it may have.
+        """
         now_s, channel = self._clock.now_s(), self.commands
-        last = self._velocities[-1][1]
+        _, least, last = self._velocities[-1]
+        last = last if least == last else STANDING
+        at_least = velocity if at_least is None else at_least
         since_s = max(now_s - channel.time_s, 0.0) if channel.time_s > -inf else 0.0
         way_m, turn_rad = last.travel_mps * since_s, last.rotate_radps * since_s
         steps = (way_m, turn_rad, abs(way_m), abs(turn_rad))
         channel.add(now_s, [old + step for old, step in zip(channel.sums, steps, strict=True)])
-        self._velocities.append((now_s, velocity))
+        self._velocities.append((now_s, at_least, velocity))
         while self._velocities[1][0] <= now_s - GRID_S * SLOTS:
             self._velocities.popleft()
         if velocity != STANDING:
@@ -217,11 +226,16 @@ class History:
 
     @property
     def fastest(self) -> Velocity:
-        """What is commanded or what odometry says, whichever is faster; none, once to stand is."""
-        commanded = self._velocities[-1][1]
+        """What is commanded or what odometry says, whichever is faster; none, once to stand is.
+
+        Where the rover gains or loses its velocity by itself, what odometry says.
+        """
+        _, at_least, commanded = self._velocities[-1]
         if commanded == STANDING or self.odometry is None:
             return commanded
         measured = self.odometry.velocity
+        if at_least != commanded:
+            return measured
         return Velocity(
             max(commanded.travel_mps, measured.travel_mps, key=abs),
             max(commanded.rotate_radps, measured.rotate_radps, key=abs),
@@ -260,9 +274,9 @@ class History:
     def commands_in(self, window_s: float, to_s: float) -> Commanded:
         """Return between which velocities the commands were, in the seconds before a time."""
         found: list[Velocity] = []
-        for since_s, velocity in reversed(self._velocities):
+        for since_s, at_least, velocity in reversed(self._velocities):
             if since_s < to_s:
-                found.append(velocity)
+                found += (at_least, velocity)
             if since_s <= to_s - window_s:
                 break
         travel = [each.travel_mps for each in found] or [0.0]

@@ -8,6 +8,7 @@ from typing import Final, TypeGuard
 
 from executive.fault_declaration import Row
 from executive.reasons import Figure
+from executive.safety.comparison import compared, speeds, turns
 from executive.safety.evidence import Evidence
 from executive.safety.history import History, Jump, Moved
 
@@ -193,6 +194,48 @@ def turn_off_command(history: History, row: Row, now_s: float) -> Evidence | Non
             Figure("bound", bound_radps, "rad/s"),
         ),
     )
+
+
+def steady_off_command(history: History, row: Row, _: float) -> Evidence | None:
+    """See another mean speed than the one that was commanded all the time.
+
+    Both the pose and the speeds must show it: a pose that comes late is put too late, and speeds of
+    a rover that counts its wheels are coarse.
+    """
+    to_s = history.odometry_time_s
+    moved, wanted = history.moved_in(row.window_s, to_s), history.commands_in(row.window_s, to_s)
+    steady = wanted.travel_low_mps == wanted.travel_high_mps
+    if moved is None or not steady or abs(wanted.travel_low_mps) < LEAST_MPS:
+        return None
+    wanted_m = wanted.travel_low_mps * row.window_s
+    way_m = _nearer(wanted_m, moved.pose_ahead_m, moved.way_m)
+    bound_m = row.allowed(wanted_m)
+    if abs(way_m - wanted_m) <= bound_m:
+        return None
+    figures = speeds(history, row.window_s, to_s, {"odometry": way_m})
+    what = "the rover does not go as fast as commanded"
+    return compared(what, figures, bound_m / row.window_s, row.window_s)
+
+
+def steady_turn_off_command(history: History, row: Row, _: float) -> Evidence | None:
+    """See another mean rate of turn than the one that was commanded all the time, likewise."""
+    to_s = history.odometry_time_s
+    moved, wanted = history.moved_in(row.window_s, to_s), history.commands_in(row.window_s, to_s)
+    steady = wanted.rotate_low_radps == wanted.rotate_high_radps
+    if moved is None or not steady or abs(wanted.rotate_low_radps) < LEAST_RADPS:
+        return None
+    wanted_rad = wanted.rotate_low_radps * row.window_s
+    turn_rad = _nearer(wanted_rad, moved.pose_rad, moved.turn_rad)
+    bound_rad = row.allowed(wanted_rad)
+    if abs(turn_rad - wanted_rad) <= bound_rad:
+        return None
+    figures = turns(history, row.window_s, to_s, {"odometry": turn_rad})
+    what = "the rover does not turn as fast as commanded"
+    return compared(what, figures, bound_rad, row.window_s)
+
+
+def _nearer(wanted: float, one: float, other: float) -> float:
+    return min(one, other, key=lambda value: abs(value - wanted))
 
 
 def turn_amiss(history: History, row: Row, _: float) -> Evidence | None:

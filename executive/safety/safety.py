@@ -42,6 +42,8 @@ from executive.safety.odometry_monitors import (
     silent,
     slow,
     stale,
+    steady_off_command,
+    steady_turn_off_command,
     turn_amiss,
     turn_off_command,
     turned,
@@ -83,6 +85,8 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_heading_off_twist": heading_off_twist,
     "off_command": off_command,
     "turn_off_command": turn_off_command,
+    "steady_off_command": steady_off_command,
+    "steady_turn_off_command": steady_turn_off_command,
     "turn_amiss": turn_amiss,
     "no_progress": no_progress,
     "drives_uncommanded": drives_uncommanded,
@@ -121,18 +125,18 @@ MONITORS: Final[Mapping[str, Monitor]] = {
 }
 """What looks for each fault of the table."""
 
-BY_VELOCITY: Final = frozenset(
-    {
-        "odometry_frozen",
-        "off_command",
-        "turn_off_command",
-        "turn_amiss",
-        "no_progress",
-        "drives_uncommanded",
-        "turns_uncommanded",
-    }
-)
-"""Faults that show beside the velocities that are commanded, where the rover takes velocities."""
+NOT_OF: Final[Mapping[LocomotionKind, frozenset[str]]] = {
+    LocomotionKind.VELOCITY: frozenset({"steady_off_command", "steady_turn_off_command"}),
+    LocomotionKind.WHOLE_MOTION: frozenset(
+        {"turn_amiss", "drives_uncommanded", "turns_uncommanded"}
+    ),
+}
+"""Faults that are not watched for on a rover of a kind.
+
+One that takes velocities is compared with each of them. One that moves by itself is compared with
+the speed of each motion while that is steady; it may have motion from another link, of which the
+executive does not know.
+"""
 
 HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
 TAKEN: Final = "other_publisher"
@@ -189,8 +193,7 @@ class Safety:
         self._watches = [
             _Watch(declared.name, row, MONITORS[declared.name])
             for declared, row in settings.faults
-            if row.then is not Then.IGNORE
-            and (settings.locomotion is LocomotionKind.VELOCITY or declared.name not in BY_VELOCITY)
+            if row.then is not Then.IGNORE and declared.name not in NOT_OF[settings.locomotion]
         ]
 
     def check(self, moving: bool) -> Changes:

@@ -157,6 +157,13 @@ class OtherInput:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionStarted:
+    """A rover that moves by itself says that it has begun a whole motion."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
 class MotionEnded:
     """A rover that moves by itself ended a whole motion; the text is what it says of that."""
 
@@ -206,6 +213,7 @@ Fact = (
     | Frame
     | ForeignPublishers
     | OtherInput
+    | MotionStarted
     | MotionEnded
     | CommandEnded
     | CommandUnderWay

@@ -19,6 +19,7 @@ from executive.state.facts import (
     Joints,
     LaserScan,
     MotionEnded,
+    MotionStarted,
     Odometry,
     OtherInput,
     SecondOdometry,
@@ -37,6 +38,8 @@ class Status:
         slow_ratio: of these speeds, what a fault leaves while it slows the rover down.
         compensation: what is added to the measured pose before it is used.
         frame: the last camera frame, with its number in `frames`.
+        motion_started: the last whole motion that the rover has begun, where it moves by itself,
+            and `motion_started_at_s`, when it said so.
         motion_ended: the last whole motion that the rover ended, where it moves by itself.
         elsewhere: the command that the rover last received over another link.
         foreign: other publishers of the rover's velocity.
@@ -58,7 +61,10 @@ class Status:
         self.camera: CameraAngles | None = None
         self.frame: Frame | None = None
         self.frames = 0
+        self.motion_started: MotionStarted | None = None
+        self.motion_started_at_s = -inf
         self.motion_ended: MotionEnded | None = None
+        self._motion_ended_at_s = -inf
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
         self.standstill = Standstill(clock)
@@ -81,8 +87,12 @@ class Status:
                 self.frames += 1
             case ForeignPublishers(names):
                 self.foreign = names
+            case MotionStarted():
+                self.motion_started = fact
+                self.motion_started_at_s = self._clock.now_s()
             case MotionEnded():
                 self.motion_ended = fact
+                self._motion_ended_at_s = self._clock.now_s()
             case CommandUnderWay(identity):
                 self.elsewhere = identity
             case Imu() | Joints():
@@ -157,6 +167,11 @@ class Status:
         if self.odometry is None or not self.odometry_fresh:
             return False
         return is_slow(self.odometry.velocity)
+
+    @property
+    def stood_since_motion(self) -> bool:
+        """Whether odometry that came no earlier than the end of the last whole motion stands."""
+        return self.standing and self._odometry_at_s >= self._motion_ended_at_s
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all twelve parameters, in the order of their definition.

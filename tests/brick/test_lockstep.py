@@ -6,16 +6,36 @@ import pytest
 
 from executive.commands.catalogue import (
     Command,
+    DriveFor,
     MoveForward,
     Request,
     Resume,
+    RotateBy,
+    SetCameraAngles,
     Stop,
 )
+from executive.geometry import Velocity, arc, wrap_rad
 from executive.reasons import Reason
 from executive.reports import Identity, Report, Stage
 from executive.settings import load_settings
-from sim.rover.faults import LeftStuck, OdometryLost
+from executive.state import MotionStarted
+from sim.rover.faults import (
+    BatteryNan,
+    BrickSilent,
+    EncoderScale,
+    Fault,
+    HeadStuck,
+    LeftStuck,
+    MotorDead,
+    OdometryJump,
+    OdometryLost,
+    OdometryRepeated,
+    OdometryZeroTwist,
+    Side,
+    WheelsStuck,
+)
 from sim.rover.lockstep import LockStep
+from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
 
 
@@ -24,6 +44,8 @@ class Mocup:
 
     def __init__(self, folder: Path, seed: int = 1) -> None:
         self.lock = LockStep(load_settings("mocup"), World(), folder, seed)
+        assert isinstance(self.lock.rover, SimulatedMocup)
+        self.rover = self.lock.rover
         self._numbers = 0
         self.lock.run(0.5)
 
@@ -57,10 +79,10 @@ def mocup(tmp_path: Path) -> Mocup:
 def test_a_stop_stands_within_a_tenth_of_a_second_and_ends_the_motion(mocup: Mocup) -> None:
     moving = mocup.ask(MoveForward(5.0))
     mocup.lock.run(2.0)
-    assert mocup.lock.rover.true_velocity.travel_mps == pytest.approx(0.2, abs=0.01)
+    assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.2, abs=0.01)
     stop = mocup.ask(Stop())
     mocup.lock.run(0.1)
-    assert mocup.lock.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
+    assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
     assert mocup.lock.run_until(lambda: mocup.ended(stop), 2.0)
     assert mocup.life(stop)[-1].stage is Stage.EXECUTED
     assert mocup.life(moving)[-1].stage is Stage.CANCELLED
@@ -68,19 +90,90 @@ def test_a_stop_stands_within_a_tenth_of_a_second_and_ends_the_motion(mocup: Moc
     assert mocup.do(MoveForward(0.2)).stage is Stage.EXECUTED
 
 
-def test_a_stuck_motor_fails_the_command(mocup: Mocup) -> None:
-    mocup.lock.rover.inject(LeftStuck())
-    ended = mocup.do(MoveForward(1.0))
-    assert (ended.stage, ended.reason) == (Stage.FAILED, Reason.MOTION_NOT_EXECUTED)
-    assert "the left motor is stuck" in ended.text
+@pytest.mark.parametrize(
+    ("fault", "request_", "reason", "within_s"),
+    [
+        (LeftStuck(), MoveForward(3.0), Reason.OFF_COMMAND, 0.8),
+        (WheelsStuck(), RotateBy(6.0), Reason.OFF_COMMAND, 0.8),
+        (EncoderScale(0.75), MoveForward(3.0), Reason.OFF_COMMAND, 2.5),
+        (EncoderScale(1.3), RotateBy(6.0), Reason.OFF_COMMAND, 1.2),
+        (OdometryZeroTwist(), MoveForward(3.0), Reason.OFF_COMMAND, 0.6),
+        (OdometryRepeated(), MoveForward(3.0), Reason.ODOMETRY_INCONSISTENT, 0.6),
+        (OdometryJump(0.15), MoveForward(3.0), Reason.ODOMETRY_JUMPED, 0.3),
+        (BrickSilent(), MoveForward(3.0), Reason.ODOMETRY_STALE, 1.2),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_a_fault_under_way_fails_the_command_with_figures(
+    mocup: Mocup, fault: Fault, request_: Request, reason: Reason, within_s: float
+) -> None:
+    number = mocup.ask(request_)
+    mocup.lock.run(2.0)
+    mocup.rover.inject(fault)
+    assert mocup.lock.run_until(lambda: mocup.ended(number), within_s)
+    ended = mocup.life(number)[-1]
+    assert (ended.stage, ended.reason) == (Stage.FAILED, reason)
+    assert any(figure.name == "bound" for figure in ended.figures)
+    mocup.lock.run(1.0)
+    assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
+
+
+def test_a_rover_that_does_not_say_when_it_begins_is_watched_later(
+    mocup: Mocup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.mocup.plugin.MotionStarted", lambda _: MotionStarted(-1))
+    assert mocup.do(MoveForward(2.0)).stage is Stage.EXECUTED
+    number = mocup.ask(MoveForward(2.0))
+    mocup.lock.run(6.0)
+    mocup.rover.inject(OdometryZeroTwist())
+    assert mocup.lock.run_until(lambda: mocup.ended(number), 0.8)
+    assert mocup.life(number)[-1].reason is Reason.OFF_COMMAND
+
+
+def test_what_the_brick_gives_up_fails_the_command(mocup: Mocup) -> None:
+    mocup.rover.inject(WheelsStuck())
+    assert mocup.do(MoveForward(0.1)).reason is Reason.MOTION_NOT_EXECUTED
+
+
+@pytest.mark.parametrize("before_end_s", [0.2, 0.3, 0.4, 0.5])
+def test_what_ends_with_another_heading_fails(mocup: Mocup, before_end_s: float) -> None:
+    number = mocup.ask(MoveForward(0.3))
+    mocup.lock.run(2.2 - before_end_s)
+    mocup.rover.inject(MotorDead(Side.LEFT))
+    assert mocup.lock.run_until(lambda: mocup.ended(number), 10.0)
+    off_rad = abs(mocup.rover.true_pose.heading_rad)
+    assert off_rad < 0.1 or mocup.life(number)[-1].stage is Stage.FAILED
+
+
+@pytest.mark.parametrize("velocity", [Velocity(0.2), Velocity(-0.15, 0.1)])
+def test_a_velocity_that_is_held_leads_as_far_as_it_says(mocup: Mocup, velocity: Velocity) -> None:
+    start = mocup.rover.brick.machine.odometry.pose
+    ended = mocup.do(DriveFor(velocity.travel_mps, velocity.rotate_radps, 2.0))
+    assert ended.stage is Stage.EXECUTED, ended
+    _, wanted = arc(start, velocity, 2.0)
+    seen = mocup.rover.brick.machine.odometry.pose
+    assert seen.point.distance_m(wanted.point) < 0.03
+    assert wrap_rad(seen.heading_rad - wanted.heading_rad) == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_voltage_that_is_no_number_is_warned_of_and_stops_nothing(mocup: Mocup) -> None:
+    mocup.rover.inject(BatteryNan())
+    assert mocup.do(MoveForward(0.5)).stage is Stage.EXECUTED
+    reasons = [report.reason for report in mocup.lock.heard.reports]
+    assert Reason.BATTERY_NOT_FINITE in reasons
+
+
+def test_a_head_that_is_stuck_fails_its_command(mocup: Mocup) -> None:
+    mocup.rover.inject(HeadStuck())
+    assert mocup.do(SetCameraAngles(0.5, 0.2)).reason is Reason.PAN_TILT_DEADLINE
 
 
 def test_lost_telemetry_makes_it_stand(mocup: Mocup) -> None:
     mocup.ask(MoveForward(5.0))
     mocup.lock.run(2.0)
-    mocup.lock.rover.inject(OdometryLost())
+    mocup.rover.inject(OdometryLost())
     mocup.lock.run(1.5)
-    assert mocup.lock.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
+    assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
 
 
 def test_an_executive_that_comes_back_commands_the_brick_again(mocup: Mocup) -> None:
@@ -88,6 +181,6 @@ def test_an_executive_that_comes_back_commands_the_brick_again(mocup: Mocup) -> 
     mocup.lock.run(2.0)
     mocup.lock.restart()
     mocup.lock.run(1.0)
-    assert mocup.lock.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
+    assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
     mocup.do(Resume())
     assert mocup.do(MoveForward(0.2)).stage is Stage.EXECUTED

@@ -53,7 +53,7 @@ def motions(bench: SelfMovingBench) -> list[TurnBy | Advance | Hold]:
         (RotateBy(-4.0), [TurnBy(-4.0, 1.5)]),
         (RotateTo(pi / 2), [TurnBy(near(pi / 2), 1.5)]),
         (MoveForward(-1.5), [Advance(near(-1.5), 1.0)]),
-        (DriveFor(0.5, 0.2, 3.0), [Hold(Velocity(0.5, 0.2), 3.0)]),
+        (DriveFor(0.5, 0.2, 3.0), [Hold(Velocity(0.5, 0.2), near(3.0))]),
         (
             MoveTo(Waypoint(0.0, 2.0, 0.0)),
             [TurnBy(near(pi / 2), 1.5), Advance(near(2.0), 1.0), TurnBy(near(-pi / 2), 1.5)],

@@ -14,7 +14,7 @@ from executive.commands.catalogue import Stop
 from executive.geometry import Velocity
 from executive.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
 from executive.reports import Identity
-from executive.state import CommandEnded, CommandUnderWay, MotionEnded, Stopped
+from executive.state import CommandEnded, CommandUnderWay, MotionEnded, MotionStarted, Stopped
 
 DICTIONARY = load_dictionary()
 MOE7, MOE8 = Identity("MOE", 7), Identity("MOE", 8)
@@ -68,10 +68,10 @@ def test_a_motion_goes_after_its_speed_and_its_end_is_told(desk: Desk) -> None:
     assert [str(m).split("|")[3:5] for m in desk.sent] == [["SET_TRAVEL_SPEED", "0.2"]]
     desk.answer()
     assert [str(m).split("|")[3:5] for m in desk.sent[1:]] == [["MOVE_FORWARD", "1.5"]]
-    desk.answer(False, True, "STARTED")
     assert desk.ended == []
+    desk.answer(False, True, "STARTED")
     desk.answer()
-    assert desk.ended == [MotionEnded(1, True, "")]
+    assert desk.ended == [MotionStarted(1), MotionEnded(1, True, "")]
     desk.rover.carry_out(replace(LINE, number=2))
     assert desk.commands[2:] == ["MOVE_FORWARD"]
 

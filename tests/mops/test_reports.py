@@ -1,6 +1,7 @@
 """tests.mops.test_reports"""
 
 from dataclasses import replace
+from math import isnan
 
 import pytest
 from hypothesis import given
@@ -59,7 +60,18 @@ def test_what_is_not_known_is_no_fact() -> None:
     assert Odometry not in map(type, facts_of(telemetry(*no_heading), SPELLING, 7.0))
 
 
-@pytest.mark.parametrize("value", ["nan", "inf", "one", "1.0.0"])
+def test_what_is_not_finite_is_told_beside_the_rest() -> None:
+    at = SPELLING.outputs.index(Parameter.BATERY_VOLTAGE)
+    message = telemetry(*VALUES[:at], "nan", *VALUES[at + 1 :])
+    odometry, battery, *_ = facts_of(message, SPELLING, 7.0)
+    assert isinstance(odometry, Odometry)
+    assert isinstance(battery, Battery)
+    assert isnan(battery.voltage_v)
+    with pytest.raises(MopsError, match="BATERY_VOLTAGE"):
+        parameters_of(message, SPELLING, 7.0)
+
+
+@pytest.mark.parametrize("value", ["one", "1.0.0"])
 def test_what_is_no_number_is_refused(value: str) -> None:
     with pytest.raises(MopsError, match="POS_X"):
         list(facts_of(telemetry(value, *VALUES[1:]), SPELLING, 7.0))

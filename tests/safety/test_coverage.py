@@ -14,3 +14,7 @@ def test_what_a_sensor_is_lacking_for_is_said_with_its_reason() -> None:
 
 def test_what_an_asset_ignores_is_said_too() -> None:
     assert "not monitored is tilted: ignored" in unmonitored(load_settings("mocup"))
+
+
+def test_a_rover_that_others_may_move_too_is_not_watched_for_moving() -> None:
+    assert any("while it should stand" in text for text in unmonitored(load_settings("mocup")))

@@ -98,6 +98,23 @@ def test_nothing_is_looked_at_that_was_before_it_was_accepted() -> None:
     assert drive.history.moved_in(0.3, time_s) is not None
 
 
+def test_a_velocity_that_is_being_gained_is_any_up_to_it_and_no_way() -> None:
+    clock = ManualClock()
+    history = History(clock, FaultTable())
+    history.command(Velocity(-0.5), STANDING)
+    clock.advance(1.0)
+    history.command(Velocity(-0.5))
+    clock.advance(1.0)
+    history.command(STANDING)
+    found = history.commands_in(1.5, clock.now_s())
+    assert (found.travel_low_mps, found.travel_high_mps) == (-0.5, 0.0)
+    found = history.commands_in(0.5, clock.now_s())
+    assert (found.travel_low_mps, found.travel_high_mps) == (-0.5, -0.5)
+    way = history.commanded_in(2.0, clock.now_s())
+    assert way is not None
+    assert way.way_m == pytest.approx(-0.5)
+
+
 def test_commands_of_a_window_are_those_in_force_within_it() -> None:
     clock = ManualClock()
     history = History(clock, FaultTable())

@@ -86,4 +86,5 @@ def settings() -> Settings:
     """Return the settings of an asset that moves by itself."""
     jackal = load_settings("jackal")
     law = replace(jackal.turn_drive, control_point_m=0.0)
-    return replace(jackal, locomotion=LocomotionKind.WHOLE_MOTION, turn_drive=law)
+    at_once = replace(jackal.drive, travel_acceleration_mps2=1e9, rotate_acceleration_radps2=1e9)
+    return replace(jackal, locomotion=LocomotionKind.WHOLE_MOTION, turn_drive=law, drive=at_once)
