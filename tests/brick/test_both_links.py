@@ -194,7 +194,7 @@ async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:
             await relay.until(lambda: "STARTED" in relay.stages(move))
             await under_way(client, start_m)
         else:
-            await relay.until(lambda: relay.stages(look) != [])
+            await relay.executed(look)
         end = asyncio.create_task(client.run(command))
         await relay.until(end.done)
         assert end.result().executed

@@ -150,7 +150,7 @@ class Brick:
     def __init__(self, dictionary: Dictionary) -> None:
         self._lines = list[str]()
         self._router = Router(
-            dictionary.spelling,
+            dictionary,
             BRICK,
             self,
             self._lines.append,

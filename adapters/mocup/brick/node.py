@@ -170,11 +170,12 @@ class NxtNode:
     ) -> None:
         self._node = node
         self._settings = settings
-        spelling = load_dictionary().spelling
+        dictionary = load_dictionary()
+        spelling = dictionary.spelling
         self._telemetry = spelling.telemetry
         authority = RelayAuthority(settings.relay_needs_authority)
         self._router = Router(
-            spelling, settings.brick, self, self._refused, record, authority, SystemClock()
+            dictionary, settings.brick, self, self._refused, record, authority, SystemClock()
         )
         self._refused_since = 0
         self._why = "no brick yet"

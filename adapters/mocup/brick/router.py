@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Final
 
+from adapters.mocup.brick.head_watch import HeadWatch, Pointed
 from adapters.mocup.brick.ownership import GONE, SILENT, STOPPED, Ownership, WaitingCommands
 from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
 from adapters.mocup.brick.replies_out import (
@@ -19,11 +20,11 @@ from adapters.mocup.brick.replies_out import (
     command_of,
 )
 from adapters.mops import (
+    Dictionary,
     Message,
     MopsError,
     MopsStream,
     RelayAuthority,
-    Spelling,
     authority_of,
     conditions_of,
     encode,
@@ -38,14 +39,23 @@ from executive.reports import Stage
 
 
 class BrickReplies:
-    """Writes replies down, and gives them to every link that sent the command."""
+    """Writes replies down, and gives them to every link that sent the command.
+
+    That the head of the camera has been pointed is told the relay once telemetry shows it.
+    """
 
     def __init__(
-        self, record: BrickRecord, out: RepliesOut, ownership: Ownership, stop: int
+        self,
+        record: BrickRecord,
+        out: RepliesOut,
+        ownership: Ownership,
+        head: HeadWatch,
+        stop: int,
     ) -> None:
         self._record = record
         self._out = out
         self._ownership = ownership
+        self._head = head
         self._stop = stop
         self._unsaid: Sequence[Message] = ()
         self._overdue: Sequence[Message] = ()
@@ -66,6 +76,12 @@ class BrickReplies:
             self._out.refuse(f"the brick says {reply} {when}")
         else:
             self._out.counts.replies += 1
+            by_relay = Link.RELAY in asked.links
+            if reply.executed and by_relay and self._head.keep(asked.command, reply):
+                self._answer(asked, self._out.reply(asked.command, Stage.STARTED))
+                return
+            if is_last(reply):
+                self._head.forget(asked.command)
             self._answer(asked, reply)
             if reply.executed and reply.code == self._stop:
                 owed = self._record.unanswered_before(asked.command)
@@ -81,11 +97,29 @@ class BrickReplies:
         owed = True
         with self._out.contained("what the brick owes"):
             unanswered = self._record.unanswered()
-            owed = bool(unanswered)
+            owed = not all(self._head.keeps(asked.command) for asked in unanswered)
             for asked in unanswered:
                 reply = self._out.reply(asked.command, Stage.FAILED, why)
                 self._answer(asked, replace(reply, received=asked.replied is not None))
+        self._head.clear()
         return owed
+
+    def see(self, telemetry: Message) -> bool:
+        """Take telemetry; return whether it shows that a command is executed."""
+        pointed = self._head.see(telemetry)
+        self._end_pointing(pointed)
+        return bool(pointed)
+
+    def _end_pointing(self, pointed: Sequence[Pointed]) -> None:
+        for each in pointed:
+            with self._out.contained(f"how {each.command} ended"):
+                asked = self._record.asked(each.command)
+                if asked is None or asked.ended:
+                    continue
+                reply, why = each.reply, Reason.PAN_TILT_DEADLINE
+                if each.fault:
+                    reply = self._out.reply(each.command, Stage.FAILED, each.fault, why)
+                self._answer(asked, reply)
 
     def because(self, commands: Sequence[BrickCommand], cause: Cause) -> None:
         """Tell a cause when the brick says that commands were cancelled."""
@@ -96,9 +130,11 @@ class BrickReplies:
         overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
         with self._out.contained("what the brick owes"):
             for asked in [self._record.asked(command) for command in overdue]:
-                if asked is not None and not asked.ended:
+                kept = asked is not None and self._head.keeps(asked.command)
+                if asked is not None and not asked.ended and not kept:
                     text = "the brick was stopped and did not say how this ended"
                     self._answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
+        self._end_pointing(self._head.overdue())
 
     def expect(self, commands: Sequence[Message]) -> None:
         """Expect replies soon, as a stop ends all; they may be lost."""
@@ -145,7 +181,7 @@ class Router:
     a stop is passed on every time, and before it is written down.
 
     Args:
-        spelling: which codes are telemetry and a stop.
+        dictionary: which codes are telemetry and a stop, and what commands ask for.
         name: the brick's, by which messages are for it or from it.
         ports: where messages leave.
         tell: called with one line on each message that is not passed on.
@@ -159,7 +195,7 @@ class Router:
 
     def __init__(
         self,
-        spelling: Spelling,
+        dictionary: Dictionary,
         name: str,
         ports: RouterPorts,
         tell: Callable[[str], None],
@@ -167,6 +203,7 @@ class Router:
         authority: RelayAuthority,
         clock: Clock,
     ) -> None:
+        spelling = dictionary.spelling
         self.name = name
         self._clock = clock
         self.ports = ports
@@ -181,7 +218,10 @@ class Router:
         self._looks_to_wait = _LOOKS_TO_BE_TOLD if self._granted and self._authority.needed else 0
         self._out = RepliesOut(name, ports, tell, self.counts)
         self._ownership = Ownership(record, self._out)
-        self._replies = BrickReplies(record, self._out, self._ownership, self._stop_code)
+        self._head = HeadWatch(dictionary, clock)
+        self._replies = BrickReplies(
+            record, self._out, self._ownership, self._head, self._stop_code
+        )
         self._waiting = WaitingCommands(record, self._out, self._ownership, self._send, clock)
         self._visit = _NO_VISIT
         self._may_move = False
@@ -234,6 +274,8 @@ class Router:
             elif message.code == self._telemetry:
                 self.counts.telemetry += 1
                 self.ports.telemetry(message)
+                if self._replies.see(message):
+                    self._go_on()
             elif message.code == self._keep_alive:
                 self._out.refuse("the brick refuses KEEP_ALIVE: it does not stop by itself")
             else:
@@ -272,7 +314,11 @@ class Router:
         else:
             self._waiting.end(cause)
         with self._out.contained("the brick is stopped all the same"):
-            owed = [each for each in self.record.unanswered() if each.links]
+            owed = [
+                each
+                for each in self.record.unanswered()
+                if each.links and not self._head.keeps(each.command)
+            ]
             orphans = [each for each in owed if self._silent.issuperset(each.links)]
             if not orphans:
                 self._go_on()
@@ -404,6 +450,8 @@ class Router:
     def _send(self, command: Message) -> bool:
         sent = self.ports.to_brick(encode(replace(command, outputs=())), self._visit)
         self.counts.commands += sent
+        if sent:
+            self._head.aim(command)
         return sent
 
     def _stops(self, message: Message) -> bool:

@@ -99,9 +99,7 @@ class Desk:
         self.found = dict.fromkeys(Link, False)
         refused: list[str] = []
         record = cast(BrickRecord, Fused(self.record, self.fuse))
-        self.router = Router(
-            DICTIONARY.spelling, "MOCUP", self, refused.append, record, FREE, self.clock
-        )
+        self.router = Router(DICTIONARY, "MOCUP", self, refused.append, record, FREE, self.clock)
         self.router.lost(RESTARTED)
         if self.plugged:
             self.router.found(1)

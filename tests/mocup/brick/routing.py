@@ -52,7 +52,7 @@ class Bench:
 
     def start(self, record: BrickRecord) -> None:
         self.router = Router(
-            SPELLING,
+            DICTIONARY,
             "MOCUP",
             self.ports,
             self.told.append,

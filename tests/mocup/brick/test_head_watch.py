@@ -1,0 +1,109 @@
+"""That the head of the camera was pointed by the relay is told when telemetry shows it."""
+
+import pytest
+
+from adapters.mocup.brick.record import Link
+from adapters.mops import Message
+from executive.state import Parameter
+from tests.mocup.brick.routing import DICTIONARY, TELEMETRY, Bench, executed, forward, stop
+
+
+def point(number: int, pan: str, tilt: str, name: str = "setCameraAngles") -> Message:
+    entry = DICTIONARY.commands[name]
+    inputs = (pan, tilt)
+    return Message(entry.code, "MOE", "MOCUP", entry.command, inputs, moe_inputs_id=number)
+
+
+def telemetry(pan_rad: float, tilt_rad: float, speed_radps: float = 1.0) -> Message:
+    known = {
+        Parameter.CAM_PAN: pan_rad,
+        Parameter.CAM_TILT: tilt_rad,
+        Parameter.CAM_ROTATE_SPEED: speed_radps,
+    }
+    outputs = tuple(str(known.get(name, 0.0)) for name in TELEMETRY.outputs)
+    return Message(TELEMETRY.code, "MOCUP", "ALL", TELEMETRY.command, outputs=outputs)
+
+
+def told(bench: Bench, link: Link = Link.RELAY) -> list[str]:
+    return [message.outputs[0] for by, message in bench.ports.notified if by is link]
+
+
+@pytest.mark.parametrize(
+    ("name", "pan", "tilt", "there_rad"),
+    [
+        ("setCameraAngles", "0.5", "-0.2", (0.5, -0.2)),
+        ("setCameraAngles", "0.5", "", (0.5, 0.3)),
+        ("moveCameraAngles", "0.5", "-0.2", (0.6, 0.1)),
+    ],
+)
+def test_the_relay_hears_of_the_end_once_the_head_is_there(
+    bench: Bench, name: str, pan: str, tilt: str, there_rad: tuple[float, float]
+) -> None:
+    bench.says(telemetry(0.1, 0.3))
+    command = point(7, pan, tilt, name)
+    bench.command(Link.RELAY, command)
+    bench.says(executed(command), telemetry(0.3, 0.3))
+    assert told(bench) == ["STARTED"]
+    bench.says(telemetry(*there_rad))
+    assert told(bench) == ["STARTED", "EXECUTED"]
+    bench.says(telemetry(0.0, 0.0))
+    assert told(bench) == ["STARTED", "EXECUTED"]
+
+
+def test_a_head_that_does_not_come_there_in_time_fails(bench: Bench) -> None:
+    bench.says(telemetry(0.0, 0.0))
+    command = point(7, "1.0", "0.0")
+    bench.command(Link.RELAY, command)
+    bench.says(executed(command))
+    bench.clock.advance(6.9)
+    bench.router.look()
+    assert told(bench) == ["STARTED"]
+    bench.clock.advance(0.2)
+    bench.router.look()
+    (_, ended) = bench.ports.notified[-1]
+    assert ended.outputs[:2] == ("FAILED", "PAN_TILT_DEADLINE")
+    bench.says(telemetry(1.0, 0.0))
+    assert told(bench) == ["STARTED", "FAILED"]
+
+
+def test_what_waits_behind_it_begins_when_it_is_there(bench: Bench) -> None:
+    command, after = point(7, "1.0", "0.0"), forward(8)
+    bench.command(Link.RELAY, command)
+    bench.says(executed(command))
+    bench.command(Link.RELAY, after)
+    assert len(bench.ports.brick) == 1
+    bench.says(telemetry(1.0, 0.0))
+    assert len(bench.ports.brick) == 2
+
+
+def test_the_executive_is_answered_at_once_and_looks_itself(bench: Bench) -> None:
+    command = point(7, "1.0", "0.0")
+    bench.command(Link.DIRECT, command)
+    bench.says(executed(command))
+    assert told(bench, Link.DIRECT) == ["EXECUTED"]
+
+
+def test_a_stop_neither_ends_it_nor_does_a_silent_relay_stop_the_brick_for_it(bench: Bench) -> None:
+    command = point(7, "1.0", "0.0")
+    bench.command(Link.RELAY, command)
+    bench.says(executed(command))
+    bench.router.silent(Link.RELAY)
+    assert bench.router.counts.dead_man == 0
+    bench.command(Link.RELAY, stop(8))
+    bench.says(executed(stop(8)))
+    for _ in range(3):
+        bench.router.look()
+    bench.says(telemetry(1.0, 0.0))
+    assert told(bench) == ["STARTED", "EXECUTED", "EXECUTED"]
+
+
+def test_a_brick_that_goes_away_meanwhile_fails_it(bench: Bench) -> None:
+    command = point(7, "1.0", "0.0")
+    bench.command(Link.RELAY, command)
+    bench.says(executed(command))
+    bench.router.lost()
+    assert told(bench) == ["STARTED", "FAILED"]
+    bench.router.found(2)
+    bench.says(telemetry(1.0, 0.0))
+    assert told(bench) == ["STARTED", "FAILED"]
+    assert bench.router.counts.dead_man == 0
