@@ -12,7 +12,7 @@ from executive.motion.locomotion import Bounds, Leg, Motion, duration_s
 from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
 from executive.reasons import Reason, Refusal
 from executive.settings import DriveLimits, Settings
-from executive.state import MotionEnded, Status
+from executive.state import MotionEnded, Status, is_slow
 
 BEGINS_WITHIN_S: Final = 4.0
 """In which a rover that does not say when has begun a motion, also if messages were lost."""
@@ -144,7 +144,7 @@ class DelegatedMover:
         """
         motion, drive = self._motion, self._settings.drive
         own = motion is not None and self._under_way
-        if not own and self._status.standing:
+        if not own and is_slow(self._status.velocity):
             return STANDING, STANDING
         if motion is None or not own or self._status.elsewhere == motion.command:
             fastest = Velocity(drive.travel_speed_mps, drive.rotate_speed_radps)

@@ -30,7 +30,7 @@ from executive.state.files import (
     store_picture,
 )
 from executive.state.fusion import FramePair, disagreement
-from executive.state.standstill import SourceMotion, listed
+from executive.state.standstill import SourceMotion, is_slow, listed
 from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
 
@@ -66,6 +66,7 @@ __all__ = [
     "Telemetry",
     "check_path",
     "disagreement",
+    "is_slow",
     "listed",
     "store_picture",
 ]
