@@ -6,6 +6,7 @@ What a key can be set to, its scenarios say: each end of what varies is tried on
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -115,6 +116,7 @@ def _campaign(raw: object, folder: Path) -> Campaign:
     return campaign
 
 
+@cache
 def _reader() -> StrictReader:
     special: dict[Any, Callable[[Any], Any]] = {
         Where: lambda raw: Where.parse(_text(raw)),

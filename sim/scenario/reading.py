@@ -5,8 +5,9 @@ Labels must be known and times reached; not each mode of playing has all that a 
 
 import re
 from collections.abc import Iterator, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +31,8 @@ from sim.scenario.strict import FormatError, StrictReader, shown
 SUFFIXES: Final = (".yaml", ".yml")
 OPERATIONS: Final = {each.name: each for each in declared()}
 _LARGEST_PX: Final = (1280, 960)
+_FOLDER: Final[ContextVar[Path]] = ContextVar("folder")
+"""Of the file that is read: plans are found beside it."""
 
 
 def scenario_folder() -> Path:
@@ -108,7 +111,8 @@ def _blamed(
 def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
     if not isinstance(raw, dict):
         raise FormatError("", "a scenario is keys and values, such as title, timeline, expect")
-    reader = _reader(folder)
+    reader = _reader()
+    _FOLDER.set(folder)
     raw = changed(raw, changes, lambda name: reader.plain(_world(name, folder, reader)))
     settings = _settings(raw.get("asset", "jackal"), folder)
     filled = {
@@ -119,13 +123,13 @@ def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
     return reader.read(filled, Scenario)
 
 
-@lru_cache(maxsize=8)
-def _reader(folder: Path) -> StrictReader:
-    """Return a reader for the files of a folder; to make one costs more than to read a file."""
+@cache
+def _reader() -> StrictReader:
+    """Return the reader of scenarios; to make one costs more than to read a hundred files."""
     reader = StrictReader(
         {
             After: lambda raw: After.parse(_text(raw, "")),
-            Request: lambda raw: read_request(raw, folder, reader),
+            Request: lambda raw: read_request(raw, reader),
             Fault: read_fault,
             type[Fault]: lambda raw: read_kind(raw).kind,
         }
@@ -180,7 +184,7 @@ class PlanFile:
     arguments: tuple[PlanArgument, ...] = ()
 
 
-def read_request(raw: Any, folder: Path, reader: StrictReader) -> Request:
+def read_request(raw: Any, reader: StrictReader) -> Request:
     """Return what a file asks of the rover.
 
     Raises:
@@ -192,7 +196,7 @@ def read_request(raw: Any, folder: Path, reader: StrictReader) -> Request:
     if declaration is None:
         raise FormatError("", f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
     if declaration.kind is SubmitPlan:
-        return SubmitPlan(_plan(reader.read(arguments, PlanFile, name), f"{name}.plan", folder))
+        return SubmitPlan(_plan(reader.read(arguments, PlanFile, name), f"{name}.plan"))
     whole = declaration.composite
     request: Request = (
         reader.read(arguments, declaration.kind, name)
@@ -202,9 +206,9 @@ def read_request(raw: Any, folder: Path, reader: StrictReader) -> Request:
     return request
 
 
-def _plan(said: PlanFile, path: str, folder: Path) -> PlanDefinition:
+def _plan(said: PlanFile, path: str) -> PlanDefinition:
     named = config_folder() / "plans" / f"{said.plan}.xml"
-    file = folder / said.plan if said.plan.endswith(".xml") else named
+    file = _FOLDER.get() / said.plan if said.plan.endswith(".xml") else named
     try:
         content = file.read_bytes()
     except (OSError, ValueError) as error:
