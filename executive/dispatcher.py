@@ -146,11 +146,9 @@ class Dispatcher:
     def begin_fault(self, fault: Fault) -> None:
         """Report a fault, and do what its row says."""
         why, then = fault.refusal, fault.row.then
-        holds = then in {Then.STOP, Then.SAFE}
-        if holds:
+        if then in {Then.STOP, Then.SAFE}:
             self._arbiter.stop()
-        severity = Severity.ALARM if holds else Severity.WARNING
-        self._notifications.event(severity, why.text, why.reason, why.figures)
+        self._notifications.event(fault.severity, why.text, why.reason, why.figures)
         match then:
             case Then.STOP | Then.SAFE:
                 self._hold(why, safe=then is Then.SAFE)

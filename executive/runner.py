@@ -184,8 +184,8 @@ class Executive:
             self._planner,
             self.authority,
         )
-        for text in unmonitored(settings):
-            _LOG.info("%s", text)
+        for each in unmonitored(settings):
+            _LOG.info("%s (%s)", each, ", ".join(each.faults))
         self.files.tidy()
         self._dispatcher.take_over()
         self._notifications.flush()

@@ -62,6 +62,8 @@ class Snapshot:
         tick: number of the tick after which it was taken.
         utc_s: when, seconds since 1970-01-01 UTC.
         why: one line on why the rover stands, or what moves it.
+        faults: a line for each that is not over.
+        unmonitored: one line on what is not monitored.
     """
 
     tick: int
@@ -69,6 +71,8 @@ class Snapshot:
     mode: str
     why: str
     nodes: tuple[Node, ...]
+    faults: tuple[str, ...] = ()
+    unmonitored: str = ""
 
 
 def nodes(root: Behaviour, ticked: Collection[Behaviour], depth: int = 0) -> tuple[Node, ...]:

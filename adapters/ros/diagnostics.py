@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from executive.commands import Mode
-from executive.safety import unmonitored
+from executive.safety import summary, unmonitored
 
 if TYPE_CHECKING:
     from executive.runner import Executive
@@ -111,7 +111,7 @@ def diagnose(
         "ledger sequence": str(executive.last_sequence),
         "messages refused": str(rejected),
         "faults": ", ".join(fault.name for fault in executive.safety.active) or "none",
-        "not monitored": "; ".join(unmonitored(executive.settings)) or "nothing",
+        "not monitored": summary(unmonitored(executive.settings)),
     }
     return diagnostic_array(
         f"{name}: executive", executive.settings.asset, level, text, values, stamp

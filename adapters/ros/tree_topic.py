@@ -10,6 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from executive.runner import Executive
+from executive.safety import summary, unmonitored
 from trees import RoverTree, Snapshot
 
 TREE_TOPIC: Final = "~/tree"
@@ -54,6 +55,7 @@ class TreePublisher:
         self._publisher = node.create_publisher(
             String, TREE_TOPIC, tree_qos(DurabilityPolicy.TRANSIENT_LOCAL)
         )
+        self._unmonitored = summary(unmonitored(executive.settings))
         self._sent: Snapshot | None = None
 
     def update(self, utc_s: float) -> None:
@@ -68,6 +70,8 @@ class TreePublisher:
             mode=executive.mode.name,
             why=executive.why,
             nodes=self._tree.nodes(),
+            faults=tuple(map(str, executive.safety.active)),
+            unmonitored=self._unmonitored,
         )
         if (
             sent is not None

@@ -93,15 +93,17 @@ def show_live(asset: str, domain_id: int) -> None:
 
 
 def drawn(asset: str, snapshot: Snapshot, height: int | None = None) -> RenderableType:
-    """Return a snapshot for the terminal: a head line, the reason, the tree.
+    """Return a snapshot for the terminal: a head line, the reason, faults, the tree.
 
     Args:
         asset: its name.
         snapshot: what to draw.
         height: lines there are; where they are too few, branches that came to nothing are folded.
     """
-    nodes = snapshot.nodes
-    if height is not None and len(nodes) + _HEAD_LINES >= height:
+    nodes, told = snapshot.nodes, list(snapshot.faults)
+    if snapshot.unmonitored:
+        told.append(f"not monitored: {snapshot.unmonitored}")
+    if height is not None and len(nodes) + len(told) + _HEAD_LINES >= height:
         nodes = folded(nodes)
     at = datetime.fromtimestamp(snapshot.utc_s, UTC)
     head = Text.assemble(
@@ -114,7 +116,7 @@ def drawn(asset: str, snapshot: Snapshot, height: int | None = None) -> Renderab
         Text.assemble((branch, "dim"), (line(node), _STYLE[node.status]))
         for branch, node in zip(branches(nodes), nodes, strict=True)
     ]
-    return Group(head, Text(snapshot.why), Text(), *rows)
+    return Group(head, *map(Text, (snapshot.why, *told)), Text(), *rows)
 
 
 def folded(nodes: Sequence[Node]) -> tuple[Node, ...]:

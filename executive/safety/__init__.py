@@ -2,7 +2,7 @@
 
 from executive.safety.camera_checks import frame_fault
 from executive.safety.channel import Channel
-from executive.safety.coverage import unmonitored
+from executive.safety.coverage import Unmonitored, summary, unmonitored
 from executive.safety.evidence import Evidence, Monitor
 from executive.safety.history import History, Moved
 from executive.safety.safety import MONITORS, Changes, Fault, Safety
@@ -17,6 +17,8 @@ __all__ = [
     "Monitor",
     "Moved",
     "Safety",
+    "Unmonitored",
     "frame_fault",
+    "summary",
     "unmonitored",
 ]

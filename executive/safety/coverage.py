@@ -1,21 +1,105 @@
 """What an asset cannot monitor, for want of a sensor, or because its file says so."""
 
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
 from executive.fault_declaration import Then
 from executive.settings import LocomotionKind, Settings
 
 
-def unmonitored(settings: Settings) -> tuple[str, ...]:
-    """Return a sentence for each thing that is not monitored on an asset, and why."""
+@dataclass(frozen=True, slots=True)
+class Unmonitored:
+    """Something that is not monitored.
+
+    Attributes:
+        what: for people, without a verb.
+        why: the sensor that is missing, or who decided so.
+        faults: the faults of the table that cannot begin for it.
+    """
+
+    what: str
+    why: str
+    faults: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.what} is not monitored: {self.why}"
+
+
+_BY_JOINTS_AND_IMU = ("wheels_off_gyro", "wheels_slip", "wheels_slip_slowly", "blocked")
+NO_JOINTS = Unmonitored(
+    "what the wheels do",
+    "no wheel sensors",
+    (
+        *("wheels_off_command", "wheels_unpowered"),
+        *("odometry_off_wheels", "odometry_off_wheels_slowly"),
+        *_BY_JOINTS_AND_IMU,
+    ),
+)
+NO_IMU = Unmonitored(
+    "wheel spin",
+    "no IMU",
+    ("odometry_off_gyro", "odometry_off_gyro_slowly", *_BY_JOINTS_AND_IMU, "tilted_by_imu"),
+)
+NO_SECOND_ODOMETRY = Unmonitored(
+    "slip",
+    "no second odometry",
+    (
+        *("slips", "slips_slowly", "slips_fused", "slips_fused_slowly"),
+        *("turn_slips", "turn_slips_slowly", "slides"),
+    ),
+)
+NO_LASER = Unmonitored("what stands in the way", "no laser", ("obstacle_ahead", "obstacle_near"))
+NO_MASS = Unmonitored("pushing against something", "mass_kg is not given", ("blocked",))
+WHOLE_MOTION = Unmonitored(
+    "motion that nobody commanded",
+    "another link may command it without the executive",
+    ("drives_uncommanded", "turns_uncommanded"),
+)
+
+
+def unmonitored(settings: Settings) -> tuple[Unmonitored, ...]:
+    """Return what is not monitored on an asset, missing sensors first."""
+    return tuple(_unmonitored(settings))
+
+
+class Gap(Protocol):
+    """Something that is not monitored, here or on the wire."""
+
+    @property
+    def what(self) -> str:
+        """Return what, without a verb."""
+        ...
+
+    @property
+    def why(self) -> str:
+        """Return the cause."""
+        ...
+
+
+def summary(gaps: Iterable[Gap]) -> str:
+    """Return in one line what is not monitored, what has the same cause together."""
+    by_why: dict[str, list[str]] = {}
+    for each in gaps:
+        by_why.setdefault(each.why, []).append(each.what)
+    said = (f"{', '.join(what)} ({why})" for why, what in by_why.items())
+    return "; ".join(said) or "nothing"
+
+
+def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
     sensors = settings.sensors
-    lacking = (
-        (sensors.joints, "wheels that do not follow their command", "no wheel sensors"),
-        (sensors.imu, "a wrong gyro, and wheels that spin", "no IMU"),
-        (sensors.second_odometry, "slip", "no second odometry"),
-        (sensors.laser, "what stands in the way", "no laser"),
-        (settings.mass_kg, "pushing against something", "mass_kg is not given"),
-    )
-    missing = [f"{what}: {why}" for there, what, why in lacking if there is None]
+    if sensors.joints is None:
+        yield NO_JOINTS
+    if sensors.imu is None:
+        yield NO_IMU
+    if sensors.second_odometry is None:
+        yield NO_SECOND_ODOMETRY
+    if sensors.laser is None:
+        yield NO_LASER
+    if sensors.joints is not None and sensors.imu is not None and settings.mass_kg is None:
+        yield NO_MASS
     if settings.locomotion is LocomotionKind.WHOLE_MOTION:
-        missing.append("moving while it should stand: it may be commanded by another link")
-    ignored = [f"{each.name}: ignored" for each, row in settings.faults if row.then is Then.IGNORE]
-    return tuple(f"not monitored is {text}" for text in (*missing, *ignored))
+        yield WHOLE_MOTION
+    for declared, row in settings.faults:
+        if row.then is Then.IGNORE:
+            yield Unmonitored(declared.name, "its row says ignore", (declared.name,))

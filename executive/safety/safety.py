@@ -12,6 +12,7 @@ from executive.clock import Clock
 from executive.fault_declaration import Clears, Row, Then, When
 from executive.fault_table import DECLARED
 from executive.reasons import Refusal
+from executive.reports import Severity
 from executive.safety.asset_monitors import (
     battery_low,
     battery_not_finite,
@@ -149,14 +150,24 @@ class Fault:
     """A fault that has begun and is not over.
 
     Attributes:
-        refusal: why commands fail by it, with its evidence.
+        refusal: why commands fail by it, with its evidence when it began.
+        begun_utc_s: when it began.
         seen_s: when there was evidence last.
     """
 
     name: str
     row: Row
     refusal: Refusal
+    begun_utc_s: float
     seen_s: float
+
+    @property
+    def severity(self) -> Severity:
+        """How much it should worry the operator."""
+        return Severity.ALARM if self.row.then in {Then.STOP, Then.SAFE} else Severity.WARNING
+
+    def __str__(self) -> str:
+        return f"{self.severity.name} {self.name}: {self.refusal.text}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +275,8 @@ class Safety:
             if held and (not holds or watch.row.when is When.MOVING):
                 continue
             if now_s - watch.since_s >= watch.row.for_s - 1e-9:
-                fault = Fault(watch.name, watch.row, _refusal(watch.name, evidence), now_s)
+                why, utc_s = _refusal(watch.name, evidence), self._clock.utc_s()
+                fault = Fault(watch.name, watch.row, why, utc_s, now_s)
                 self.active.append(fault)
                 if holds:
                     held, self.history.begun_s = True, now_s

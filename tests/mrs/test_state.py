@@ -21,6 +21,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
     AssetMode,
+    FaultReaction,
     Notification,
     NotificationKind,
     ParameterValue,
@@ -31,6 +32,7 @@ from adapters.mrs.spec import (
 from executive.commands import (
     MoveForward,
     Request,
+    Resume,
     SetCameraRotateSpeed,
     SetRotateSpeed,
     SetStatusInterval,
@@ -112,6 +114,42 @@ async def test_tells_mode_and_work(aboard: Aboard, client: MrsClient) -> None:
     await client.submit(client.command(Stop(), command_id=4))
     stopped = await client.get_status()
     assert (stopped.mode, stopped.queuedCommands) == (AssetMode.STOPPED, 0)
+
+
+async def test_tells_its_faults_from_their_beginning_to_their_end(
+    aboard: Aboard, client: MrsClient
+) -> None:
+    calm = await client.get_faults()
+    assert (calm.why, calm.active) == ("stands: no motion goal", ())
+    assert ("slip", "no second odometry") in [(each.what, each.why) for each in calm.unmonitored]
+    await client.submit(client.command(MoveForward(50.0)))
+    aboard.run(1.0)
+    aboard.do(lambda bench: setattr(bench, "odometry", False))
+    aboard.run(2.0)
+    (stale,) = (await client.get_faults()).active
+    assert (stale.name, stale.severity) == ("odometry_stale", Severity.ALARM)
+    assert (stale.reaction, stale.onResume) == (FaultReaction.SAFE, True)
+    assert stale.code == Reason.ODOMETRY_STALE.value
+    past = await client.get_notifications()
+    told = next(each for each in past if each.code == stale.code)
+    assert (told.text, told.parameters) == (stale.text, stale.parameters)
+    assert 0 <= told.timestamp - stale.began < 1_000_000_000
+    aboard.do(lambda bench: setattr(bench, "odometry", True))
+    aboard.run(2.0)
+    assert [each.name for each in (await client.get_faults()).active] == ["odometry_stale"]
+    await client.run(client.command(Resume()))
+    assert (await client.get_faults()).active == ()
+
+
+async def test_tells_a_fault_that_ends_by_itself(aboard: Aboard, client: MrsClient) -> None:
+    aboard.do(lambda bench: setattr(bench, "odometry", False))
+    aboard.run(2.0)
+    (silent,) = (await client.get_faults()).active
+    assert (silent.name, silent.severity) == ("odometry_silent", Severity.WARNING)
+    assert (silent.reaction, silent.onResume) == (FaultReaction.WARN, False)
+    aboard.do(lambda bench: setattr(bench, "odometry", True))
+    aboard.run(2.0)
+    assert (await client.get_faults()).active == ()
 
 
 async def test_gives_parameters_by_name_in_the_order_asked_for(client: MrsClient) -> None:
@@ -203,7 +241,7 @@ async def test_the_directory_lists_what_works_and_nothing_else(
         "Camera": (1, 2, 3, 4, 5),
         "MotionControl": tuple(range(1, 14)),
         "Plan": tuple(range(1, 9)),
-        "Status": (1, 2, 3),
+        "Status": (1, 2, 3, 4),
         "MonitoringClient": (1, 2, 3),
         "NotificationClient": (1, 2),
         "Authority": (1, 2, 3, 4, 5),

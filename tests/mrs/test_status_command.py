@@ -79,8 +79,9 @@ def test_shows_the_state_as_a_table(aboard: Aboard) -> None:
     aboard.run(3.0)
     result = rover("status", "--to", aboard.uri)
     assert result.exit_code == DONE
-    first, second, *_ = result.output.splitlines()
-    assert (first, second) == ("jackal  MOVING", "command under way 77, 1 waiting")
+    first, why, work, *_ = result.output.splitlines()
+    assert (first, work) == ("jackal  MOVING", "command under way 77, 1 waiting")
+    assert re.fullmatch(r"moves at \+\d\.\d\d m/s, [+-]0\.00 rad/s for MOE:77 MoveForward", why)
     assert re.search(r"at x [12]\.\d\d m, y 0\.00 m, heading 0\.0°", result.output)
     assert re.search(r"BATERY_VOLTAGE +26\.000 +V +Current battery voltage", result.output)
 
@@ -89,11 +90,19 @@ def shown(aboard: Aboard) -> list[str]:
     return rover("status", "--to", aboard.uri).output.splitlines()
 
 
+@pytest.fixture(autouse=True)
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have each line of a status in one line of the terminal."""
+    monkeypatch.setenv("COLUMNS", "400")
+
+
 def test_says_how_a_rover_that_was_stopped_goes_on(aboard: Aboard) -> None:
-    assert shown(aboard)[:2] == ["jackal  IDLE", "nothing under way, nothing waits"]
+    idle = ["jackal  IDLE", "stands: no motion goal", "nothing under way, nothing waits"]
+    assert shown(aboard)[:3] == idle
     assert not any("to go on" in line for line in shown(aboard))
     command(aboard, "--no-wait", "stop")
-    assert shown(aboard)[2] == "to go on: rover command resume"
+    assert shown(aboard)[1].startswith("stands: stopped by MOE:")
+    assert shown(aboard)[3] == "to go on: rover command resume"
 
 
 def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
@@ -101,8 +110,33 @@ def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
     aboard.run(1.0)
     aboard.do(lambda bench: setattr(bench, "odometry", False))
     aboard.run(1.0)
-    assert shown(aboard)[0] == "jackal  SAFE"
-    assert shown(aboard)[2].endswith("to go on, when that is over: rover command resume")
+    lines = shown(aboard)
+    assert lines[0] == "jackal  SAFE"
+    assert lines[1].startswith("stands: SAFE because odometry is 0.30 s old")
+    assert re.fullmatch(r"ALARM odometry_stale since [\d :-]+ UTC, safe until a resume", lines[2])
+    assert lines[4] == "to go on, when that is over: rover command resume"
+    (fault,) = json.loads(rover("status", "--to", aboard.uri, "--json").output)["faults"]
+    assert (fault["name"], fault["reaction"], fault["onResume"]) == ("odometry_stale", "SAFE", True)
+    assert fault["parameters"]["age"] > fault["parameters"]["bound"]
+
+
+def test_says_that_a_fault_ends_by_itself(aboard: Aboard) -> None:
+    aboard.do(lambda bench: setattr(bench, "odometry", False))
+    aboard.run(2.0)
+    said = (
+        r"WARNING odometry_silent since [\d :-]+ UTC, warn while it shows: the newest odometry is "
+    )
+    assert re.match(said, shown(aboard)[2])
+    assert not any("to go on" in line for line in shown(aboard))
+
+
+def test_says_in_a_line_what_is_not_monitored(aboard: Aboard) -> None:
+    (line,) = (each for each in shown(aboard) if each.startswith("not monitored: "))
+    assert "slip (no second odometry); what stands in the way (no laser)" in line
+    told = json.loads(rover("status", "--to", aboard.uri, "--json").output)["unmonitored"]
+    slip = next(each for each in told if each["what"] == "slip")
+    assert slip["why"] == "no second odometry"
+    assert "turn_slips" in slip["faults"]
 
 
 def test_names_the_plan_that_was_suspended_and_how_it_goes_on(aboard: Aboard) -> None:
@@ -112,7 +146,7 @@ def test_names_the_plan_that_was_suspended_and_how_it_goes_on(aboard: Aboard) ->
     aboard.run(1.0)
     (outcome,) = aboard.carry_out(SuspendPlan("ahead"))
     assert shown(aboard)[0] == "jackal  PAUSED"
-    assert shown(aboard)[2:4] == [
+    assert shown(aboard)[3:5] == [
         f"plan ahead is suspended: suspended by {outcome.command.identity}",
         "to go on: rover plan resume ahead",
     ]

@@ -1,6 +1,8 @@
 """The parts of the ROS adapter that need no ROS network."""
 
 import os
+from dataclasses import replace
+from io import StringIO
 from math import inf, isnan, nan, pi
 
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.clock import Clock
 from rclpy.time import Time
+from rich.console import Console
 from sensor_msgs.msg import BatteryState, CompressedImage
 
 from adapters.onboard.process import main as executive
@@ -19,7 +22,7 @@ from adapters.ros.conversions import quaternion
 from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
-from adapters.ros.tree_view import folded
+from adapters.ros.tree_view import drawn, folded
 from executive.geometry import Pose, Velocity
 from executive.settings import load_settings
 from executive.settings_files import config_folder
@@ -56,6 +59,25 @@ def test_a_snapshot_survives_the_wire() -> None:
     nodes = preview(load_settings("jackal"))
     snapshot = Snapshot(7, 1_800_000_000.25, "IDLE", "stands: „no“ goal", nodes)
     assert from_json(to_json(snapshot)) == snapshot
+    told = replace(snapshot, faults=("WARNING slides: it slides",), unmonitored="slip (no camera)")
+    assert from_json(to_json(told)) == told
+
+
+def test_the_head_says_faults_and_what_is_not_monitored() -> None:
+    nodes = preview(load_settings("jackal"))
+    snapshot = Snapshot(
+        *(7, 0.0, "IDLE", "stands: no motion goal", nodes),
+        faults=("WARNING odometry_silent: the newest odometry is 1.00 s old",),
+        unmonitored="slip (no second odometry)",
+    )
+    console = Console(record=True, file=StringIO(), width=100)
+    console.print(drawn("jackal", snapshot))
+    assert console.export_text().splitlines()[1:5] == [
+        "stands: no motion goal",
+        "WARNING odometry_silent: the newest odometry is 1.00 s old",
+        "not monitored: slip (no second odometry)",
+        "",
+    ]
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[1, 2]", '{"tick": "x"}'])

@@ -24,6 +24,7 @@ from adapters.mrs.spec import (
     Notification,
     NotificationKind,
     command_of,
+    figure_values,
     look_up,
     notification_keys,
     notification_of,
@@ -35,9 +36,11 @@ from adapters.mrs.spec import (
 )
 from executive.commands import Command, Request
 from executive.commands.actions import HELP, offered
+from executive.fault_declaration import Clears
 from executive.reasons import Figure
 from executive.reports import PlanUpdate, Report, Severity
 from executive.runner import Executive
+from executive.safety import Fault, unmonitored
 from executive.settings import Settings
 from executive.state import Parameter, ParameterValue
 
@@ -275,6 +278,33 @@ def _asset_status(executive: Executive) -> wire.AssetStatus:
     )
 
 
+def _fault_status(executive: Executive) -> wire.FaultStatus:
+    """Return why the asset stands, its active faults, and what it does not monitor."""
+    return wire.FaultStatus(
+        timestamp=to_ns(executive.parameters()[0].utc_s),
+        why=executive.why[:LONGEST_TEXT],
+        active=tuple(map(_active_fault, executive.safety.active)),
+        unmonitored=tuple(
+            wire.Unmonitored(what=each.what, why=each.why, faults=each.faults)
+            for each in unmonitored(executive.settings)
+        ),
+    )
+
+
+def _active_fault(fault: Fault) -> wire.ActiveFault:
+    why = fault.refusal
+    return wire.ActiveFault(
+        name=fault.name,
+        began=to_ns(fault.begun_utc_s),
+        severity=wire.Severity(fault.severity.value),
+        reaction=wire.FaultReaction[fault.row.then.name],
+        onResume=fault.row.clears is Clears.ON_RESUME,
+        code=why.reason.value,
+        text=why.text[:LONGEST_TEXT],
+        parameters=figure_values(why.figures) or None,
+    )
+
+
 def _plan_updates(executive: Executive, wanted: Sequence[str]) -> tuple[wire.PlanUpdate, ...]:
     require_few(wanted)
     known = {update.plan_id: update for update in executive.plans()}
@@ -308,6 +338,7 @@ QUESTIONS: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
     ("MotionControl", "getSpeeds", wire.speeds),
     ("Notification", "getNotifications", past_notifications),
     ("Plan", "getPlanStatus", _plan_updates),
+    ("Status", "getFaults", _fault_status),
     ("Status", "getStatus", _asset_status),
     ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),
     ("ServiceLayer", "getAsset", own_info),

@@ -25,12 +25,15 @@ from adapters.mrs.cli.terminal import (
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
+    ActiveFault,
     AreaError,
     AssetInfo,
     AssetMode,
     AssetStatus,
     AuthorityStatus,
     CameraState,
+    FaultReaction,
+    FaultStatus,
     ParameterDefinition,
     ParameterValue,
     PlanStatus,
@@ -39,11 +42,14 @@ from adapters.mrs.spec import (
     find_service,
 )
 from executive.reports import printable
+from executive.safety import summary
 
 if TYPE_CHECKING:
     from rich.console import Group
 
 EVERY_S: Final = 0.5
+_RESUME: Final = "rover command resume"
+_HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
 
 
 @click.command()
@@ -82,6 +88,7 @@ class _Look:
     definitions: tuple[ParameterDefinition, ...]
     camera: CameraState
     status: AssetStatus
+    faults: FaultStatus | None
     suspended: tuple[PlanUpdate, ...]
     authority: AuthorityStatus | None
 
@@ -92,7 +99,7 @@ class _Look:
 
     def as_json(self) -> dict[str, Any]:
         """Return it as it is printed with --json."""
-        values = self.values
+        values, faults = self.values, self.faults
         return {
             "asset": self.asset.asset,
             "time": iso(self.status.timestamp),
@@ -102,6 +109,9 @@ class _Look:
             "activePlan": self.status.activePlan,
             "videoOn": self.camera.videoOn,
             "authority": self.authority,
+            "why": faults.why if faults else None,
+            "faults": faults.active if faults else None,
+            "unmonitored": faults.unmonitored if faults else None,
             "parameters": {
                 definition.name: {"value": values.get(definition.name), "unit": definition.unit}
                 for definition in self.definitions
@@ -113,12 +123,14 @@ class _Look:
         from rich.console import Group
         from rich.text import Text
 
-        values, mode = self.values, self.status.mode
+        values, mode, faults = self.values, self.status.mode, self.faults
         lines = (
+            *(_why(faults) if faults else ()),
             _work(self.status),
-            *_ways_out(mode, self.suspended),
+            *_ways_out(mode, self.suspended, faults),
             *((authority_line(self.authority),) if self.authority else ()),
             _place(values, self.camera),
+            _not_monitored(faults),
             f"{utc(self.status.timestamp)} UTC aboard",
         )
         rows = (
@@ -158,9 +170,18 @@ async def _looks(client: MrsClient) -> AsyncIterator[_Look]:
     asset, definitions = await client.get_asset(), await client.list_definition()
     while True:
         camera, status = await client.get_camera_state(), await client.get_status()
-        suspended = await _suspended_plans(client, status.mode)
-        yield _Look(asset, definitions, camera, status, suspended, await _authority(client))
+        faults, suspended = await _faults(client), await _suspended_plans(client, status.mode)
+        authority = await _authority(client)
+        yield _Look(asset, definitions, camera, status, faults, suspended, authority)
         await asyncio.sleep(EVERY_S)
+
+
+async def _faults(client: MrsClient) -> FaultStatus | None:
+    """Return what the rover's monitors know; None where it is not served, as at an orbiter."""
+    try:
+        return await client.get_faults()
+    except MalError:
+        return None
 
 
 async def _authority(client: MrsClient) -> AuthorityStatus | None:
@@ -201,13 +222,43 @@ def _place(values: dict[str, float | None], camera: CameraState) -> str:
     return f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°, {video}"
 
 
-def _ways_out(mode: AssetMode, suspended: tuple[PlanUpdate, ...]) -> tuple[str, ...]:
-    """Return why it stands, as far as its plans tell, and how it goes on; nothing if it does."""
+def _why(faults: FaultStatus) -> tuple[str, ...]:
+    """Return why the rover stands, or what moves it, and its faults, a line for each."""
+    return (faults.why, *(_fault_line(each, faults.why) for each in faults.active))
+
+
+def _fault_line(fault: ActiveFault, why: str) -> str:
+    """Return a fault: how bad, since when, what is done about it, and what showed it.
+
+    Its evidence is left out where the line on why the rover stands has it.
+    """
+    until = "until a resume" if fault.onResume else "while it shows"
+    done = f"{fault.reaction.name.lower()} {until}"
+    evidence = "" if fault.text in why else f": {fault.text}"
+    return f"{fault.severity.name} {fault.name} since {utc(fault.began)} UTC, {done}{evidence}"
+
+
+def _not_monitored(faults: FaultStatus | None) -> str:
+    """Return in a line what is not monitored, by why."""
+    if faults is None:
+        return "its faults are not told here, but as events"
+    return f"not monitored: {summary(faults.unmonitored)}"
+
+
+def _ways_out(
+    mode: AssetMode, suspended: tuple[PlanUpdate, ...], faults: FaultStatus | None
+) -> tuple[str, ...]:
+    """Return how a rover that stands goes on, and what its plans wait for; nothing if it does."""
     lines: list[str] = []
-    if mode is AssetMode.STOPPED:
-        lines.append("to go on: rover command resume")
-    if mode is AssetMode.SAFE:
-        lines.append("rover watch says why; to go on, when that is over: rover command resume")
+    holding = [each for each in faults.active if each.reaction in _HOLDING] if faults else []
+    if holding:
+        if any(each.onResume for each in holding):
+            lines.append(f"to go on, when that is over: {_RESUME}")
+    elif mode is AssetMode.STOPPED:
+        lines.append(f"to go on: {_RESUME}")
+    elif mode is AssetMode.SAFE:
+        where = "" if faults else "rover watch says why; "
+        lines.append(f"{where}to go on, when that is over: {_RESUME}")
     for plan in suspended:
         lines.append(f"plan {plan.planId} is suspended: {plan.text}")
         lines.append(f"to go on: rover plan resume {plan.planId}")

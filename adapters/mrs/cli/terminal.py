@@ -36,7 +36,7 @@ TERMS_HINT: Final = (
     " --encoding"
 )
 
-_TIMES: Final = {"timestamp", "modified"}
+_TIMES: Final = {"timestamp", "modified", "began"}
 _FIGURES: Final = {"value", "octets"}
 
 

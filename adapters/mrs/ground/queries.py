@@ -8,6 +8,7 @@ from adapters.mrs.spec import (
     AssetInfo,
     AssetStatus,
     CameraState,
+    FaultStatus,
     FileInfo,
     Notification,
     ParameterDefinition,
@@ -72,6 +73,10 @@ class Queries:
     async def get_status(self) -> AssetStatus:
         """Return mode, work and all parameters."""
         return await self._one(AssetStatus, "Status", "getStatus")
+
+    async def get_faults(self) -> FaultStatus:
+        """Return why the rover stands, its active faults, and what it does not monitor."""
+        return await self._one(FaultStatus, "Status", "getFaults")
 
     async def get_plan_status(self, *plan_ids: str) -> tuple[PlanUpdate, ...]:
         """Return how far plans have come, all of them if none is named."""

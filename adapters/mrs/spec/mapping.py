@@ -34,6 +34,7 @@ from executive.commands import (
     declared,
 )
 from executive.link_loss import DIRECT_LINK
+from executive.reasons import Figure
 from executive.reports import Identity, Kind, PlanUpdate, Report
 from executive.state import Parameter, ParameterValue
 
@@ -198,10 +199,6 @@ def notification_of(report: Report) -> Notification:
     """
     named = () if report.kind is Kind.COMMAND else _name_of(report.identity)
     whose = None if named else report.identity
-    figures = tuple(
-        NamedValue(name=figure.name, value=Typed(AttributeType.DOUBLE, float(figure.value)))
-        for figure in report.figures
-    )
     return Notification(
         kind=NotificationKind(report.kind.value),
         severity=Severity(report.severity.value),
@@ -214,7 +211,15 @@ def notification_of(report: Report) -> Notification:
         stepCount=report.step_count,
         code=report.reason.value if report.reason else None,
         text=report.text,
-        parameters=(*named, *figures) or None,
+        parameters=(*named, *figure_values(report.figures)) or None,
+    )
+
+
+def figure_values(figures: Sequence[Figure]) -> tuple[NamedValue, ...]:
+    """Return figures as parameters of a notification or a fault."""
+    return tuple(
+        NamedValue(name=figure.name, value=Typed(AttributeType.DOUBLE, float(figure.value)))
+        for figure in figures
     )
 
 

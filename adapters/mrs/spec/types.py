@@ -121,6 +121,24 @@ class PlanStatus(Enum):
     ABORTED = 7
 
 
+class FaultReaction(Enum):
+    """What an asset does about a fault.
+
+    Attributes:
+        WARN: Goes on, with an event.
+        SLOW_DOWN: Goes on at lower speeds.
+        PAUSE: Stands; motion waits.
+        STOP: Stands; motion FAILED.
+        SAFE: Stands in mode SAFE; motion FAILED.
+    """
+
+    WARN = 1
+    SLOW_DOWN = 2
+    PAUSE = 3
+    STOP = 4
+    SAFE = 5
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandHeader:
     """The identity of a command and how it is to be handled; the first part of every command.
@@ -484,3 +502,62 @@ class AuthorityStatus:
     askedBy: str | None = None
     needed: bool
     caller: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActiveFault:
+    """A fault that has begun and is not over.
+
+    Attributes:
+        name: Its name in the asset's fault table.
+        began: On-board time at which it began. (ns since 1970 UTC)
+        severity: How much it should worry the operator.
+        reaction: What the asset does about it.
+        onResume: TRUE: a resume ends it, once its cause is gone. FALSE: it ends with its cause.
+        code: Its reason, as in notifications.
+        text: What showed it when it began, for the operator: 4096 characters at most.
+        parameters: The figures behind that.
+    """
+
+    name: str
+    began: int
+    severity: Severity
+    reaction: FaultReaction
+    onResume: bool
+    code: int
+    text: str
+    parameters: tuple[NamedValue, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unmonitored:
+    """Something that the asset does not monitor.
+
+    Attributes:
+        what: For the operator, e.g. slip.
+        why: For the operator, e.g. no second odometry.
+        faults: The faults of the asset's table that cannot begin for it.
+    """
+
+    what: str
+    why: str
+    faults: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultStatus:
+    """What the asset's monitors know at a moment.
+
+    Attributes:
+        timestamp: On-board time. (ns since 1970 UTC)
+        why: Why the asset stands, or what moves it: one line for the operator, of 4096 characters
+            at most.
+        active: The faults that are not over, oldest first: each name once.
+        unmonitored: What is not monitored, for want of a sensor or because the asset's file says
+            so.
+    """
+
+    timestamp: int
+    why: str
+    active: tuple[ActiveFault, ...]
+    unmonitored: tuple[Unmonitored, ...]

@@ -68,10 +68,12 @@ async def test_rover_status_shows_the_rover_and_the_relay(tmp_path: Path) -> Non
         told = json.loads(said)
         assert (status, told["asset"], told["mode"]) == (0, "jackal", "OFFLINE")
         assert told["parameters"]["POS_X"] == {"value": None, "unit": "m"}
+        assert (told["faults"], told["unmonitored"]) == (None, None)
         assert told["parameters"]["DTN_QUEUED"] == {"value": 0.0, "unit": None}
         status, said = await rover("status", "--to", str(station.uri))
         assert status == 0
         assert "DTN_NEXT_CONTACT" in said
+        assert "its faults are not told here, but as events" in said
         status, said = await rover("command", "--to", str(station.uri), "--no-wait", "stop")
         assert status == 0, said
 
