@@ -86,12 +86,13 @@ def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point],
     length_m = velocity.travel_mps * duration_s
     pieces = max(1, ceil(min(abs(turn_rad), 2 * pi) / FINEST_TURN_RAD))
     whole = pieces * max(1.0, abs(turn_rad) / (2 * pi))
-    places = [_on_arc(pose, length_m, turn_rad, step / whole).point for step in range(pieces + 1)]
-    return places, _on_arc(pose, length_m, turn_rad, 1.0)
+    parts = [step / whole for step in range(pieces + 1)]
+    places = [on_arc(pose, length_m * part, turn_rad * part).point for part in parts]
+    return places, on_arc(pose, length_m, turn_rad)
 
 
-def _on_arc(pose: Pose, length_m: float, turn_rad: float, part: float) -> Pose:
-    length_m, turn_rad = length_m * part, turn_rad * part
+def on_arc(pose: Pose, length_m: float, turn_rad: float) -> Pose:
+    """Return the pose at the end of an arc that begins at a pose, along its heading."""
     half_rad = turn_rad / 2
     chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
     along_rad = pose.heading_rad + half_rad

@@ -11,7 +11,7 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.geometry import STANDING, wrap_rad
+from executive.geometry import STANDING, on_arc, wrap_rad
 from executive.goals import Context, Goal
 from executive.motion import (
     FUSED_NEAR_M,
@@ -49,8 +49,10 @@ def _step(goal: Goal) -> Step:
 
 OFF_RAD = 0.08
 """How far a heading may be off at the end of a leg."""
-HELD_M, HELD_RAD, HELD_RATIO = 0.08, 0.08, 0.02
-"""How far a velocity that was held may have led beside its time; the ratio is of way and turn."""
+HELD_M, HELD_PER_M, HELD_RAD = 0.08, 0.02, 0.08
+"""How far the way and the turn of a velocity that was held may be off."""
+HELD_OFF_M, HELD_OFF_PER_M = 0.12, 0.04
+"""How far from the end of its arc the rover may stand."""
 
 
 class _MotionLeaf(GoalLeaf):
@@ -283,6 +285,7 @@ class HoldVelocity(_MotionLeaf):
         self.goal.verification = Verification.begin(settings, self.context.status)
         self._held = False
         self._request, self._from = request, self.context.safety.history.driven
+        self._begun = pose
         return self._begin(self.context.locomotion.hold(command, request))
 
     def act(self) -> Status:
@@ -314,20 +317,25 @@ class HoldVelocity(_MotionLeaf):
         way_m, turn_rad = way1_m - way0_m, turn1_rad - turn0_rad
         wanted_m = request.travel_mps * request.duration_s
         wanted_rad = request.rotate_radps * request.duration_s
-        bound_m = HELD_M + HELD_RATIO * abs(wanted_m)
-        bound_rad = HELD_RAD + HELD_RATIO * abs(wanted_rad)
-        if abs(way_m - wanted_m) <= bound_m and abs(turn_rad - wanted_rad) <= bound_rad:
+        end = on_arc(self._begun, wanted_m, wanted_rad).point
+        off_m = end.distance_m(self.context.status.pose.point)
+        bound_m = HELD_M + HELD_PER_M * abs(wanted_m)
+        off_bound_m = HELD_OFF_M + HELD_OFF_PER_M * abs(wanted_m)
+        turned = abs(turn_rad - wanted_rad) <= HELD_RAD
+        if abs(way_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
             return None
         return Refusal(
             Reason.OFF_TARGET,
             f"the rover went {way_m:.2f} m and turned by {turn_rad:.2f} rad of {wanted_m:.2f} m and"
-            f" {wanted_rad:.2f} rad",
+            f" {wanted_rad:.2f} rad, and stands {off_m:.2f} m from the end of that",
             (
                 Figure("commanded", wanted_m, "m"),
                 Figure("odometry", way_m, "m"),
                 Figure("bound", bound_m, "m"),
                 Figure("turn commanded", wanted_rad, "rad"),
                 Figure("turn", turn_rad, "rad"),
-                Figure("turn bound", bound_rad, "rad"),
+                Figure("turn bound", HELD_RAD, "rad"),
+                Figure("position error", off_m, "m"),
+                Figure("position bound", off_bound_m, "m"),
             ),
         )

@@ -5,12 +5,13 @@ is the control point of `executive.motion.locomotion`.
 """
 
 from abc import abstractmethod
-from math import cos, pi, sin
+from dataclasses import replace
+from math import copysign, cos, pi, sin
 from typing import Final
 
 from executive.clock import Clock
 from executive.commands import Command, DriveFor
-from executive.geometry import STANDING, Point, Velocity, wrap_rad
+from executive.geometry import STANDING, Point, Velocity, on_arc, wrap_rad
 from executive.motion.locomotion import (
     Bounds,
     Leg,
@@ -219,6 +220,9 @@ class DriveLaw(_Law):
 
 RELEASE_S: Final = 0.5
 SETTLE_S: Final = 5.0
+HELD_SLANT_RAD: Final = 0.08
+"""Off the arc at most, so that its end is reached with nearly its heading."""
+HELD_PER_S: Final = 2.0
 
 
 class VelocityLocomotion:
@@ -259,18 +263,26 @@ class VelocityLocomotion:
 
     def hold(self, _: Command, request: DriveFor) -> "HoldLaw":
         """Return the holding of a velocity."""
-        return HoldLaw(request, self._clock, self._status)
+        return HoldLaw(request, self._clock, self._settings, self._status)
 
 
 class HoldLaw(Motion):
-    """Holds a velocity for its time, then stands; `VelocityMover` limits the speed."""
+    """Holds a velocity for its time, then stands; `VelocityMover` limits the speed.
 
-    def __init__(self, request: DriveFor, clock: Clock, status: Status) -> None:
+    The rotation is steered so that the rover keeps to the arc of the velocity: what comes of
+    a commanded rotation depends on speed, ground and load.
+    """
+
+    def __init__(self, request: DriveFor, clock: Clock, settings: Settings, status: Status) -> None:
         self.expected_s = request.duration_s + SETTLE_S
+        self._request = request
         self._velocity = Velocity(request.travel_mps, request.rotate_radps)
         self._until_s = clock.now_s() + request.duration_s
         self._clock = clock
+        self._settings = settings
         self._status = status
+        self._from = self._last = status.pose
+        self._way_m = self._turned_rad = 0.0
 
     @property
     def done(self) -> bool:
@@ -284,7 +296,53 @@ class HoldLaw(Motion):
 
     def want(self, _: float) -> Velocity:
         """Return the velocity, or to stand once its time is over."""
-        return self._velocity if self._left_s > 0.0 else STANDING
+        travel_mps, goes_on = self._velocity.travel_mps, self._left_s > 0.0
+        if not goes_on and (not travel_mps or self._status.standing):
+            return STANDING
+        self._follow()
+        rotate_radps = self._along_radps(goes_on) if travel_mps else self._in_place_radps()
+        return Velocity(travel_mps if goes_on else 0.0, rotate_radps)
+
+    def _follow(self) -> None:
+        """Add up how far the rover went, and how far it turned."""
+        before, pose = self._last, self._status.pose
+        x_m, y_m = pose.x_m - before.x_m, pose.y_m - before.y_m
+        self._way_m += x_m * cos(pose.heading_rad) + y_m * sin(pose.heading_rad)
+        self._turned_rad += wrap_rad(pose.heading_rad - before.heading_rad)
+        self._last = pose
+
+    def _in_place_radps(self) -> float:
+        """Return the rotation that makes up for what was turned too much or too little."""
+        rotate_radps, settings = self._velocity.rotate_radps, self._settings
+        ramp_s = abs(rotate_radps) / (2 * settings.drive.rotate_acceleration_radps2)
+        elapsed_s = self._request.duration_s - self._left_s
+        since_s = max(0.0, elapsed_s - ramp_s - settings.turn_drive.latency_s)
+        return rotate_radps + HELD_PER_S * (rotate_radps * since_s - self._turned_rad)
+
+    def _along_radps(self, goes_on: bool) -> float:
+        """Return the rotation that keeps the control point on the arc, and ends with its heading.
+
+        Args:
+            goes_on: whether the rover is not to brake yet.
+        """
+        pose, speed_mps = self._status.pose, self._status.velocity.travel_mps
+        travel_mps, duration_s = self._velocity.travel_mps, self._request.duration_s
+        turn_radpm = self._velocity.rotate_radps / travel_mps
+        turn_rad, slant_rad = turn_radpm * self._way_m, 0.0
+        if goes_on:
+            ahead_m = self._settings.turn_drive.control_point_m
+            place, point = self._from.ahead(ahead_m), pose.ahead(ahead_m)
+            begun = replace(self._from, x_m=place.x_m, y_m=place.y_m)
+            wanted = on_arc(begun, self._way_m, turn_rad)
+            x_m, y_m = point.x_m - wanted.x_m, point.y_m - wanted.y_m
+            left_m = y_m * cos(wanted.heading_rad) - x_m * sin(wanted.heading_rad)
+            slant_rad = -copysign(1.0, travel_mps) * _clamp(STEER_PER_M * left_m, HELD_SLANT_RAD)
+        else:
+            braking_mps2 = self._settings.drive.travel_acceleration_mps2
+            rest_m = speed_mps * abs(speed_mps) / (2 * braking_mps2)
+            turn_rad = self._velocity.rotate_radps * duration_s - turn_radpm * rest_m
+        off_rad = turn_rad + slant_rad - self._turned_rad
+        return turn_radpm * speed_mps + STEER_PER_S * off_rad
 
     @property
     def _left_s(self) -> float:

@@ -59,3 +59,19 @@ def test_a_fault_ends_the_motion_with_its_reason_and_figures(
     assert (failed.reason, failed.text) == (event.reason, event.text)
     assert any(figure.name == "bound" for figure in failed.figures)
     assert outcome.figures.false_executed == 0
+
+
+@pytest.mark.parametrize(
+    ("travel", "rotate", "friction"), [(1.0, 0.5, 0.6), (-0.8, 0.8, 0.8), (0.0, 1.4, 0.45)]
+)
+def test_a_velocity_that_is_held_leads_along_its_arc(
+    tmp_path: Path, travel: float, rotate: float, friction: float
+) -> None:
+    """What a commanded rotation comes to depends on speed and ground, by up to 45 %."""
+    values = {"travel": travel, "rotate": rotate, "duration": 4}
+    changes = [(f"command.go.{name}", str(value)) for name, value in values.items()]
+    outcome = play(
+        tmp_path, "motion_held", *changes, ("world.friction", str(friction)), ("lasts", "8")
+    )
+    assert outcome.figures.executed == 1
+    assert outcome.figures.false_executed == 0
