@@ -5,6 +5,7 @@ from executive.motion.locomotion import Leg, Locomotion, Motion, Step, leg_error
 from executive.motion.velocity_control import VelocityLocomotion
 from executive.motion.verification import (
     FUSED_NEAR_M,
+    SEEN_BEFORE,
     TURN_NEAR_M,
     WAIT_S,
     Verification,
@@ -13,6 +14,7 @@ from executive.motion.verification import (
 
 __all__ = [
     "FUSED_NEAR_M",
+    "SEEN_BEFORE",
     "TURN_NEAR_M",
     "WAIT_S",
     "Arbiter",

@@ -18,6 +18,8 @@ TURN_NEAR_M: Final = 0.13
 APART_M: Final = 0.07
 APART_PER_M: Final = 0.02
 APART_RAD: Final = 0.08
+SEEN_BEFORE: Final = "seen before"
+"""The figure of how long before the end the frame was taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +56,8 @@ class Verification:
         Args:
             waited_s: since the motion ended.
         """
-        fusion, last = self._status.fusion, self._newest()
-        if fusion is None or last is None or last.stamp_s < self._status.standstill.since_s:
+        fusion, last, odometry = self._status.fusion, self._newest(), self._status.odometry
+        if fusion is None or odometry is None or last is None or last.stamp_s < self._standing_s:
             return None if waited_s < WAIT_S else _unverified("was taken after it", waited_s)
         if not fusion.settled:
             return None
@@ -70,12 +72,17 @@ class Verification:
             Figure("heading bound", APART_RAD, "rad"),
         )
         if apart.off_m <= bound_m and apart.off_rad <= APART_RAD:
-            return Verified((figures[0], figures[2]))
+            age_s = odometry.stamp_s - last.stamp_s
+            return Verified((figures[0], figures[2], Figure(SEEN_BEFORE, age_s, "s")))
         text = (
             f"the second odometry does not agree with the motion: {apart.off_m:.2f} m and"
             f" {apart.off_rad:.2f} rad apart"
         )
         return Refusal(Reason.NOT_CONFIRMED, text, figures)
+
+    @property
+    def _standing_s(self) -> float:
+        return self._status.standstill.since_s
 
     def _newest(self) -> FramePair | None:
         fusion, odometry = self._status.fusion, self._status.odometry

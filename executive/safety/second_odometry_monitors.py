@@ -17,9 +17,10 @@ from executive.safety.sensor_history import Disagreement
 SLIDE_M_PER_RAD: Final = 0.08
 """By how much a turn on the spot may move the rover that its odometry does not see."""
 STILL_M: Final = 0.02
+STILL_RAD: Final = 0.03
 """Of odometry that stands."""
-STOPPED_S: Final = 1.0
-"""From the command to stand until the rover surely does."""
+STOPPED_S: Final = 0.3
+"""From the command to stand until the rover does, where its odometry says so."""
 FRESH_S: Final = 1.5
 """So long a message tells of now."""
 
@@ -72,7 +73,8 @@ def slides(history: History, row: Row, now_s: float) -> Evidence | None:
     found = _found(history, row, now_s)
     if found is None or found.from_s < history.standing_since_s + STOPPED_S:
         return None
-    if found.driven_m > STILL_M or found.off_m <= row.bound:
+    stands = found.driven_m <= STILL_M and found.turned_rad <= STILL_RAD
+    if not stands or found.off_m <= row.bound:
         return None
     ways_m = {"odometry": found.believed_m, "second odometry": found.seen_m}
     figures = speeds(history, found.span_s, found.to_s, ways_m)

@@ -2,14 +2,15 @@
 
 The true pose must be within `NEAR_M` and `NEAR_PER_M` of the distance driven of what was commanded,
 and within `NEAR_RAD`; after a turn on the spot, within `NEAR_M` of where it began; and no stop may
-end EXECUTED while the rover goes faster than `STANDING_MPS`.
+end EXECUTED while the rover goes faster than `STANDING_MPS`. A report that says how long before the
+rover was seen there tells of that time: no sensor that takes its time tells of a push since then.
 """
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from math import cos, degrees, sin, sqrt
+from math import degrees, sqrt
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +26,8 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.intake import SOURCE_PREFIX
-from executive.geometry import Point, Pose, wrap_rad
+from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
+from executive.motion import SEEN_BEFORE
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
 from sim.scenario.record import ALMOST_S, Finding, Record, Requested, TruePose
@@ -37,6 +39,10 @@ STANDING_MPS: Final = 0.05
 STANDING_RADPS: Final = 0.1
 SPEED_OVER_S: Final = 0.05
 """The time before and after a moment over which its true speed is taken."""
+LONGEST_BEFORE_S: Final = 1.0
+"""A report tells of no time that is longer ago."""
+JUST_BEFORE_S: Final = 0.05
+"""Poses are known so often, and odometry is so late."""
 UNSEEN_S: Final = 0.5
 """A moment is known if there is a true pose that is no farther from it."""
 
@@ -169,7 +175,8 @@ def _true_end(
         return _stopped(poses, label, end_s)
     if _target(request, Pose()) is None:
         return None
-    first, last = _index(poses, times_s.get(Stage.STARTED, end_s)), _index(poses, end_s)
+    first = _index(poses, times_s.get(Stage.STARTED, end_s))
+    last = _index(poses, end_s - _seen_before_s(life))
     if first is None or last is None:
         return _unseen(label, end_s)
     target = _target(request, _start(poses, first, last, request))
@@ -184,6 +191,12 @@ def _true_end(
         if off_rad > NEAR_RAD:
             wrong.append(f"{degrees(off_rad):.1f}° off, of {degrees(NEAR_RAD):.1f}° allowed")
     return TrueEnd(label, off_m, off_rad, " and ".join(wrong))
+
+
+def _seen_before_s(life: Sequence[Report]) -> float:
+    """Return how long before its end the rover was seen where a command brought it."""
+    told_s = [figure.value for figure in life[-1].figures if figure.name == SEEN_BEFORE]
+    return min(told_s[0] + JUST_BEFORE_S, LONGEST_BEFORE_S) if told_s else 0.0
 
 
 def _target(request: Request, start: Pose) -> _Target | None:
@@ -212,17 +225,9 @@ def _at(waypoint: Waypoint) -> _Target:
 
 def _held(request: DriveFor, start: Pose) -> _Target:
     """Return where an arc of constant velocity ends."""
-    way_m = request.travel_mps * request.duration_s
-    turn_rad = request.rotate_radps * request.duration_s
-    ahead_m, left_m = way_m, 0.0
-    if abs(turn_rad) > 1e-9:
-        ahead_m = way_m * sin(turn_rad) / turn_rad
-        left_m = way_m * (1.0 - cos(turn_rad)) / turn_rad
-    along = start.ahead(ahead_m)
-    heading_rad = start.heading_rad
-    place = Point(along.x_m - left_m * sin(heading_rad), along.y_m + left_m * cos(heading_rad))
+    _, end = arc(start, Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
     near_per_m = NEAR_PER_M if request.travel_mps else 0.0
-    return _Target(place, heading_rad + turn_rad, near_per_m=near_per_m)
+    return _Target(end.point, end.heading_rad, near_per_m=near_per_m)
 
 
 def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
