@@ -48,9 +48,9 @@ def _step(goal: Goal) -> Step:
 
 
 OFF_RAD = 0.08
-"""How far a heading may be off at the end of a leg."""
-HELD_M, HELD_PER_M, HELD_RAD = 0.08, 0.02, 0.08
-"""How far the way and the turn of a velocity that was held may be off."""
+"""How far a heading may be off at the end of a leg, or of a velocity that was held."""
+HELD_M, HELD_PER_M = 0.08, 0.02
+"""How far the way of a velocity that was held may be off."""
 HELD_OFF_M, HELD_OFF_PER_M = 0.12, 0.04
 """How far from the end of its arc the rover may stand."""
 
@@ -321,7 +321,7 @@ class HoldVelocity(_MotionLeaf):
         off_m = end.distance_m(self.context.status.pose.point)
         bound_m = HELD_M + HELD_PER_M * abs(wanted_m)
         off_bound_m = HELD_OFF_M + HELD_OFF_PER_M * abs(wanted_m)
-        turned = abs(turn_rad - wanted_rad) <= HELD_RAD
+        turned = abs(turn_rad - wanted_rad) <= OFF_RAD
         if abs(way_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
             return None
         return Refusal(
@@ -334,7 +334,7 @@ class HoldVelocity(_MotionLeaf):
                 Figure("bound", bound_m, "m"),
                 Figure("turn commanded", wanted_rad, "rad"),
                 Figure("turn", turn_rad, "rad"),
-                Figure("turn bound", HELD_RAD, "rad"),
+                Figure("turn bound", OFF_RAD, "rad"),
                 Figure("position error", off_m, "m"),
                 Figure("position bound", off_bound_m, "m"),
             ),
