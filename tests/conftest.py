@@ -16,6 +16,8 @@ import pytest
 from hypothesis import settings
 
 from tests.support.kinematic import Bench
+from tests.support.patience import patient_config
+from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DOMAINS = range(1, 102)  # higher ids overlap the ports that Linux hands out
@@ -104,24 +106,34 @@ def port_of(domain: int) -> int:
     return FIRST_PORT + PORTS * domain + PARTICIPANTS_PORTS + next(_numbers) % ours
 
 
-def _environment(patch: pytest.MonkeyPatch, domain: int, log_dir: Path) -> None:
+@pytest.fixture(scope="session")
+def patient(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a configuration whose rovers bear a machine that stalls."""
+    return patient_config(tmp_path_factory.mktemp("patient"))
+
+
+def _environment(patch: pytest.MonkeyPatch, domain: int, config: Path, log_dir: Path) -> None:
     patch.setenv("ROS_DOMAIN_ID", str(domain))
+    patch.setenv("ROVER_CONFIG", str(config))
     patch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(CHECKOUT / "config" / "fastdds.xml"))
     patch.setenv("ROS_LOG_DIR", str(log_dir))
     patch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
 
 
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
-    """Give this test, and the processes it starts, a ROS domain of their own on loopback."""
+def ros_domain(monkeypatch: pytest.MonkeyPatch, patient: Path, tmp_path: Path) -> Iterator[int]:
+    """Give this test, and the processes it starts, a ROS domain of their own on loopback.
+
+    They find patient rovers.
+    """
     with reserved_domain() as domain:
-        _environment(monkeypatch, domain, tmp_path / "ros-log")
+        _environment(monkeypatch, domain, patient, tmp_path / "ros-log")
         yield domain
 
 
 @pytest.fixture(scope="module")
-def module_ros_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """Give the tests of one file a ROS domain that they share."""
+def module_ros_domain(patient: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """Give the tests of one file a ROS domain that they share, and patient rovers."""
     with reserved_domain() as domain, pytest.MonkeyPatch.context() as patch:
-        _environment(patch, domain, tmp_path_factory.mktemp("ros") / "log")
+        _environment(patch, domain, patient, tmp_path_factory.mktemp("ros") / "log")
         yield domain

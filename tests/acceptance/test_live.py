@@ -41,6 +41,7 @@ def test_hold_over_real_processes(names: tuple[str, ...]) -> None:
 FAULTS = """\
 title: Faults begin and end while the rover is out
 lasts: 9
+settings: {faults: {odometry_stale: {beyond: 0.3}}}
 world: {walls: [{x: 6, y: 2, to: {x: 6, y: -2}}]}
 timeline:
   - {at: 0.5, command: {setTravelSpeed: {speed: 0.3}}}

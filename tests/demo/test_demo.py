@@ -22,9 +22,9 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 @pytest.fixture
-def demo(tmp_path: Path) -> Iterator[Demo]:
+def demo(tmp_path: Path, patient: Path) -> Iterator[Demo]:
     """Give a demonstration that has begun to drive, and clean up after it."""
-    running = Demo(tmp_path / "run")
+    running = Demo(tmp_path / "run", patient)
     try:
         running.wait_for("STARTED")
         yield running
@@ -127,10 +127,10 @@ def rover(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_rover_that_stays_obeys_a_second_terminal(
-    ros_domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ros_domain: int, patient: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("ROVER_URI", f"127.0.0.1:{port_of(ros_domain)}")
-    staying = Demo(tmp_path / "run", "--no-play")
+    staying = Demo(tmp_path / "run", patient, "--no-play")
     try:
         said = staying.wait_for("Ctrl-C")
         for proposed in re.findall(r"^  \./rover (.*)", said, re.MULTILINE):
@@ -193,8 +193,10 @@ def test_jackal_and_mocup_do_as_planned(played: Played) -> None:
     assert (played.mocup.folder / "nxt.log").is_file()
 
 
-def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(tmp_path: Path) -> None:
-    ran = Demo(tmp_path / "run", "--assets").ran()
+def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(
+    tmp_path: Path, patient: Path
+) -> None:
+    ran = Demo(tmp_path / "run", patient, "--assets").ran()
     assert went_well(ran)
     assert draws_a_timeline(ran)
     assert ran.output.count("carried out once") == 2

@@ -100,17 +100,19 @@ def _stays(text: str) -> str | None:
     return next((ready for start, ready in STAYS.items() if text.startswith(start)), None)
 
 
-def laid_out(folder: Path) -> Path:
-    """Return a folder, with the configuration of the checkout in it."""
-    shutil.copytree(CHECKOUT / "config", folder / "config")
+def laid_out(folder: Path, config: Path = CHECKOUT / "config") -> Path:
+    """Return a folder, with a configuration in it."""
+    shutil.copytree(config, folder / "config")
     return folder
 
 
 @pytest.fixture(scope="module")
-def desk(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+def desk(
+    module_ros_domain: int, patient: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Desk]:
     """Give a desk with the rover that the pages start."""
     assert os.environ["ROS_DOMAIN_ID"] == str(module_ros_domain)
-    folder = laid_out(tmp_path_factory.mktemp("desk"))
+    folder = laid_out(tmp_path_factory.mktemp("desk"), patient)
     desk = Desk(folder, {known: port_of(module_ros_domain) for known in KNOWN_PORTS})
     orbiter = folder / "config" / "mops" / "orbiter.yaml"
     orbiter.write_text(desk.here(orbiter.read_text()))

@@ -61,6 +61,7 @@ pytestmark = pytest.mark.ros
 
 LIMIT_S = 60.0
 NEVER_S = 1000.0
+JACKAL = config_folder() / "jackal.yaml"
 PARAMETERS = config_folder() / "jackal.ros.yaml"
 JPEG = b"\xff\xd8\xff\xe0 and so on"
 
@@ -113,7 +114,7 @@ class Bench:
 def started(
     folder: Path, tick_s: float, *ros_arguments: str, sensors: Sensors | None = None
 ) -> Iterator[Bench]:
-    jackal = load_settings("jackal")
+    jackal = load_settings(str(JACKAL))
     settings = replace(jackal, tick_s=tick_s, sensors=sensors or jackal.sensors)
     ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
     with (

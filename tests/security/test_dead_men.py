@@ -303,6 +303,7 @@ def test_another_process_in_the_place_of_the_commander_means_that_it_is_gone() -
 
 @pytest.mark.ros
 @pytest.mark.slow
+@pytest.mark.usefixtures("ros_domain")
 @pytest.mark.parametrize(
     ("asset", "targets"), [("mocup", tuple(Target)), ("jackal", (Target.EXECUTIVE,))]
 )

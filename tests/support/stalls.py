@@ -1,0 +1,76 @@
+"""Tests at real time on a machine that stands still: what failed during that is played once more.
+
+A lease, a heartbeat or a lifetime rightly ends while nothing gets a processor, and a test that
+needs it cannot pass then. A test that fails without a stall fails.
+"""
+
+import threading
+import time
+from types import TracebackType
+from typing import Final
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+STALL_S: Final = 0.3
+"""The shortest of what is kept alive lasts 0.5 s, and is renewed five times in that."""
+PERIOD_S: Final = 0.02
+
+
+class StallWatch:
+    """Measures, while it is entered, for how long at most a thread that is due was not run.
+
+    Attributes:
+        longest_s: the longest such time so far.
+    """
+
+    def __init__(self) -> None:
+        self.longest_s = 0.0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="stall watch", daemon=True)
+
+    @property
+    def stalled(self) -> bool:
+        """Whether the machine stood still for long enough to excuse a failure."""
+        return self.longest_s > STALL_S
+
+    def __enter__(self) -> "StallWatch":
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        ended, before_s = False, time.monotonic()
+        while not ended:
+            ended = self._ended.wait(PERIOD_S)
+            now_s = time.monotonic()
+            self.longest_s = max(self.longest_s, now_s - before_s - PERIOD_S)
+            before_s = now_s
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Play a test of real processes once more where it failed and the machine stalled."""
+    if item.get_closest_marker("ros") is None or not isinstance(item, pytest.Function):
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    with StallWatch() as watch:
+        reports = runtestprotocol(item, log=False, nextitem=nextitem)
+    failed = [report for report in reports if report.failed]
+    if failed and watch.stalled:
+        item._initrequest()
+        reports = runtestprotocol(item, log=False, nextitem=nextitem)
+        first = f"the machine stood still for {watch.longest_s:.2f} s\n{failed[0].longreprtext}"
+        reports[-1].sections.append(("the first time", first))
+    for report in reports:
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
