@@ -156,21 +156,8 @@ def off_command(history: History, row: Row, now_s: float) -> Evidence | None:
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
     wanted = history.commands_in(row.window_s, history.odometry_time_s)
-    low_mps, high_mps = wanted.travel_low_mps, wanted.travel_high_mps
     speed_mps = history.odometry.velocity.travel_mps
-    bound_mps = max(row.bound, (row.ratio or 0.0) * max(abs(low_mps), abs(high_mps)))
-    nearest_mps = min(max(speed_mps, low_mps), high_mps)
-    if abs(speed_mps - nearest_mps) <= bound_mps:
-        return None
-    return Evidence(
-        f"the rover does not go as commanded: {speed_mps:+.2f} m/s instead of {nearest_mps:+.2f}",
-        (
-            Figure("commanded", nearest_mps, "m/s"),
-            Figure("odometry", speed_mps, "m/s"),
-            Figure("window", row.window_s, "s"),
-            Figure("bound", bound_mps, "m/s"),
-        ),
-    )
+    return _outside(row, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s")
 
 
 def turn_off_command(history: History, row: Row, now_s: float) -> Evidence | None:
@@ -180,18 +167,24 @@ def turn_off_command(history: History, row: Row, now_s: float) -> Evidence | Non
     wanted = history.commands_in(row.window_s, history.odometry_time_s)
     low_radps, high_radps = wanted.rotate_low_radps, wanted.rotate_high_radps
     rate_radps = history.odometry.velocity.rotate_radps
-    bound_radps = max(row.bound, (row.ratio or 0.0) * max(abs(low_radps), abs(high_radps)))
-    nearest_radps = min(max(rate_radps, low_radps), high_radps)
-    if abs(rate_radps - nearest_radps) <= bound_radps:
+    return _outside(row, low_radps, high_radps, rate_radps, "turn", "rad/s")
+
+
+def _outside(
+    row: Row, low: float, high: float, measured: float, verb: str, unit: str
+) -> Evidence | None:
+    """Return evidence of what is measured outside of what was commanded, low to high, if it is."""
+    bound = max(row.bound, (row.ratio or 0.0) * max(abs(low), abs(high)))
+    nearest = min(max(measured, low), high)
+    if abs(measured - nearest) <= bound:
         return None
     return Evidence(
-        f"the rover does not turn as commanded: {rate_radps:+.2f} rad/s instead of"
-        f" {nearest_radps:+.2f}",
+        f"the rover does not {verb} as commanded: {measured:+.2f} {unit} instead of {nearest:+.2f}",
         (
-            Figure("commanded", nearest_radps, "rad/s"),
-            Figure("odometry", rate_radps, "rad/s"),
+            Figure("commanded", nearest, unit),
+            Figure("odometry", measured, unit),
             Figure("window", row.window_s, "s"),
-            Figure("bound", bound_radps, "rad/s"),
+            Figure("bound", bound, unit),
         ),
     )
 
