@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from executive.clock import Clock
-from executive.commands import Command
-from executive.commands.intake import PLAN_LINK, is_source
+from executive.commands import OWN_LINKS, RELAY_LINK, Command
+from executive.commands.intake import is_source
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import AuthorityRecord, Grant, LedgerError
 from executive.settings import AuthoritySettings
 
-RELAY_LINK: Final = "relay"
-"""The link of the commands that the orbiter passes on, by the authority that it holds itself."""
 HOW_TO_GET: Final = "ask its holder by requestAuthority (`rover authority request`)"
 HOW_TO_REQUEST: Final = "request it first (`rover authority request`)"
 
@@ -145,10 +143,11 @@ class Authority:
         """Return why a command may not be given by its sender, or None; it renews the lease.
 
         Of a command by the relay the sender is the orbiter, for who handed the authority over to it
-        and nobody else. The commands of a plan have the authority of who activated it.
+        and nobody else. The commands of a plan have the authority of who activated it; the
+        executive needs none.
         """
         claimed = command.authority
-        if command.link == PLAN_LINK or (claimed is None and not self._settings.needed):
+        if command.link in OWN_LINKS or (claimed is None and not self._settings.needed):
             return None
         if claimed is None:
             if self._holder is None:

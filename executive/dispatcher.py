@@ -6,6 +6,7 @@ from typing import Final, assert_never
 
 from executive.authority import Authority
 from executive.commands import (
+    ABOARD_LINK,
     Arrival,
     CameraWork,
     Command,
@@ -27,9 +28,16 @@ from executive.commands import (
     Setting,
     SetTravelSpeed,
     Stop,
+    Waypoint,
 )
 from executive.commands.actions import action_of
-from executive.commands.intake import LONGEST_SOURCE, bad_identity, check_arguments, validate
+from executive.commands.intake import (
+    ABOARD_PREFIX,
+    LONGEST_SOURCE,
+    bad_identity,
+    check_arguments,
+    validate,
+)
 from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
 from executive.fault_declaration import Then
 from executive.geometry import Pose
@@ -50,6 +58,8 @@ SLOW_RATIO: Final = 0.3
 NOT_HELD: Final = Refusal(
     Reason.WRONG_MODE, "nothing holds the rover; a plan is resumed by resumePlan"
 )
+RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
+"""Of the command by which the rover returns to where the ground was last heard."""
 _ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
 UNWRITTEN: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
@@ -78,6 +88,7 @@ class Dispatcher:
         self._notifications = notifications
         self._telemetry = telemetry
         self._planner = planner
+        self._return: Life | None = None
 
     def stop(self, by: Identity) -> None:
         """Make the rover stand until resumed, whoever asks; `submit` says what comes of it."""
@@ -134,14 +145,67 @@ class Dispatcher:
         self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
         self._hold(danger, safe=True)
 
-    def lose_link(self, action: LinkLossAction, why: Refusal) -> None:
-        """Report that nothing is heard of the ground, and do what is to be done then."""
+    def lose_link(
+        self, action: LinkLossAction, why: Refusal, way_back: tuple[Waypoint, ...]
+    ) -> None:
+        """Report that nothing is heard of the ground, and do what is to be done then.
+
+        Args:
+            action: what is to be done.
+            why: what is said of it.
+            way_back: leads to where the ground was last heard.
+        """
         if action is LinkLossAction.STOP:
             self._arbiter.stop()
         severity = Severity.ALARM if action is LinkLossAction.STOP else Severity.WARNING
         self._notifications.event(severity, why.text, why.reason, why.figures)
         if action is LinkLossAction.STOP:
             self._hold(why, safe=False)
+        if action is LinkLossAction.RETURN:
+            refusal = self._begin_return(why, way_back)
+            if refusal is not None:
+                self._arbiter.stop()
+                text = f"the rover is stopped, as it cannot return: {refusal.text}"
+                stopped = Refusal(Reason.LINK_LOST, text, refusal.figures)
+                self._notifications.event(Severity.ALARM, text, stopped.reason, stopped.figures)
+                self._hold(stopped, safe=False)
+
+    def regain_link(self) -> None:
+        """Report that the ground is heard again; a rover that returns stands."""
+        self._notifications.event(Severity.INFORMATIONAL, "the ground is heard again")
+        if self._return is not None:
+            refusal = Refusal(Reason.STOPPED, "stopped, for the ground is heard again")
+            self._context.goals.motion.cancel(self._return, refusal)
+            self._return = None
+
+    def follow_return(self) -> bool:
+        """Return whether the rover is returning; report how that ended, once it has."""
+        life = self._return
+        if life is None or not life.stage.terminal:
+            return life is not None
+        self._return = None
+        if life.refusal is None:
+            text = "the rover is back where the ground was last heard"
+            self._notifications.event(Severity.INFORMATIONAL, text)
+        else:
+            text = f"the rover did not return: {life.refusal.text}"
+            self._notifications.event(Severity.ALARM, text, life.refusal.reason)
+        return False
+
+    def _begin_return(self, why: Refusal, way_back: tuple[Waypoint, ...]) -> Refusal | None:
+        """End all motion and give the command to return; return why it was refused, or None."""
+        latches = self._context.latches
+        self._planner.suspend(why)
+        self._context.goals.motion.fail_all(why)
+        if latches.hazard is not None and latches.hazard.reason is Reason.LINK_LOST:
+            latches.hazard = None  # of the stage before, which is over
+            if not latches.held:
+                self._arbiter.release()
+        identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
+        answer = self.submit(Command(identity, FollowPath(way_back), ABOARD_LINK))
+        if isinstance(answer, Admitted):
+            self._return = answer.life
+        return answer.refusal if isinstance(answer, Refused) else None
 
     def begin_fault(self, fault: Fault) -> None:
         """Report a fault, and do what its row says."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from executive.clock import Clock
 from executive.commands import (
+    PLAN_LINK,
     CameraWork,
     Command,
     DriveFor,
@@ -14,7 +15,7 @@ from executive.commands import (
     Mode,
     Motion,
 )
-from executive.commands.intake import PLAN_LINK, expired
+from executive.commands.intake import expired
 from executive.commands.lifecycle import Life
 from executive.geometry import Pose
 from executive.motion import Intents, Latches, Leg, Locomotion, Verification
@@ -69,14 +70,14 @@ class GoalQueue:
     """Goals of one branch of the tree, in the order of their arrival; at most one is active.
 
     Attributes:
-        held: whether goals that wait go on waiting.
+        held: why goals that wait go on waiting; None where they do not.
     """
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._waiting: deque[Goal] = deque()
         self.active: Goal | None = None
-        self.held = False
+        self.held: Refusal | None = None
 
     @property
     def waiting(self) -> int:
@@ -97,7 +98,7 @@ class GoalQueue:
 
     def take(self) -> Goal | None:
         """Return the active goal, else start the next one whose lifetime is not over."""
-        while self.active is None and self._waiting and not self.held:
+        while self.active is None and self._waiting and self.held is None:
             goal = self._waiting.popleft()
             waited_s = self._clock.now_s() - goal.arrived_s
             late = expired(goal.command, self._clock.utc_s(), goal.arrived_utc_s, waited_s)
@@ -263,6 +264,8 @@ class Context:
             return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
         if not status.odometry_fresh:
             return "stands: no odometry"
+        if active is None and self.goals.motion.held is not None:
+            return f"{held}: {self.goals.motion.held.text}"
         inputs = ", ".join(map(str, self.safety.history.inputs))
         publishing = ", ".join(filter(None, (inputs, *status.foreign)))
         others = f" (also publishing: {publishing})" if publishing else ""

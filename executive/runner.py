@@ -15,12 +15,12 @@ from typing import Final, Protocol
 
 from executive.authority import Authority
 from executive.clock import Clock
-from executive.commands import Command, Mode, Stop
+from executive.commands import GROUND_LINKS, Command, Mode, Stop
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import Dispatcher, unwritten
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, Goals
-from executive.link_loss import GROUND_LINKS, GroundMonitor
+from executive.link_loss import GroundMonitor
 from executive.motion import Arbiter, make_locomotion
 from executive.notifications import Notifications
 from executive.plans import PlanHost, Planner
@@ -58,6 +58,7 @@ _DONE: Final = {
     LinkLossAction.GO_ON: "the rover goes on",
     LinkLossAction.HOLD: "the rover holds at the end of the step",
     LinkLossAction.STOP: "the rover is stopped",
+    LinkLossAction.RETURN: "the rover returns to where it last was",
 }
 MOST_A_TURN: Final = 32
 """Commands and questions of one turn, so that the ticks keep their time."""
@@ -351,6 +352,7 @@ class Executive:
         served before each of the others.
         """
         self._serve_stops()
+        self._listen_for_ground()
         for _ in range(min(self._inbox.qsize(), MOST_A_TURN)):
             if len(self._answers) >= MOST_A_TURN:
                 break
@@ -377,7 +379,6 @@ class Executive:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         self.turn()
         self._watch()
-        self._listen_for_ground()
         self._tell_of_inputs()
         self._run_plan()
         self._hold_plan()
@@ -423,22 +424,25 @@ class Executive:
 
     def _listen_for_ground(self) -> None:
         """Do what is to be done when nothing is heard of the ground, and end it when it is."""
-        ground, lost = self.ground, self.ground.stage
-        reached = ground.look(self.mode)
+        ground, lost, status = self.ground, self.ground.stage, self.status
+        pose = status.pose if status.odometry_fresh else None
+        reached = ground.look(self.mode, pose, self._dispatcher.follow_return())
         if reached is not None:
             action, silent_s = reached.stage.then, reached.silent_s
             text = f"nothing was heard from the ground for {silent_s:.1f} s: {_DONE[action]}"
             figures = (Figure("silent", silent_s, "s"),)
-            self._dispatcher.lose_link(action, Refusal(Reason.LINK_LOST, text, figures))
-        elif lost is not None and ground.stage is None and ground.silent_s < lost.after_s:
-            self._notifications.event(Severity.INFORMATIONAL, "the ground is heard again")
-        holds = ground.stage is not None and ground.stage.then is LinkLossAction.HOLD
-        self._context.goals.motion.held = holds
+            why = Refusal(Reason.LINK_LOST, text, figures)
+            self._dispatcher.lose_link(action, why, ground.trail.back)
+            holds = action is LinkLossAction.HOLD
+            self._context.goals.motion.held = why if holds else None
+        elif lost is not None and ground.stage is None:
+            self._dispatcher.regain_link()
+            self._context.goals.motion.held = None
 
     def _hold_plan(self) -> None:
         """Suspend a plan between two of its steps where motion is held."""
         goals, executing = self._context.goals, self._context.plans.executing
-        if goals.motion.held and goals.active is None and executing is not None:
+        if goals.motion.held is not None and goals.active is None and executing is not None:
             text = "nothing is heard from the ground: it is held at the end of a step"
             self._planner.suspend(Refusal(Reason.LINK_LOST, text))
 

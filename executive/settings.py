@@ -226,6 +226,14 @@ class LinkLossAction(Enum):
     GO_ON = "go_on"
     HOLD = "hold"
     STOP = "stop"
+    RETURN = "return"
+
+
+_AFTER: Final = {
+    LinkLossAction.STOP: LinkLossAction.RETURN,
+    LinkLossAction.RETURN: LinkLossAction.STOP,
+}
+"""What alone has a meaning after what."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +242,8 @@ class LinkLossStage:
 
     Attributes:
         then: go on; let the command under way end and begin no other until the ground is heard
-            again; or stop until resumed.
+            again; stop until resumed; or drive back the way the rover came to where the ground was
+            last heard.
     """
 
     after_s: float
@@ -262,6 +271,17 @@ class LinkLoss:
                         f"a stage after {after.after_s:g} s follows one after {before.after_s:g} s:"
                         " the earliest comes first"
                     )
+                if _AFTER.get(before.then, after.then) is not after.then:
+                    raise ValueError(
+                        f"{after.then.value} follows {before.then.value}: only"
+                        f" {_AFTER[before.then].value} can"
+                    )
+
+    @property
+    def returns(self) -> bool:
+        """Whether the rover returns in any of them."""
+        stages = (*self.teleop, *self.motion, *self.plan)
+        return any(each.then is LinkLossAction.RETURN for each in stages)
 
 
 @dataclass(frozen=True, slots=True)

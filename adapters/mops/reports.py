@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 
 from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
-from executive.authority import RELAY_LINK
+from executive.commands import RELAY_LINK
 from executive.reasons import Reason
 from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 

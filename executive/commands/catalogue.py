@@ -6,6 +6,7 @@ scenarios and the reference page follow from these declarations. SI units and ra
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Final
 
 from executive.commands.declaration import (
     ANGLE,
@@ -280,6 +281,20 @@ Setting = (
 )
 PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan | RemovePlan
 Request = Motion | CameraWork | InstantCommand | Setting | PlanRequest | Stop | Resume
+
+
+DIRECT_LINK: Final = "direct"
+"""The link of the commands that come from the ground itself."""
+RELAY_LINK: Final = "relay"
+"""The link of the commands that the orbiter passes on, by the authority that it holds itself."""
+GROUND_LINKS: Final = frozenset({DIRECT_LINK, RELAY_LINK})
+"""The links of which the other end is the ground."""
+PLAN_LINK: Final = "plan"
+"""The link of the commands that a plan gives."""
+ABOARD_LINK: Final = "aboard"
+"""The link of the commands that the executive gives itself."""
+OWN_LINKS: Final = frozenset({PLAN_LINK, ABOARD_LINK})
+"""The links of commands that nobody sends."""
 
 
 class Arrival(Enum):

@@ -10,7 +10,14 @@ from math import inf, isfinite
 from operator import attrgetter
 from typing import Any, Final, Protocol, assert_never
 
-from executive.commands.catalogue import Command, FollowPath, MoveTo, Request, Waypoint
+from executive.commands.catalogue import (
+    OWN_LINKS,
+    Command,
+    FollowPath,
+    MoveTo,
+    Request,
+    Waypoint,
+)
 from executive.commands.declaration import (
     ACCEPTED,
     Argument,
@@ -181,11 +188,11 @@ _WAYPOINT: Final = tuple(map(_check_of, arguments_of(Waypoint)))
 _FINITE: Final = tuple(_check_of(replace(each, bound=None)) for each in arguments_of(Waypoint))
 
 
-PLAN_LINK: Final = "plan"
-"""The link of the commands that a plan gives."""
-
 SOURCE_PREFIX: Final = "plan:"
 """What the sources of plans begin with, and no other source may."""
+ABOARD_PREFIX: Final = "aboard:"
+"""What the sources of the executive's own commands begin with, and no other source may."""
+_RESERVED: Final = {SOURCE_PREFIX: "plans", ABOARD_PREFIX: "the rover itself"}
 
 QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.INSTANT}
 LOCATED: Final = {Family.MOTION, Family.PLAN_START}
@@ -244,22 +251,23 @@ LONGEST_SOURCE: Final = 256
 def is_source(name: str) -> bool:
     """Whether commands may come under a name: short and printable, and not that of a plan."""
     short = 0 < len(name) <= LONGEST_SOURCE and bool(name.strip())
-    return short and name.isprintable() and not name.startswith(SOURCE_PREFIX)
+    return short and name.isprintable() and not name.startswith(tuple(_RESERVED))
 
 
 def bad_identity(command: Command) -> Refusal | None:
     """Return why its sender cannot command under this source and number, or None.
 
-    Only plans speak as plans, and whose name the link has proof of speaks under that name alone.
-    Such a command is not even written down, or its number would count among those of another.
+    Only plans speak as plans, only the executive as itself, and whose name the link has proof of
+    speaks under that name alone. Such a command is not even written down, or its number would count
+    among those of another.
     """
     source, number = command.identity.source, command.identity.command_id
     if command.peer is not None and command.peer != source:
         why = f"its sender is {command.peer} by its certificate"
-    elif command.link == PLAN_LINK:
+    elif command.link in OWN_LINKS:
         return None
-    elif source.startswith(SOURCE_PREFIX):
-        why = f"sources that begin with {SOURCE_PREFIX} are those of plans"
+    elif reserved := next(filter(source.startswith, _RESERVED), None):
+        why = f"sources that begin with {reserved} are those of {_RESERVED[reserved]}"
     elif number == 0 or not is_source(source):
         why = (
             "a command needs a number other than 0 and a source of at most"

@@ -7,6 +7,7 @@ from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands import (
+    PLAN_LINK,
     AbortPlan,
     ActivatePlan,
     Command,
@@ -17,7 +18,7 @@ from executive.commands import (
     SubmitPlan,
     SuspendPlan,
 )
-from executive.commands.intake import PLAN_LINK, source_of
+from executive.commands.intake import source_of
 from executive.commands.lifecycle import (
     Admitted,
     Edge,

@@ -1,14 +1,32 @@
 """What the rover does when nothing is heard of the ground: in stages, by mode, and told."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from executive.commands import Command, DriveFor, Mode, MoveForward, Resume, SetTravelSpeed
-from executive.commands.catalogue import ActivatePlan, SubmitPlan
+from executive.commands import (
+    Command,
+    DriveFor,
+    FollowPath,
+    Mode,
+    MoveForward,
+    Request,
+    Resume,
+    SetTravelSpeed,
+    Stop,
+    Waypoint,
+)
+from executive.commands.catalogue import ActivatePlan, ResumePlan, SubmitPlan
+from executive.commands.lifecycle import Refused
+from executive.dispatcher import RETURN_SOURCE
+from executive.geometry import STANDING, Point, Pose
+from executive.link_loss import Trail
 from executive.reasons import Reason
-from executive.reports import Identity, Stage
+from executive.reports import Identity, Kind, Report, Stage
 from executive.settings import LinkLoss, load_settings
 from executive.settings_files import SettingsError, structure
 from tests.support.kinematic import Bench
@@ -47,6 +65,7 @@ def test_motion_is_held_at_the_end_of_the_step_and_goes_on_when_the_ground_is_he
         assert told(bench) == [
             "nothing was heard from the ground for 2.0 s: the rover holds at the end of the step"
         ]
+        assert bench.executive.why == f"stands: {told(bench)[0]}"
         bench.executive.ground.hear()
         assert bench.finish(2) is Stage.EXECUTED
         assert any(r.text == "the ground is heard again" for r in bench.heard.reports)
@@ -64,6 +83,7 @@ def test_teleoperation_is_stopped_until_resumed(tmp_path: Path) -> None:
         assert (bench.stages(1)[-1], bench.last(1).reason) == (Stage.FAILED, Reason.LINK_LOST)
         assert "nothing was heard from the ground" in bench.executive.why
         bench.submit(Resume(), 2)
+        assert any(r.text == "the ground is heard again" for r in bench.heard.reports)
         bench.execute(MoveForward(0.2), 3)
 
 
@@ -87,11 +107,183 @@ def test_a_plan_is_suspended_between_two_steps(tmp_path: Path) -> None:
         assert bench.heard.plans[-1].done == 1
 
 
-def test_stages_that_are_out_of_order_are_refused() -> None:
-    with pytest.raises(SettingsError, match="the earliest comes first"):
-        structure({"motion": STAGES[::-1]}, LinkLoss, "jackal.yaml")
-    with pytest.raises(SettingsError, match="'wait' is none of go_on, hold, stop"):
-        structure({"plan": [{"after_s": 1, "then": "wait"}]}, LinkLoss, "jackal.yaml")
+AT_TEN = [{"after_s": 10, "then": "return"}]
+
+
+def mode(bench: Bench) -> Mode:
+    return bench.executive.mode
+
+
+def returns(bench: Bench) -> list[Report]:
+    """Give the reports on the command by which the rover returns."""
+    return [r for r in bench.heard.reports if r.identity and r.identity.source == RETURN_SOURCE]
+
+
+def events(bench: Bench) -> list[str]:
+    return [r.text for r in bench.heard.reports if r.kind is Kind.EVENT]
+
+
+def test_it_returns_the_way_it_came_to_where_the_ground_was_last_heard(tmp_path: Path) -> None:
+    around = [Waypoint(2.0, 0.0), Waypoint(2.0, 2.0), Waypoint(10.0, 2.0)]
+    with bench_with(tmp_path, motion=AT_TEN) as bench:
+        bench.execute(MoveForward(0.5), 1)
+        bench.executive.ground.hear()
+        bench.submit(FollowPath(tuple(around)), 2)
+        bench.run(9.9)
+        assert bench.rover.pose.y_m > 1.9
+        bench.run(0.2)
+        assert (bench.last(2).stage, bench.last(2).reason) == (Stage.FAILED, Reason.LINK_LOST)
+        assert mode(bench) is Mode.MOVING
+        least_x_m, poses = bench.rover.pose.x_m, []
+        for _ in range(40):
+            bench.run(0.5)
+            poses.append(bench.rover.pose)
+        aside_m = max(min(abs(p.y_m), abs(p.x_m - 2.0), abs(p.y_m - 2.0)) for p in poses)
+        assert least_x_m >= 2.0 - 0.1
+        assert aside_m < 0.15
+        assert (bench.rover.pose.x_m, bench.rover.pose.y_m) == pytest.approx((0.5, 0.0), abs=0.05)
+        assert bench.rover.pose.heading_rad == pytest.approx(0.0, abs=0.05)
+        assert [r.stage for r in returns(bench)][-1] is Stage.EXECUTED
+        assert events(bench)[-1] == "the rover is back where the ground was last heard"
+        assert mode(bench) is Mode.IDLE
+        bench.execute(MoveForward(0.5), 3)
+
+
+def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
+    tmp_path: Path,
+) -> None:
+    with bench_with(tmp_path, motion=[{"after_s": 2, "then": "return"}]) as bench:
+        bench.submit(MoveForward(20.0), 1)
+        bench.run(5.0)
+        assert told(bench) == [
+            "nothing was heard from the ground for 2.0 s: the rover returns to where it last was"
+        ]
+        assert bench.rover.velocity.travel_mps < -0.1
+        assert f"for {returns(bench)[-1].identity} FollowPath" in bench.executive.why
+        bench.executive.ground.hear()
+        bench.run(1.0)
+        assert bench.rover.velocity == STANDING
+        assert (returns(bench)[-1].stage, events(bench)[-1]) == (
+            Stage.CANCELLED,
+            "the ground is heard again",
+        )
+        assert mode(bench) is Mode.IDLE
+
+
+@pytest.mark.parametrize("request_", [MoveForward(1.0), SetTravelSpeed(0.5), ActivatePlan("none")])
+def test_any_command_ends_the_return_before_it_is_looked_at(
+    tmp_path: Path, request_: Request
+) -> None:
+    with bench_with(tmp_path, motion=[{"after_s": 2, "then": "return"}]) as bench:
+        bench.submit(MoveForward(20.0), 1)
+        bench.run(3.0)
+        bench.submit(request_, 2)
+        assert returns(bench)[-1].stage is Stage.CANCELLED
+        bench.run(1.5)
+        assert bench.last(2).reason is (
+            Reason.NO_SUCH_PLAN if isinstance(request_, ActivatePlan) else None
+        )
+
+
+def test_it_stops_waits_and_then_returns_and_stops_if_it_takes_too_long(tmp_path: Path) -> None:
+    stages = [(3, "stop"), (5, "return"), (7, "stop")]
+    told_s = [{"after_s": after_s, "then": then} for after_s, then in stages]
+    with bench_with(tmp_path, teleop=told_s, motion=[{"after_s": 1, "then": "go_on"}]) as bench:
+        bench.submit(DriveFor(1.0, 0.0, 30.0), 1)
+        bench.run(4.0)
+        assert mode(bench) is Mode.STOPPED
+        away_m = bench.rover.pose.x_m
+        bench.run(2.5)
+        assert mode(bench) is Mode.MOVING
+        assert bench.rover.pose.x_m < away_m - 0.1
+        bench.run(1.0)
+        assert mode(bench) is Mode.STOPPED
+        assert returns(bench)[-1].reason is Reason.LINK_LOST
+
+
+def test_a_plan_is_suspended_for_the_return(tmp_path: Path) -> None:
+    legs = '<moveForward distance="3" deadline_s="60"/>' * 3
+    with bench_with(tmp_path, plan=[{"after_s": 2, "then": "return"}]) as bench:
+        bench.submit(SubmitPlan(plan(f"<Sequence>{legs}</Sequence>")), 1)
+        bench.submit(ActivatePlan("survey"), 2)
+        bench.run(2.5)
+        assert mode(bench) is Mode.MOVING
+        bench.run(15.0)
+        assert mode(bench) is Mode.PAUSED
+        assert bench.rover.pose.x_m == pytest.approx(0.0, abs=0.05)
+        bench.submit(ResumePlan("survey"), 3)
+        bench.run(1.0)
+        assert mode(bench) is Mode.PLAN
+
+
+@pytest.mark.parametrize("first", ["hold", "stop"])
+def test_whoever_is_stopped_from_aboard_does_not_return(tmp_path: Path, first: str) -> None:
+    with bench_with(tmp_path, motion=[{"after_s": 2, "then": first}, *AT_TEN]) as bench:
+        bench.submit(MoveForward(20.0), 1)
+        bench.run(3.0)
+        bench.send(Command(Identity("ROS", 1), Stop(), "ros"))
+        bench.run(10.0)
+        assert mode(bench) is Mode.STOPPED
+        assert events(bench)[-1].startswith(
+            "the rover is stopped, as it cannot return: the rover is STOPPED"
+        )
+        bench.submit(Resume(), 2)
+        bench.execute(MoveForward(0.5), 3)
+
+
+def test_a_return_that_a_fault_ends_is_told(tmp_path: Path) -> None:
+    with bench_with(tmp_path, motion=[{"after_s": 2, "then": "return"}]) as bench:
+        bench.submit(MoveForward(20.0), 1)
+        bench.run(3.0)
+        bench.odometry = False
+        bench.run(3.0)
+        assert returns(bench)[-1].stage is Stage.FAILED
+        assert bench.rover.velocity == STANDING
+        assert any(text.startswith("the rover did not return: ") for text in events(bench))
+
+
+def test_nobody_else_commands_as_the_rover_itself(tmp_path: Path) -> None:
+    with Bench(tmp_path) as bench:
+        command = Command(Identity(RETURN_SOURCE, 1), MoveForward(1.0), "direct")
+        assert isinstance(bench.send(command), Refused)
+        assert "those of the rover itself" in bench.heard.reports[-1].text
+
+
+@settings(max_examples=25)
+@given(steps=st.lists(st.tuples(st.floats(-1.0, 1.0), st.integers(1, 60)), max_size=6))
+def test_the_way_back_is_never_far_from_where_the_rover_came(
+    steps: list[tuple[float, int]],
+) -> None:
+    trail, pose, came = Trail(), Pose(), [Point(0.0, 0.0)]
+    for curvature_per_m, count in steps:
+        for _ in range(count):
+            heading_rad = pose.heading_rad + 0.05 * curvature_per_m
+            place = replace(pose, heading_rad=heading_rad).ahead(0.05)
+            pose = Pose(place.x_m, place.y_m, heading_rad=heading_rad)
+            trail.follow(pose)
+            came.append(pose.point)
+    way = [pose.point, *(Point(each.x_m, each.y_m) for each in trail.back)]
+    for start, end in pairwise(way):
+        for part in range(11):
+            x_m = start.x_m + (end.x_m - start.x_m) * part / 10
+            y_m = start.y_m + (end.y_m - start.y_m) * part / 10
+            assert min(Point(x_m, y_m).distance_m(each) for each in came) < 0.4
+
+
+@pytest.mark.parametrize(
+    ("stages", "says"),
+    [
+        ([(10, "stop"), (2, "hold")], "the earliest comes first"),
+        ([(1, "wait")], "'wait' is none of go_on, hold, stop, return"),
+        ([(1, "stop"), (2, "hold")], "hold follows stop: only return can"),
+        ([(1, "return"), (2, "go_on")], "go_on follows return: only stop can"),
+        ([(0, "stop")], "after_s"),
+    ],
+)
+def test_stages_that_make_no_sense_are_refused(stages: list[tuple[int, str]], says: str) -> None:
+    read = [{"after_s": after_s, "then": then} for after_s, then in stages]
+    with pytest.raises(SettingsError, match=says):
+        structure({"motion": read}, LinkLoss, "jackal.yaml")
 
 
 @pytest.mark.parametrize(("link", "signs"), [("ros", 0), ("direct", 1), ("relay", 1)])

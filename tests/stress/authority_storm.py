@@ -14,8 +14,8 @@ from typing import Final
 from adapters.mocup import ClaimAnnouncer, relay_authority
 from adapters.mocup.brick.record import Link
 from adapters.mops import Conditions, Message, authority_of, decode
-from executive.authority import RELAY_LINK, AuthorityState
-from executive.commands import Command, Mode, Resume, SetTravelSpeed, Stop
+from executive.authority import AuthorityState
+from executive.commands import RELAY_LINK, Command, Mode, Resume, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted
 from executive.ports import Downlink
 from executive.reasons import Refusal

@@ -22,6 +22,7 @@ from adapters.mrs.spec.types import (
     Validity,
 )
 from executive.commands import (
+    DIRECT_LINK,
     Argument,
     Arrival,
     Command,
@@ -33,7 +34,6 @@ from executive.commands import (
     arguments_of,
     declared,
 )
-from executive.link_loss import DIRECT_LINK
 from executive.reasons import Figure
 from executive.reports import Identity, Kind, PlanUpdate, Report
 from executive.state import Parameter, ParameterValue
