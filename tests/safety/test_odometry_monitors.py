@@ -75,3 +75,19 @@ def test_a_velocity_that_is_held_leads_along_its_arc(
     )
     assert outcome.figures.executed == 1
     assert outcome.figures.false_executed == 0
+
+
+def test_a_push_after_the_last_frame_is_told_by_the_next_ones(tmp_path: Path) -> None:
+    changes = (
+        ("settings.sensors.second_odometry", "{rate_hz: 2}"),
+        ("inject", "{pushed: {by: 0.245}, at: 3.193}"),
+        ("world.friction", "0.742"),
+        ("seed", "423808"),
+        ("lasts", "6"),
+    )
+    outcome = play(tmp_path, "motion_turn", *changes)
+    (executed,) = (r for r in outcome.record.reports if r.stage is Stage.EXECUTED)
+    assert outcome.record.time_of(executed) > 3.193
+    assert outcome.figures.false_executed == 0
+    assert any(figure.name == "seen before" for figure in executed.figures)
+    assert first_event(outcome).reason is Reason.SLIDES
