@@ -7,7 +7,7 @@ from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands import Command, DriveFor
-from executive.geometry import STANDING, Velocity, wrap_rad
+from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.motion.locomotion import Bounds, Leg, Motion, duration_s
 from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
 from executive.reasons import Reason, Refusal
@@ -16,8 +16,10 @@ from executive.state import MotionEnded, Status, is_slow
 
 BEGINS_WITHIN_S: Final = 4.0
 """In which a rover that does not say when has begun a motion, also if messages were lost."""
-STEADY_AFTER_S: Final = 0.15
-"""After it has gained its speed, and before it begins to lose it, by which a rover may be late."""
+STEADY_WITHIN_S: Final = 0.15
+"""By which a rover may gain its speed later, or lose it earlier, than its acceleration says."""
+TOLD_EVERY_S: Final = 0.3
+"""In which odometry is told, at least: so long before, it shows that the end is near."""
 REPEAT_HALT_S: Final = 1.0
 """After which a halt is repeated to a rover that still moves."""
 SETTLE_S: Final = 2.0
@@ -129,6 +131,7 @@ class DelegatedMover:
         self._motion: WholeMotion | None = None
         self._begun = 0
         self._sent_at_s = 0.0
+        self._from = Pose()
         self._told_at_s: float | None = None
 
     @property
@@ -163,8 +166,28 @@ class DelegatedMover:
             earliest_s, latest_s = self._status.motion_started_at_s, 0.0
         since_s = self._clock.now_s() - earliest_s
         gain_s, total_s = _times_s(motion.what, self._settings.drive)
-        margin_s = gain_s + STEADY_AFTER_S
-        return latest_s + margin_s <= since_s <= total_s - margin_s
+        margin_s = gain_s + STEADY_WITHIN_S
+        in_time = latest_s + margin_s <= since_s <= total_s - margin_s
+        return in_time and not self._near_end(motion.what, since_s, gain_s / 2 + TOLD_EVERY_S)
+
+    def _near_end(self, what: TurnBy | Advance | Hold, since_s: float, before_s: float) -> bool:
+        """Return whether odometry shows that less is left than what the speed does in a time.
+
+        That the rover has begun may have been heard late.
+        """
+        pose = self._status.pose
+        match what:
+            case TurnBy(angle_rad, speed_radps):
+                expected_rad = copysign(speed_radps * since_s, angle_rad)
+                beyond_rad = wrap_rad(pose.heading_rad - self._from.heading_rad - expected_rad)
+                return abs(angle_rad) - abs(expected_rad + beyond_rad) <= speed_radps * before_s
+            case Advance(distance_m, speed_mps):
+                gone_m = self._from.point.distance_m(pose.point)
+                return abs(distance_m) - gone_m <= speed_mps * before_s
+            case Hold():
+                return False
+            case _:
+                assert_never(what)
 
     def stop(self) -> None:
         """Have the rover stand."""
@@ -192,6 +215,7 @@ class DelegatedMover:
         if isinstance(wanted, WholeMotion) and self._status.odometry_fresh:
             if wanted.number > self._begun:
                 self._motion, self._begun, self._sent_at_s = wanted, wanted.number, now_s
+                self._from = self._status.pose
                 self._rover.carry_out(wanted)
         elif self._under_way:
             self.stop()

@@ -130,6 +130,15 @@ def test_a_rover_that_does_not_say_when_it_begins_is_watched_later(
     assert mocup.life(number)[-1].reason is Reason.OFF_COMMAND
 
 
+@pytest.mark.parametrize("request_", [MoveForward(-1.0), RotateBy(3.0), RotateBy(-6.0)])
+def test_that_the_brick_has_begun_may_be_heard_late(mocup: Mocup, request_: Request) -> None:
+    number, status = mocup.ask(request_), mocup.lock.executive.status
+    assert mocup.lock.run_until(lambda: status.motion_started is not None, 2.0)
+    status.motion_started_at_s += 1.0
+    assert mocup.lock.run_until(lambda: mocup.ended(number), 30.0)
+    assert mocup.life(number)[-1].stage is Stage.EXECUTED, mocup.life(number)[-1]
+
+
 def test_what_the_brick_gives_up_fails_the_command(mocup: Mocup) -> None:
     mocup.rover.inject(WheelsStuck())
     assert mocup.do(MoveForward(0.1)).reason is Reason.MOTION_NOT_EXECUTED
