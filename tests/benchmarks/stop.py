@@ -6,7 +6,7 @@ load (others' octets) ──▶            └──▶ witness ◀── true o
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,6 +52,10 @@ PLAN: Final = f"""<root BTCPP_format="4"><BehaviorTree ID="Main">
 {'<setTravelSpeed speed="0.5"/>' * SETTINGS}
 </Parallel></Repeat></Sequence></Parallel></Timeout></BehaviorTree></root>"""
 """The camera turns a little first, so that the rover is at speed when the settings come."""
+HELD_S: Final = 1.0
+"""For which a rover has to stand against another publisher; inputs of the mux end after 0.5 s."""
+STANDS_S: Final = 0.5
+_TRUE: Final = {stop_witness.STANDS, stop_witness.MOVES, stop_witness.ROLLS}
 Tell = Callable[[str], object]
 
 
@@ -137,14 +141,34 @@ class Rig:
         stands_s = self._seen(stop_witness.STANDS, stop_witness.ROLLS, LIMIT_S)
         return max(0.0, zero_s - began_s), max(0.0, stands_s - began_s)
 
-    def _insist(self, start: Callable[[], object]) -> None:
+    def release(self) -> None:
+        """Resume, and wait until somebody else drives the rover."""
+        self._insist(lambda: None, by_others=True)
+
+    def stop_for_good(self) -> float:
+        """Stop; return after how many seconds the rover stands, and goes on standing."""
+        message = self.commands.command(Stop())
+        time.sleep(self._random.uniform(0.0, PHASE_S))
+        began_s = time.perf_counter()
+        self.commands.send(message)
+        self.commands.reply()
+        while time.perf_counter() < began_s + LIMIT_S:
+            time.sleep(LOOK_S)
+            word, at_s = next((each for each in self._changes() if each[0] in _TRUE), ("", 0.0))
+            if word == stop_witness.STANDS and time.perf_counter() - at_s > HELD_S:
+                return max(0.0, at_s - began_s)
+        return math.inf
+
+    def _insist(self, start: Callable[[], object], by_others: bool = False) -> None:
         deadline_s = time.monotonic() + START_S
         while time.monotonic() < deadline_s:
             self.commands.ask(Resume())
             start()
             # The witness, too, has to have found an executive that was started again.
             rolls_s = self._seen(stop_witness.ROLLS, stop_witness.STANDS, 1.0)
-            if math.isfinite(max(rolls_s, self._seen(stop_witness.DRIVEN, stop_witness.ZERO, 1.0))):
+            if math.isfinite(rolls_s) and (
+                by_others or math.isfinite(self._seen(stop_witness.DRIVEN, stop_witness.ZERO, 1.0))
+            ):
                 return
             self.place.check()
         raise TimeoutError("the executive does not drive")
@@ -153,15 +177,19 @@ class Rig:
         """Wait until one change is later than another; return when it came, or infinity."""
         deadline_s = time.monotonic() + limit_s
         while time.monotonic() < deadline_s:
-            words = self._witness.child.log.read_text(encoding="utf-8").split("\n")[:-1]
-            for line in reversed(words):
-                word, _, at_s = line.partition(" ")
-                if word == wanted:
-                    return float(at_s)
-                if word == other:
-                    break
+            word, at_s = next(
+                (each for each in self._changes() if each[0] in (wanted, other)), ("", 0.0)
+            )
+            if word == wanted:
+                return at_s
             time.sleep(LOOK_S)
         return math.inf
+
+    def _changes(self) -> Iterator[tuple[str, float]]:
+        """Return what the witness saw, the newest first."""
+        for line in reversed(self._witness.child.log.read_text(encoding="utf-8").split("\n")[:-1]):
+            word, _, at_s = line.partition(" ")
+            yield word, float(at_s or "nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +228,9 @@ def conditions() -> dict[str, Condition]:
 
 
 FULL_DISK: Final = "disk"
-NAMES: Final = (*conditions(), FULL_DISK)
+OTHERS: Final = {"external": Rig.drive, "joystick": Rig.release}
+"""Who else publishes velocities, by the input of the mux, and how the rover comes to move then."""
+NAMES: Final = (*conditions(), FULL_DISK, *OTHERS)
 FAILURES: Final = 3
 """Stops that do not act, after which no more are sent under that condition."""
 RESTARTS: Final = 5
@@ -227,6 +257,9 @@ def measure(samples: int, names: Sequence[str], tell: Tell) -> list[Figure]:
                 figures += _on_a_full_disk(place, stack, tell)
             else:
                 rig = stack.enter_context(closing(Rig(place, place.folder / "data")))
+                if name in OTHERS:
+                    figures += _against(name, rig, samples, tell)
+                    continue
                 figures += _under(conditions()[name], rig, samples, tell)
     return figures
 
@@ -269,6 +302,30 @@ def _on_a_full_disk(place: Workplace, stack: ExitStack, tell: Tell) -> list[Figu
     return [
         *_figures(name, taken, "", tell),
         Figure(f"{name}: latched after it", held, "starts", beside, Goal(RESTARTS, at_least=True)),
+    ]
+
+
+def _against(name: str, rig: Rig, samples: int, tell: Tell) -> list[Figure]:
+    """Stop while somebody else publishes velocities on an input of the mux."""
+    load, taken = rig.load(name), list[float]()
+    for _ in range(samples):
+        OTHERS[name](rig)
+        taken.append(rig.stop_for_good())
+        rig.place.check()
+    rates = load.child.log.read_text(encoding="utf-8").split(stop_load.RATE)[1:]
+    beside = f"{samples} stops, others at {mean(float(each.split()[0]) for each in rates):.0f} Hz"
+    within = sum(each <= STANDS_S for each in taken)
+    median_ms, most_ms = 1000 * quantile(taken, 0.5), 1000 * max(taken)
+    what = f"others on {name}"
+    tell(
+        f"{what:<36} n {samples:4}  stands within {STANDS_S:g} s {within:4}"
+        f"  after: median {median_ms:4.0f}  max {most_ms:4.0f} ms; {beside}"
+    )
+    goal = Goal(samples, at_least=True)
+    return [
+        Figure(f"{what}: stands within {STANDS_S:g} s", within, "stops", beside, goal),
+        Figure(f"{what}: stands after, median", median_ms, "ms", beside),
+        Figure(f"{what}: stands after, max", most_ms, "ms", beside),
     ]
 
 

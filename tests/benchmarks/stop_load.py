@@ -27,6 +27,8 @@ CONNECTIONS: Final = 1500
 ELEMENTS: Final = 250_000
 LARGE_AT_ONCE: Final = 4
 DEAF: Final = 40
+OTHER_HZ: Final = 50
+OTHER_MPS: Final = 0.5
 REGISTRATIONS_EACH: Final = 255
 TELL_S: Final = 1.0
 YIELDS: Final = 10
@@ -135,8 +137,40 @@ async def register(port: int, _: Path) -> None:
     await asyncio.Event().wait()
 
 
+async def publish(topic: str) -> None:
+    """Publish velocities on a topic of the rover, whatever anybody else does."""
+    from geometry_msgs.msg import Twist
+
+    from adapters.ros import ros_node
+    from executive.settings_files import config_folder
+
+    count, velocity = Count(), Twist()
+    velocity.linear.x = OTHER_MPS
+    parameters = config_folder() / "jackal.ros.yaml"
+    with ros_node("other", "jackal", parameters=parameters) as node:
+        publisher = node.create_publisher(Twist, topic, 1)
+        _loads()
+        next_s = time.monotonic()
+        while True:
+            publisher.publish(velocity)
+            count.one()
+            next_s += 1 / OTHER_HZ
+            await asyncio.sleep(next_s - time.monotonic())
+
+
+async def external(_: int, __: Path) -> None:
+    """Publish on the input of the mux below the executive's."""
+    await publish("cmd_vel")
+
+
+async def joystick(_: int, __: Path) -> None:
+    """Publish on the input of the mux above the executive's."""
+    await publish("joy_vel")
+
+
 KINDS: Final[dict[str, Callable[[int, Path], Awaitable[None]]]] = {
-    each.__name__: each for each in (fetch, command, connect, send_large, register)
+    each.__name__: each
+    for each in (fetch, command, connect, send_large, register, external, joystick)
 }
 
 

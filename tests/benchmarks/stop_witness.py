@@ -16,7 +16,7 @@ from executive.settings_files import config_folder
 
 WATCHES: Final = "watches"
 EVERY: Final = "every"
-ZERO, DRIVEN, STANDS, ROLLS = "zero", "driven", "stands", "rolls"
+ZERO, DRIVEN, STANDS, MOVES, ROLLS = "zero", "driven", "stands", "moves", "rolls"
 STILL_MPS: Final = 0.02
 STILL_RADPS: Final = 0.02
 ROLLS_MPS: Final = 0.4
@@ -50,6 +50,8 @@ def main() -> None:
                 true.are(STANDS)
             elif speed.linear.x > ROLLS_MPS:
                 true.are(ROLLS)
+            else:
+                true.are(MOVES)
 
         for kind, topic, take in (
             (Twist, topics.cmd_vel, hear),
