@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.commands import (
@@ -60,6 +60,7 @@ def trap(tmp_path_factory: pytest.TempPathFactory) -> FileFolder:
 
 
 @given(path=PATHS, target=PATHS)
+@settings(max_examples=40)
 def test_no_path_leads_out(trap: FileFolder, path: str, target: str) -> None:
     root = trap.root.resolve()
     for found in (trap.find(path), trap.target(target)):

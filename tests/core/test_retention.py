@@ -93,7 +93,7 @@ CRASH = st.just(None)
 
 
 @given(st.lists(st.one_of(COMMANDS, COMMANDS, COMMANDS, CRASH), min_size=10, max_size=50))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_nothing_is_taken_twice_however_little_is_kept(
     acts: list[tuple[int, Request, int] | None],
 ) -> None:

@@ -111,7 +111,7 @@ BREAKS = st.tuples(
 @given(st.lists(BREAKS, min_size=1, max_size=5))
 @example([(0, crash, 0), (0, jump, 0)])
 @example([(1, suspend, 0), (0, crash, 50)])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_a_plan_goes_on_where_it_was(
     breaks: list[tuple[int, Callable[[PlanBench], None], int]],
 ) -> None:
@@ -190,7 +190,7 @@ def expected(tree: Tree, asked: list[bool]) -> bool:
 
 
 @given(TREES, st.lists(st.integers(0, 40), max_size=3), st.booleans())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool) -> None:
     asked: list[bool] = []
     succeeds = expected(tree, asked)
