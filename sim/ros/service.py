@@ -65,8 +65,11 @@ from sim.rover.mocup import SimulatedMocup
 NODE_NAME: Final = "simulation"
 SECOND_FRAME: Final = "visual_odom"
 """Of the second odometry: its own, where the rover stood at first."""
-GREATEST_LAG_PERIODS: Final = 10
+GREATEST_BURST_PERIODS: Final = 10
 """Caught up at once at most: no command arrives meanwhile, and a base stops after 0.25 s."""
+GREATEST_LAG_S: Final = 10.0
+"""Caught up little by little at the speed of real time: nodes have clocks of their own there, and
+what is lost looks like a delay of all sensors. At another speed they follow /clock."""
 CAMERA_SPEED_RADPS: Final = 0.5
 """Of a camera that was told none yet."""
 _LOG: Final = logging.getLogger(__name__)
@@ -206,6 +209,8 @@ class SimulationNode:
             1, round(1 / (declare_rate(node, "camera_hz", "pictures") * PERIOD_S))
         )
         self._period_s = PERIOD_S / speed
+        burst_s = GREATEST_BURST_PERIODS * self._period_s
+        self._greatest_lag_s = GREATEST_LAG_S if speed == 1.0 else burst_s
         self._started_s = monotonic()
         self._periods = 0
         self._clock = node.create_publisher(Clock, "/clock", 1)
@@ -217,11 +222,11 @@ class SimulationNode:
 
     def _on_time(self) -> None:
         behind_s = monotonic() - self._started_s - self._periods * self._period_s
-        if behind_s > GREATEST_LAG_PERIODS * self._period_s:
+        if behind_s > self._greatest_lag_s:
             _LOG.warning("slower than the speed asked for: %.2f s were lost", behind_s)
             self._started_s += behind_s
             behind_s = self._period_s
-        for _ in range(round(behind_s / self._period_s)):
+        for _ in range(min(round(behind_s / self._period_s), GREATEST_BURST_PERIODS)):
             self._advance()
 
     def _advance(self) -> None:

@@ -2,6 +2,7 @@
 
 import re
 import signal
+import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from math import inf, nan
@@ -123,6 +124,24 @@ def test_time_is_published_and_runs_as_fast_as_asked_for(probe: Probe) -> None:
     steps = [after - before for before, after in pairwise(heard)]
     assert min(steps) == pytest.approx(0.02)
     assert probe.fresh_truth().header.stamp.sec >= int(heard[0])
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_time_that_a_halted_machine_cost_is_caught_up(tmp_path: Path) -> None:
+    behind_s: list[float] = []
+
+    def keep(message: Clock) -> None:
+        behind_s.append(time.monotonic() - conversions.stamp_s(message.clock))
+
+    with simulation(tmp_path, "--camera", "off") as process, probing() as probe:
+        probe.node.create_subscription(Clock, "/clock", keep, 10)
+        probe.until(lambda: len(behind_s) > 20, "the clock")
+        usual_s = min(behind_s)
+        process.send(signal.SIGSTOP)
+        time.sleep(1.5)
+        process.send(signal.SIGCONT)
+        behind_s.clear()
+        probe.until(lambda: min(behind_s, default=inf) - usual_s < 0.2, "the time as before")
 
 
 def test_pictures_come_raw_and_compressed(probe: Probe) -> None:
