@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Twist
 
+from adapters.mal import MalUri
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec.types import Notification, PlanStatus, Stage
 from adapters.ros import ros_node, steady_timer
@@ -21,6 +22,8 @@ from executive.commands.catalogue import (
     SubmitPlan,
 )
 from executive.reasons import Reason
+from executive.settings_files import config_folder
+from tests.benchmarks.octets import Octets
 from tests.support.ground import ask, carry_out, located, until_located
 from tests.support.plans import plan
 from tests.support.probe import Probe, probing
@@ -151,6 +154,32 @@ def test_after_a_stop_it_stands_against_another_publisher_even_if_killed(
     stands()
     with executive(tmp_path):
         probe.moving()
+
+
+def test_the_stages_of_a_lost_link_follow_while_a_silent_connection_is_open(
+    probe: Probe, tmp_path: Path
+) -> None:
+    asset = tmp_path / "jackal.yaml"
+    stages = "{after_s: 0.5, then: go_on}, {after_s: 1, then: stop}, {after_s: 1.5, then: return}"
+    usual = (config_folder() / "jackal.yaml").read_text(encoding="utf-8")
+    asset.write_text(f"{usual}link_loss: {{teleop: [{stages}]}}\n", encoding="utf-8")
+    with executive(tmp_path, "--asset", str(asset)) as (process, uri):
+        until_located(uri)
+        probe.standing()
+        began = probe.fresh_truth().pose.pose.position
+        with Octets(MalUri.parse(uri).port, "MOE") as silent:
+            assert silent.ask(LONG_DRIVE)
+            process.said("the rover is back where the ground was last heard")
+        ended = probe.fresh_truth().pose.pose.position
+        assert (ended.x, ended.y) == pytest.approx((began.x, began.y), abs=0.1)
+        reports = [n for n in notifications(uri) if n.code == Reason.LINK_LOST.value]
+        told = [(n.stage, (n.text or "").partition(": ")[2]) for n in reports]
+        assert told == [
+            (None, "the rover goes on"),
+            (None, "the rover is stopped"),
+            (Stage.FAILED, "the rover is stopped"),
+            (None, "the rover returns to where it last was"),
+        ]
 
 
 @pytest.mark.usefixtures("ros_domain")
