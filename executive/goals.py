@@ -279,7 +279,8 @@ class Context:
     @property
     def _way_out(self) -> str:
         if self.safety.clears_itself:
-            return "it goes on when that is over"
+            stopped = self.latches.stopped_by is not None
+            return "resume once that is over" if stopped else "it goes on when that is over"
         over = self.safety.cause_left() is None
         return "that is over: resume to go on" if over else "resume when that is mended"
 

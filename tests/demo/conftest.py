@@ -13,8 +13,6 @@ from tests.support.stalls import StallWatch
 
 ROVER: Final = Path(sys.executable).with_name("rover")
 LIMIT_S: Final = 240
-FASTER: Final = ("--speed", "2")
-"""For what need not be played at real time."""
 MARK: Final = "ROVER_DEMO_TEST"
 
 
@@ -122,5 +120,5 @@ def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
         return once(f"{name}-again", *arguments) if ran.status and watch.stalled else ran
 
     return Played(
-        play("jackal", *FASTER), play("mocup", "--mocup", *FASTER), play("relay", "--relay")
+        play("jackal"), play("mocup", "--mocup", "--speed", "1.5"), play("relay", "--relay")
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
+from executive.commands import Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
 from executive.commands.lifecycle import Admitted
 from executive.fault_declaration import Clears, Then
 from executive.geometry import STANDING
@@ -84,6 +84,7 @@ def test_what_clears_itself_holds_the_rover_no_longer_than_it_lasts(make: Make) 
     bench.battery(LOW_V, 1.0)
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.is_in(Mode.STOPPED)
+    assert "it goes on when that is over" in bench.executive.why
     bench.battery(FULL_V, 1.0)
     assert bench.is_in(Mode.IDLE)
     bench.execute(MoveForward(0.5), 2)
@@ -91,6 +92,16 @@ def test_what_clears_itself_holds_the_rover_no_longer_than_it_lasts(make: Make) 
     assert (begun.severity, over.severity) == (Severity.ALARM, Severity.INFORMATIONAL)
     assert (begun.reason, over.reason) == (Reason.BATTERY_LOW, Reason.FAULT_OVER)
     assert over.text == "battery_low is over"
+
+
+def test_a_stop_outlasts_what_clears_itself(make: Make) -> None:
+    bench = make(Then.STOP, Clears.ITSELF)
+    bench.battery(LOW_V)
+    bench.submit(Stop(), 1)
+    assert "resume once that is over" in bench.executive.why
+    bench.battery(FULL_V, 1.0)
+    assert bench.is_in(Mode.STOPPED)
+    assert "stopped by MOE:1; resume to go on" in bench.executive.why
 
 
 def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:
