@@ -13,7 +13,7 @@ import rclpy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
-from sensor_msgs.msg import BatteryState
+from sensor_msgs.msg import BatteryState, Imu, JointState, LaserScan
 from std_msgs.msg import Float64
 
 TICK_S = 0.05
@@ -21,7 +21,7 @@ LENGTH_OCTETS = 4
 
 
 def spin_node() -> None:
-    """Hear odometry, battery and camera angles, and send velocities, until a signal."""
+    """Hear odometry, battery, camera angles and sensors, and send velocities, until a signal."""
     node = rclpy.create_node("bare", namespace="jackal")
     # Under another name: the rover obeys the executive.
     velocity = node.create_publisher(Twist, "bare_cmd_vel", 1)
@@ -32,6 +32,10 @@ def spin_node() -> None:
         (BatteryState, "battery"),
         (Float64, "camera/pan/state"),
         (Float64, "camera/tilt/state"),
+        (Imu, "imu/data"),
+        (JointState, "joint_states"),
+        (Odometry, "visual_odometry"),
+        (LaserScan, "scan"),
     ):
         qos = rclpy.qos.qos_profile_sensor_data
         node.create_subscription(kind, topic, lambda _: None, qos)
