@@ -29,10 +29,12 @@ def domain(module_ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_once_prints_the_tree_and_why_the_rover_stands(domain: int) -> None:
     done = watch("--once", "--domain-id", str(domain))
     assert done.returncode == 0, done.stderr
-    head, why, blank, root, *branches = done.stdout.splitlines()
+    top, tree = done.stdout.split("\n\n")
+    head, why, monitoring, *_ = top.splitlines()
+    root, *branches = tree.splitlines()
     assert head.split()[:3] == ["jackal", "IDLE", "tick"]
     assert why == "stands: no odometry"
-    assert blank == ""
+    assert monitoring.startswith("not monitored: slip (no second odometry)")
     assert root.startswith("? rover")
     assert any("priority stop" in branch for branch in branches)
 
