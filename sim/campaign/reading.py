@@ -307,17 +307,21 @@ def _check_hold(campaign: Campaign) -> None:
 
 
 def _check_scenarios(campaign: Campaign) -> None:
-    """Try the ends of what varies, one after the other, on each scenario."""
+    """Try the ends of what varies, one after the other, on each scenario.
+
+    Asset, world and settings are set before a fault, which may need a sensor that these add.
+    """
     for scenario in campaign.scenarios:
         _try(scenario, (), "scenarios")
         base = tuple(
             change
             for variation in campaign.vary
-            if variation.key in ("asset", "world")
+            if variation.key in ("asset", "world") or variation.key.startswith("settings.")
             for _, change in list(_ends(variation))[:1]
         )
         for variation in campaign.vary:
-            before = tuple(change for change in base if change.key < variation.key)
+            last = variation.key == INJECT
+            before = tuple(change for change in base if last or change.key < variation.key)
             for path, change in _ends(variation):
                 try:
                     _try(scenario, (*before, change), path)
