@@ -4,6 +4,8 @@ from dataclasses import dataclass, replace
 from math import atan2, ceil, cos, hypot, isfinite, pi, sin
 from typing import Final
 
+GRAVITY_MPS2: Final = 9.81
+
 
 def wrap_rad(angle_rad: float) -> float:
     """Return the angle in (-pi, pi]."""

@@ -82,7 +82,7 @@ class Verification:
 
     @property
     def _standing_s(self) -> float:
-        return self._status.standstill.since_s
+        return self._status.standstill.undisturbed_since_s
 
     def _newest(self) -> FramePair | None:
         fusion, odometry = self._status.fusion, self._status.odometry

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import copysign, cos, hypot, inf, isfinite, sin, sqrt
 from typing import Final, NamedTuple
 
-from executive.geometry import Pose, wrap_rad
+from executive.geometry import GRAVITY_MPS2, Pose, wrap_rad
 from executive.safety.channel import Channel
 from executive.settings import JointsSettings, SecondOdometrySettings
 from executive.state import Imu, Joints, SecondOdometry
@@ -19,7 +19,6 @@ GAP_S: Final = 0.3
 """Messages that are further apart have a gap between them."""
 FRESH_S: Final = 0.3
 """So long a message tells of now."""
-GRAVITY_MPS2: Final = 9.81
 SLIP_OFFSET_M: Final = 0.044
 SLIP_GAIN: Final = 0.065
 """Side slip of a skid-steered rover: v_y = -(offset + gain sign(v) sqrt|v w|) w."""

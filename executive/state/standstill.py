@@ -8,11 +8,11 @@ may be zero for a moment.
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import cos, hypot, inf, isfinite, sin
 from typing import Final
 
 from executive.clock import Clock
-from executive.geometry import Pose, Velocity, wrap_rad
+from executive.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
 from executive.reasons import Figure
 from executive.state.facts import Imu, Joints, Odometry, SecondOdometry
 
@@ -28,6 +28,12 @@ STANDING_WHEEL_RADPS: Final = 0.5
 FRAME_WAY_M: Final = 0.03
 FRAME_TURN_RAD: Final = 0.02
 """Between two frames of the second odometry: more than its noise."""
+SHAKEN_MPS2: Final = 1.5
+"""Level acceleration of a rover whose wheels stand, which somebody pushes: more than noise."""
+SETTLED_S: Final = 0.06
+"""From the last sign of motion in the odometry until braking can be felt no more."""
+FELT_S: Final = 0.1
+"""For which a push lasts, and by which odometry and inertial sensors may be apart."""
 SILENT_S: Final = 0.5
 FRAMES_SILENT_S: Final = 3.0
 
@@ -70,6 +76,11 @@ class _Odometry:
             self.since_s = inf
         elif self.since_s == inf:
             self.since_s = seen[0][1]
+
+    @property
+    def stamp_s(self) -> float:
+        """The newest stamp; minus infinity before the first."""
+        return self._seen[-1][1] if self._seen else -inf
 
     def motion(self, now_s: float) -> SourceMotion | None:
         """Return what it shows; None if it has not shown anything lately."""
@@ -163,6 +174,7 @@ class Standstill:
         self._joints = _Rate("joints", STANDING_WHEEL_RADPS)
         self._gyro = _Rate("gyro", STANDING_ROTATE_RADPS)
         self._frames = _Frames()
+        self._shaken_s = -inf
 
     def observe(self, fact: Odometry | Imu | Joints | SecondOdometry) -> None:
         """Take what a source tells; the two odometries are stamped by one clock."""
@@ -172,6 +184,8 @@ class Standstill:
                 self._odometry.take(now_s, stamp_s, pose, velocity)
             case Imu():
                 self._gyro.take(now_s, fact.gyro_z_radps)
+                if _level_mps2(fact) > SHAKEN_MPS2:
+                    self._shaken_s = self._odometry.stamp_s
             case Joints():
                 wheels_radps = (*fact.left_radps, *fact.right_radps)
                 if wheels_radps:
@@ -183,6 +197,15 @@ class Standstill:
     def since_s(self) -> float:
         """The stamp from which on the odometry shows the rover standing; infinite if it moves."""
         return self._odometry.since_s
+
+    @property
+    def undisturbed_since_s(self) -> float:
+        """The stamp from which on it stands, and nobody has pushed it by the inertial sensors.
+
+        While the rover brakes, they tell nothing of that.
+        """
+        pushed = self._shaken_s > self.since_s + SETTLED_S
+        return self._shaken_s + FELT_S if pushed else self.since_s
 
     def by_source(self) -> tuple[SourceMotion, ...]:
         """Return how the rover moves by each source that has told something lately."""
@@ -209,6 +232,14 @@ def is_slow(velocity: Velocity) -> bool:
         abs(velocity.travel_mps) < STANDING_TRAVEL_MPS
         and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
     )
+
+
+def _level_mps2(fact: Imu) -> float:
+    """Return the acceleration along the ground, 0 where it is not known."""
+    x_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(fact.pitch_rad)
+    aside_mps2 = GRAVITY_MPS2 * cos(fact.pitch_rad) * sin(fact.roll_rad)
+    found_mps2 = hypot(x_mps2, fact.acceleration_y_mps2 - aside_mps2)
+    return found_mps2 if isfinite(found_mps2) else 0.0
 
 
 def _step(before: Pose, after: Pose) -> tuple[float, float]:

@@ -121,6 +121,8 @@ class InertialUnit(Instrument):
         self._attitude, self._linear = data.qpos[3:7], data.qvel[:3]
         self._wheels = data.qvel[_WHEEL_RATES]
         self._before, self._before_mps = self._attitude.tolist(), self._linear.tolist()
+        self._push: faults.Pushed | None = None
+        self._shoves_mps2: list[float] = []
 
     def measure(self, stamp_s: float) -> Imu | None:
         """Return what is measured since the last call, in the axes of base_link."""
@@ -132,6 +134,7 @@ class InertialUnit(Instrument):
             return None
         roll_radps, pitch_radps, yaw_radps = self._by_gyro(_rates(before, now, self._since_s))
         x_mps2, y_mps2, z_mps2 = _felt(before, now, before_mps, now_mps, self._since_s)
+        y_mps2 += self._shoved_mps2()
         left, right, rear_left, rear_right = self._wheels.tolist()
         wheels_mps = _SHAKEN_M * (abs(left) + abs(right) + abs(rear_left) + abs(rear_right))
         errors, (bias_x, bias_y, bias_z) = self._errors, self._bias_mps2
@@ -148,6 +151,17 @@ class InertialUnit(Instrument):
             _cut(y_mps2 + bias_y + shaking_mps2 * noise[4], _GREATEST_MPS2),
             _cut(z_mps2 + bias_z + shaking_mps2 * noise[5], _GREATEST_MPS2),
         )
+
+    def _shoved_mps2(self) -> float:
+        """Return the acceleration of a push, which begins in one measurement and ends in the next.
+
+        Physics put the rover elsewhere at once, which does not change its velocity.
+        """
+        before, self._push = self._push, self._fault(faults.Pushed)
+        if self._push is not None and self._push is not before:
+            shove_mps2 = self._push.by_m / self._since_s**2
+            self._shoves_mps2 = [-shove_mps2, shove_mps2]
+        return self._shoves_mps2.pop() if self._shoves_mps2 else 0.0
 
     def _by_gyro(self, rates_radps: Vector) -> Vector:
         """Return what the gyro measures of true rates, but for its own errors."""

@@ -84,6 +84,17 @@ def test_the_imu_feels_the_start_of_a_drive_and_the_turn_on_a_slope() -> None:
     assert true_rad > 1.0
 
 
+def test_the_imu_feels_a_push_that_leaves_the_rover_standing() -> None:
+    rover = SimulatedJackal(World(), sensors=IMU)
+    hold(rover, STANDING, 0.5)
+    rover.inject(faults.Pushed(0.3))
+    facts = of(Imu, hold(rover, STANDING, 0.2))
+    aside_mps2 = [fact.acceleration_y_mps2 for fact in facts]
+    felt = [value for value in aside_mps2 if abs(value) > 1.0]
+    assert felt == [max(aside_mps2), min(aside_mps2)]
+    assert felt[0] == -felt[1] > 100.0
+
+
 def test_joints_tell_the_mean_speed_of_each_wheel_and_the_torque_that_holds_it() -> None:
     rover = SimulatedJackal(World(slope_rad=radians(15)), sensors=JOINTS)
     hold(rover, AHEAD, 1.0)

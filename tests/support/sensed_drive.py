@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from math import copysign, cos, sin, sqrt
 
 from executive.clock import ManualClock
-from executive.geometry import Pose, Velocity, wrap_rad
+from executive.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
 from executive.safety import Fault, Safety
-from executive.safety.sensor_history import GRAVITY_MPS2, SLIP_GAIN, SLIP_OFFSET_M
+from executive.safety.sensor_history import SLIP_GAIN, SLIP_OFFSET_M
 from executive.settings import Settings, load_settings
 from executive.state import Fact, Imu, Joints, Odometry, SecondOdometry
 
