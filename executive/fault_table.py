@@ -66,10 +66,16 @@ class FaultTable:
         Row(When.MOVING, *_HELD, beyond=0.3),
         beyond=Bound("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
     )
+    odometry_behind: Row = _fault(
+        Reason.ODOMETRY_STALE,
+        "Odometry is older than what the other sensors tell, which comes in time.",
+        Row(When.MOVING, *_HELD, beyond=0.25),
+        beyond=Bound("age of the newest odometry beside theirs, by the stamps", "s", 0.05, 10.0),
+    )
     odometry_late: Row = _fault(
         Reason.ODOMETRY_LATE,
         "Odometry comes too late to steer by.",
-        Row(When.MOVING, *_STOPPED, for_s=0.3, beyond=0.12),
+        Row(When.MOVING, *_STOPPED, for_s=0.15, beyond=0.12),
         beyond=Bound("age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0),
     )
     odometry_slow: Row = _fault(
@@ -88,7 +94,7 @@ class FaultTable:
     odometry_off_twist: Row = _fault(
         Reason.ODOMETRY_INCONSISTENT,
         "The pose of the odometry goes elsewhere than its own velocity says.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5),
+        Row(When.MOVING, *_STOPPED, beyond=0.05, ratio=0.1, within_s=0.5),
         beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -208,8 +214,16 @@ class FaultTable:
     wheels_off_command: Row = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",
-        Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.12, ratio=0.2, within_s=0.25),
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25),
         beyond=Bound("speed outside of what was commanded in the window", "m/s", 0.02, 5.0),
+        ratio=_RATIO,
+        within=_window(),
+    )
+    wheels_off_command_slowly: Row = _fault(
+        Reason.WHEELS_OFF_COMMAND,
+        "The wheels of a side turn, little by little, less or more far than commanded.",
+        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4),
+        beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
     )
@@ -223,7 +237,7 @@ class FaultTable:
     odometry_off_wheels: Row = _fault(
         Reason.ODOMETRY_OFF_WHEELS,
         "The odometry tells of another way than the wheels turned.",
-        Row(When.MOVING, *_STOPPED, beyond=0.03, ratio=0.04, within_s=0.5),
+        Row(When.MOVING, *_STOPPED, beyond=0.02, ratio=0.04, within_s=0.5),
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),

@@ -31,6 +31,8 @@ from trees.leaf import GoalLeaf
 
 MARGIN_S = 5.0
 ATTEMPTS = 3
+PROMPT = 0.5
+"""Of the age of odometry that counts as stale: a motion begins with none that is older."""
 HEARING_S = 0.5
 """In which a rover that moves by itself may say that it carries the command out already."""
 
@@ -91,6 +93,12 @@ class _MotionLeaf(GoalLeaf):
             Figure("heading sd", odometry.heading_sd_rad, "rad"),
         )
 
+    @property
+    def _unsure(self) -> bool:
+        """Whether odometry is late just now: a motion waits for it before it moves the rover."""
+        bound_s = self.context.settings.faults.odometry_stale.bound
+        return self.context.status.odometry_age_s > PROMPT * bound_s
+
     def _ended(self) -> None:
         """Note that the motion has ended, and is to be verified."""
         self._ended_s = self.context.clock.now_s()
@@ -146,7 +154,7 @@ class PlanLeg(_MotionLeaf):
             self.allow(self._allow(0.0))
             self.feedback_message = "carried out by another way"
             return Status.RUNNING
-        if not self.context.status.standing:
+        if self._unsure or not self.context.status.standing:
             if now_s - self._begun_s >= HEARING_S:
                 self.context.intents.motion = STANDING
             return Status.RUNNING
@@ -276,20 +284,28 @@ class HoldVelocity(_MotionLeaf):
     """Holds a velocity for its time, then stands."""
 
     def begin(self) -> float:
-        """Begin to hold it."""
+        """Allow the time of waiting for odometry."""
+        self._begun = False
+        return self._allow(0.0)
+
+    def _hold(self) -> None:
         command, request = self.goal.command, self.goal.command.request
         if not isinstance(request, DriveFor):
             raise TypeError(f"{request} holds no velocity")
         pose, settings = self.context.status.pose, self.context.settings
         self._blocked = check_request(request, pose, settings)
         self.goal.verification = Verification.begin(settings, self.context.status)
-        self._held = False
+        self._held, self._begun = False, True
         self._request, self._from = request, self.context.safety.history.driven
-        self._begun = pose
-        return self._begin(self.context.locomotion.hold(command, request))
+        self._start = pose
+        self.allow(self._begin(self.context.locomotion.hold(command, request)))
 
     def act(self) -> Status:
         """Go on until its time is over and the rover stands."""
+        if not self._begun:
+            if self._unsure:
+                return Status.RUNNING
+            self._hold()
         if self._blocked is not None:
             return self.fail(self._blocked)
         if not self._held:
@@ -317,7 +333,7 @@ class HoldVelocity(_MotionLeaf):
         way_m, turn_rad = way1_m - way0_m, turn1_rad - turn0_rad
         wanted_m = request.travel_mps * request.duration_s
         wanted_rad = request.rotate_radps * request.duration_s
-        end = on_arc(self._begun, wanted_m, wanted_rad).point
+        end = on_arc(self._start, wanted_m, wanted_rad).point
         off_m = end.distance_m(self.context.status.pose.point)
         bound_m = HELD_M + HELD_PER_M * abs(wanted_m)
         off_bound_m = HELD_OFF_M + HELD_OFF_PER_M * abs(wanted_m)

@@ -31,7 +31,7 @@ NO_JOINTS = Unmonitored(
     "what the wheels do",
     "no wheel sensors",
     (
-        *("wheels_off_command", "wheels_unpowered"),
+        *("wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered"),
         *("odometry_off_wheels", "odometry_off_wheels_slowly"),
         *_BY_JOINTS_AND_IMU,
     ),

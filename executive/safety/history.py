@@ -94,11 +94,13 @@ class History:
 
     Attributes:
         odometry: the newest that is finite, and `odometry_time_s`, when it was measured.
+        odometry_late_s: how old it was when it came first.
         moved: the channel of the odometry, by its stamps.
         arrivals: how many messages of odometry came, and the sum of their ages, by arrival.
         commands: the channel of what was commanded.
         standing_since_s: since when nothing but to stand is commanded; infinite while it is not.
             At first since now: an executive before this one may have left the rover moving.
+        motion_since_s: when the motion under way began; infinite where none is.
         unchanged_since_s: since when the odometry is the same to the last bit.
         frame_time_s: when the newest camera frame was taken; None where its clock is not known.
         others: who else may move the rover.
@@ -135,6 +137,7 @@ class History:
         self.odometry: Odometry | None = None
         self.odometry_time_s = -inf
         self.odometry_at_s = -inf
+        self.odometry_late_s = 0.0
         self.not_finite_at_s = -inf
         self.unchanged_since_s = -inf
         self.frame_time_s: float | None = None
@@ -145,6 +148,7 @@ class History:
         self._velocities: deque[tuple[float, Velocity, Velocity]] = deque()
         self._velocities.append((-inf, STANDING, STANDING))
         self.standing_since_s = clock.now_s()
+        self.motion_since_s = inf
         self.begun_s = -inf
         self.jump: Jump | None = None
         self.battery: Battery | None = None
@@ -251,6 +255,11 @@ class History:
         """Whether another velocity than to stand is commanded."""
         return self.standing_since_s == inf
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a motion is under way that has not moved the rover yet."""
+        return self.standing_since_s <= self.motion_since_s < inf
+
     def window(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
         """Return what a channel added in the seconds before a time; None where it is not known."""
         from_s = to_s - window_s
@@ -341,6 +350,8 @@ class History:
         pose, heading_rad = fact.pose, self._track.sums[2]
         heading_rad += wrap_rad(pose.heading_rad - heading_rad)
         self._track.add(time_s, (pose.x_m, pose.y_m, heading_rad))
+        if self.odometry is None or fact.stamp_s != self.odometry.stamp_s:
+            self.odometry_late_s = now_s - time_s
         self.odometry, self.odometry_time_s, self.odometry_at_s = fact, time_s, now_s
 
     def _step(self, before: Odometry, after: Odometry, time_s: float, now_s: float) -> None:

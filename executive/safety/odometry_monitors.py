@@ -15,7 +15,9 @@ from executive.safety.history import History, Jump, Moved
 SHOWN_S: Final = 0.1
 """For which a single message is evidence."""
 REACTION_S: Final = 0.06
-"""By which a base turns later than it is commanded to."""
+"""By which a base moves later than it is commanded to."""
+PATIENCE_S: Final = 2.0
+"""So much older odometry may be before a motion moves the rover, which waits for it."""
 SIDE_SLIP_M: Final = 0.15
 """How far base_link skids sideways for each radian of a turn, at most: the twist has none of it."""
 SETTLE_S: Final = 1.4
@@ -62,15 +64,27 @@ def not_finite(history: History, _: Row, now_s: float) -> Evidence | None:
 def stale(history: History, row: Row, now_s: float) -> Evidence | None:
     """See that the newest odometry was measured too long ago to move by."""
     age_s = now_s - min(history.odometry_time_s, history.odometry_at_s)
-    return _old("odometry is", age_s, row) if age_s > row.bound else None
+    return _old("odometry is", age_s, history, row)
+
+
+def behind(history: History, row: Row, _: float) -> Evidence | None:
+    """See that the newest odometry is older than what all other fast sensors have told.
+
+    What delays all of them alike, such as a busy computer, does not count.
+    """
+    others = [each.sums.time_s for each in (history.wheels, history.inertia) if each is not None]
+    if history.odometry is None or not others:
+        return None
+    behind_s = min(others) - history.odometry_time_s
+    return _old("beside other sensors odometry is", behind_s, history, row)
 
 
 def late(history: History, row: Row, now_s: float) -> Evidence | None:
     """See that odometry comes so late that the rover cannot be steered by it."""
-    age_s = now_s - history.odometry_time_s
+    age_s = history.odometry_late_s
     if age_s <= row.bound or now_s - history.odometry_at_s > row.bound:
         return None
-    return _old("odometry comes late: it is", age_s, row)
+    return _told_age("odometry comes late: it is", age_s, row.bound)
 
 
 def silent(history: History, row: Row, now_s: float) -> Evidence | None:
@@ -78,11 +92,17 @@ def silent(history: History, row: Row, now_s: float) -> Evidence | None:
     if history.odometry is None:
         return None
     age_s = now_s - history.odometry_at_s
-    return _old("the newest odometry is", age_s, row) if age_s > row.bound else None
+    return _told_age("the newest odometry is", age_s, row.bound) if age_s > row.bound else None
 
 
-def _old(what: str, age_s: float, row: Row) -> Evidence:
-    figures = Figure("age", age_s, "s"), Figure("bound", row.bound, "s")
+def _old(what: str, age_s: float, history: History, row: Row) -> Evidence | None:
+    """Return evidence of odometry that is too old to move by, or to wait for any longer."""
+    bound_s = row.bound + (PATIENCE_S if history.waiting else 0.0)
+    return _told_age(what, age_s, bound_s) if age_s > bound_s else None
+
+
+def _told_age(what: str, age_s: float, bound_s: float) -> Evidence:
+    figures = Figure("age", age_s, "s"), Figure("bound", bound_s, "s")
     return Evidence(f"{what} {age_s:.2f} s old", figures)
 
 

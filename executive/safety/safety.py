@@ -6,6 +6,7 @@ or with a resume, as the row says. What is done about it is the dispatcher's.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from typing import Final
 
 from executive.clock import Clock
@@ -31,6 +32,7 @@ from executive.safety.inertial_monitors import (
     wheels_slip,
 )
 from executive.safety.odometry_monitors import (
+    behind,
     drives_uncommanded,
     frozen,
     heading_off_twist,
@@ -68,6 +70,7 @@ from executive.safety.wheel_monitors import (
     joints_silent,
     odometry_off_wheels,
     wheels_off_command,
+    wheels_off_command_slowly,
     wheels_unpowered,
 )
 from executive.settings import LocomotionKind, Settings
@@ -78,6 +81,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_turned": turned,
     "odometry_not_finite": not_finite,
     "odometry_stale": stale,
+    "odometry_behind": behind,
     "odometry_late": late,
     "odometry_slow": slow,
     "odometry_frozen": frozen,
@@ -99,6 +103,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "battery_silent": battery_silent,
     "battery_not_finite": battery_not_finite,
     "wheels_off_command": wheels_off_command,
+    "wheels_off_command_slowly": wheels_off_command_slowly,
     "wheels_unpowered": wheels_unpowered,
     "odometry_off_wheels": odometry_off_wheels,
     "odometry_off_wheels_slowly": odometry_off_wheels,
@@ -214,6 +219,7 @@ class Safety:
             moving: whether a command that moves the rover is under way.
         """
         now_s = self._clock.now_s()
+        self.history.motion_since_s = min(self.history.motion_since_s, now_s) if moving else inf
         return Changes(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
 
     def cause_left(self) -> Refusal | None:

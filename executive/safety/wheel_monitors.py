@@ -12,8 +12,9 @@ from executive.reasons import Figure
 from executive.safety.comparison import compared, silent, speeds
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
+from executive.safety.odometry_monitors import REACTION_S
 
-SPEED_OVER_S: Final = 0.06
+SPEED_OVER_S: Final = 0.04
 """Over which the present speed of wheels is taken."""
 OFF_COMMAND_MPS: Final = 0.06
 """How far wheels without torque are off their command, where that matters."""
@@ -45,6 +46,33 @@ def wheels_off_command(history: History, row: Row, now_s: float) -> Evidence | N
             figures = Figure("commanded", nearest_mps, "m/s"), Figure("wheels", speed_mps, "m/s")
             what = f"the {side} wheels do not follow"
             return compared(what, figures, bound_mps, row.window_s)
+    return None
+
+
+def wheels_off_command_slowly(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a side that has come less or more far than it was commanded to."""
+    wheels = history.wheels
+    if wheels is None or not wheels.fresh(now_s):
+        return None
+    window_s, to_s = row.window_s, wheels.sums.time_s
+    turned = history.wheels_in(window_s, to_s)
+    wanted = history.commanded_in(window_s, to_s - REACTION_S)
+    if turned is None or wanted is None:
+        return None
+    across_m = wanted.turn_rad * wheels.settings.track_m / 2
+    sides = (
+        ("left", turned.left_m, wanted.way_m - across_m),
+        ("right", turned.right_m, wanted.way_m + across_m),
+    )
+    for side, way_m, wanted_m in sides:
+        bound_m = row.allowed(wanted_m)
+        if abs(way_m - wanted_m) > bound_m:
+            figures = (
+                Figure("commanded", wanted_m / window_s, "m/s"),
+                Figure("wheels", way_m / window_s, "m/s"),
+            )
+            what = f"the {side} wheels do not follow"
+            return compared(what, figures, bound_m / window_s, window_s)
     return None
 
 

@@ -14,9 +14,10 @@ from sim.scenario.reading import load_scenario
 BLIND = Change("settings.sensors", "{imu: null, joints: null}")
 
 
-def play(folder: Path, scenario: str, *changes: tuple[str, str]) -> Outcome:
-    """Play a scenario with changes."""
-    made = [BLIND, *(Change(key, value) for key, value in changes)]
+def play(folder: Path, scenario: str, *changes: tuple[str, str], blind: bool = True) -> Outcome:
+    """Play a scenario with changes, by default without any sensor but the odometry."""
+    made = [BLIND] if blind else []
+    made += [Change(key, value) for key, value in changes]
     return play_once(scenario, load_scenario(scenario, PlayMode.LOCK_STEP, made), folder)
 
 
@@ -34,7 +35,8 @@ def first_event(outcome: Outcome) -> Report:
     [
         ("odometry_lost", "forward", Reason.ODOMETRY_STALE, 0.4),
         ("odometry_repeated", "forward", Reason.ODOMETRY_STALE, 0.4),
-        ("odometry_late: {by: 0.2}", "forward", Reason.ODOMETRY_LATE, 0.7),
+        ("odometry_late: {by: 0.14}", "forward", Reason.ODOMETRY_LATE, 0.45),
+        ("odometry_late: {by: 0.26}", "forward", Reason.ODOMETRY_LATE, 0.5),
         ("odometry_frozen", "forward", Reason.ODOMETRY_INCONSISTENT, 0.3),
         ("odometry_zero_twist", "forward", Reason.ODOMETRY_INCONSISTENT, 0.4),
         ("odometry_jump: {by: 0.15}", "forward", Reason.ODOMETRY_INCONSISTENT, 0.15),
@@ -77,17 +79,85 @@ def test_a_velocity_that_is_held_leads_along_its_arc(
     assert outcome.figures.false_executed == 0
 
 
+PUSHED_LATE = (
+    ("settings.sensors.second_odometry", "{rate_hz: 2}"),
+    ("inject", "{pushed: {by: 0.245}, at: 3.193}"),
+    ("world.friction", "0.742"),
+    ("seed", "423808"),
+    ("lasts", "6"),
+)
+"""A push after the frame that ends the motion was taken, before that frame arrives."""
+
+
+def test_a_push_that_is_felt_has_the_motion_wait_for_a_frame_taken_after_it(tmp_path: Path) -> None:
+    outcome = play(tmp_path, "motion_turn", *PUSHED_LATE, blind=False)
+    assert [r.stage for r in outcome.record.reports if r.stage and r.stage.terminal] == [
+        Stage.FAILED
+    ]
+    assert first_event(outcome).reason is Reason.SLIPS
+
+
 def test_a_push_after_the_last_frame_is_told_by_the_next_ones(tmp_path: Path) -> None:
-    changes = (
-        ("settings.sensors.second_odometry", "{rate_hz: 2}"),
-        ("inject", "{pushed: {by: 0.245}, at: 3.193}"),
-        ("world.friction", "0.742"),
-        ("seed", "423808"),
-        ("lasts", "6"),
-    )
-    outcome = play(tmp_path, "motion_turn", *changes)
+    outcome = play(tmp_path, "motion_turn", *PUSHED_LATE)
     (executed,) = (r for r in outcome.record.reports if r.stage is Stage.EXECUTED)
     assert outcome.record.time_of(executed) > 3.193
     assert outcome.figures.false_executed == 0
     assert any(figure.name == "seen before" for figure in executed.figures)
     assert first_event(outcome).reason is Reason.SLIDES
+
+
+@pytest.mark.parametrize("fault", ["odometry_lost", "odometry_repeated"])
+def test_odometry_that_falls_behind_other_sensors_is_seen_before_it_is_stale(
+    tmp_path: Path, fault: str
+) -> None:
+    inject = ("inject", f"{{{fault}, at: 2.5}}")
+    outcome = play(tmp_path, "motion_forward", inject, ("lasts", "6"), blind=False)
+    event = first_event(outcome)
+    assert event.reason is Reason.ODOMETRY_STALE
+    assert outcome.record.time_of(event) - 2.5 <= 0.29
+    assert outcome.figures.stopping_m is not None
+    assert outcome.figures.stopping_m < 0.45
+
+
+@pytest.mark.parametrize("blind", [True, False])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_odometry_that_jitters_by_up_to_a_fifth_of_a_second_stops_nothing(
+    tmp_path: Path, seed: int, blind: bool
+) -> None:
+    jitter = ("inject", "{odometry_jitter: {stall: 0.2}, at: 0.1}")
+    outcome = play(tmp_path, "motion_path", jitter, ("seed", str(seed)), blind=blind)
+    assert outcome.figures.executed == 1
+    assert all(r.severity is Severity.INFORMATIONAL for r in outcome.record.reports)
+
+
+@pytest.mark.parametrize("scenario", ["forward", "held"])
+def test_a_motion_waits_for_odometry_that_is_missing_when_it_begins(
+    tmp_path: Path, scenario: str
+) -> None:
+    lost = ("inject", "{odometry_lost: {}, at: 0.8, for: 1.0}")
+    outcome = play(tmp_path, f"motion_{scenario}", lost, ("lasts", "14"))
+    assert outcome.figures.executed == 1
+    assert outcome.figures.false_executed == 0
+
+
+def test_a_motion_does_not_wait_for_ever(tmp_path: Path) -> None:
+    lost = ("inject", "{odometry_lost: {}, at: 0.8}")
+    outcome = play(tmp_path, "motion_forward", lost, ("lasts", "8"))
+    (failed,) = (r for r in outcome.record.reports if r.stage is Stage.FAILED)
+    assert failed.reason is Reason.ODOMETRY_STALE
+    assert outcome.record.time_of(failed) < 3.5
+    assert outcome.figures.distance_m < 0.01
+
+
+def test_a_side_that_sticks_in_a_turn_is_seen_by_the_way_it_lacks(tmp_path: Path) -> None:
+    changes = (
+        ("settings.sensors.second_odometry", "{rate_hz: 2}"),
+        ("inject", "{left_stuck: {}, at: 1.497}"),
+        ("seed", "426297"),
+        ("world.friction", "0.6174"),
+        ("lasts", "5"),
+    )
+    outcome = play(tmp_path, "motion_goal", *changes, blind=False)
+    event = first_event(outcome)
+    assert event.reason is Reason.WHEELS_OFF_COMMAND
+    assert outcome.record.time_of(event) - 1.497 < 0.6

@@ -16,9 +16,9 @@ CONFIG: Final = Path(__file__).resolve().parents[2] / "config"
 """The configuration of the product."""
 STALE: Final = "odometry_stale: {beyond: 10}"
 UNTIMED: Final = (
-    "odometry_late", "odometry_slow", "odometry_frozen", "off_command", "turn_off_command",
-    "turn_amiss", "no_progress", "drives_uncommanded", "turns_uncommanded", "wheels_off_command",
-    "wheels_unpowered",
+    "odometry_behind", "odometry_late", "odometry_slow", "odometry_frozen", "off_command",
+    "turn_off_command", "turn_amiss", "no_progress", "drives_uncommanded", "turns_uncommanded",
+    "wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered",
 )  # fmt: skip
 """Faults that a process which gets no processor shows, though nothing is wrong with the rover."""
 
