@@ -21,7 +21,7 @@ from executive.dispatcher import Dispatcher, unwritten
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, Goals
 from executive.link_loss import GroundMonitor
-from executive.motion import Arbiter, make_locomotion
+from executive.motion import Arbiter, PlanSolver, make_locomotion
 from executive.notifications import Notifications
 from executive.plans import PlanHost, Planner
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
@@ -133,6 +133,7 @@ class Executive:
         downlinks: Sequence[Downlink],
         build_tree: Callable[[Context], Tree],
         video: Video | None = None,
+        solver: PlanSolver | None = None,
     ) -> None:
         self.settings = settings
         self.status = Status(clock, settings)
@@ -140,7 +141,7 @@ class Executive:
         self.files = FileFolder(files, self._tell_of_file)
         self.wake: Callable[[], None] = lambda: None
         self.retention = Retention(ledger, settings.kept_reports)
-        locomotion, mover = make_locomotion(rover, clock, settings, self.status)
+        locomotion, mover = make_locomotion(rover, clock, settings, self.status, solver)
         self._context = Context(
             clock, settings, self.status, self.safety, Goals(clock), locomotion, self.files, video
         )

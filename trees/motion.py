@@ -118,7 +118,7 @@ class _MotionLeaf(GoalLeaf):
         return 2.0 * expected_s + MARGIN_S
 
     def _begin(self, motion: Motion | None) -> float:
-        self._motion = motion
+        self._motion, self._noticed = motion, False
         return self._allow(0.0 if motion is None else motion.expected_s)
 
     def _go_on(self, standing: bool) -> Status:
@@ -133,6 +133,9 @@ class _MotionLeaf(GoalLeaf):
             self.allow(self._allow(motion.expected_s))
         self.context.intents.motion = motion.want(now_s)
         self.feedback_message = motion.left
+        if motion.notice is not None and not self._noticed:
+            self._noticed = True
+            self.goal.life.advance(self.goal.step, self.goal.step_count, motion.notice)
         return Status.RUNNING
 
 

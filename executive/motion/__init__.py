@@ -2,6 +2,8 @@
 
 from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
 from executive.motion.locomotion import Leg, Locomotion, Motion, Step, leg_errors, plan_leg
+from executive.motion.minimum_time import MinimumTime, Plan, PlanSolver, Problem
+from executive.motion.predictive_control import make_solver
 from executive.motion.velocity_control import VelocityLocomotion
 from executive.motion.verification import (
     FUSED_NEAR_M,
@@ -22,12 +24,17 @@ __all__ = [
     "Latches",
     "Leg",
     "Locomotion",
+    "MinimumTime",
     "Motion",
+    "Plan",
+    "PlanSolver",
+    "Problem",
     "Step",
     "VelocityLocomotion",
     "Verification",
     "Verified",
     "leg_errors",
     "make_locomotion",
+    "make_solver",
     "plan_leg",
 ]

@@ -11,18 +11,26 @@ tree does. `make_locomotion` chooses how the rover of an asset is moved.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import assert_never
+from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands.lifecycle import Life
 from executive.geometry import STANDING, Velocity
 from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
 from executive.motion.locomotion import Locomotion, Mover
+from executive.motion.minimum_time import PlanSolver
+from executive.motion.predictive_control import PredictiveLocomotion
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted
 from executive.reasons import Refusal
-from executive.settings import LocomotionKind, Settings
+from executive.settings import Controller, LocomotionKind, Settings
+from executive.settings_files import SettingsError
 from executive.state import Status
+
+NO_SOLVER: Final = (
+    "controller is mpc: it plans in lock step only (rover bench, scenarios, campaigns); a rover at"
+    " real time needs controller: turn_drive"
+)
 
 
 @dataclass(slots=True)
@@ -158,16 +166,27 @@ class Latches:
 
 
 def make_locomotion(
-    rover: VelocityRover | MotionRover, clock: Clock, settings: Settings, status: Status
+    rover: VelocityRover | MotionRover,
+    clock: Clock,
+    settings: Settings,
+    status: Status,
+    solver: PlanSolver | None = None,
 ) -> tuple[Locomotion, Mover]:
     """Return what makes motions, and what commands them, of an asset.
 
+    The solver plans for model predictive control, where that drives.
+
     Raises:
+        SettingsError: the settings ask for model predictive control, and there is no solver.
         TypeError: the rover is not of the kind that the settings name.
     """
     match settings.locomotion:
         case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
             mover = VelocityMover(clock, settings, status, rover)
+            if settings.controller is Controller.MPC:
+                if solver is None:
+                    raise SettingsError(NO_SOLVER)
+                return PredictiveLocomotion(clock, settings, status, mover, solver), mover
             return VelocityLocomotion(clock, settings, status), mover
         case LocomotionKind.WHOLE_MOTION if isinstance(rover, MotionRover):
             return DelegatedLocomotion(settings, status), DelegatedMover(

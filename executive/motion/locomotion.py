@@ -243,9 +243,11 @@ class Motion(ABC):
 
     Attributes:
         expected_s: how long it takes if nothing goes wrong.
+        notice: what is to be reported of how it goes, once there is something; else None.
     """
 
     expected_s: float
+    notice: str | None = None
 
     @property
     @abstractmethod

@@ -235,7 +235,7 @@ class VelocityLocomotion:
         self._settings = settings
         self._status = status
 
-    def turn(self, _: Command, leg: Leg, final: bool) -> TurnLaw | None:
+    def turn(self, _: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, if it has one."""
         heading_rad = leg.heading_rad if final else leg.toward_rad
         if heading_rad is None:
@@ -248,7 +248,7 @@ class VelocityLocomotion:
             leg.turn_rad if final else None,
         )
 
-    def line(self, _: Command, leg: Leg) -> DriveLaw | None:
+    def line(self, _: Command, leg: Leg) -> Motion | None:
         """Return the straight line of a leg, if it has one."""
         if leg.target is None:
             return None

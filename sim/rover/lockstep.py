@@ -14,11 +14,12 @@ from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load
 from executive.clock import Clock, ManualClock
 from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
+from executive.motion import PlanSolver, make_solver
 from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
-from executive.settings import LocomotionKind, Settings
+from executive.settings import Controller, LocomotionKind, Settings
 from executive.state import Fact, FileEvent, ParameterValue
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
@@ -122,6 +123,7 @@ class LockStep:
         downlinks: who hears reports and telemetry beside `heard`.
         picture: size and making of camera pictures.
         odometry: how good that of a Jackal is.
+        solver: what plans where the settings' controller is mpc; made for them unless given.
 
     Attributes:
         rover: the simulation: a Jackal, or MOCUP where the settings say that it moves by itself.
@@ -138,8 +140,12 @@ class LockStep:
         downlinks: Sequence[Downlink] = (),
         picture: PictureSettings | None = None,
         odometry: OdometrySettings | None = None,
+        solver: PlanSolver | None = None,
     ) -> None:
         self.settings = settings
+        if solver is None and settings.controller is Controller.MPC:
+            solver = make_solver(settings)
+        self._solver = solver
         self.rover = _rover(settings, world, seed, picture, odometry)
         self.clock = ManualClock()
         self.heard = Recorder()
@@ -206,6 +212,7 @@ class LockStep:
             files=self._folder / "files",
             downlinks=self._downlinks,
             build_tree=RoverTree,
+            solver=self._solver,
         )
 
     def _seen_by_executive(self) -> SimulatedJackal | InProcessMocup:

@@ -204,7 +204,7 @@ def lockstep() -> "list[Figure]":
     ),
     click.option(
         "--controller",
-        type=click.Choice(["turn-drive", "turn-drive-trapezoid"]),
+        type=click.Choice(["turn-drive", "turn-drive-trapezoid", "mpc"]),
         default="turn-drive",
         show_default=True,
         help="What drives.",

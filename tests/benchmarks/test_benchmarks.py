@@ -47,6 +47,21 @@ def test_a_strangers_goals_are_driven_and_written_down(tmp_path: Path) -> None:
     assert times["met"] is True
 
 
+def test_mpc_is_measured_with_its_planning(tmp_path: Path) -> None:
+    (tmp_path / "goals.json").write_text(json.dumps(GOALS))
+    out = tmp_path / "figures.json"
+    goals = ["--goals", str(tmp_path / "goals.json")]
+    result = CliRunner().invoke(
+        bench, ["locomotion", "--controller", "mpc", *goals, "--json", str(out)]
+    )
+    assert result.exit_code in (0, 1), result.output  # how long plans take depends on the machine
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert values["mpc: goals done, to 3 cm and 2°"] == 1
+    assert values["mpc: sum of times"] > 1.0
+    assert values["mpc: first plan, worst"] > 0.0
+    assert values["mpc: plan of a tick, median"] > 0.0
+
+
 def test_a_missed_goal_is_named_and_ends_with_1(tmp_path: Path) -> None:
     hard = GOALS | {"goals": [GOALS["goals"][0] | {"best_known_time_s": 0.5}]}  # type: ignore[index]
     (tmp_path / "goals.json").write_text(json.dumps(hard))

@@ -1,0 +1,153 @@
+"""First guesses of a plan: straight lines between turns on the spot, each forward or backward."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from math import copysign, cos, pi, sin
+from typing import Final
+
+from executive.geometry import Point, wrap_rad
+from executive.motion.locomotion import Bounds, duration_s
+
+OFFSETS_M: Final = (0.3, 0.8)
+"""How far ahead of the start and behind the end, or the reverse, lines may begin and end."""
+OTHER_WAY_RAD: Final = 2.2
+"""Turns beyond this are tried the other way round, too."""
+SHORTEST_M: Final = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A turn on the spot."""
+
+    place: Point
+    from_rad: float
+    by_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A straight line, whose length is negative where it is driven backward."""
+
+    place: Point
+    heading_rad: float
+    by_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Polyline:
+    """Turns and lines, each from rest to rest, and how long all of them take.
+
+    Attributes:
+        end_rad: the heading at its end, turns added up.
+    """
+
+    parts: tuple[Turn | Line, ...]
+    duration_s: float
+    end_rad: float
+
+    def at(self, time_s: float, travel: Bounds, rotate: Bounds) -> tuple[float, ...]:
+        """Return x, y, heading, speed and rotation so many seconds after its start."""
+        for index, part in enumerate(self.parts):
+            takes_s = _takes_s(part, travel, rotate)
+            if time_s <= takes_s or index == len(self.parts) - 1:
+                break
+            time_s -= takes_s
+        match part:
+            case Turn(place, from_rad, by_rad):
+                way, speed = _along(by_rad, rotate, time_s, takes_s)
+                return place.x_m, place.y_m, from_rad + way, 0.0, speed
+            case Line(place, heading_rad, by_m):
+                way, speed = _along(by_m, travel, time_s, takes_s)
+                x_m, y_m = way * cos(heading_rad), way * sin(heading_rad)
+                return place.x_m + x_m, place.y_m + y_m, heading_rad, speed, 0.0
+
+
+def polylines(
+    start: Point, start_rad: float, end: Point, end_rad: float, travel: Bounds, rotate: Bounds
+) -> list[Polyline]:
+    """Return the polylines from one pose to another, the fastest first."""
+    found = [
+        _join(places, signs, other, start_rad, end_rad, travel, rotate)
+        for places, signs in _ways(start, start_rad, end, end_rad)
+        for other in (False, True)
+    ]
+    return sorted((each for each in found if each is not None), key=lambda each: each.duration_s)
+
+
+def _ways(
+    start: Point, start_rad: float, end: Point, end_rad: float
+) -> Iterator[tuple[list[Point], list[float]]]:
+    """Yield corners, and 1 or -1 for each line between them: forward or backward."""
+    offsets = [sign * offset_m for offset_m in OFFSETS_M for sign in (1.0, -1.0)]
+    for first_m, last_m, sign in product([0.0, *offsets], [0.0, *offsets], (1.0, -1.0)):
+        places, signs = [start], []
+        if first_m:
+            places.append(_beside(start, start_rad, first_m))
+            signs.append(copysign(1.0, first_m))
+        signs.append(sign)
+        if last_m:
+            places.append(_beside(end, end_rad, last_m))
+            signs.append(copysign(1.0, -last_m))
+        yield [*places, end], signs
+
+
+def _join(
+    places: Sequence[Point],
+    signs: Sequence[float],
+    other: bool,
+    start_rad: float,
+    end_rad: float,
+    travel: Bounds,
+    rotate: Bounds,
+) -> Polyline | None:
+    """Return the polyline of corners; None where the other way round is not to be tried."""
+    parts: list[Turn | Line] = []
+    heading_rad, differs = start_rad, False
+
+    def turn(place: Point, to_rad: float) -> None:
+        nonlocal heading_rad, differs
+        by_rad = wrap_rad(to_rad - heading_rad)
+        if abs(by_rad) > OTHER_WAY_RAD and other and not differs:
+            by_rad -= copysign(2 * pi, by_rad)
+            differs = True
+        if by_rad:
+            parts.append(Turn(place, heading_rad, by_rad))
+        heading_rad += by_rad
+
+    for (place, after), sign in zip(pairwise(places), signs, strict=True):
+        length_m = place.distance_m(after)
+        if length_m > SHORTEST_M:
+            turn(place, place.bearing_rad(after) + (pi if sign < 0 else 0.0))
+            parts.append(Line(place, heading_rad, sign * length_m))
+    turn(places[-1], end_rad)
+    if differs is not other or not parts:
+        return None
+    takes_s = sum(_takes_s(part, travel, rotate) for part in parts)
+    return Polyline(tuple(parts), takes_s, heading_rad)
+
+
+def _beside(place: Point, heading_rad: float, ahead_m: float) -> Point:
+    return Point(place.x_m + ahead_m * cos(heading_rad), place.y_m + ahead_m * sin(heading_rad))
+
+
+def _takes_s(part: Turn | Line, travel: Bounds, rotate: Bounds) -> float:
+    match part:
+        case Turn():
+            return duration_s(part.by_rad, rotate)
+        case Line():
+            return duration_s(part.by_m, travel)
+
+
+def _along(way: float, bounds: Bounds, time_s: float, takes_s: float) -> tuple[float, float]:
+    """Return the way done and the speed, by a trapezoid of speed."""
+    peak = min(bounds.speed, bounds.acceleration * takes_s / 2)
+    ramp_s = peak / bounds.acceleration
+    left_s = max(takes_s - time_s, 0.0)
+    if time_s < ramp_s:
+        done, speed = bounds.acceleration * time_s**2 / 2, bounds.acceleration * time_s
+    elif left_s < ramp_s:
+        done, speed = abs(way) - bounds.acceleration * left_s**2 / 2, bounds.acceleration * left_s
+    else:
+        done, speed = peak * (time_s - ramp_s / 2), peak
+    return copysign(done, way), copysign(speed, way)

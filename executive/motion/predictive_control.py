@@ -1,0 +1,445 @@
+"""Model predictive control: drives a curve to a place in the least time, planned anew each tick.
+
+Where there is no plan in time, or none that leads there, the next sample of the plan before is
+commanded; where that lasts, the rover stands, and turn-then-drive goes on from there.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+from itertools import pairwise
+from math import hypot
+from typing import Final
+
+from executive.clock import Clock
+from executive.commands import Command, Waypoint
+from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
+from executive.motion.locomotion import (
+    Bounds,
+    Leg,
+    Motion,
+    aim_m,
+    duration_s,
+    plan_leg,
+    turn_bounds,
+)
+from executive.motion.minimum_time import (
+    MinimumTime,
+    MotionModel,
+    MotionState,
+    Plan,
+    PlanSolver,
+    Problem,
+    Target,
+)
+from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
+from executive.ports import Wanted
+from executive.settings import Settings
+from executive.state import Odometry, Status
+
+AIM_SHARE: Final = 0.4
+"""Of the tolerances: within which a plan ends."""
+BRAKE_SHARE: Final = 2 / 3
+KEEP_BRAKING_SHARE: Final = 0.93
+"""Of the tolerances: the rover brakes where it comes to rest within, and goes on braking."""
+ANY_HEADING_RAD: Final = 0.35
+"""Off the direction of turn-then-drive at most, where no heading is asked for."""
+OVER_S: Final = 0.15
+"""Left of a plan, at the end of which the rover stands."""
+SOON_S: Final = 1.0
+"""To the end of the plan, from where on it may brake."""
+MISSES: Final = 5
+"""Ticks without a usable plan after which turn-then-drive takes over."""
+STANDS: Final = 3
+"""How often a plan may be made from rest before turn-then-drive takes over."""
+OFF_M: Final = 0.1
+OFF_RAD: Final = 0.2
+"""From where the plan had it now: beyond it the odometry jumped, or something moved the rover."""
+MISSED: Final = 0.05
+"""Metres and radians beyond its aim by which a plan does not lead there."""
+LEARN: Final = 0.3
+"""Of a difference in the rate of turn, what each tick makes of it."""
+KEPT: Final = 8
+"""Commands that are kept: longer than odometry is old."""
+FINEST_S: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class _Knot:
+    """A command, and from when on it is in effect, between which it goes in ramps."""
+
+    time_s: float
+    velocity: Velocity
+
+
+class MotionObserver:
+    """Knows how the control point moves, by odometry, the commands in effect and the model.
+
+    Attributes:
+        ahead_m: of the control point, from base_link.
+    """
+
+    def __init__(
+        self, settings: Settings, status: Status, model: MotionModel, mover: VelocityMover
+    ) -> None:
+        self._settings = settings
+        self._status = status
+        self._model = model
+        self._mover = mover
+        self.ahead_m = model.ahead_m
+        self._sent_s = 0.0
+        self._knots: list[_Knot] = []
+        self._seen: Odometry | None = None
+        self._lag_radps = 0.0
+
+    def observe(self, now_s: float) -> MotionState:
+        """Return the state in which the last command is in effect, and learn from odometry."""
+        delay_s, tick_s = self._settings.mpc.command_delay_s, self._settings.tick_s
+        sent_s = self._sent_s if self._knots else now_s - tick_s
+        self._add(_Knot(sent_s + delay_s, self._mover.velocity))
+        self._sent_s = now_s
+        pose, status = self._status.pose, self._status
+        measured_s = now_s - status.odometry_age_s - self._settings.mpc.odometry_age_s
+        self._learn(measured_s, status.odometry)
+        place = pose.ahead(self.ahead_m)
+        begun = self._commanded(measured_s)
+        state = MotionState(
+            place.x_m,
+            place.y_m,
+            pose.heading_rad,
+            begun.travel_mps,
+            begun.rotate_radps,
+            self._lag_radps,
+        )
+        return self._roll(state, measured_s, self._knots[-1].time_s)
+
+    def next(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
+        """Return the state after a step at whose end another command is in effect."""
+        controls = (
+            (command.travel_mps - state.travel_mps) / step_s,
+            (command.rotate_radps - state.rotate_radps) / step_s,
+        )
+        after = MotionState(*self._model.advance(state.figures, controls, step_s))
+        return replace(after, travel_mps=command.travel_mps, rotate_radps=command.rotate_radps)
+
+    @property
+    def effect_s(self) -> float:
+        """When the last command is in effect."""
+        return self._knots[-1].time_s
+
+    def _add(self, knot: _Knot) -> None:
+        if self._knots and knot.time_s <= self._knots[-1].time_s + FINEST_S:
+            self._knots.pop()
+        self._knots = [*self._knots[1 - KEPT :], knot]
+
+    def _commanded(self, time_s: float) -> Velocity:
+        """Return the command that is in effect at a time."""
+        if time_s <= self._knots[0].time_s:
+            return self._knots[0].velocity
+        for before, after in pairwise(self._knots):
+            if time_s <= after.time_s:
+                part = (time_s - before.time_s) / (after.time_s - before.time_s)
+                low, high = before.velocity, after.velocity
+                return Velocity(
+                    low.travel_mps + part * (high.travel_mps - low.travel_mps),
+                    low.rotate_radps + part * (high.rotate_radps - low.rotate_radps),
+                )
+        return self._knots[-1].velocity
+
+    def _roll(self, state: MotionState, from_s: float, to_s: float) -> MotionState:
+        """Return a state as it is later, by the commands in effect."""
+        times_s = [knot.time_s for knot in self._knots if from_s < knot.time_s < to_s]
+        for before_s, after_s in pairwise([from_s, *times_s, to_s]):
+            if after_s - before_s > FINEST_S:
+                state = self.next(state, self._commanded(after_s), after_s - before_s)
+        return state
+
+    def _learn(self, measured_s: float, odometry: Odometry | None) -> None:
+        """Take the lag on to the last odometry, corrected by how far the rover turned since."""
+        seen, self._seen = self._seen, odometry
+        if seen is None or odometry is None or odometry is seen:
+            return
+        passed_s = odometry.stamp_s - seen.stamp_s
+        if not FINEST_S < passed_s < KEPT * self._settings.tick_s:
+            return
+        begun = self._commanded(measured_s - passed_s)
+        state = MotionState(0.0, 0.0, 0.0, begun.travel_mps, begun.rotate_radps, self._lag_radps)
+        after = self._roll(state, measured_s - passed_s, measured_s)
+        turned_rad = wrap_rad(odometry.pose.heading_rad - seen.pose.heading_rad)
+        self._lag_radps = after.lag_radps + LEARN * (turned_rad - after.heading_rad) / passed_s
+
+
+class _Instead(Enum):
+    """What turn-then-drive is at, where it took over."""
+
+    BRAKE = auto()
+    TURN = auto()
+    DRIVE = auto()
+    DONE = auto()
+
+
+class PredictiveLaw(Motion):
+    """Drives the control point to where a leg ends, in the least time.
+
+    Args:
+        motions: makes the motions of turn-then-drive.
+    """
+
+    def __init__(
+        self,
+        command: Command,
+        leg: Leg,
+        settings: Settings,
+        status: Status,
+        observer: MotionObserver,
+        solver: PlanSolver,
+        motions: VelocityLocomotion,
+    ) -> None:
+        if leg.target is None or leg.toward_rad is None:
+            raise TypeError(f"{leg} has no line to a place")
+        self._command, self._leg, self._place = command, leg, leg.target
+        self._settings, self._status = settings, status
+        self._solver, self._motions = solver, motions
+        self._observer = observer
+        self._near_m = aim_m(leg.tolerance_m, settings)
+        self._near_rad = settings.turn_drive.heading_tolerance_rad
+        self._heading_rad = leg.toward_rad if leg.heading_rad is None else leg.heading_rad
+        aim_rad = ANY_HEADING_RAD if leg.heading_rad is None else AIM_SHARE * self._near_rad
+        aim = AIM_SHARE * self._near_m
+        self._target = Target(self._place.x_m, self._place.y_m, self._heading_rad, aim, aim_rad)
+        self._plan: Plan | None = None
+        self._plan_from_s = 0.0
+        self._asked_from_s = 0.0
+        self._misses = 0
+        self._starts = 0
+        self._braking = False
+        self._instead: _Instead | None = None
+        self._motion: Motion | None = None
+        self._waypoint = _waypoint(leg, self._place, self._heading_rad, observer.ahead_m)
+        self._limits = self._present_limits
+        self.notice: str | None = None
+        self.expected_s = self._expected_s()
+
+    @property
+    def done(self) -> bool:
+        """Whether the rover stands where the leg ends."""
+        if self._instead is not None:
+            return self._instead is _Instead.DONE and self._status.standing
+        return self._status.standing and self._within(*self._off(self._status.pose), 1.0)
+
+    @property
+    def left(self) -> str:
+        """The distance left, and for how long by the plan."""
+        left_m, _ = self._off(self._status.pose)
+        if self._instead is not None:
+            return f"{left_m:.3f} m left, by turn-then-drive"
+        if self._plan is None:
+            return f"{left_m:.3f} m left"
+        return f"{left_m:.3f} m and {self._plan.duration_s:.1f} s left"
+
+    def renew(self, _: float) -> bool:
+        """Reckon anew how long it takes, if another greatest speed was set."""
+        if self._present_limits == self._limits:
+            return False
+        self._limits = self._present_limits
+        self.expected_s = self._expected_s()
+        return True
+
+    def want(self, now_s: float) -> Wanted:
+        """Return the velocity to command."""
+        if self._instead is not None:
+            return self._turn_then_drive(now_s)
+        state, effect_s = self._observer.observe(now_s), self._observer.effect_s
+        takes_effect_s = now_s + self._settings.mpc.command_delay_s
+        if self._solver.lead_ticks == 0:
+            self._ask(state, effect_s)
+        self._take_answer(state, effect_s)
+        if self._misses > MISSES or self._starts > STANDS:
+            self._give_up()
+            return STANDING
+        command = STANDING
+        if self._plan is not None and not self._lands(state):
+            command = self._plan.velocity(takes_effect_s - self._plan_from_s)
+        if self._solver.lead_ticks:
+            step_s = max(takes_effect_s - effect_s, FINEST_S)
+            self._ask(self._observer.next(state, command, step_s), takes_effect_s)
+        return command
+
+    @property
+    def _present_limits(self) -> tuple[float, float]:
+        return self._status.travel_limit_mps, self._status.rotate_limit_radps
+
+    def _expected_s(self) -> float:
+        """Return what turn-then-drive takes, at most."""
+        pose, rotate = self._status.pose, turn_bounds(self._settings, self._status)
+        travel = Bounds(self._limits[0], self._settings.drive.travel_acceleration_mps2)
+        toward_rad = self._leg.toward_rad or 0.0
+        return (
+            duration_s(wrap_rad(toward_rad - pose.heading_rad), rotate)
+            + duration_s(self._off(pose)[0], travel)
+            + duration_s(wrap_rad(self._heading_rad - toward_rad), rotate)
+        )
+
+    def _off(self, pose: Pose) -> tuple[float, float]:
+        """Return how far a pose is from the end, in metres and radians."""
+        point = pose.ahead(self._settings.turn_drive.control_point_m)
+        return point.distance_m(self._place), abs(wrap_rad(pose.heading_rad - self._heading_rad))
+
+    def _within(self, off_m: float, off_rad: float, share: float) -> bool:
+        near_rad = ANY_HEADING_RAD if self._leg.heading_rad is None else self._near_rad
+        return off_m <= share * self._near_m and off_rad <= share * near_rad
+
+    def _ask(self, state: MotionState, from_s: float) -> None:
+        """Have a plan made from a state, with the rest of the plan before as a guess.
+
+        Where the rover stands at the end of that, polylines are tried anew.
+        """
+        if self._solver.busy:
+            return
+        guess, at_rest = self._plan, not (state.travel_mps or state.rotate_radps)
+        if guess is not None:
+            guess = guess.after(from_s - self._plan_from_s)
+            if at_rest and self._status.standing and guess.duration_s < OVER_S:
+                guess = None
+            else:
+                near_rad = guess.states[0].heading_rad
+                heading_rad = near_rad + wrap_rad(state.heading_rad - near_rad)
+                state = replace(state, heading_rad=heading_rad)
+        if guess is None:
+            self._starts += 1
+        self._asked_from_s = from_s
+        self._solver.ask(Problem(state, self._target, *self._present_limits, guess))
+
+    def _take_answer(self, state: MotionState, effect_s: float) -> None:
+        """Go on with the answer to the last question, if there is one that leads there."""
+        if not self._starts:
+            return
+        plan, jumped = self._solver.answer(), False
+        if self._plan is not None:
+            jumped = self._jumped(self._plan.at(effect_s - self._plan_from_s), state)
+        if plan is None or plan.miss > MISSED or jumped:
+            self._misses += 1
+            return
+        self._misses = 0
+        waits = self._plan is None  # standing, it begins when it is there
+        self._plan, self._plan_from_s = plan, effect_s if waits else self._asked_from_s
+
+    @staticmethod
+    def _jumped(planned: MotionState, state: MotionState) -> bool:
+        off_m = hypot(state.x_m - planned.x_m, state.y_m - planned.y_m)
+        return off_m > OFF_M or abs(wrap_rad(state.heading_rad - planned.heading_rad)) > OFF_RAD
+
+    def _lands(self, state: MotionState) -> bool:
+        """Return whether braking now, or on, brings the rover to rest within the tolerances."""
+        if self._plan is None or self._plan.duration_s > SOON_S:
+            self._braking = False
+            return False
+        drive, tick_s = self._settings.drive, self._settings.tick_s
+        while state.travel_mps or state.rotate_radps:
+            velocity = Velocity(
+                _toward_zero(state.travel_mps, drive.travel_acceleration_mps2 * tick_s),
+                _toward_zero(state.rotate_radps, drive.rotate_acceleration_radps2 * tick_s),
+            )
+            state = self._observer.next(state, velocity, tick_s)
+        for _ in range(2):
+            state = self._observer.next(state, STANDING, tick_s)
+        off_m = hypot(state.x_m - self._place.x_m, state.y_m - self._place.y_m)
+        off_rad = abs(wrap_rad(state.heading_rad - self._heading_rad))
+        share = KEEP_BRAKING_SHARE if self._braking else BRAKE_SHARE
+        self._braking = self._within(off_m, off_rad, share)
+        return self._braking
+
+    def _give_up(self) -> None:
+        reason = "no plan leads there" if self._misses > MISSES else "it stands beside its target"
+        self.notice = f"mpc: {reason}; turn-then-drive takes over"
+        self._instead = _Instead.BRAKE
+        self._limits = (0.0, 0.0)
+
+    def _turn_then_drive(self, now_s: float) -> Wanted:
+        """Return the velocity to command once it has given up: stand, turn, drive."""
+        if self._instead is _Instead.BRAKE:
+            if not self._status.standing:
+                return STANDING
+            self._leg = plan_leg(self._waypoint, self._settings, self._status)
+            self._motion = self._motions.turn(self._command, self._leg, final=False)
+            self._instead = _Instead.TURN
+        if self._instead is _Instead.TURN and (self._motion is None or self._motion.done):
+            self._motion = self._motions.line(self._command, self._leg)
+            self._instead = _Instead.DRIVE
+        if self._motion is None or self._motion.done:
+            self._instead = _Instead.DONE
+        if self._motion is None or self._instead is _Instead.DONE:
+            return STANDING
+        self._motion.renew(now_s)
+        return self._motion.want(now_s)
+
+
+def _waypoint(leg: Leg, place: Point, heading_rad: float, ahead_m: float) -> Waypoint:
+    """Return what a leg was planned from."""
+    end = Pose(place.x_m, place.y_m, heading_rad=heading_rad).ahead(-ahead_m)
+    return Waypoint(end.x_m, end.y_m, leg.heading_rad, leg.tolerance_m)
+
+
+def _toward_zero(figure: float, step: float) -> float:
+    return max(figure - step, 0.0) if figure > 0.0 else min(figure + step, 0.0)
+
+
+class PredictiveLocomotion(VelocityLocomotion):
+    """Drives to places by `PredictiveLaw`; turns, straight lines and held velocities as ever."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        settings: Settings,
+        status: Status,
+        mover: VelocityMover,
+        solver: PlanSolver,
+    ) -> None:
+        super().__init__(clock, settings, status)
+        self._mover = mover
+        self._solver = solver
+        self._model = model_of(settings)
+
+    def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
+        """Return the last turn of a leg; the first is part of its curve."""
+        if not final and _leads(leg):
+            return None
+        return super().turn(command, leg, final)
+
+    def line(self, command: Command, leg: Leg) -> Motion | None:
+        """Return the curve of a leg that leads to a place, or its straight line."""
+        if not _leads(leg):
+            return super().line(command, leg)
+        return PredictiveLaw(
+            command,
+            leg,
+            self._settings,
+            self._status,
+            MotionObserver(self._settings, self._status, self._model, self._mover),
+            self._solver,
+            VelocityLocomotion(self._clock, self._settings, self._status),
+        )
+
+
+def _leads(leg: Leg) -> bool:
+    return leg.target is not None and leg.toward_rad is not None
+
+
+def model_of(settings: Settings) -> MotionModel:
+    """Return how the rover of an asset moves, by its settings."""
+    ahead_m = settings.turn_drive.control_point_m
+    return MotionModel(settings.mpc.yaw, settings.mpc.side_slip, ahead_m)
+
+
+def make_solver(settings: Settings) -> MinimumTime:
+    """Return what solves the plans of an asset, in the call that asks.
+
+    Raises:
+        SettingsError: casadi is not installed.
+    """
+    drive = settings.drive
+    return MinimumTime(
+        model_of(settings),
+        drive.travel_acceleration_mps2,
+        drive.rotate_acceleration_radps2,
+        settings.mpc.steps,
+    )

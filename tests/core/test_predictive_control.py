@@ -1,0 +1,244 @@
+"""Model predictive control: its plans, and the rover that drives by them, in lock step."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from math import hypot, pi
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from executive.clock import ManualClock
+from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
+from executive.geometry import Pose, Velocity, wrap_rad
+from executive.motion import MinimumTime, Plan, Problem, make_locomotion, make_solver
+from executive.motion.minimum_time import MotionState, Target
+from executive.motion.predictive_control import model_of
+from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.settings import Controller, load_settings
+from executive.settings_files import SettingsError
+from executive.state import Status
+from sim.rover import World
+from sim.rover.jackal import SimulatedJackal
+from sim.rover.lockstep import LockStep
+from tests.support.kinematic import KinematicRover
+
+JACKAL = replace(load_settings("jackal"), controller=Controller.MPC)
+AHEAD_M = JACKAL.turn_drive.control_point_m
+ASIDE = Waypoint(1.0, 1.0, pi / 2)
+
+
+@pytest.fixture(scope="module")
+def solver() -> MinimumTime:
+    return make_solver(JACKAL)
+
+
+class Failing:
+    """A solver that finds nothing in some of its calls, or plans that do not lead there."""
+
+    lead_ticks = 0
+    busy = False
+
+    def __init__(
+        self, solver: MinimumTime, fails: Callable[[int], bool], miss: float | None = None
+    ) -> None:
+        self._solver, self._fails, self._miss = solver, fails, miss
+        self._asked = 0
+
+    def ask(self, problem: Problem) -> None:
+        self._asked += 1
+        self._solver.ask(problem)
+
+    def answer(self) -> Plan | None:
+        plan = self._solver.answer()
+        if plan is None or not self._fails(self._asked):
+            return plan
+        return None if self._miss is None else replace(plan, miss=self._miss)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(
+    x_m=st.floats(-6.0, 6.0),
+    y_m=st.floats(-6.0, 6.0),
+    heading_rad=st.floats(-pi, pi),
+    travel_mps=st.floats(0.2, 1.0),
+    rotate_radps=st.floats(0.3, 1.5),
+)
+def test_a_plan_keeps_the_limits_and_ends_where_it_is_to(
+    solver: MinimumTime,
+    x_m: float,
+    y_m: float,
+    heading_rad: float,
+    travel_mps: float,
+    rotate_radps: float,
+) -> None:
+    target = Target(x_m, y_m, heading_rad)
+    start = MotionState(AHEAD_M, 0.0, 0.0)
+    plan = solver.solve(Problem(start, target, travel_mps, rotate_radps, None))
+    assert plan is not None
+    end, step_s = plan.states[-1], plan.duration_s / (len(plan.states) - 1)
+    assert plan.miss < 0.01
+    assert hypot(end.x_m - x_m, end.y_m - y_m) <= target.aim_m + plan.miss + 1e-3
+    assert abs(wrap_rad(end.heading_rad - heading_rad)) <= target.aim_rad + plan.miss + 1e-3
+    assert abs(end.travel_mps) < 1e-3 > abs(end.rotate_radps)
+    for before, after in zip(plan.states, plan.states[1:], strict=False):
+        assert abs(after.travel_mps) <= travel_mps + 1e-3
+        assert abs(after.rotate_radps) <= rotate_radps + 1e-3
+        assert abs(after.travel_mps - before.travel_mps) <= 1.0 * step_s + 1e-3
+        assert abs(after.rotate_radps - before.rotate_radps) <= 3.0 * step_s + 1e-3
+
+
+def test_a_straight_line_takes_its_least_time(solver: MinimumTime) -> None:
+    start, target = MotionState(AHEAD_M, 0.0, 0.0), Target(4.0 + AHEAD_M, 0.0, 0.0, aim_m=0.0)
+    plan = solver.solve(Problem(start, target, 1.0, 1.5, None))
+    assert plan is not None
+    assert plan.duration_s == pytest.approx(5.0, rel=0.01)
+
+
+def drive(lockstep: LockStep, request: Request, limit_s: float = 60.0) -> Stage:
+    def ended() -> bool:
+        return any(each.stage is not None and each.stage.terminal for each in reports(lockstep))
+
+    lockstep.run(0.5)
+    lockstep.submit(Command(Identity("test", 1), request, "direct"))
+    lockstep.run_until(ended, limit_s)
+    lockstep.run(0.5)
+    lockstep.executive.abandon()
+    stage = reports(lockstep)[-1].stage
+    assert stage is not None
+    return stage
+
+
+def reports(lockstep: LockStep) -> list[Report]:
+    return [each for each in lockstep.heard.reports if each.stage is not None]
+
+
+def alarms(lockstep: LockStep) -> list[str]:
+    return [
+        each.text
+        for each in lockstep.heard.reports
+        if each.kind is Kind.EVENT and each.severity is not Severity.INFORMATIONAL
+    ]
+
+
+def off(pose: Pose, target: Waypoint) -> tuple[float, float]:
+    place_m = hypot(pose.x_m - target.x_m, pose.y_m - target.y_m)
+    return place_m, abs(wrap_rad(pose.heading_rad - (target.heading_rad or 0.0)))
+
+
+@pytest.mark.parametrize(
+    "target", [Waypoint(-1.0, 0.3, 0.0), Waypoint(0.0, 0.5, 0.0), Waypoint(1.0, -1.0, pi)]
+)
+def test_a_curve_leads_to_the_place_in_truth_and_no_monitor_objects(
+    target: Waypoint, solver: MinimumTime, tmp_path: Path
+) -> None:
+    lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
+    assert drive(lockstep, MoveTo(target)) is Stage.EXECUTED
+    seen_m, seen_rad = off(lockstep.executive.status.pose, target)
+    true_m, true_rad = off(lockstep.rover.true_pose, target)
+    assert (seen_m, seen_rad) < (0.03, 0.035)
+    assert true_m < 0.13
+    assert true_rad < 0.05
+    assert alarms(lockstep) == []
+
+
+def test_it_takes_less_time_than_turn_then_drive(solver: MinimumTime, tmp_path: Path) -> None:
+    times_s = []
+    for controller in Controller:
+        folder = tmp_path / controller.value
+        chosen = replace(JACKAL, controller=controller)
+        lockstep = LockStep(chosen, World(), folder, solver=solver)
+        assert drive(lockstep, MoveTo(ASIDE)) is Stage.EXECUTED
+        times_s.append(reports(lockstep)[-1].figures[0].value)
+    assert times_s[1] < 0.8 * times_s[0]
+
+
+def ends_at(request: MoveTo | FollowPath) -> Waypoint:
+    return request.target if isinstance(request, MoveTo) else request.waypoints[-1]
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        MoveTo(Waypoint(-1.0, 1.0)),
+        MoveTo(Waypoint(0.6, 0.2, tolerance_m=0.01)),
+        FollowPath((Waypoint(0.5, 0.0), Waypoint(0.5, 0.5, pi))),
+    ],
+)
+def test_what_asks_for_no_heading_or_more_precision_is_executed(
+    request_: MoveTo | FollowPath, solver: MinimumTime, tmp_path: Path
+) -> None:
+    lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
+    assert drive(lockstep, request_) is Stage.EXECUTED
+    last = ends_at(request_)
+    assert off(lockstep.executive.status.pose, last)[0] < 0.03
+
+
+def test_two_runs_are_alike(tmp_path: Path) -> None:
+    paths: list[list[Pose]] = []
+    for name in ("one", "other"):
+        lockstep = LockStep(JACKAL, World(), tmp_path / name, seed=3)
+        lockstep.submit(Command(Identity("test", 1), MoveTo(ASIDE), "direct"))
+        poses = []
+        for _ in range(30):
+            lockstep.run(0.1)
+            poses.append(lockstep.rover.true_pose)
+        lockstep.executive.abandon()
+        paths.append(poses)
+    assert paths[0] == paths[1]
+
+
+@pytest.mark.parametrize("miss", [None, 1.0])
+def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
+    miss: float | None, solver: MinimumTime, tmp_path: Path
+) -> None:
+    failing = Failing(solver, lambda asked: asked > 20, miss)
+    lockstep = LockStep(JACKAL, World(), tmp_path, solver=failing)
+    assert drive(lockstep, MoveTo(Waypoint(3.0, 2.0, 0.0))) is Stage.EXECUTED
+    texts = [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS]
+    assert texts == ["mpc: no plan leads there; turn-then-drive takes over"]
+    assert off(lockstep.executive.status.pose, Waypoint(3.0, 2.0, 0.0))[0] < 0.03
+    assert alarms(lockstep) == []
+
+
+def test_a_few_ticks_without_an_answer_go_by_the_plan_before(
+    solver: MinimumTime, tmp_path: Path
+) -> None:
+    failing = Failing(solver, lambda asked: asked > 1 and asked % 4 != 0)
+    lockstep = LockStep(JACKAL, World(), tmp_path, solver=failing)
+    assert drive(lockstep, MoveTo(ASIDE)) is Stage.EXECUTED
+    assert Stage.PROGRESS not in [each.stage for each in reports(lockstep)]
+    assert reports(lockstep)[-1].figures[0].value < 3.5
+
+
+def test_without_casadi_one_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(SettingsError, match=r"pip install 'rover-executive\[mpc\]'"):
+        make_solver(JACKAL)
+
+
+def test_real_time_and_rovers_that_move_by_themselves_are_refused() -> None:
+    clock = ManualClock()
+    with pytest.raises(SettingsError, match="controller"):
+        make_locomotion(KinematicRover(), clock, JACKAL, Status(clock, JACKAL))
+    with pytest.raises(ValueError, match="locomotion is velocity"):
+        replace(load_settings("mocup"), controller=Controller.MPC)
+
+
+def test_the_model_turns_as_the_simulated_rover_does() -> None:
+    """On a curve that speeds up and brakes at its end: within 4° of 100°, with the yaw response."""
+    model, rover = model_of(JACKAL), SimulatedJackal(World())
+    rover.advance(0.5)
+    state: list[float] = [0.0] * 6
+    for tick in range(70):
+        left = max(60 - tick, 0)
+        travel_mps = min(0.05 * tick, 1.0, 0.05 * left)
+        rotate_radps = min(0.1 * tick, 0.8, 0.1 * left)
+        controls = ((travel_mps - state[3]) / 0.05, (rotate_radps - state[4]) / 0.05)
+        state = model.advance(state, controls, 0.05)
+        rover.drive(Velocity(travel_mps, rotate_radps))
+        rover.advance(0.05)
+    off_rad = wrap_rad(rover.true_pose.heading_rad - state[2])
+    assert off_rad == pytest.approx(0.0, abs=0.07)
