@@ -37,6 +37,8 @@ from executive.state import (
     SecondOdometry,
 )
 
+STALL_S: Final = 0.25
+"""A base that is commanded more seldom may have stopped by itself in between."""
 INPUT_S: Final = 0.5
 """For so long a command of somebody else counts: twist_mux masks the others for as long."""
 
@@ -199,14 +201,17 @@ class History:
         return tuple(heard for heard, at_s in self._inputs.values() if at_s >= since_s)
 
     def command(self, velocity: Velocity, at_least: Velocity | None = None) -> None:
-        """Note what is commanded from now on.
+        """Note what is commanded from now on; after a stall it is not known what came before.
 
         Args:
             velocity: of the rover; to stand where it should.
             at_least: where the rover gains or loses the velocity by itself, the other end of what
                 it may have.
         """
-        now_s, channel = self._clock.now_s(), self.commands
+        now_s = self._clock.now_s()
+        if now_s - self.commands.time_s > STALL_S:
+            self.commands = Channel(4)
+        channel = self.commands
         _, least, last = self._velocities[-1]
         last = last if least == last else STANDING
         at_least = velocity if at_least is None else at_least

@@ -98,13 +98,20 @@ def test_nothing_is_looked_at_that_was_before_it_was_accepted() -> None:
     assert drive.history.moved_in(0.3, time_s) is not None
 
 
+def hold(
+    clock: ManualClock, history: History, velocity: Velocity, at_least: Velocity | None = None
+) -> None:
+    """Command a velocity for a second, in each tick."""
+    for _ in range(10):
+        history.command(velocity, at_least)
+        clock.advance(0.1)
+
+
 def test_a_velocity_that_is_being_gained_is_any_up_to_it_and_no_way() -> None:
     clock = ManualClock()
     history = History(clock, FaultTable())
-    history.command(Velocity(-0.5), STANDING)
-    clock.advance(1.0)
-    history.command(Velocity(-0.5))
-    clock.advance(1.0)
+    hold(clock, history, Velocity(-0.5), STANDING)
+    hold(clock, history, Velocity(-0.5))
     history.command(STANDING)
     found = history.commands_in(1.5, clock.now_s())
     assert (found.travel_low_mps, found.travel_high_mps) == (-0.5, 0.0)
@@ -119,11 +126,23 @@ def test_commands_of_a_window_are_those_in_force_within_it() -> None:
     clock = ManualClock()
     history = History(clock, FaultTable())
     for velocity in (STANDING, Velocity(1.0), Velocity(0.5, 0.2), STANDING):
-        history.command(velocity)
-        clock.advance(1.0)
+        hold(clock, history, velocity)
     found = history.commands_in(1.5, clock.now_s())
     assert (found.travel_low_mps, found.travel_high_mps) == (0.0, 0.5)
     assert found.rotate_high_radps == 0.2
     way = history.commanded_in(2.0, clock.now_s() - 1.0)
     assert way is not None
     assert hypot(way.way_m, way.turn_rad) == pytest.approx(hypot(1.5, 0.2))
+
+
+def test_which_way_was_commanded_is_not_known_over_a_stall() -> None:
+    clock = ManualClock()
+    history = History(clock, FaultTable())
+    hold(clock, history, Velocity(1.0))
+    clock.advance(0.3)
+    hold(clock, history, Velocity(1.0))
+    history.command(Velocity(1.0))
+    assert history.commanded_in(1.2, clock.now_s()) is None
+    way = history.commanded_in(0.8, clock.now_s())
+    assert way is not None
+    assert way.way_m == pytest.approx(0.8)
