@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from adapters.cli.checkout import ROS_MARK, ros_files
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -43,6 +44,16 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     test = pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in names})
     asyncio.run(asyncio.wait_for(test, ASYNC_LIMIT_S))
     return True
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Have files with a slow test begin first, so that none of them is alone in the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
+    real = {item.path for item in items if item.get_closest_marker("ros")}
+    if unmarked := sorted(str(path) for path in real - {CHECKOUT / file for file in ros_files()}):
+        raise pytest.UsageError(f"not found by `rover test`: say {ROS_MARK} in {unmarked}")
 
 
 @pytest.fixture(autouse=True)

@@ -31,7 +31,7 @@ from executive.commands.catalogue import (
 from executive.reports import Identity
 from tests.support.processes import Running, executive, simulation
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 LIMIT_S = 60.0
 MOCUP = ("--asset", "mocup")

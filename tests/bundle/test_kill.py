@@ -8,6 +8,8 @@ from contextlib import AbstractAsyncContextManager, contextmanager
 from pathlib import Path
 from typing import TypeVar
 
+import pytest
+
 from tests.bundle.ion_node import ion_nodes
 from tests.stress.bundle_kills import ION, kill_at_random, measure
 from tests.support.victims import workplace
@@ -46,6 +48,7 @@ def test_no_kill_loses_or_doubles_anything(tmp_path: Path) -> None:
     assert all(figure.met for figure in faults)
 
 
+@pytest.mark.slow
 def test_nor_does_it_where_ion_carries_and_no_endpoint_stays_open(tmp_path: Path) -> None:
     """The agents are killed, their bridges end by themselves."""
     with meanwhile(lambda: ion_nodes(tmp_path, 1, 2)) as nodes:

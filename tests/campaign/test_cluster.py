@@ -200,6 +200,7 @@ def rover_campaign(*arguments: str) -> tuple[int, str]:
     return done.exit_code, done.output
 
 
+@pytest.mark.slow
 def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
     campaign = load_campaign(write())
     with worker(far, "first"), worker(far, "second"):

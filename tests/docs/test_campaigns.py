@@ -14,6 +14,7 @@ from tests.support.processes import run_to_end
 PAGE = CHECKOUT / "docs" / "campaigns.md"
 
 
+@pytest.mark.slow
 def test_the_campaign_is_one_and_its_data_set_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

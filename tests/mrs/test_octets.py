@@ -3,11 +3,13 @@
 import socket
 import struct
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 
 from adapters.mal import Codec, Header, Stage, encode_message
 from adapters.mal.codec import decode_message
+from adapters.mrs.aboard import served_operations
 from adapters.mrs.spec import mrs_specification
 from tests.mrs.aboard import ANSWER_S, HEADER, Aboard
 
@@ -78,6 +80,14 @@ def test_a_flag_that_is_neither_0_nor_1_is_bad_encoding(aboard: Aboard) -> None:
     assert not moved(aboard)
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a rover not wait for the rest of a message for as long as the product does."""
+    limits = replace(served_operations.LIMITS, stall_s=0.2)
+    monkeypatch.setattr(served_operations, "LIMITS", limits)
+
+
+@pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize(
     "octets",
     [

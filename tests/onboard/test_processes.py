@@ -29,7 +29,7 @@ from tests.support.plans import plan
 from tests.support.probe import Probe, probing
 from tests.support.processes import Running, executive, running, simulation
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 LONG_DRIVE = DriveFor(0.3, 0.0, 50.0)
 

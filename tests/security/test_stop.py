@@ -90,18 +90,18 @@ def test_a_stop_needs_no_authority(tmp_path: Path) -> None:
         assert bench.rover.velocity == STANDING
 
 
-def test_a_thousand_stops_of_repeated_numbers_all_act(bench: Bench) -> None:
+def test_stops_of_repeated_numbers_all_act(bench: Bench) -> None:
     acted = 0
-    for number in range(1000):
+    for number in range(200):
         bench.submit(Resume(), 10_000 + number)
         bench.submit(MoveForward(5.0), 20_000 + number)
         bench.run(0.1)
         answer = bench.submit(Stop(), 1 + number % 10)
         assert isinstance(answer, Admitted if number < 10 else Repeated)
         acted += bench.rover.velocity == STANDING and bench.executive.mode is Mode.STOPPED
-    assert acted == 1000
+    assert acted == 200
     texts = [report.text for report in bench.heard.reports]
-    assert texts.count("MOE:1 came again: the rover was stopped again") == 99
+    assert texts.count("MOE:1 came again: the rover was stopped again") == 19
 
 
 def test_a_stop_acts_on_a_full_disk_and_is_known_after_kill_9(bench: Bench) -> None:

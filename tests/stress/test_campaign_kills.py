@@ -15,6 +15,7 @@ def judged(seed: int = 3) -> dict[str, float]:
     return {figure.name.partition(": ")[2]: figure.value for figure in figures}
 
 
+@pytest.mark.slow
 def test_every_run_is_there_once_whatever_is_killed() -> None:
     found = judged()
     assert found.pop("kills") == 1

@@ -61,6 +61,7 @@ def test_a_broken_provider_is_found_out(
     assert missed(broken, part).keys() >= names
 
 
+@pytest.mark.slow
 def test_no_wrong_message_breaks_a_provider_whatever_its_encoding(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"
     asked = ["fuzz", "--messages", str(len(mal_fuzz.PARTS) * SOME), "--seed", "2"]

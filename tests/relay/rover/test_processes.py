@@ -17,7 +17,7 @@ from executive.reports import Identity, Stage
 from tests.relay.rover.place import DICTIONARY, SOURCE, Orbiter, Place
 from tests.support.processes import LIMIT_S, Running, executive, simulation
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 KILLED_AFTER = (5, 60)
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
