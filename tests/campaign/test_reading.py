@@ -75,7 +75,7 @@ def test_a_fault_can_have_a_very_small_parameter(write: Write) -> None:
 def test_a_fault_may_be_of_a_sensor_that_the_campaign_adds(write: Write) -> None:
     added = (FRICTION, f"{FRICTION}\n  settings.sensors.laser: {{grid: [{{rate_hz: 10}}]}}")
     load_campaign(write(added, (INJECT, "{choice: [laser_dead], at: 1}")))
-    with pytest.raises(SettingsError, match="settings.sensors.laser"):
+    with pytest.raises(SettingsError, match=r"settings\.sensors\.laser"):
         load_campaign(write((INJECT, "{choice: [laser_dead], at: 1}")))
 
 
