@@ -15,7 +15,8 @@ from typing import Final, Protocol
 
 from executive.authority import Authority
 from executive.clock import Clock
-from executive.commands import GROUND_LINKS, Command, Mode, Stop
+from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Stop
+from executive.commands.intake import not_located
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import Dispatcher, unwritten
 from executive.geometry import STANDING, Velocity
@@ -23,8 +24,10 @@ from executive.goals import Context, Goals
 from executive.link_loss import GroundMonitor
 from executive.motion import Arbiter, PlanSolver, make_locomotion
 from executive.notifications import Notifications
-from executive.plans import PlanHost, Planner
+from executive.path_check import expected_pose
+from executive.plans import PlanHost, Planner, check_plan
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
+from executive.preview import PreviewRun, Start, unsupported
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import (
     AuthorityRecord,
@@ -160,6 +163,7 @@ class Executive:
         self._telemetry = Telemetry(
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
         )
+        self._build_tree = build_tree
         self.tree = build_tree(self._context)
         self._planner = Planner(
             clock,
@@ -307,6 +311,28 @@ class Executive:
     ) -> Sequence[Report]:
         """Return reports from a sequence number on, oldest first; see `Ledger.reports`."""
         return self._ledger.reports(since, command_id, count)
+
+    def preview(self, asked: Motion | PlanDefinition) -> PreviewRun | Refusal:
+        """Return what works out where a motion or a plan would lead, or why it would be refused.
+
+        It begins where the motions that wait or are under way lead. Neither the mode, the queue nor
+        the authority matters: nothing is commanded.
+        """
+        status, settings, context = self.status, self.settings, self._context
+        refusal = unsupported(settings) or not_located(status, settings)
+        if refusal is not None:
+            return refusal
+        what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
+        if isinstance(what, Refusal):
+            return what
+        start = Start(
+            expected_pose(context.goals.motion, status.pose, context.clock, settings),
+            status.travel_speed_mps,
+            status.rotate_speed_radps,
+            status.slow_ratio,
+            self.files,
+        )
+        return PreviewRun(what, start, settings, self._build_tree)
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""

@@ -14,6 +14,7 @@ from adapters.mrs.aboard import (
     AssetServices,
     FileServices,
     Gateway,
+    PreviewService,
     ServedOperations,
     serve_authority,
 )
@@ -140,6 +141,7 @@ class MrsLink:
         gateway = Gateway(executive, asyncio.get_running_loop())
         fleet = FleetService(served, gateway, settings, self._terms)
         asset = AssetServices(served, gateway, settings)
+        PreviewService(served, gateway)
         serve_authority(served, gateway)
         files = FileServices(served, executive.files, settings, partial(gateway.ask, _holder))
         await served.provider.start(*self._address, tls, self._clear_text)

@@ -292,6 +292,19 @@ def made_in_future(command: Made, utc_s: float, tolerance_s: float) -> Refusal |
     )
 
 
+def not_located(status: Status, settings: Settings) -> Refusal | None:
+    """Return that the rover does not know where it is, or None."""
+    if status.odometry_fresh:
+        return None
+    age_s = status.odometry_age_s
+    since = f"for {age_s:.2f} s" if isfinite(age_s) else "yet"
+    return Refusal(
+        Reason.NO_ODOMETRY,
+        f"no odometry {since}: the rover does not know where it is",
+        (Figure("age", age_s, "s"), Figure("bound", settings.faults.odometry_stale.bound, "s")),
+    )
+
+
 def validate(
     command: Command, *, settings: Settings, status: Status, mode: Mode, queued: int, utc_s: float
 ) -> Refusal | None:
@@ -313,14 +326,8 @@ def validate(
         accepted = ", ".join(sorted(each.name for each in ACCEPTED[family]))
         text = f"the rover is {mode.name}, this needs {accepted}{_WAY_OUT.get(mode, '')}"
         return Refusal(Reason.WRONG_MODE, text)
-    if family in LOCATED and not status.odometry_fresh:
-        age_s = status.odometry_age_s
-        since = f"for {age_s:.2f} s" if isfinite(age_s) else "yet"
-        return Refusal(
-            Reason.NO_ODOMETRY,
-            f"no odometry {since}: the rover does not know where it is",
-            (Figure("age", age_s, "s"), Figure("bound", settings.faults.odometry_stale.bound, "s")),
-        )
+    if family in LOCATED and (refusal := not_located(status, settings)):
+        return refusal
     if family in QUEUED and queued >= settings.drive.queue_length:
         return Refusal(
             Reason.QUEUE_FULL,

@@ -303,6 +303,7 @@ _BY_NAME: Final[dict[str, Any]] = {
     "names": ("POS_X", "POS_Y"),
     "pan": 0.5,
     "path": "pictures/MOE-7.jpg",
+    "operation": "moveTo",
     "planId": "survey",
     "planIds": ("survey",),
     "providerURI": PROVIDER,

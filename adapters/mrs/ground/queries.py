@@ -15,9 +15,13 @@ from adapters.mrs.spec import (
     ParameterValue,
     PlanUpdate,
     Pose,
+    Preview,
     ServiceDescriptor,
     Speeds,
+    asked_motion,
+    wire_definition,
 )
+from executive.commands import Motion, PlanDefinition
 
 T = TypeVar("T")
 
@@ -57,6 +61,16 @@ class Queries:
     async def get_speeds(self) -> Speeds:
         """Return how fast the rover may move, and does; NaN what is not known."""
         return await self._one(Speeds, "MotionControl", "getSpeeds")
+
+    async def preview(self, motion: Motion) -> Preview:
+        """Return what a motion command would come to, without commanding it."""
+        asked = asked_motion(motion)
+        parts = (asked.operation, asked.waypoints, asked.figures)
+        return await self._one(Preview, "MotionControl", "preview", *parts)
+
+    async def preview_plan(self, plan: PlanDefinition) -> Preview:
+        """Return what a plan would come to, without submitting it."""
+        return await self._one(Preview, "Plan", "previewPlan", wire_definition(plan))
 
     async def list_actions(self) -> tuple[NamedValue, ...]:
         """Return the text commands that there are, each with what it does."""

@@ -561,3 +561,48 @@ class FaultStatus:
     why: str
     active: tuple[ActiveFault, ...]
     unmonitored: tuple[Unmonitored, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreviewPose:
+    """Where the asset would be at a time.
+
+    Attributes:
+        time: Since the beginning. (s)
+        x: m.
+        y: m.
+        heading: rad, in ]-pi, pi].
+    """
+
+    time: float
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preview:
+    """What a motion or a plan would come to.
+
+    Attributes:
+        duration: From its start to standing at its end. (s)
+        length: m, of the path of base_link.
+        frame: Frame of reference of the path.
+        path: Evenly in time, 200 at most; the last is the end.
+        endWithin: m. How far from the end of the path it may stand, at 2 sigma.
+        headingWithin: rad. By how much its heading may be another, at 2 sigma.
+        energy: J, of the battery. NULL: not known of this asset.
+        clearance: m, the least distance to zones and known rocks of the disc in which it turns.
+            NULL: none is known.
+        nearest: To what that is, for the operator.
+    """
+
+    duration: float
+    length: float
+    frame: str
+    path: tuple[PreviewPose, ...]
+    endWithin: float
+    headingWithin: float
+    energy: float | None = None
+    clearance: float | None = None
+    nearest: str | None = None

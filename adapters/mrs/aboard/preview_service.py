@@ -1,0 +1,82 @@
+"""Serves previews of motions and plans, worked out on the link's loop in slices.
+
+A slice keeps Python's lock for well under a millisecond, and the loop sleeps after each, so that
+the core's thread keeps its ticks and a stop that arrives meanwhile is served.
+"""
+
+import asyncio
+from typing import Final
+
+from adapters.mal import Call, MalError
+from adapters.mrs import spec as wire
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.spec import AreaError, AskedMotion, motion_of, wire_preview, with_text
+from executive.commands import Motion, PlanDefinition
+from executive.preview import Preview, PreviewRun
+from executive.reasons import Refusal
+
+SLICE_TICKS: Final = 2
+PAUSE_S: Final = 0.0005
+MOST_AT_ONCE: Final = 2
+
+
+class PreviewService:
+    """Serves `MotionControl.preview` and `Plan.previewPlan`, `MOST_AT_ONCE` at the same time.
+
+    Args:
+        served: where.
+        gateway: the way to the executive, which is asked for values once.
+    """
+
+    def __init__(self, served: ServedOperations, gateway: Gateway) -> None:
+        self._gateway = gateway
+        self._running = 0
+        served.serve("MotionControl", "preview", self._motion)
+        served.serve("Plan", "previewPlan", self._plan)
+
+    async def _motion(
+        self,
+        _: Call,
+        operation: str,
+        waypoints: tuple[wire.Waypoint, ...] | None,
+        figures: tuple[float, ...] | None,
+    ) -> tuple[wire.Preview]:
+        return (await self._work_out(motion_of(AskedMotion(operation, waypoints, figures))),)
+
+    async def _plan(self, _: Call, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
+        return (await self._work_out(wire.definition_of(plan)),)
+
+    async def _work_out(self, asked: Motion | PlanDefinition) -> wire.Preview:
+        if self._running >= MOST_AT_ONCE:
+            raise with_text(AreaError.BUSY, f"{MOST_AT_ONCE} previews are worked out: try again")
+        self._running += 1
+        try:
+            run = await self._gateway.ask(lambda executive: executive.preview(asked))
+            found = run if isinstance(run, Refusal) else await _slice_by_slice(run)
+        finally:
+            self._running -= 1
+        if isinstance(found, Refusal):
+            raise _refused(found)
+        return wire_preview(found)
+
+
+async def _slice_by_slice(run: PreviewRun) -> Preview | Refusal:
+    run.set_up()
+    while run.result is None:
+        await asyncio.sleep(PAUSE_S)
+        run.advance(SLICE_TICKS)
+    return run.result
+
+
+def _refused(refusal: Refusal) -> MalError:
+    """Return the error by which a refusal travels, in words: no report follows that says more."""
+    reason = refusal.reason
+    match reason.value // 100:
+        case 1:
+            error = AreaError.INVALID
+        case 4:
+            error = AreaError.NOT_SUPPORTED
+        case _:
+            error = AreaError.REJECTED
+    return with_text(error, f"{refusal.text} ({reason.value} {reason.name})")

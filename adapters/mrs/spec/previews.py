@@ -1,0 +1,95 @@
+"""What a preview is asked of, and what it tells, on the wire."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from adapters.mal import MalError
+from adapters.mrs.spec import types
+from adapters.mrs.spec.errors import AreaError, with_text
+from adapters.mrs.spec.mapping import FRAME, REQUESTS, invocation
+from executive.commands import Family, Motion, Waypoint, declared
+
+if TYPE_CHECKING:
+    from executive.preview import Preview
+
+_MOTIONS: Final = {each.operation: each for each in declared() if each.family is Family.MOTION}
+
+
+@dataclass(frozen=True, slots=True)
+class AskedMotion:
+    """A motion as a preview is asked of it: the parts of the operation `preview`."""
+
+    operation: str
+    waypoints: tuple[types.Waypoint, ...] | None
+    figures: tuple[float, ...] | None
+
+
+def asked_motion(motion: Motion) -> AskedMotion:
+    """Return a motion, to ask for its preview."""
+    asked = invocation(motion)
+    match asked.parts:
+        case (types.Waypoint() as target,):
+            return AskedMotion(asked.operation, (target,), None)
+        case (tuple() as waypoints,):
+            return AskedMotion(asked.operation, waypoints, None)
+        case figures:
+            return AskedMotion(asked.operation, None, figures)
+
+
+def motion_of(asked: AskedMotion) -> Motion:
+    """Return the motion of which a preview is asked.
+
+    Raises:
+        MalError: Invalid, there is no such motion, or it has other arguments.
+    """
+    declaration = _MOTIONS.get(asked.operation)
+    if declaration is None:
+        raise _wrong(f"operation {asked.operation[:64]!r}: one of {', '.join(_MOTIONS)}")
+    waypoints, figures = asked.waypoints or (), asked.figures or ()
+    arguments = declaration.arguments
+    first = arguments[0]
+    parts: tuple[Any, ...] = figures
+    if first.kind is Waypoint:
+        parts = (waypoints,) if first.many else waypoints
+        _require(declaration.operation, "figures", figures, ())
+        if not first.many:
+            _require(declaration.operation, "waypoints", waypoints, (first.name,))
+    else:
+        _require(declaration.operation, "waypoints", waypoints, ())
+        names = tuple(argument.name for argument in arguments)
+        _require(declaration.operation, "figures", figures, names)
+    motion = REQUESTS[declaration.service, declaration.operation](*parts)
+    assert isinstance(motion, Motion)
+    return motion
+
+
+def wire_preview(preview: "Preview") -> types.Preview:
+    """Return a preview, to send."""
+    clearance = preview.clearance
+    return types.Preview(
+        duration=preview.duration_s,
+        length=preview.length_m,
+        frame=FRAME,
+        path=tuple(
+            types.PreviewPose(
+                time=each.time_s, x=each.pose.x_m, y=each.pose.y_m, heading=each.pose.heading_rad
+            )
+            for each in preview.path
+        ),
+        endWithin=preview.within_m,
+        headingWithin=preview.within_rad,
+        energy=preview.energy_j,
+        clearance=None if clearance is None else clearance.least_m,
+        nearest=None if clearance is None else clearance.obstacle,
+    )
+
+
+def _require(operation: str, part: str, given: Sequence[object], wanted: Sequence[str]) -> None:
+    if len(given) != len(wanted):
+        named = f": {', '.join(wanted)}" if wanted else ""
+        raise _wrong(f"{part}: {operation} has {len(wanted)}{named}; {len(given)} were given")
+
+
+def _wrong(text: str) -> MalError:
+    return with_text(AreaError.INVALID, text)

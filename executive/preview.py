@@ -1,0 +1,395 @@
+"""Where a motion or a plan would lead: the rover's own tree and laws on a kinematic copy of it.
+
+Nothing here touches the rover, its ledger, tree or goals. What is copied of the present is values,
+so that a preview may be worked out on any thread, in slices.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from math import ceil, hypot
+from typing import Final, Protocol, assert_never
+
+from executive.clock import ManualClock
+from executive.commands import (
+    ABOARD_LINK,
+    Command,
+    Motion,
+    SetRotateSpeed,
+    SetTravelSpeed,
+)
+from executive.commands.intake import ABOARD_PREFIX, check_arguments
+from executive.commands.lifecycle import Life
+from executive.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
+from executive.goals import Context, Goals
+from executive.motion import Arbiter, make_locomotion
+from executive.path_check import check_request
+from executive.plans import (
+    FallbackNode,
+    InverterNode,
+    LoopNode,
+    ParallelNode,
+    PlanNode,
+    RepeatOn,
+    SequenceNode,
+    Step,
+    TimeoutNode,
+)
+from executive.ports import CameraIntent
+from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity
+from executive.safety import Safety
+from executive.settings import Controller, LocomotionKind, Sensors, Settings
+from executive.state import FileFolder, Odometry, Status
+
+LONGEST_S: Final = 300.0
+"""Of the motion that is previewed, so that no preview computes for long."""
+MOST_POSES: Final = 200
+_IDENTITY: Final = Identity(f"{ABOARD_PREFIX}preview", 1)
+
+
+@dataclass(frozen=True, slots=True)
+class TimedPose:
+    """Where base_link would be, so long after the beginning."""
+
+    time_s: float
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """How near the disc in which the rover turns would come to a zone or a known rock.
+
+    Attributes:
+        obstacle: what it is, with its name, for people.
+    """
+
+    least_m: float
+    obstacle: str
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What a motion or a plan would come to.
+
+    Attributes:
+        length_m: of the path of base_link.
+        turned_rad: sum of all turning, without sign.
+        path: `MOST_POSES` at most, evenly in time, in the odometry frame; the last is the end.
+        within_m, within_rad: how far from the end pose the rover may stand, at 2 sigma.
+        energy_j: None where the asset's settings do not say what motion takes.
+        clearance: None where there are no zones and no known rocks.
+    """
+
+    duration_s: float
+    length_m: float
+    turned_rad: float
+    path: tuple[TimedPose, ...]
+    within_m: float
+    within_rad: float
+    energy_j: float | None
+    clearance: Clearance | None
+
+    @property
+    def end(self) -> Pose:
+        """Where base_link would stand at last."""
+        return self.path[-1].pose
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What is copied of the present: where the rover will be, how fast it may move, its folder."""
+
+    pose: Pose
+    travel_speed_mps: float
+    rotate_speed_radps: float
+    slow_ratio: float
+    files: FileFolder
+
+
+class Ticked(Protocol):
+    """A behaviour tree, as far as a preview needs it."""
+
+    def tick(self) -> None:
+        """Run every branch that is due once."""
+
+
+class KinematicBase:
+    """A base that has each velocity after the asset's latency, and turns about its control point.
+
+    Attributes:
+        pose: of base_link, by odometry that is always right.
+        velocity: what it does now.
+    """
+
+    def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
+        self._clock = clock
+        seen_late_s = settings.tick_s / 2  # odometry counts at ticks alone here
+        self._latency_s = max(0.0, settings.turn_drive.latency_s - seen_late_s)
+        self._control_m = settings.turn_drive.control_point_m
+        self._coming: deque[tuple[float, Velocity]] = deque()
+        self._at_s = clock.now_s()
+        self.pose = pose
+        self.velocity = STANDING
+
+    def drive(self, velocity: Velocity) -> None:
+        """Take a velocity."""
+        self._coming.append((self._clock.now_s() + self._latency_s, velocity))
+
+    def advance(self) -> None:
+        """Move on to the clock's time."""
+        now_s = self._clock.now_s()
+        while self._coming and self._coming[0][0] <= now_s:
+            due_s, velocity = self._coming.popleft()
+            self._move(due_s)
+            self.velocity = velocity
+        self._move(now_s)
+
+    def _move(self, until_s: float) -> None:
+        passed_s, self._at_s = until_s - self._at_s, until_s
+        if self.velocity == STANDING:
+            return
+        control = self.pose.ahead(self._control_m)
+        moved = on_arc(
+            replace(self.pose, x_m=control.x_m, y_m=control.y_m),
+            self.velocity.travel_mps * passed_s,
+            self.velocity.rotate_radps * passed_s,
+        )
+        place = moved.ahead(-self._control_m)
+        self.pose = replace(moved, x_m=place.x_m, y_m=place.y_m)
+
+    def emergency_stop(self) -> None:
+        """Do nothing: nobody stops a preview."""
+
+    def lock(self, held: bool) -> None:
+        """Do nothing: nobody else commands a copy."""
+
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Do nothing: a preview shows motion."""
+
+    def request_frame(self) -> None:
+        """Do nothing: a preview shows motion."""
+
+
+@dataclass(slots=True)
+class _Track:
+    """What becomes of the copy: its way, and how near it comes to what is known."""
+
+    settings: Settings
+    poses: list[TimedPose]
+    length_m: float = 0.0
+    turned_rad: float = 0.0
+    clearance: Clearance | None = None
+    _radius_m: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        footprint = self.settings.footprint
+        self._radius_m = 0.0 if footprint is None else footprint.radius_m
+        self._look(self.poses[0].pose, self.poses[0].pose)
+
+    def add(self, time_s: float, pose: Pose) -> None:
+        before = self.poses[-1].pose
+        self.poses.append(TimedPose(time_s, pose))
+        if pose == before:
+            return
+        self.length_m += hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
+        self.turned_rad += abs(wrap_rad(pose.heading_rad - before.heading_rad))
+        self._look(before, pose)
+
+    def _look(self, before: Pose, pose: Pose) -> None:
+        for obstacle in self.settings.zones:
+            left_m = obstacle.clearance_m(before.point, pose.point) - self._radius_m
+            if self.clearance is None or left_m < self.clearance.least_m:
+                self.clearance = Clearance(left_m, obstacle.title)
+
+
+class PreviewRun:
+    """Works out one preview, in slices, on whatever thread calls `advance`.
+
+    A plan is taken as if each of its steps did what it should: of a fallback the first child, of a
+    retry one attempt. What is no motion takes no time; speeds that a plan sets hold.
+
+    Attributes:
+        result: the preview, or why the rover would not do that; None until it is worked out.
+    """
+
+    def __init__(
+        self,
+        asked: Motion | PlanNode,
+        start: Start,
+        settings: Settings,
+        build_tree: Callable[[Context], Ticked],
+    ) -> None:
+        self._asked = asked
+        self._start = start
+        self._settings = replace(settings, sensors=Sensors())
+        self._build_tree = build_tree
+        self._steps = self._all_steps()
+        self._life: Life | None = None
+        self._step: Step | None = None
+        self._began_s = 0.0
+        self.result: Preview | Refusal | None = None
+
+    def advance(self, ticks: int) -> bool:
+        """Go on for some ticks of the copy, after `set_up`; return whether the result is there."""
+        for _ in range(ticks):
+            if self.result is None:
+                self._tick()
+        return self.result is not None
+
+    def set_up(self) -> None:
+        """Make the copy, and begin; called once."""
+        clock, settings, start = ManualClock(), self._settings, self._start
+        self._clock = clock
+        self._base = KinematicBase(clock, settings, start.pose)
+        status = Status(clock, settings)
+        status.travel_speed_mps = start.travel_speed_mps
+        status.rotate_speed_radps = start.rotate_speed_radps
+        status.slow_ratio = start.slow_ratio
+        locomotion, mover = make_locomotion(self._base, clock, settings, status)
+        safety, goals = Safety(clock, settings), Goals(clock)
+        self._track = _Track(settings, [TimedPose(0.0, start.pose)])
+        self._arbiter = Arbiter(clock, settings, self._base, mover, lambda: False)
+        self._context = Context(clock, settings, status, safety, goals, locomotion, start.files)
+        self._tree = self._build_tree(self._context)
+        self._observe()
+        self._begin_next()
+
+    def _tick(self) -> None:
+        context, intents = self._context, self._context.intents
+        intents.clear()
+        self._tree.tick()
+        if context.goals.motion.active is None:
+            intents.motion = STANDING
+        self._arbiter.commit(intents)
+        if self._life is not None and self._life.stage.terminal:
+            self._end_step(self._life)
+        if self.result is not None:
+            return
+        self._clock.advance(self._settings.tick_s)
+        self._base.advance()
+        self._observe()
+        if self._clock.now_s() > LONGEST_S:
+            text = f"it takes longer than {LONGEST_S:g} s: preview it in parts"
+            self.result = Refusal(Reason.NOT_SUPPORTED, text)
+
+    def _observe(self) -> None:
+        fact = Odometry(self._clock.now_s(), self._base.pose, self._base.velocity)
+        self._context.status.observe(fact)
+        self._context.safety.observe(fact)
+        if fact.stamp_s > 0.0:
+            self._track.add(fact.stamp_s, fact.pose)
+
+    def _end_step(self, life: Life) -> None:
+        if life.refusal is not None:
+            self.result = self._named(life.refusal)
+            return
+        step = self._step
+        took_s = self._clock.now_s() - self._began_s
+        if step is not None and step.deadline_s is not None and took_s > step.deadline_s:
+            self.result = self._late(step.place.path, took_s, step.deadline_s)
+            return
+        self._begin_next()
+
+    def _begin_next(self) -> None:
+        """Begin the next motion, or make up the preview after the last."""
+        for request in self._steps:
+            match request:
+                case SetTravelSpeed(speed_mps):
+                    self._context.status.travel_speed_mps = speed_mps
+                case SetRotateSpeed(speed_radps):
+                    self._context.status.rotate_speed_radps = speed_radps
+                case _ if isinstance(request, Motion):
+                    self._begin(request)
+                    return
+                case _:
+                    pass
+            if self.result is not None:
+                return
+        if self.result is None:
+            self.result = self._made_up()
+
+    def _begin(self, request: Motion) -> None:
+        pose, settings = self._context.status.pose, self._settings
+        refusal = check_arguments(request, settings, pose.point) or check_request(
+            request, pose, settings
+        )
+        if refusal is not None:
+            self.result = self._named(refusal)
+            return
+        self._began_s = self._clock.now_s()
+        self._life = Life(Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None)
+        self._life.accept()
+        self._context.goals.motion.add(self._life)
+
+    def _all_steps(self) -> Iterator[object]:
+        """Yield the requests in their order; whoever takes the next has done the one before."""
+        if isinstance(self._asked, Motion):
+            yield self._asked
+        else:
+            yield from self._steps_of(self._asked)
+
+    def _steps_of(self, node: PlanNode) -> Iterator[object]:
+        match node:
+            case Step(request=request):
+                self._step = node
+                yield request
+            case SequenceNode(children=children) | ParallelNode(children=children):
+                for child in children:
+                    yield from self._steps_of(child)
+            case FallbackNode(children=(first, *_)):
+                yield from self._steps_of(first)
+            case LoopNode(repeat_on=repeat_on, times=times, child=child):
+                for _ in range(times if repeat_on is RepeatOn.SUCCESS else 1):
+                    yield from self._steps_of(child)
+            case TimeoutNode(place=place, duration_s=duration_s, child=child):
+                began_s = self._clock.now_s()
+                yield from self._steps_of(child)
+                took_s = self._clock.now_s() - began_s
+                if took_s > duration_s and self.result is None:
+                    self.result = self._late(place.path, took_s, duration_s)
+            case InverterNode(child=child):
+                yield from self._steps_of(child)
+            case FallbackNode():
+                pass
+            case _:
+                assert_never(node)
+
+    def _named(self, refusal: Refusal) -> Refusal:
+        """Return a refusal with the step of the plan that it is of."""
+        if self._step is None:
+            return refusal
+        return replace(refusal, text=f"{self._step.place.path}: {refusal.text}")
+
+    def _late(self, path: str, took_s: float, limit_s: float) -> Refusal:
+        text = f"{path}: it takes {took_s:.2f} s, more than its {limit_s:g} s"
+        figures = (Figure("duration", took_s, "s"), Figure("bound", limit_s, "s"))
+        return Refusal(Reason.PLAN_DEADLINE, text, figures)
+
+    def _made_up(self) -> Preview:
+        track, prediction, duration_s = self._track, self._settings.prediction, self._clock.now_s()
+        every = max(1, ceil((len(track.poses) - 1) / (MOST_POSES - 1)))
+        path = track.poses[:-1:every]
+        path.append(TimedPose(duration_s, track.poses[-1].pose))
+        return Preview(
+            duration_s,
+            track.length_m,
+            track.turned_rad,
+            tuple(path),
+            prediction.within_m(track.length_m, track.turned_rad),
+            prediction.within_rad(track.length_m, track.turned_rad),
+            prediction.energy_j(duration_s, track.length_m, track.turned_rad),
+            track.clearance,
+        )
+
+
+def unsupported(settings: Settings) -> Refusal | None:
+    """Return why the motion of an asset cannot be previewed, or None."""
+    if settings.locomotion is not LocomotionKind.VELOCITY:
+        why = "carries out whole motions by itself"
+    elif settings.controller is Controller.MPC:
+        why = "is driven by mpc"
+    else:
+        return None
+    text = f"{settings.asset} {why}: its motion cannot be previewed"
+    return Refusal(Reason.NOT_SUPPORTED, text)

@@ -1,0 +1,234 @@
+"""Previews: what becomes of the command, where they are refused, what they leave alone."""
+
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from executive import preview
+from executive.clock import ManualClock
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    Motion,
+    MoveForward,
+    MoveTo,
+    PlanDefinition,
+    RotateBy,
+    RotateTo,
+    SetTravelSpeed,
+    Stop,
+    Waypoint,
+)
+from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.preview import MOST_POSES, KinematicBase, Preview
+from executive.reasons import Reason, Refusal
+from executive.settings import Controller, PredictionSettings, Settings, load_settings
+from executive.settings_files import SettingsError, structure
+from executive.zones import KeepOut, KnownRock, Zones
+from tests.support.kinematic import Bench
+from tests.support.plans import AHEAD, BACK, plan
+
+JACKAL = load_settings("jackal")
+ROCK = KnownRock("boulder", 3.0, 0.0, 0.5)
+
+
+def worked_out(bench: Bench, asked: Motion | PlanDefinition) -> Preview | Refusal:
+    run = bench.executive.preview(asked)
+    if isinstance(run, Refusal):
+        return run
+    run.set_up()
+    while not run.advance(7):
+        pass
+    assert run.result is not None
+    return run.result
+
+
+def previewed(bench: Bench, asked: Motion | PlanDefinition) -> Preview:
+    found = worked_out(bench, asked)
+    assert isinstance(found, Preview), found
+    return found
+
+
+def refused(bench: Bench, asked: Motion | PlanDefinition) -> Refusal:
+    found = worked_out(bench, asked)
+    assert isinstance(found, Refusal), found
+    return found
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        MoveTo(Waypoint(3.0, 2.0, pi / 2)),
+        MoveForward(-1.5),
+        RotateTo(2.0),
+        RotateBy(-3.0),
+        DriveFor(0.5, 0.3, 4.0),
+        FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0, pi / 2), Waypoint(-1.0, 0.0))),
+    ],
+)
+def test_it_tells_what_becomes_of_the_command(bench: Bench, motion: Motion) -> None:
+    told = previewed(bench, motion)
+    began_s = bench.clock.now_s()
+    bench.execute(motion, 1)
+    pose = bench.executive.status.pose
+    assert told.duration_s == pytest.approx(bench.clock.now_s() - began_s, rel=0.05, abs=0.25)
+    assert pose.point.distance_m(told.end.point) <= told.within_m
+    assert abs(wrap_rad(pose.heading_rad - told.end.heading_rad)) <= told.within_rad
+
+
+def test_it_begins_where_motion_under_way_leads_and_leaves_all_alone(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
+    bench.run(1.0)
+    before = (len(bench.heard.reports), bench.executive.last_sequence, bench.executive.goal_count)
+    told = previewed(bench, MoveForward(1.0))
+    assert told.path[0].pose.x_m == pytest.approx(2.0, abs=0.05)
+    assert told.end.x_m == pytest.approx(3.0, abs=0.05)
+    after = (len(bench.heard.reports), bench.executive.last_sequence, bench.executive.goal_count)
+    assert after == before
+    assert bench.executive.velocity != STANDING
+
+
+def test_neither_a_stop_nor_the_queue_keeps_it_out(bench: Bench) -> None:
+    bench.submit(Stop(), 1)
+    bench.run(1.0)
+    assert previewed(bench, MoveForward(1.0)).length_m == pytest.approx(1.0, abs=0.05)
+
+
+def test_it_goes_by_the_speeds_that_are_set(bench: Bench) -> None:
+    fast = previewed(bench, MoveForward(4.0))
+    bench.submit(SetTravelSpeed(0.25), 1)
+    slow = previewed(bench, MoveForward(4.0))
+    assert slow.duration_s == pytest.approx(4.0 / 0.25 + 0.25, abs=0.3)
+    assert slow.duration_s > 2 * fast.duration_s
+
+
+def test_the_path_is_in_time_and_ends_at_the_end(bench: Bench) -> None:
+    told = previewed(bench, FollowPath(tuple(Waypoint(float(x % 2), 0.0) for x in range(1, 30))))
+    times_s = [each.time_s for each in told.path]
+    assert times_s == sorted(set(times_s))
+    assert MOST_POSES / 2 < len(told.path) <= MOST_POSES
+    assert (times_s[0], times_s[-1]) == (0.0, told.duration_s)
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        MoveForward(1000.0),
+        MoveTo(Waypoint(float("nan"), 0.0)),
+        RotateBy(float("inf")),
+        FollowPath(()),
+        MoveTo(Waypoint(6.0, 0.0)),
+        FollowPath((Waypoint(0.0, 1.0), Waypoint(6.0, -1.0))),
+        DriveFor(1.0, 0.0, 5.0),
+    ],
+)
+def test_what_a_command_is_refused_for_refuses_the_preview(tmp_path: Path, motion: Motion) -> None:
+    with Bench(tmp_path, replace(JACKAL, zones=Zones(rocks=(ROCK,)))) as bench:
+        assert refused(bench, motion) == bench.refusal(motion, 1)
+
+
+def test_without_odometry_there_is_none(bench: Bench) -> None:
+    bench.odometry = False
+    bench.run(3.0)
+    assert refused(bench, MoveForward(1.0)) == bench.refusal(MoveForward(1.0), 1)
+    assert refused(bench, plan(AHEAD)).reason is Reason.NO_ODOMETRY
+
+
+def test_what_takes_too_long_is_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(preview, "LONGEST_S", 5.0)
+    found = refused(bench, MoveForward(9.0))
+    assert found.reason is Reason.NOT_SUPPORTED
+    assert "longer than 5 s" in found.text
+
+
+def test_the_clearance_is_that_of_the_nearest_on_the_way(tmp_path: Path) -> None:
+    bed = KeepOut("bed", ((0.0, 3.0), (1.0, 3.0), (1.0, 4.0), (0.0, 4.0)))
+    with Bench(tmp_path, replace(JACKAL, zones=Zones(keep_out=(bed,), rocks=(ROCK,)))) as bench:
+        found = previewed(bench, MoveForward(1.5)).clearance
+        assert found is not None
+        assert found.obstacle == "rock 'boulder'"
+        assert found.least_m == pytest.approx(3.0 - 1.5 - 0.5 - 0.3335, abs=0.02)
+
+
+def test_without_zones_there_is_no_clearance(bench: Bench) -> None:
+    assert previewed(bench, MoveForward(1.0)).clearance is None
+
+
+def test_a_plan_is_taken_step_by_step(bench: Bench) -> None:
+    body = (
+        '<Sequence><setTravelSpeed speed="0.5" deadline_s="5"/>'
+        f"<Fallback>{AHEAD}{BACK}</Fallback>"
+        f'<Repeat num_cycles="2">{BACK}</Repeat>'
+        '<Timeout msec="20000"><rotateBy angle="1.0"/></Timeout>'
+        f'<RetryUntilSuccessful num_attempts="3">{BACK}</RetryUntilSuccessful>'
+        '<takePicture deadline_s="9"/></Sequence>'
+    )
+    told = previewed(bench, plan(body))
+    assert told.length_m == pytest.approx(4.0 + 2.0 + 1.0, abs=0.2)
+    assert told.turned_rad == pytest.approx(1.0, abs=0.1)
+    assert told.duration_s > 7.0 / 0.5
+    assert bench.executive.plans() == []
+    assert bench.executive.status.travel_speed_mps == JACKAL.drive.travel_speed_mps
+
+
+@pytest.mark.parametrize(
+    ("body", "reason", "said"),
+    [
+        ('<moveForward distance="4" deadline_s="2"/>', Reason.PLAN_DEADLINE, "more than its 2 s"),
+        (
+            '<Timeout msec="3000"><moveForward distance="4"/></Timeout>',
+            Reason.PLAN_DEADLINE,
+            "Timeout: it takes",
+        ),
+        (f"<Sequence>{AHEAD}{AHEAD}</Sequence>", Reason.PATH_BLOCKED, "moveForward 2: rock"),
+        ('<moveForward distance="4000" deadline_s="2"/>', Reason.PLAN_BAD_ARGUMENT, "4000"),
+    ],
+)
+def test_a_plan_that_would_not_do_is_refused_by_its_step(
+    tmp_path: Path, body: str, reason: Reason, said: str
+) -> None:
+    rock = replace(ROCK, x_m=6.0)
+    with Bench(tmp_path, replace(JACKAL, zones=Zones(rocks=(rock,)))) as bench:
+        found = refused(bench, plan(body))
+        assert found.reason is reason
+        assert said in found.text
+
+
+@pytest.mark.parametrize(
+    "settings", [load_settings("mocup"), replace(JACKAL, controller=Controller.MPC)]
+)
+def test_what_cannot_be_previewed_is_said(bench: Bench, settings: Settings) -> None:
+    bench.executive.settings = settings
+    assert refused(bench, MoveForward(1.0)).reason is Reason.NOT_SUPPORTED
+
+
+def test_the_base_turns_about_its_control_point() -> None:
+    clock = ManualClock()
+    base = KinematicBase(clock, JACKAL, Pose())
+    base.drive(Velocity(0.0, 1.0))
+    for _ in range(40):
+        clock.advance(JACKAL.tick_s)
+        base.advance()
+    ahead_m = JACKAL.turn_drive.control_point_m
+    assert base.pose.heading_rad == pytest.approx(2.0, abs=0.06)
+    assert base.pose.ahead(ahead_m).x_m == pytest.approx(ahead_m)
+
+
+def test_energy_is_told_where_the_settings_say_what_motion_takes(tmp_path: Path) -> None:
+    takes = PredictionSettings(standing_w=20.0, travel_j_per_m=40.0, rotate_j_per_rad=30.0)
+    with Bench(tmp_path, replace(JACKAL, prediction=takes)) as bench:
+        told = previewed(bench, MoveForward(2.0))
+        assert told.energy_j == pytest.approx(20.0 * told.duration_s + 40.0 * 2.0, rel=0.05)
+    with Bench(tmp_path, replace(JACKAL, prediction=PredictionSettings())) as bench:
+        assert previewed(bench, MoveForward(2.0)).energy_j is None
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("place_m", 0.0), ("place_m_per_m", -0.1), ("standing_w", -3.0), ("travel_j_per_m", 1e12)],
+)
+def test_a_figure_that_cannot_be_is_refused(key: str, value: float) -> None:
+    with pytest.raises(SettingsError, match=key):
+        structure({key: value}, PredictionSettings, "rover.yaml")
