@@ -29,7 +29,7 @@ SHORTEST_S: Final = 0.05
 LONGEST_S: Final = 600.0
 FASTEST_SHARE: Final = 0.6
 """Of the least time by what is commanded: a rover that drives turns faster than commanded."""
-ITERATIONS: Final = 30
+ITERATIONS: Final = 60
 STARTS: Final = 3
 """Guesses that are tried at most, where those before them end beyond the aim or nowhere."""
 NO_MISS: Final = 1e-3
