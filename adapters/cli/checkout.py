@@ -41,13 +41,13 @@ def _python(*arguments: str) -> tuple[str, ...]:
     return (sys.executable, "-m", *arguments)
 
 
-def _pytest(marked: str, *arguments: str) -> tuple[str, ...]:
-    """Return the arguments of a run of the tests with a mark, two files at once, slow ones first.
+def _pytest(marked: str, *arguments: str, workers: int = 2) -> tuple[str, ...]:
+    """Return the arguments of a run of the tests with a mark, some files at once, slow ones first.
 
     The order is that of `tests/conftest.py`; xdist begins with the files that have most tests.
     """
     in_order = ("--dist", "loadfile", "--no-loadscope-reorder")
-    return ("pytest", "-m", marked, "-n", "2", *in_order, *arguments)
+    return ("pytest", "-m", marked, "-n", str(workers), *in_order, *arguments)
 
 
 def ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
@@ -65,7 +65,8 @@ ASIDE: Final = Check(
     (
         _python("coverage", "erase"),
         _python("coverage", "run", "-m", *_pytest("not ros", *CORE_TESTS)),
-        _python(*_pytest("not ros", *(f"--ignore={folder}" for folder in CORE_TESTS))),
+        # Many of these wait for others: clusters, orbiters, ION.
+        _python(*_pytest("not ros", *(f"--ignore={room}" for room in CORE_TESTS), workers=3)),
     ),
 )
 """Takes only what time the others leave, and is told when it ends."""
