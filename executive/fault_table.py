@@ -75,7 +75,7 @@ class FaultTable:
     odometry_late: Row = _fault(
         Reason.ODOMETRY_LATE,
         "Odometry comes too late to steer by.",
-        Row(When.MOVING, *_STOPPED, for_s=0.15, beyond=0.12),
+        Row(When.MOVING, *_STOPPED, for_s=0.15, beyond=0.13),
         beyond=Bound("age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0),
     )
     odometry_slow: Row = _fault(
