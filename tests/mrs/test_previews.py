@@ -1,19 +1,36 @@
-"""Previews over the link: as parts of a message, and what refuses them."""
+"""Previews over the link: as typed, as parts of a message, and what refuses them."""
 
 import asyncio
+import json
+from dataclasses import replace
+from pathlib import Path
 from typing import get_args
 
+import click
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mal import Consumer, MalError
 from adapters.mrs.aboard import preview_service
+from adapters.mrs.cli.preview_command import preview as preview_group
+from adapters.mrs.cli.preview_command import preview_lines
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AreaError, AskedMotion, asked_motion, motion_of
-from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint
-from tests.mrs.aboard import raises
+from adapters.mrs.spec import AreaError, AskedMotion, Preview, PreviewPose, asked_motion, motion_of
+from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, declared
+from tests.mrs.aboard import Aboard, raises
 from tests.support.plans import AHEAD, plan
+
+HERE = PreviewPose(time=2.0, x=1.0, y=0.0, heading=0.0)
+TOLD = Preview(
+    duration=2.0, length=1.0, frame="odom", path=(HERE,), endWithin=0.02, headingWithin=0.03
+)
+
+
+def typed(*arguments: str, to: Aboard | None = None) -> click.testing.Result:
+    where = () if to is None else ("--to", to.uri)
+    return CliRunner().invoke(preview_group, [*where, *arguments])
 
 
 @given(st.one_of(*(st.from_type(kind) for kind in get_args(Motion))))
@@ -67,3 +84,47 @@ async def test_only_so_many_are_worked_out_at_once(consumer: Consumer) -> None:
     for told in await asyncio.gather(*first):
         assert told[0].length == pytest.approx(3.0, abs=0.1)
     await consumer.request("MotionControl", "preview", "moveForward", None, (1.0,))
+
+
+def test_as_typed(aboard: Aboard, tmp_path: Path) -> None:
+    told = typed("moveTo", "3", "2", "--heading", "90deg", to=aboard)
+    assert told.exit_code == 0, told.output
+    assert "ends at x 3.0" in told.stdout
+    assert "heading 90." in told.stdout or "heading 89." in told.stdout
+    as_json = typed("--json", "moveForward", "-1", to=aboard)
+    assert json.loads(as_json.stdout)["path"][0]["time"] == 0.0
+    file = tmp_path / "ahead.xml"
+    file.write_bytes(plan('<moveForward distance="{far}" deadline_s="90"/>').content)
+    assert typed("--plan", str(file), "--arg", "far=3", to=aboard).exit_code == 0
+    refused = typed("--plan", str(file), to=aboard)
+    assert (refused.exit_code, "nothing was given for {far}" in refused.output) == (1, True)
+    assert typed("moveForward", "1000", to=aboard).exit_code == 1
+
+
+def test_what_makes_no_sense_as_typed(tmp_path: Path) -> None:
+    assert "give an operation, or --plan FILE" in typed().output
+    file = tmp_path / "some.xml"
+    file.write_bytes(b"")
+    assert typed("--plan", str(file), "moveForward", "1").exit_code == 2
+    assert typed("--arg", "far=1", "moveForward", "1").exit_code == 2
+    misplaced = typed("moveForward", "1", "--json")
+    assert "--json is an option of `rover preview`: it stands before" in misplaced.output
+
+
+def test_every_motion_can_be_typed() -> None:
+    motions = {each.name for each in declared() if each.kind in get_args(Motion)}
+    assert set(preview_group.commands) == motions
+    shown = CliRunner().invoke(preview_group, ["moveTo", "--help"]).output
+    assert "rover preview moveTo 3 2 --heading 90deg" in shown
+    assert "--replace" not in shown
+
+
+def test_lines_for_people() -> None:
+    assert preview_lines(TOLD) == [
+        "takes 2.0 s, 1.00 m",
+        "ends at x 1.00 m, y 0.00 m, heading 0.0°, within 0.02 m and 1.7° (2 sigma)",
+    ]
+    more = replace(TOLD, energy=111.4, clearance=0.5, nearest="rock 'boulder'")
+    first, _, last = preview_lines(more)
+    assert first == "takes 2.0 s, 1.00 m, 111 J"
+    assert last == "comes to 0.50 m from rock 'boulder'"

@@ -1,5 +1,6 @@
 """`rover command`: a sub-command for each request that people send, as its declaration says."""
 
+from collections.abc import Iterable
 from math import isfinite, pi, radians
 from typing import TYPE_CHECKING, Any, Final
 
@@ -89,7 +90,7 @@ class Operation(click.Command):
         """Read what was typed.
 
         Raises:
-            click.UsageError: an option is none, or one of `rover command` itself.
+            click.UsageError: an option is none, or one of the group itself.
         """
         own = _names(self.get_params(ctx))
         above = set() if ctx.parent is None else _names(ctx.parent.command.params)
@@ -100,9 +101,10 @@ class Operation(click.Command):
             if not word.startswith("--") or name in own:
                 continue
             if name in above:
+                group = f"rover {ctx.parent.command.name}" if ctx.parent else ""
                 raise click.UsageError(
-                    f"{name} is an option of `rover command`: it stands before the operation,"
-                    f" `rover command {word} {self.name} ...`",
+                    f"{name} is an option of `{group}`: it stands before the operation,"
+                    f" `{group} {word} {self.name} ...`",
                     ctx,
                 )
             raise click.NoSuchOption(name, possibilities=own, ctx=ctx)
@@ -186,7 +188,7 @@ def command(
 def _operation(declaration: Declaration) -> click.Command:
     """Return the sub-command that a request is sent by."""
     written = declaration.written
-    parameters = [_parameter(argument, declaration.at_least_one) for argument in written]
+    parameters = parameters_of(declaration)
     if declaration.family is Family.MOTION:
         parameters.append(_replace())
 
@@ -204,8 +206,16 @@ def _operation(declaration: Declaration) -> click.Command:
         sending.send(declaration.make(*values), arrival)
 
     return Operation(
-        declaration.name, params=parameters, callback=send, help=_help(declaration, parameters)
+        declaration.name,
+        params=parameters,
+        callback=send,
+        help=help_of(declaration, parameters, "rover command", declaration.examples),
     )
+
+
+def parameters_of(declaration: Declaration) -> list[click.Parameter]:
+    """Return how the arguments of a request are typed, in the order of those that are written."""
+    return [_parameter(argument, declaration.at_least_one) for argument in declaration.written]
 
 
 def _parameter(argument: Argument, as_option: bool) -> click.Parameter:
@@ -256,7 +266,13 @@ def _meaning(argument: Argument) -> str:
     return ", ".join(filter(None, (unit, argument.help)))
 
 
-def _help(declaration: Declaration, parameters: list[click.Parameter]) -> str:
+def help_of(
+    declaration: Declaration,
+    parameters: list[click.Parameter],
+    group: str,
+    typed: Iterable[str],
+) -> str:
+    """Return the help of a request's sub-command of a group, with what may be typed after it."""
     shown = [
         part
         for argument, parameter in zip(declaration.written, parameters, strict=False)
@@ -265,9 +281,7 @@ def _help(declaration: Declaration, parameters: list[click.Parameter]) -> str:
     ]
     width = max((len(argument.name) for argument in shown), default=0)
     meanings = [f"{each.name.upper():{width}}  {_meaning(each)}".rstrip() for each in shown]
-    examples = [
-        f"  rover command {declaration.name} {typed}".rstrip() for typed in declaration.examples
-    ]
+    examples = [f"  {group} {declaration.name} {each}".rstrip() for each in typed]
     paragraphs = [declaration.summary]
     if meanings:
         paragraphs.append("\n".join(("\b", *meanings)))

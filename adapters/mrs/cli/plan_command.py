@@ -40,7 +40,7 @@ def _arguments(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) ->
     return tuple(PlanArgument(name, value) for name, _equals, value in pairs)
 
 
-_ARGUMENTS: Final = click.option(
+ARGUMENTS: Final = click.option(
     "--arg",
     "arguments",
     multiple=True,
@@ -72,7 +72,7 @@ def plan() -> None:
 @plan.command()
 @_FILE
 @_ID
-@_ARGUMENTS
+@ARGUMENTS
 @asset_option()
 def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], asset: str) -> None:
     """Check FILE as an asset would, without one.
@@ -86,7 +86,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
         settings = load_settings(asset)
     except SettingsError as error:
         raise click.UsageError(str(error)) from error
-    definition = _definition(file, plan_id, arguments)
+    definition = definition_of(file, plan_id, arguments)
     checked = check_plan(definition, settings)
     if isinstance(checked, Refusal):
         click.echo(
@@ -100,7 +100,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
 @plan.command()
 @_FILE
 @_ID
-@_ARGUMENTS
+@ARGUMENTS
 @to_option
 def submit(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: Target
@@ -112,7 +112,7 @@ def submit(
       rover plan submit config/plans/look-around.xml
       rover plan submit there-and-back.xml --id survey-2 --arg far=3
     """
-    Sending(to).send(SubmitPlan(_definition(file, plan_id, arguments)))
+    Sending(to).send(SubmitPlan(definition_of(file, plan_id, arguments)))
 
 
 def _steering(kind: Callable[[str], PlanRequest], declaration: Declaration) -> None:
@@ -193,9 +193,10 @@ def nodes() -> None:
     click.echo(palette(), nl=False)
 
 
-def _definition(
+def definition_of(
     file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...]
 ) -> PlanDefinition:
+    """Return the plan of a file, by the file's name unless it is given an id."""
     name = plan_id or file.name.partition(".")[0]
     return PlanDefinition(name, file.name, FORMAT, file.read_bytes(), arguments)
 

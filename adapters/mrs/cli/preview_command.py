@@ -1,0 +1,125 @@
+"""`rover preview`: what a motion or a plan would come to, without commanding it."""
+
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+from typing import Any
+
+import click
+
+from adapters.mrs.cli.command_group import Operation, help_of, parameters_of
+from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.plan_command import ARGUMENTS, definition_of
+from adapters.mrs.cli.terminal import connect, echo_json, run, say
+from adapters.mrs.spec import Preview
+from executive.commands import (
+    Declaration,
+    Family,
+    Motion,
+    PlanArgument,
+    PlanDefinition,
+    declared,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Asking:
+    """Whom to ask, and how to print what is told."""
+
+    to: Target
+    as_json: bool
+
+    def ask(self, asked: Motion | PlanDefinition) -> None:
+        """Ask for a preview, and print it."""
+        run(self._ask(asked))
+
+    async def _ask(self, asked: Motion | PlanDefinition) -> None:
+        async with await connect(self.to) as client:
+            if isinstance(asked, PlanDefinition):
+                found = await client.preview_plan(asked)
+            else:
+                found = await client.preview(asked)
+        if self.as_json:
+            echo_json(found)
+        else:
+            for line in preview_lines(found):
+                say(line)
+
+
+@click.group(invoke_without_command=True)
+@to_option
+@click.option(
+    "--plan",
+    "file",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="A plan, instead of an operation.",
+)
+@ARGUMENTS
+@json_option
+@click.pass_context
+def preview(
+    ctx: click.Context,
+    to: Target,
+    file: Path | None,
+    arguments: tuple[PlanArgument, ...],
+    as_json: bool,
+) -> None:
+    """Tell what a motion or a plan would come to, without commanding it.
+
+    It is worked out aboard, from where the motions under way and waiting lead, and refused where
+    the command would be, but for mode, queue and authority. Options of `preview` itself stand
+    before the operation; --json has the path, too.
+
+    \b
+    Examples:
+      rover preview moveTo 3 2 --heading 90deg
+      rover preview --json followPath 1,0 1,1,90deg
+      rover preview --plan config/plans/look-around.xml
+
+    \b
+    Exit status: 0 told, 1 it would be refused or fail, 2 makes no sense, 3 cannot be reached.
+    """
+    ctx.obj = Asking(to, as_json)
+    if ctx.invoked_subcommand is None and file is None:
+        raise click.UsageError("give an operation, or --plan FILE", ctx)
+    if ctx.invoked_subcommand is not None and (file is not None or arguments):
+        raise click.UsageError("either an operation, or --plan FILE with --arg", ctx)
+    if file is not None:
+        ctx.obj.ask(definition_of(file, None, arguments))
+
+
+def preview_lines(found: Preview) -> list[str]:
+    """Return a preview as people read it."""
+    end = found.path[-1]
+    energy = "" if found.energy is None else f", {found.energy:.0f} J"
+    lines = [
+        f"takes {found.duration:.1f} s, {found.length:.2f} m{energy}",
+        f"ends at x {end.x:.2f} m, y {end.y:.2f} m, heading {degrees(end.heading):.1f}°,"
+        f" within {found.endWithin:.2f} m and {degrees(found.headingWithin):.1f}° (2 sigma)",
+    ]
+    if found.clearance is not None:
+        lines.append(f"comes to {found.clearance:.2f} m from {found.nearest}")
+    return lines
+
+
+def _operation(declaration: Declaration) -> click.Command:
+    """Return the sub-command that asks for the preview of a motion."""
+    parameters = parameters_of(declaration)
+
+    @click.pass_obj
+    def ask(asking: Asking, /, **given: Any) -> None:
+        asking.ask(declaration.make(*(given[each.field] for each in declaration.written)))
+
+    typed = [each for each in declaration.examples if "--replace" not in each]
+    return Operation(
+        declaration.name,
+        params=parameters,
+        callback=ask,
+        help=help_of(declaration, parameters, "rover preview", typed),
+    )
+
+
+for _each in declared():
+    if _each.family is Family.MOTION:
+        preview.add_command(_operation(_each))
