@@ -20,6 +20,7 @@ from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import Controller, load_settings
 from executive.settings_files import SettingsError
 from executive.state import Status
+from executive.zones import Footprint, KnownRock, Zones
 from sim.rover import World
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep
@@ -225,6 +226,12 @@ def test_real_time_and_rovers_that_move_by_themselves_are_refused() -> None:
         make_locomotion(KinematicRover(), clock, JACKAL, Status(clock, JACKAL))
     with pytest.raises(ValueError, match="locomotion is velocity"):
         replace(load_settings("mocup"), controller=Controller.MPC)
+
+
+def test_an_asset_with_zones_is_refused() -> None:
+    zones = Zones(rocks=(KnownRock("boulder", 2.0, 1.0, 0.3),))
+    with pytest.raises(ValueError, match="controller is mpc: zones are checked"):
+        replace(JACKAL, zones=zones, footprint=Footprint(0.5, 0.4))
 
 
 def test_the_model_turns_as_the_simulated_rover_does() -> None:
