@@ -440,7 +440,7 @@ class BundleAgent:
         except StoreError as error:
             _LOG.error("bundle store: %s", error)
         finally:
-            if transaction.pending:
+            if transaction.pending and not transaction.failing:
                 self._wake()
             if self._timer is not None:
                 self._timer.cancel()

@@ -12,8 +12,10 @@ import pytest
 
 from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
+from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.links import udp
 from adapters.bundle.links.contact import Contact, ContactPlan
+from adapters.bundle.node.database import Database
 from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.settings import (
     Address,
@@ -50,6 +52,30 @@ async def test_tcpcl_brings_both_ways_whoever_dials(tmp_path: Path, acknowledge:
             assert sorted(await two.take(1001)) == sorted(payloads)
             assert sorted(await one.take(1001)) == sorted(payloads)
             await one.until(lambda: one.agent.health().queued == 0)
+
+
+async def test_a_store_that_fails_is_tried_again_now_and_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried = 0
+
+    def fail(_: Database) -> None:
+        nonlocal tried
+        tried += 1
+        raise StoreError("no disk")
+
+    waits = TcpclLink(None)
+    async with running(tmp_path, 2, 1, waits, Listen(tcpcl=ANY)) as two:
+        dials = TcpclLink(port_of(two.agent.listens.tcpcl))
+        async with running(tmp_path, 1, 2, dials, Listen()) as one:
+            await send_all(one, TWO, [b"unit"])
+            async with two.agent.receive():
+                monkeypatch.setattr(Database, "commit", fail)
+            await two.until(lambda: tried > 3)
+            before = asyncio.get_running_loop().time()
+            await two.until(lambda: tried > 8)
+            assert asyncio.get_running_loop().time() - before > 0.3
+            monkeypatch.undo()
 
 
 class Cutter:

@@ -403,6 +403,20 @@ def test_a_store_takes_again_once_its_disk_has_room_though_nothing_was_written_m
     one.put(Ipn(2, 1), b"again")
 
 
+def test_a_store_whose_folder_is_gone_takes_nothing_more(
+    tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = TestedNode(tmp_path, settings_of(1, 2), clock)
+
+    def gone(path: Path) -> None:
+        raise FileNotFoundError(path)
+
+    monkeypatch.setattr(os, "statvfs", gone)
+    one.put(Ipn(2, 1), b"the last that goes in")
+    with pytest.raises(StoreFull):
+        one.node.put(Ipn(2, 1), b"one too many")
+
+
 def test_what_is_over_is_told_and_not_sent_though_the_link_comes_first(tmp_path: Path) -> None:
     clock = Clock()
     one = TestedNode(tmp_path, settings_of(1, 2), clock)

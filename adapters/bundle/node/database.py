@@ -226,7 +226,10 @@ class Database:
 
     @property
     def _free_octets(self) -> int:
-        disk = os.statvfs(self.path.parent)
+        try:
+            disk = os.statvfs(self.path.parent)
+        except OSError:  # its folder is gone: nothing can be kept there
+            return 0
         return disk.f_bavail * disk.f_frsize
 
     @property
@@ -280,13 +283,16 @@ class Transaction:
 
     Changes that can be undone are written to the database at once. Those that cannot, because what
     they stand for has happened, are marks: they are written with the next commit that succeeds.
+
+    Attributes:
+        failing: whether the last commit failed.
     """
 
     def __init__(self, database: Database) -> None:
         self._database = database
         self._marks: list[Callable[[], None]] = []
         self._waiting: list[Callable[[StoreError | None], None]] = []
-        self._failing = False
+        self.failing = False
 
     @property
     def pending(self) -> bool:
@@ -312,9 +318,9 @@ class Transaction:
         except StoreError as error:
             failure = error
             self._database.undo()
-        if failure is not None and not self._failing:
+        if failure is not None and not self.failing:
             _LOG.error("nothing can be stored: %s", failure)
-        self._failing = failure is not None
+        self.failing = failure is not None
         waiting, self._waiting = self._waiting, []
         with ExitStack() as told:
             for tell in reversed(waiting):
