@@ -55,13 +55,13 @@ def follow(root: Path) -> None:
         (branch, place + branch),
     )
     specification = root / "adapters/mrs/spec/mrs.xml"
-    found = re.search(
-        r' *<mal:submitIP name="moveForward".*?</mal:submitIP>\n',
-        specification.read_text(),
-        re.DOTALL,
-    )
+    text = specification.read_text()
+    found = re.search(r' *<mal:submitIP name="moveForward".*?</mal:submitIP>\n', text, re.DOTALL)
+    service = re.search(r'name="MotionControl".*?</mal:service>', text, re.DOTALL)
     assert found is not None
-    copied = found[0].replace('"moveForward" number="2"', '"wait" number="14"')
+    assert service is not None
+    numbers = map(int, re.findall(r'<mal:\w+IP name="\w+" number="(\d+)"', service[0]))
+    copied = found[0].replace('"moveForward" number="2"', f'"wait" number="{max(numbers) + 1}"')
     edit(specification, (found[0], found[0] + copied.replace('"distance"', '"duration"')))
     edit(root / "config/mops/dictionary.yaml", ("  stop: ", "  wait: 0x107\n  stop: "))
     (root / "wait.yaml").write_text(scenario)
