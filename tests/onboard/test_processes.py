@@ -151,6 +151,7 @@ def test_after_a_stop_it_stands_against_another_publisher_even_if_killed(
     assert resumed.executed
     probe.moving()
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
+    probe.until(lambda: "published in its place\n" in process.text, "its guard has acted")
     stands()
     with executive(tmp_path):
         probe.moving()
