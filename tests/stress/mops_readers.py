@@ -206,11 +206,11 @@ class Brick:
 
 
 def _plain(octets: bytes) -> bytes:
-    """Return a message as the brick is sent it: a stop, by its code, without what it carries."""
-    message = decode(octets)
+    """Return a message as the brick is sent it: no outputs; a stop, by its code, nothing at all."""
+    message = replace(decode(octets), outputs=())
     if message.code == STOP_CODE:
-        return encode(replace(message, inputs=(), outputs=(), received=False))
-    return octets
+        message = replace(message, inputs=(), received=False)
+    return encode(message)
 
 
 class Orbiter:
