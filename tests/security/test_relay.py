@@ -78,6 +78,7 @@ def test_aboard_a_stop_overtakes_what_waits_which_is_refused(tmp_path: Path) -> 
             await until(lambda: WAITING in refused(ends))
             await send(orbiter, Resume(), WAITING + 2)
             await until(lambda: ends.rover.commands[-1:] == [str(asked(Resume(), WAITING + 2))])
+            await until(lambda: len(refused(ends)) > WAITING)
 
     again = ends.link()
     again.start()

@@ -250,7 +250,7 @@ class BundleBridge:
         times, told = 0, False
         while times < MOST_TIMES:
             if not stops:
-                asked = self._not_overtaken(asked)
+                asked = await self._without_overtaken(asked)
             if not asked:
                 return
             text = "".join(str(each.message) for each in asked)
@@ -276,23 +276,24 @@ class BundleBridge:
             del self._unconfirmed[mark]
         return True
 
-    def _not_overtaken(self, asked: Sequence[Asked]) -> Sequence[Asked]:
-        """Return commands without those that are older than the last stop, which are answered."""
-        left = []
-        for each in asked:
-            if self._last_stop.overtakes(each.made):
-                self._reject(each.message)
-            else:
-                left.append(each)
-        return left
+    async def _without_overtaken(self, asked: Sequence[Asked]) -> Sequence[Asked]:
+        """Return commands without those that are older than the last stop, which are answered.
 
-    def _reject(self, command: Message) -> None:
-        """Reply that a stop has overtaken a command, if that is short enough for a message."""
+        The replies are stored before this returns, and so before the commands are forgotten.
+        """
+        overtaken = [each for each in asked if self._last_stop.overtakes(each.made)]
+        replies = [reply for each in overtaken if (reply := self._rejection(each.message))]
+        await asyncio.gather(*map(self._keep, replies))
+        return [each for each in asked if each not in overtaken]
+
+    def _rejection(self, command: Message) -> str | None:
+        """Return that a stop has overtaken a command, if that is short enough for a message."""
         reply = refusal_of(command, self._settings.asset, OVERTAKEN, Reason.STOPPED)
         try:
-            self._on_notification(str(reply))
+            return str(reply)
         except MopsError as error:
             self._refuse(f"{command}: {OVERTAKEN}; there is no reply: {error}")
+            return None
 
     def _on_confirmed(self, mark: int) -> None:
         if mark in self._unconfirmed:
