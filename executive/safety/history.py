@@ -14,6 +14,7 @@ from executive.fault_table import FaultTable
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.safety.channel import GRID_S, SLOTS, Channel, StampClock
 from executive.safety.sensor_history import (
+    REST_RADPS,
     REST_S,
     Inertia,
     InertialSums,
@@ -323,10 +324,13 @@ class History:
 
     def _resting(self, time_s: float) -> bool:
         """Whether nothing but to stand is commanded, and the wheels stand, for a while."""
-        since_s = self.standing_since_s
-        if self.wheels is not None:
-            since_s = max(since_s, self.wheels.resting_since_s)
-        return since_s <= time_s - REST_S
+        if self.standing_since_s > time_s - REST_S:
+            return False
+        if self.wheels is None:
+            return True
+        turned = self.wheels_in(REST_S, self.wheels.sums.time_s)
+        most_m = REST_RADPS * self.wheels.settings.wheel_radius_m * REST_S
+        return turned is not None and max(abs(turned.left_m), abs(turned.right_m)) <= most_m
 
     def _time_s(self, fact: Odometry | Joints | Imu | SecondOdometry, now_s: float) -> float:
         return self._stamps.time_s(type(fact), fact.stamp_s, now_s, self._clock.utc_s())

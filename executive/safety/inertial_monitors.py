@@ -29,6 +29,7 @@ def odometry_off_gyro(history: History, row: Row, now_s: float) -> Evidence | No
         return None
     told_rad = max(moved.turn_rad, moved.pose_rad, key=lambda turn: abs(turn - felt.turn_rad))
     bound_rad = row.allowed(max(abs(felt.turn_rad), moved.turned_rad))
+    bound_rad += inertia.bias_error_radps * window_s
     if abs(told_rad - felt.turn_rad) <= bound_rad:
         return None
     figures = turns(history, window_s, to_s, {"gyro": felt.turn_rad, "odometry": told_rad})

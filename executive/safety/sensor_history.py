@@ -23,9 +23,11 @@ SLIP_OFFSET_M: Final = 0.044
 SLIP_GAIN: Final = 0.065
 """Side slip of a skid-steered rover: v_y = -(offset + gain sign(v) sqrt|v w|) w."""
 REST_RADPS: Final = 0.05
-"""A wheel that turns less stands."""
-REST_S: Final = 0.5
+"""Wheels whose mean rate over `REST_S` is less stand."""
+REST_S: Final = 0.3
 """So long the wheels stand before the gyro's bias is learnt."""
+UNLEARNT_BIAS_RADPS: Final = 0.01
+"""How much the gyro's bias may be before it is learnt."""
 BIAS_OVER_S: Final = 5.0
 """Over which the gyro's bias is averaged."""
 MOST_BIAS_RADPS: Final = 0.02
@@ -66,7 +68,6 @@ class Wheels:
         torques: whether torques are measured.
         count: how many wheels there are.
         travel_mps: the newest speed of the middle of the rover.
-        resting_since_s: since when no wheel turns; infinite while one does.
     """
 
     def __init__(self, settings: JointsSettings) -> None:
@@ -75,7 +76,6 @@ class Wheels:
         self.torques = False
         self.count = 0
         self.travel_mps = 0.0
-        self.resting_since_s = inf
         self._rates = WheelSums(0.0, 0.0)
 
     def fresh(self, now_s: float) -> bool:
@@ -100,10 +100,6 @@ class Wheels:
         self._rates, self.count = rates, len(speeds)
         self.torques = bool(fact.left_nm and fact.right_nm)
         self.travel_mps = rates.way_m
-        if max(map(abs, speeds)) > REST_RADPS:
-            self.resting_since_s = inf
-        elif self.resting_since_s == inf:
-            self.resting_since_s = time_s
 
 
 class InertialSums(NamedTuple):
@@ -127,12 +123,14 @@ class Inertia:
         sums: the channel of `InertialSums`.
         newest: the newest message.
         bias_radps: of the heading rate, learnt while the wheels stand.
+        bias_error_radps: how far off that may be.
     """
 
     def __init__(self) -> None:
         self.sums = Channel(len(InertialSums._fields))
         self.newest: Imu | None = None
         self.bias_radps = 0.0
+        self.bias_error_radps = UNLEARNT_BIAS_RADPS
         self._learnt_s = 0.0
         self._rates = InertialSums(0.0, 0.0, 0.0)
 
@@ -172,6 +170,7 @@ class Inertia:
         if self._learnt_s > 0.0:
             self.bias_radps += (rate_radps - self.bias_radps) * step_s / self._learnt_s
             self.bias_radps = max(-MOST_BIAS_RADPS, min(MOST_BIAS_RADPS, self.bias_radps))
+            self.bias_error_radps = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -214,8 +214,11 @@ def test_where_the_second_odometry_corrects_the_pose_only_gross_slip_is_a_fault(
     assert drive.names == ["slips_fused"]
 
 
-def test_a_bias_of_the_gyro_is_learnt_while_the_wheels_stand_and_only_then() -> None:
-    drive = SensedDrive(asset(), gyro_bias_radps=0.015)
+@pytest.mark.parametrize("wheel_noise_radps", [0.0, 0.03])
+def test_a_bias_of_the_gyro_is_learnt_while_the_wheels_stand_and_only_then(
+    wheel_noise_radps: float,
+) -> None:
+    drive = SensedDrive(asset(), gyro_bias_radps=0.015, wheel_noise_radps=wheel_noise_radps)
     drive.run(STANDING, 3.0)
     drive.run(AHEAD, 8.0)
     assert drive.names == []
@@ -224,6 +227,12 @@ def test_a_bias_of_the_gyro_is_learnt_while_the_wheels_stand_and_only_then() -> 
     assert inertia.bias_radps == pytest.approx(0.015, abs=1e-6)
     assert goes_wrong(drive, gyro_bias_radps=0.04) <= 4.0
     assert drive.names == ["odometry_off_gyro_slowly"]
+
+
+def test_a_gyro_may_have_a_bias_before_it_was_learnt() -> None:
+    drive = SensedDrive(asset(), gyro_bias_radps=0.015)
+    drive.run(AHEAD, 8.0)
+    assert drive.names == []
 
 
 def test_nothing_is_made_of_a_gap_in_what_a_sensor_tells() -> None:

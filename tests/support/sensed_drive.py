@@ -3,6 +3,7 @@
 from collections import deque
 from dataclasses import dataclass, field
 from math import copysign, cos, sin, sqrt
+from random import Random
 
 from executive.clock import ManualClock
 from executive.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
@@ -32,6 +33,7 @@ class SensedDrive:
         torques: whether the wheels tell of torques.
         lost: kinds of facts that do not arrive.
         aside_mps: by how much the rover slides to the left.
+        wheel_noise_radps: standard deviation of one speed of a wheel.
     """
 
     settings: Settings
@@ -52,6 +54,7 @@ class SensedDrive:
     lost: set[type] = field(default_factory=set)
     aside_mps: float = 0.0
     odometry_bias_radps: float = 0.0
+    wheel_noise_radps: float = 0.0
 
     def __post_init__(self) -> None:
         """Let it stand at the origin of its odometry."""
@@ -60,6 +63,7 @@ class SensedDrive:
         joints = load_settings("jackal").sensors.joints
         assert joints is not None
         self._joints = joints
+        self._random = Random(1)
         self.moving = True
         self.begun: list[Fault] = []
         self.over: list[Fault] = []
@@ -179,9 +183,17 @@ class SensedDrive:
             efforts = self.torque_nm, efforts[1]
         if self.right != 1.0:
             efforts = efforts[0], self.torque_nm
+        lefts, rights = self._with_noise(left), self._with_noise(right)
         if not self.torques:
-            return Joints(stamp_s, (left,) * 2, (right,) * 2)
-        return Joints(stamp_s, (left,) * 2, (right,) * 2, (efforts[0],) * 2, (efforts[1],) * 2)
+            return Joints(stamp_s, lefts, rights)
+        return Joints(stamp_s, lefts, rights, (efforts[0],) * 2, (efforts[1],) * 2)
+
+    def _with_noise(self, speed_radps: float) -> tuple[float, float]:
+        noise_radps = self.wheel_noise_radps
+        return (
+            speed_radps + self._random.gauss(0.0, noise_radps),
+            speed_radps + self._random.gauss(0.0, noise_radps),
+        )
 
     @property
     def _seen(self) -> Pose:
