@@ -7,7 +7,6 @@ from executive.motion.predictive_control import make_solver
 from executive.motion.velocity_control import VelocityLocomotion
 from executive.motion.verification import (
     FUSED_NEAR_M,
-    SEEN_BEFORE,
     TURN_NEAR_M,
     WAIT_S,
     Verification,
@@ -16,7 +15,6 @@ from executive.motion.verification import (
 
 __all__ = [
     "FUSED_NEAR_M",
-    "SEEN_BEFORE",
     "TURN_NEAR_M",
     "WAIT_S",
     "Arbiter",

@@ -18,8 +18,6 @@ TURN_NEAR_M: Final = 0.13
 APART_M: Final = 0.07
 APART_PER_M: Final = 0.02
 APART_RAD: Final = 0.08
-SEEN_BEFORE: Final = "seen before"
-"""The figure of how long before the end the frame was taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +71,7 @@ class Verification:
         )
         if apart.off_m <= bound_m and apart.off_rad <= APART_RAD:
             age_s = odometry.stamp_s - last.stamp_s
-            return Verified((figures[0], figures[2], Figure(SEEN_BEFORE, age_s, "s")))
+            return Verified((figures[0], figures[2], Figure("seen before", age_s, "s")))
         text = (
             f"the second odometry does not agree with the motion: {apart.off_m:.2f} m and"
             f" {apart.off_rad:.2f} rad apart"

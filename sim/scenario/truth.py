@@ -2,8 +2,7 @@
 
 The true pose must be within `NEAR_M` and `NEAR_PER_M` of the distance driven of what was commanded,
 and within `NEAR_RAD`; after a turn on the spot, within `NEAR_M` of where it began; and no stop may
-end EXECUTED while the rover goes faster than `STANDING_MPS`. A report that says how long before the
-rover was seen there tells of that time: no sensor that takes its time tells of a push since then.
+end EXECUTED while the rover goes faster than `STANDING_MPS`.
 """
 
 from bisect import bisect_right
@@ -27,7 +26,6 @@ from executive.commands import (
 )
 from executive.commands.intake import SOURCE_PREFIX
 from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
-from executive.motion import SEEN_BEFORE
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
 from sim.scenario.record import ALMOST_S, Finding, Record, Requested, TruePose
@@ -39,10 +37,6 @@ STANDING_MPS: Final = 0.05
 STANDING_RADPS: Final = 0.1
 SPEED_OVER_S: Final = 0.05
 """The time before and after a moment over which its true speed is taken."""
-LONGEST_BEFORE_S: Final = 1.0
-"""A report tells of no time that is longer ago."""
-JUST_BEFORE_S: Final = 0.05
-"""Poses are known so often, and odometry is so late."""
 UNSEEN_S: Final = 0.5
 """A moment is known if there is a true pose that is no farther from it."""
 
@@ -176,7 +170,7 @@ def _true_end(
     if _target(request, Pose()) is None:
         return None
     first = _index(poses, times_s.get(Stage.STARTED, end_s))
-    last = _index(poses, end_s - _seen_before_s(life))
+    last = _index(poses, end_s)
     if first is None or last is None:
         return _unseen(label, end_s)
     target = _target(request, _start(poses, first, last, request))
@@ -191,12 +185,6 @@ def _true_end(
         if off_rad > NEAR_RAD:
             wrong.append(f"{degrees(off_rad):.1f}° off, of {degrees(NEAR_RAD):.1f}° allowed")
     return TrueEnd(label, off_m, off_rad, " and ".join(wrong))
-
-
-def _seen_before_s(life: Sequence[Report]) -> float:
-    """Return how long before its end the rover was seen where a command brought it."""
-    told_s = [figure.value for figure in life[-1].figures if figure.name == SEEN_BEFORE]
-    return min(told_s[0] + JUST_BEFORE_S, LONGEST_BEFORE_S) if told_s else 0.0
 
 
 def _target(request: Request, start: Pose) -> _Target | None:

@@ -21,8 +21,6 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import Pose
-from executive.motion import SEEN_BEFORE
-from executive.reasons import Figure
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings_files import SettingsError
 from sim.scenario.model import PlayMode
@@ -228,21 +226,3 @@ def test_an_unknown_label_is_refused(tmp_path: Path) -> None:
     path.write_text("title: T\nlasts: 1\nfalse_executed: [go]\nexpect: [{mode: IDLE}]\n")
     with pytest.raises(SettingsError, match="false_executed: no 'go' in timeline"):
         load_scenario(str(path))
-
-
-def test_a_report_tells_of_the_time_at_which_the_rover_was_seen() -> None:
-    record = ran(MoveForward(4), START, ended_s=ENDED_S)
-    there = Pose(START.x_m, START.y_m + 4, heading_rad=START.heading_rad)
-    aside = replace(there, x_m=there.x_m + 1)
-    record.poses = [
-        TruePose(seen.time_s, START if seen.time_s < 2 else there if seen.time_s < 4.8 else aside)
-        for seen in record.poses
-    ]
-    (end,) = true_ends(record)
-    assert end.wrong
-    executed = record.reports[-1]
-    for age_s, wrong in ((0.1, True), (0.4, False), (99.0, False)):
-        figures = (Figure(SEEN_BEFORE, age_s, "s"),)
-        record.reports[-1] = replace(executed, figures=figures)
-        (end,) = true_ends(record)
-        assert bool(end.wrong) is wrong
