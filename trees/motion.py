@@ -17,6 +17,7 @@ from executive.motion import (
     FUSED_NEAR_M,
     TURN_NEAR_M,
     WAIT_S,
+    Locomotion,
     Motion,
     Step,
     Verification,
@@ -37,14 +38,21 @@ HEARING_S = 0.5
 """In which a rover that moves by itself may say that it carries the command out already."""
 
 
-def _step(goal: Goal) -> Step:
+def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint, ...]]:
+    """Return the step at whose end the rover stands next, and the waypoints to pass before it.
+
+    A waypoint that was missed is tried again by itself.
+    """
     match goal.command.request:
         case MoveTo(target):
-            return target
+            return target, ()
         case FollowPath(waypoints):
-            return waypoints[goal.step]
+            left, passed = waypoints[goal.step :], 0
+            while not goal.attempts and passed + 1 < len(left) and locomotion.passes(left[passed]):
+                passed += 1
+            return left[passed], left[:passed]
         case MoveForward() | RotateTo() | RotateBy() as step:
-            return step
+            return step, ()
         case other:
             raise TypeError(f"{other} has no leg")
 
@@ -118,12 +126,19 @@ class _MotionLeaf(GoalLeaf):
         return 2.0 * expected_s + MARGIN_S
 
     def _begin(self, motion: Motion | None) -> float:
-        self._motion, self._noticed = motion, False
+        self._motion, self._noticed, self._passed = motion, False, 0
         return self._allow(0.0 if motion is None else motion.expected_s)
 
     def _go_on(self, standing: bool) -> Status:
         """Give the intents of a motion until it has ended, or another may take over."""
-        motion = self._motion
+        motion, goal = self._motion, self.goal
+        if motion is not None:
+            for _ in range(motion.passed - self._passed):
+                self._advance()
+            self._passed = motion.passed
+            if motion.abandoned:
+                goal.attempts += 1
+                return Status.FAILURE
         if motion is None or (motion.done if standing else motion.ending):
             return Status.SUCCESS
         if motion.fault is not None:
@@ -135,8 +150,17 @@ class _MotionLeaf(GoalLeaf):
         self.feedback_message = motion.left
         if motion.notice is not None and not self._noticed:
             self._noticed = True
-            self.goal.life.advance(self.goal.step, self.goal.step_count, motion.notice)
+            goal.life.advance(goal.step, goal.step_count, motion.notice)
         return Status.RUNNING
+
+    def _advance(self) -> None:
+        """Count a step of the goal, and report it unless it is the last."""
+        goal = self.goal
+        goal.step += 1
+        goal.attempts = 0
+        if goal.step < goal.step_count:
+            text = f"waypoint {goal.step} of {goal.step_count} reached"
+            goal.life.advance(goal.step, goal.step_count, text)
 
 
 class PlanLeg(_MotionLeaf):
@@ -165,12 +189,14 @@ class PlanLeg(_MotionLeaf):
         if verification is not None and not verification.ready(now_s - self._begun_s):
             self.feedback_message = "waits for a frame of the second odometry"
             return Status.RUNNING
-        step, pose, settings = _step(self.goal), self.context.status.pose, self.context.settings
-        request = MoveTo(step) if isinstance(step, Waypoint) else step
+        step, through = _next_step(self.goal, self.context.locomotion)
+        pose, settings = self.context.status.pose, self.context.settings
+        request = FollowPath((*through, step)) if isinstance(step, Waypoint) else step
         blocked = check_request(request, pose, settings)
         if blocked is not None:
             return self.fail(blocked)
-        self.goal.leg, self.goal.begun = plan_leg(step, settings, self.context.status), pose
+        self.goal.leg = plan_leg(step, settings, self.context.status, through)
+        self.goal.begun = pose
         return Status.SUCCESS
 
 
@@ -243,11 +269,8 @@ class FinishLeg(_MotionLeaf):
                 Figure("heading bound", OFF_RAD, "rad"),
             )
             return self.fail(Refusal(Reason.OFF_TARGET, text, figures))
-        goal.step += 1
-        goal.attempts = 0
+        self._advance()
         if goal.step < goal.step_count:
-            text = f"waypoint {goal.step} of {goal.step_count} reached"
-            goal.life.advance(goal.step, goal.step_count, text)
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
         self.queue.execute(

@@ -6,7 +6,7 @@ from math import copysign
 from typing import Final, assert_never
 
 from executive.clock import Clock
-from executive.commands import Command, DriveFor
+from executive.commands import Command, DriveFor, Waypoint
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.motion.locomotion import Bounds, Leg, Motion, duration_s
 from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
@@ -34,6 +34,10 @@ class DelegatedLocomotion:
         self._settings = settings
         self._status = status
         self._numbers = count(1)
+
+    def passes(self, _: Waypoint) -> bool:
+        """Return False: it stands at each."""
+        return False
 
     def turn(self, command: Command, leg: Leg, final: bool) -> "PendingMotion | None":
         """Return the turn of a leg, if it has one larger than half the tolerance."""

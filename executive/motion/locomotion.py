@@ -9,6 +9,7 @@ rover spins; the target is shifted by as much, so that base_link ends where it w
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import copysign, pi, sqrt
 from typing import Final, Protocol, assert_never
@@ -130,6 +131,8 @@ class Leg:
         tolerance_m: how near is near enough.
         turn_rad: signed angle to turn to that heading; None for the shorter way.
         aim: where the line ends, uphill of the target by what the last turn will slide.
+        through: waypoints to pass on the way without standing. Where there are some, and there is
+            no heading, the target is where base_link is to go.
     """
 
     toward_rad: float | None
@@ -139,6 +142,12 @@ class Leg:
     tolerance_m: float
     turn_rad: float | None = None
     aim: Point | None = None
+    through: tuple[Waypoint, ...] = ()
+
+    @property
+    def free(self) -> bool:
+        """Whether base_link is to stand at the target, at whatever heading."""
+        return bool(self.through) and self.heading_rad is None
 
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
@@ -146,8 +155,17 @@ def turn_bounds(settings: Settings, status: Status) -> Bounds:
     return Bounds(status.rotate_limit_radps, settings.drive.rotate_acceleration_radps2)
 
 
-def plan_leg(step: Step, settings: Settings, status: Status) -> Leg:
-    """Return the leg that leads from the present pose through a step."""
+def plan_leg(
+    step: Step, settings: Settings, status: Status, through: Sequence[Waypoint] = ()
+) -> Leg:
+    """Return the leg that leads from the present pose through a step.
+
+    Args:
+        step: where it ends.
+        settings: the asset.
+        status: where the rover is, and how fast it may go.
+        through: waypoints to pass before, without standing.
+    """
     pose, law = status.pose, settings.turn_drive
     near_m = law.position_tolerance_m
     match step:
@@ -160,8 +178,20 @@ def plan_leg(step: Step, settings: Settings, status: Status) -> Leg:
             target = pose.ahead(law.control_point_m + distance_m)
             near_m = min(near_m, max(abs(distance_m) / 2, FINEST_M))
             return Leg(None, target, distance_m < 0, None, near_m)
+        case Waypoint() if through:
+            return _along_path(step, through, settings)
         case Waypoint():
             return _to_waypoint(step, settings, status)
+
+
+def _along_path(waypoint: Waypoint, through: Sequence[Waypoint], settings: Settings) -> Leg:
+    law, place = settings.turn_drive, Point(waypoint.x_m, waypoint.y_m)
+    toward_rad = Point(through[-1].x_m, through[-1].y_m).bearing_rad(place)
+    target, heading_rad = place, waypoint.heading_rad
+    if heading_rad is not None:
+        target = Pose(place.x_m, place.y_m, heading_rad=heading_rad).ahead(law.control_point_m)
+    near_m = waypoint.tolerance_m or law.position_tolerance_m
+    return Leg(toward_rad, target, False, heading_rad, near_m, through=tuple(through))
 
 
 def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
@@ -232,7 +262,8 @@ def leg_errors(leg: Leg, settings: Settings, status: Status) -> tuple[float, flo
     """Return how far the rover stands from the end of a leg, in metres and radians."""
     pose, place_m, heading_rad = status.pose, 0.0, 0.0
     if leg.target is not None:
-        place_m = leg.target.distance_m(pose.ahead(settings.turn_drive.control_point_m))
+        ahead_m = 0.0 if leg.free else settings.turn_drive.control_point_m
+        place_m = leg.target.distance_m(pose.ahead(ahead_m))
     if leg.heading_rad is not None:
         heading_rad = abs(wrap_rad(leg.heading_rad - pose.heading_rad))
     return place_m, heading_rad
@@ -244,10 +275,12 @@ class Motion(ABC):
     Attributes:
         expected_s: how long it takes if nothing goes wrong.
         notice: what is to be reported of how it goes, once there is something; else None.
+        passed: how many waypoints it has passed, of those that its leg leads through.
     """
 
     expected_s: float
     notice: str | None = None
+    passed: int = 0
 
     @property
     @abstractmethod
@@ -263,6 +296,11 @@ class Motion(ABC):
     def fault(self) -> Refusal | None:
         """Why it cannot be done, once that is known."""
         return None
+
+    @property
+    def abandoned(self) -> bool:
+        """Whether the rover stands, and is to go on to the next waypoint by a leg of its own."""
+        return False
 
     @property
     @abstractmethod
@@ -286,6 +324,9 @@ class Locomotion(Protocol):
     """
 
     alone: bool
+
+    def passes(self, waypoint: Waypoint) -> bool:
+        """Return whether it passes a waypoint of a path that goes on, without standing there."""
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, towards its target or to its last heading, if it has one."""

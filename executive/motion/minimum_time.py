@@ -1,14 +1,16 @@
 """The fastest motion from a state to rest at a pose, as a non-linear programme solved by casadi.
 
-Multiple shooting over a free duration: one Runge-Kutta step of the rover's model in each of so many
-intervals, with the accelerations of the commanded velocity as controls. Fatrop solves it stage by
-stage; ipopt does where casadi comes without fatrop. casadi is the extra `mpc`, imported when a
-solver is made.
+Multiple shooting over a free duration, to the end and to each place passed before it: one Runge-
+Kutta step of the rover's model in each of so many intervals, with the accelerations of the
+commanded velocity as controls. Fatrop solves it stage by stage; ipopt does where casadi comes
+without fatrop. casadi is the extra `mpc`, imported when a solver is made.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import accumulate, pairwise
 from math import cos, exp, inf, isfinite, pi, sin, sqrt, tanh
 from types import SimpleNamespace
 from typing import Any, Final, Protocol
@@ -33,6 +35,13 @@ ITERATIONS: Final = 60
 STARTS: Final = 3
 """Guesses that are tried at most, where those before them end beyond the aim or nowhere."""
 NO_MISS: Final = 1e-3
+FEWEST_BETWEEN: Final = 10
+"""Intervals to each place, where some are passed, at least."""
+SLOW_MPS: Final = 0.01
+PASSED_AT_ONCE: Final = 1
+"""Places that one plan leads through at most, before it ends."""
+ANY_RAD: Final = 10.0
+"""An aim of the heading that all headings are within."""
 _SMOOTH: Final = 1e-6
 _SLIP_FROM: Final = 0.02
 """Squares of speeds, below which magnitudes and the root of the side slip are smoothed."""
@@ -64,12 +73,13 @@ class MotionState:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where the control point is to stand.
+    """Where the control point is to stand, or to pass.
 
     Attributes:
         heading_rad: of the rover; with a guess beside it, not wrapped.
         aim_m, aim_rad: within which of it a plan ends: narrower than the tolerances, since less
-            than a point takes less time.
+            than a point takes less time. `ANY_RAD`: the heading is free.
+        behind_m: how far behind the control point is what is to be there.
     """
 
     x_m: float
@@ -77,28 +87,44 @@ class Target:
     heading_rad: float
     aim_m: float = 0.012
     aim_rad: float = pi / 180
+    behind_m: float = 0.0
+
+    @property
+    def point(self) -> Point:
+        """The place."""
+        return Point(self.x_m, self.y_m)
+
+    @property
+    def polyline_rad(self) -> float | None:
+        """The heading at the end of a polyline; None where it is free."""
+        return self.heading_rad if self.aim_rad < ANY_RAD else None
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """States at equal intervals, from the start to rest.
+    """States from the start to rest, at equal intervals between the places that are passed.
 
     Attributes:
         heading_rad: of the target, as its headings go on beyond pi.
-        miss: metres and radians beyond the aim in which it ends.
+        miss: metres and radians beyond the aim in which it ends, or passes a place.
+        passes_s: when it passes the places before the end; as many intervals lead to each.
     """
 
     duration_s: float
     states: tuple[MotionState, ...]
     heading_rad: float
     miss: float = 0.0
+    passes_s: tuple[float, ...] = ()
 
     def at(self, time_s: float) -> MotionState:
         """Return the state so many seconds after the start; the last one beyond the end."""
-        count = len(self.states) - 1
-        place = min(max(time_s / self.duration_s, 0.0), 1.0) * count
-        before = min(int(place), count - 1)
-        part = place - before
+        edges_s = (0.0, *self.passes_s, self.duration_s)
+        segment = min(max(bisect_right(edges_s, time_s) - 1, 0), len(self.passes_s))
+        begin_s, end_s = edges_s[segment : segment + 2]
+        count = (len(self.states) - 1) // len(edges_s[1:])
+        place = min(max((time_s - begin_s) / (end_s - begin_s), 0.0), 1.0) * count
+        before = segment * count + min(int(place), count - 1)
+        part = place - (before - segment * count)
         pair = zip(self.states[before].figures, self.states[before + 1].figures, strict=True)
         return MotionState(*(low + part * (high - low) for low, high in pair))
 
@@ -107,12 +133,48 @@ class Plan:
         state = self.at(time_s)
         return Velocity(state.travel_mps, state.rotate_radps)
 
-    def after(self, time_s: float) -> "Plan":
-        """Return the rest of it, from so many seconds after the start."""
+    def after(self, time_s: float, most: int = 0) -> "Plan":
+        """Return the rest of it, from so many seconds after the start.
+
+        A place that is passed within `SHORTEST_S` of that is behind it.
+
+        Args:
+            time_s: how many seconds after the start.
+            most: how many places it may still pass; the first ones are left out.
+        """
         left_s = max(self.duration_s - time_s, SHORTEST_S)
-        count = len(self.states) - 1
-        states = (self.at(time_s + left_s * index / count) for index in range(count + 1))
-        return Plan(left_s, tuple(states), self.heading_rad, self.miss)
+        kept_s = self.passes_s[max(len(self.passes_s) - most, 0) :]
+        passes_s = tuple(each - time_s for each in kept_s if each - time_s > SHORTEST_S)
+        count = (len(self.states) - 1) // (len(self.passes_s) + 1)
+        rest = _sampled(lambda at_s: self.at(time_s + at_s), passes_s, left_s, count)
+        return replace(rest, heading_rad=self.heading_rad, miss=self.miss)
+
+    def extended(self, onward: "Plan") -> "Plan":
+        """Return it with another plan after it, which passes where this one ends."""
+
+        def at(time_s: float) -> MotionState:
+            left_s = time_s - self.duration_s
+            return self.at(time_s) if left_s < 0.0 else onward.at(left_s)
+
+        passes_s = (*self.passes_s, self.duration_s)
+        passes_s += tuple(self.duration_s + each for each in onward.passes_s)
+        count = len(onward.states) - 1
+        whole = _sampled(at, passes_s, self.duration_s + onward.duration_s, count)
+        return replace(whole, heading_rad=onward.heading_rad, miss=self.miss)
+
+
+def _sampled(
+    at: Callable[[float], MotionState], passes_s: tuple[float, ...], duration_s: float, count: int
+) -> Plan:
+    """Return a plan of so many equal intervals to each place that is passed, and to the end."""
+    edges_s = (0.0, *passes_s, duration_s)
+    times_s = [
+        begin_s + (end_s - begin_s) * index / count
+        for begin_s, end_s in pairwise(edges_s)
+        for index in range(count)
+    ]
+    states = tuple(at(time_s) for time_s in (*times_s, duration_s))
+    return Plan(duration_s, states, states[-1].heading_rad, passes_s=passes_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +183,9 @@ class Problem:
 
     Attributes:
         travel_mps, rotate_radps: greatest speeds.
-        guess: a plan near the answer; None: from rest, where polylines are tried.
+        guess: a plan near the answer, to fewer places perhaps; None: from rest, where polylines
+            are tried.
+        through: places to pass before the target, of any heading: `PASSED_AT_ONCE` at most.
     """
 
     start: MotionState
@@ -129,6 +193,12 @@ class Problem:
     travel_mps: float
     rotate_radps: float
     guess: Plan | None
+    through: tuple[Target, ...] = ()
+
+    @property
+    def targets(self) -> tuple[Target, ...]:
+        """The places to pass, and the target."""
+        return *self.through, self.target
 
 
 class PlanSolver(Protocol):
@@ -222,13 +292,42 @@ class MotionModel:
 
 
 _STATE: Final = 6
-_NODE: Final = _STATE + 2
-"""A state, the duration and the miss; the last two are the same in every node."""
-_DURATION, _MISS = _STATE, _STATE + 1
+_PASS: Final = 4
+"""Parameters of a place that is passed: x, y, aim, and how far behind the control point."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Programme:
+    """A solver for a number of places that are passed.
+
+    In each node there are a state, the durations to each place and to the end, and the miss; all
+    but the state are the same in every node.
+
+    Attributes:
+        solver: of casadi.
+        lowest: lower bounds of its constraints; all upper ones are 0.
+        passes: how many places are passed.
+        count: intervals to each place, and to the end.
+    """
+
+    solver: Any
+    lowest: list[float]
+    passes: int
+    count: int
+
+    @property
+    def durations(self) -> slice:
+        """Where in a node the durations are."""
+        return slice(_STATE, _STATE + self.passes + 1)
+
+    @property
+    def miss(self) -> int:
+        """Where in a node the miss is."""
+        return _STATE + self.passes + 1
 
 
 class MinimumTime:
-    """The programme of one rover: a `PlanSolver` that answers in the call that asks.
+    """The programmes of one rover: a `PlanSolver` that answers in the call that asks.
 
     Args:
         model: the rover.
@@ -248,7 +347,7 @@ class MinimumTime:
         self._steps = steps
         self._plan: Plan | None = None
         self._model = model
-        self._solver, self._lowest = self._build()
+        self._programmes = [self._build(passes) for passes in range(PASSED_AT_ONCE + 1)]
 
     def ask(self, problem: Problem) -> None:
         """Solve a problem."""
@@ -262,67 +361,103 @@ class MinimumTime:
     def solve(self, problem: Problem) -> Plan | None:
         """Return the plan of a problem, or None where none is found."""
         if problem.guess is not None:
-            return self._from_guess(problem, problem.guess)
+            return self._from_guess(problem, self._onward(problem, problem.guess))
         best: Plan | None = None
-        for guess in self._guesses(problem)[:STARTS]:
-            plan = self._from_guess(problem, guess, self._least_s(problem))
+        for guess in self._guesses(problem, problem.start, problem.targets[0])[:STARTS]:
+            whole = self._onward(problem, guess)
+            plan = self._from_guess(problem, whole, self._least_s(problem))
             if plan is not None and (best is None or plan.miss < best.miss):
                 best = plan
             if best is not None and best.miss <= NO_MISS:
                 break
         return best
 
-    def _guesses(self, problem: Problem) -> list[Plan]:
-        start, target = problem.start, problem.target
+    def _onward(self, problem: Problem, guess: Plan) -> Plan:
+        """Return a guess that leads to all places of a problem, by polylines from its end."""
+        for target in problem.targets[len(guess.passes_s) + 1 :]:
+            end, speeds_mps = guess.states[-1], [each.travel_mps for each in guess.states]
+            along = next((each for each in reversed(speeds_mps) if abs(each) > SLOW_MPS), 0.0)
+            guess = guess.extended(self._guesses(problem, end, target, along)[0])
+        return guess
+
+    def _guesses(
+        self, problem: Problem, start: MotionState, target: Target, along: float = 0.0
+    ) -> list[Plan]:
+        """Return the fastest guesses from rest, for a rover that came forward or backward.
+
+        One that goes on the same way need not stand where it passes.
+        """
         travel = Bounds(problem.travel_mps, self._most[0])
         rotate = Bounds(problem.rotate_radps, self._most[1])
-        place, end = Point(start.x_m, start.y_m), Point(target.x_m, target.y_m)
+        place, stop_s = Point(start.x_m, start.y_m), travel.speed / travel.acceleration
         guesses = []
-        found = polylines(place, start.heading_rad, end, target.heading_rad, travel, rotate)
+        found = polylines(
+            place, start.heading_rad, target.point, target.polyline_rad, travel, rotate
+        )
+        found.sort(key=lambda each: each.duration_s + stop_s * (each.direction * along < 0.0))
         for each in found[:STARTS]:
             times_s = (each.duration_s * index / self._steps for index in range(self._steps + 1))
             states = tuple(MotionState(*each.at(time_s, travel, rotate)) for time_s in times_s)
             guesses.append(Plan(each.duration_s, states, each.end_rad))
-        return guesses
+        return guesses or [Plan(SHORTEST_S, (start,) * (self._steps + 1), start.heading_rad)]
 
-    def _least_s(self, problem: Problem) -> float:
-        """Return a time that no plan from rest is shorter than, so that none is of no length."""
+    def _least_s(self, problem: Problem) -> tuple[float, ...]:
+        """Return times that no plan from rest is shorter than, so that none is of no length."""
         start, target = problem.start, problem.target
-        place, end = Point(start.x_m, start.y_m), Point(target.x_m, target.y_m)
-        way_m = max(place.distance_m(end) - target.aim_m, 0.0)
-        turn_rad = max(abs(wrap_rad(target.heading_rad - start.heading_rad)) - target.aim_rad, 0.0)
-        travel_s = duration_s(way_m, Bounds(problem.travel_mps, self._most[0]))
-        rotate_s = duration_s(turn_rad, Bounds(problem.rotate_radps, self._most[1]))
-        return max(SHORTEST_S, FASTEST_SHARE * max(travel_s, rotate_s))
+        travel = Bounds(problem.travel_mps, self._most[0])
+        places = [Target(start.x_m, start.y_m, start.heading_rad, 0.0), *problem.targets]
+        ways_m = [
+            max(before.point.distance_m(after.point) - before.aim_m - after.aim_m, 0.0)
+            for before, after in pairwise(places)
+        ]
+        if problem.through:
+            times_s = [way_m / travel.speed for way_m in ways_m]
+        else:
+            turn_rad = abs(wrap_rad(target.heading_rad - start.heading_rad)) - target.aim_rad
+            rotate = Bounds(problem.rotate_radps, self._most[1])
+            times_s = [max(duration_s(ways_m[0], travel), duration_s(max(turn_rad, 0.0), rotate))]
+        return tuple(max(SHORTEST_S, FASTEST_SHARE * time_s) for time_s in times_s)
 
     def _from_guess(
-        self, problem: Problem, guess: Plan, least_s: float = SHORTEST_S
+        self, problem: Problem, guess: Plan, least_s: tuple[float, ...] | None = None
     ) -> Plan | None:
         start, target = problem.start, problem.target
+        programme = self._programmes[len(problem.through)]
         present_radps = abs(self._model.true_rotation(start.rotate_radps, start.lag_radps))
         fastest_radps = max(problem.rotate_radps, present_radps + FASTER_RADPS)
-        place = [target.x_m, target.y_m, guess.heading_rad, target.aim_m, target.aim_rad]
-        low, high = self._bounds(problem, least_s)
-        found = self._solver(
-            x0=self._vector(guess),
-            p=[*start.figures, *place, fastest_radps],
+        end = [target.x_m, target.y_m, guess.heading_rad, target.aim_m, target.aim_rad]
+        passed = [
+            figure
+            for each in problem.through
+            for figure in (each.x_m, each.y_m, each.aim_m, each.behind_m)
+        ]
+        least = (SHORTEST_S,) * len(problem.targets) if least_s is None else least_s
+        low, high = self._bounds(problem, programme, least)
+        found = programme.solver(
+            x0=self._vector(guess, programme),
+            p=[*start.figures, *end, target.behind_m, fastest_radps, *passed],
             lbx=low,
             ubx=high,
-            lbg=self._lowest,
+            lbg=programme.lowest,
             ubg=0.0,
         )
         figures = found["x"].nonzeros()
-        if not self._solver.stats()["success"] or not all(map(isfinite, figures)):
+        if not programme.solver.stats()["success"] or not all(map(isfinite, figures)):
             return None
-        return self._read(figures, guess.heading_rad)
+        return self._read(figures, guess.heading_rad, programme)
 
-    def _build(self) -> tuple[Any, list[float]]:
-        """Return the solver, and the lower bounds of its constraints; all upper ones are 0."""
+    def _build(self, passes: int) -> _Programme:
+        """Return the programme for a number of places that are passed."""
         ca = _casadi()
-        nodes = [ca.SX.sym(f"x{index}", _NODE) for index in range(self._steps + 1)]
-        controls = [ca.SX.sym(f"u{index}", 2) for index in range(self._steps)]
-        asked = ca.SX.sym("p", _STATE + 6)
-        x_m, y_m, heading_rad, aim_m, aim_rad, fastest_radps = ca.vertsplit(asked[_STATE:])
+        count = self._steps if not passes else max(self._steps // 2, FEWEST_BETWEEN)
+        steps = count * (passes + 1)
+        built = _Programme(None, [], passes, count)
+        nodes = [ca.SX.sym(f"x{index}", built.miss + 1) for index in range(steps + 1)]
+        controls = [ca.SX.sym(f"u{index}", 2) for index in range(steps)]
+        asked = ca.SX.sym("p", _STATE + 7 + _PASS * passes)
+        x_m, y_m, heading_rad, aim_m, aim_rad, behind_m, fastest_radps = ca.vertsplit(
+            asked[_STATE : _STATE + 7]
+        )
         rows: list[Any] = []
         equal: list[bool] = []
 
@@ -331,28 +466,39 @@ class MinimumTime:
             rows.append(row)
             equal.extend([kind] * row.shape[0])
 
+        def beyond(node: Any, x_m: Any, y_m: Any, behind_m: Any, aim_m: Any) -> Any:
+            off_x_m = node[0] - behind_m * ca.cos(node[2]) - x_m
+            off_y_m = node[1] - behind_m * ca.sin(node[2]) - y_m
+            return off_x_m**2 + off_y_m**2 - (aim_m + node[built.miss]) ** 2
+
         for index, node in enumerate(nodes):
-            state, duration, miss = node[:_STATE], node[_DURATION], node[_MISS]
-            if index < self._steps:
+            state, durations, miss = node[:_STATE], node[built.durations], node[built.miss]
+            if index < steps:
                 pair = tuple(ca.vertsplit(controls[index]))
-                moved = self._model.advance(ca.vertsplit(state), pair, duration / self._steps, ca)
-                require(True, nodes[index + 1] - ca.vertcat(*moved, duration, miss))
+                step_s = durations[index // count] / count
+                moved = self._model.advance(ca.vertsplit(state), pair, step_s, ca)
+                require(True, nodes[index + 1] - ca.vertcat(*moved, durations, miss))
             if index == 0:
                 require(True, state - asked[:_STATE])
             else:
                 turning = self._model.true_rotation(state[4], state[5], ca)
                 require(False, turning - fastest_radps, -turning - fastest_radps)
-        end, miss = nodes[-1], nodes[-1][_MISS]
+            if 0 < index < steps and index % count == 0:
+                at = _STATE + 7 + _PASS * (index // count - 1)
+                place_x_m, place_y_m, near_m, back_m = ca.vertsplit(asked[at : at + _PASS])
+                require(False, beyond(node, place_x_m, place_y_m, back_m, near_m))
+        end, miss = nodes[-1], nodes[-1][built.miss]
         off_rad = end[2] - heading_rad
         require(True, end[3], end[4])
         require(
             False,
-            (end[0] - x_m) ** 2 + (end[1] - y_m) ** 2 - (aim_m + miss) ** 2,
+            beyond(end, x_m, y_m, behind_m, aim_m),
             off_rad - aim_rad - miss,
             -off_rad - aim_rad - miss,
         )
-        effort = sum(ca.sumsqr(each / ca.DM(self._most)) for each in controls) / self._steps
-        cost = nodes[0][_DURATION] + MISS_COST * nodes[0][_MISS] + EFFORT_COST * effort
+        effort = sum(ca.sumsqr(each / ca.DM(self._most)) for each in controls) / steps
+        takes_s = ca.sum1(nodes[0][built.durations])
+        cost = takes_s + MISS_COST * nodes[0][built.miss] + EFFORT_COST * effort
         pairs = zip(nodes, [*controls, ca.SX(0, 1)], strict=True)
         problem = {
             "x": ca.vertcat(*(part for pair in pairs for part in pair)),
@@ -360,44 +506,48 @@ class MinimumTime:
             "g": ca.vertcat(*rows),
             "p": asked,
         }
-        return _nlpsol(ca, problem, equal), [0.0 if each else -inf for each in equal]
+        lowest = [0.0 if each else -inf for each in equal]
+        return replace(built, solver=_nlpsol(ca, problem, equal), lowest=lowest)
 
-    def _bounds(self, problem: Problem, least_s: float) -> tuple[list[float], list[float]]:
+    def _bounds(
+        self, problem: Problem, programme: _Programme, least_s: tuple[float, ...]
+    ) -> tuple[list[float], list[float]]:
         """Return bounds of the variables; speeds that are above their limit now may go down."""
-        start = problem.start
+        start, shared = problem.start, programme.passes + 2
         travel = max(problem.travel_mps, abs(start.travel_mps))
         rotate = max(problem.rotate_radps, abs(start.rotate_radps))
-        free = [inf, inf, inf, travel, rotate, inf, inf, inf]
-        low, high = [-each for each in free], list(free)
-        low[_DURATION], high[_DURATION], low[_MISS] = least_s, LONGEST_S, 0.0
-        first_low, first_high = [-inf] * _STATE + low[_STATE:], [inf] * _STATE + high[_STATE:]
-        slowest, most = [-each for each in self._most], list(self._most)
-        node_low, node_high = [*low[:_STATE], -inf, -inf], [*high[:_STATE], inf, inf]
-        return (
-            [*first_low, *(slowest + node_low) * self._steps],
-            [*first_high, *(most + node_high) * self._steps],
-        )
+        first_low = [*[-inf] * _STATE, *least_s, 0.0]
+        first_high = [*[inf] * _STATE, *[LONGEST_S] * len(least_s), inf]
+        most = list(self._most)
+        high = [*most, inf, inf, inf, travel, rotate, inf, *[inf] * shared]
+        low = [-each for each in high]
+        steps = programme.count * (programme.passes + 1)
+        return [*first_low, *low * steps], [*first_high, *high * steps]
 
-    def _vector(self, guess: Plan) -> list[float]:
+    def _vector(self, guess: Plan, programme: _Programme) -> list[float]:
         """Return the variables of a plan."""
-        step_s = guess.duration_s / self._steps
-        states = [guess.at(index * step_s) for index in range(self._steps + 1)]
+        edges_s = (0.0, *guess.passes_s, guess.duration_s)
+        durations_s = [end_s - begin_s for begin_s, end_s in pairwise(edges_s)]
+        states = _sampled(guess.at, guess.passes_s, guess.duration_s, programme.count).states
         vector: list[float] = []
         for index, state in enumerate(states):
-            vector += [*state.figures, guess.duration_s, guess.miss]
-            if index < self._steps:
+            vector += [*state.figures, *durations_s, guess.miss]
+            if index < len(states) - 1:
+                step_s = durations_s[index // programme.count] / programme.count
                 pair = (state.travel_mps, state.rotate_radps)
                 after = (states[index + 1].travel_mps, states[index + 1].rotate_radps)
                 for low, high, most in zip(pair, after, self._most, strict=True):
                     vector.append(max(-most, min(most, (high - low) / step_s)))
         return vector
 
-    def _read(self, figures: list[float], heading_rad: float) -> Plan:
-        stage = _NODE + 2
+    def _read(self, figures: list[float], heading_rad: float, programme: _Programme) -> Plan:
+        stage = programme.miss + 1 + 2
         states = tuple(
             MotionState(*figures[at : at + _STATE]) for at in range(0, len(figures), stage)
         )
-        return Plan(figures[_DURATION], states, heading_rad, figures[_MISS])
+        *passes_s, duration_s = accumulate(figures[programme.durations])
+        miss = figures[programme.miss]
+        return Plan(duration_s, states, heading_rad, miss, tuple(passes_s))
 
 
 def _casadi() -> Any:

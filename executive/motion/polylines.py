@@ -46,6 +46,11 @@ class Polyline:
     duration_s: float
     end_rad: float
 
+    @property
+    def direction(self) -> float:
+        """Its first line's length: negative where it begins backward; 0 without a line."""
+        return next((part.by_m for part in self.parts if isinstance(part, Line)), 0.0)
+
     def at(self, time_s: float, travel: Bounds, rotate: Bounds) -> tuple[float, ...]:
         """Return x, y, heading, speed and rotation so many seconds after its start."""
         for index, part in enumerate(self.parts):
@@ -64,9 +69,17 @@ class Polyline:
 
 
 def polylines(
-    start: Point, start_rad: float, end: Point, end_rad: float, travel: Bounds, rotate: Bounds
+    start: Point,
+    start_rad: float,
+    end: Point,
+    end_rad: float | None,
+    travel: Bounds,
+    rotate: Bounds,
 ) -> list[Polyline]:
-    """Return the polylines from one pose to another, the fastest first."""
+    """Return the polylines from one pose to another, the fastest first.
+
+    Without `end_rad` any heading will do at the end.
+    """
     found = [
         _join(places, signs, other, start_rad, end_rad, travel, rotate)
         for places, signs in _ways(start, start_rad, end, end_rad)
@@ -76,17 +89,18 @@ def polylines(
 
 
 def _ways(
-    start: Point, start_rad: float, end: Point, end_rad: float
+    start: Point, start_rad: float, end: Point, end_rad: float | None
 ) -> Iterator[tuple[list[Point], list[float]]]:
     """Yield corners, and 1 or -1 for each line between them: forward or backward."""
     offsets = [sign * offset_m for offset_m in OFFSETS_M for sign in (1.0, -1.0)]
-    for first_m, last_m, sign in product([0.0, *offsets], [0.0, *offsets], (1.0, -1.0)):
+    lasts_m = [0.0] if end_rad is None else [0.0, *offsets]
+    for first_m, last_m, sign in product([0.0, *offsets], lasts_m, (1.0, -1.0)):
         places, signs = [start], []
         if first_m:
             places.append(_beside(start, start_rad, first_m))
             signs.append(copysign(1.0, first_m))
         signs.append(sign)
-        if last_m:
+        if last_m and end_rad is not None:
             places.append(_beside(end, end_rad, last_m))
             signs.append(copysign(1.0, -last_m))
         yield [*places, end], signs
@@ -97,7 +111,7 @@ def _join(
     signs: Sequence[float],
     other: bool,
     start_rad: float,
-    end_rad: float,
+    end_rad: float | None,
     travel: Bounds,
     rotate: Bounds,
 ) -> Polyline | None:
@@ -120,7 +134,8 @@ def _join(
         if length_m > SHORTEST_M:
             turn(place, place.bearing_rad(after) + (pi if sign < 0 else 0.0))
             parts.append(Line(place, heading_rad, sign * length_m))
-    turn(places[-1], end_rad)
+    if end_rad is not None:
+        turn(places[-1], end_rad)
     if differs is not other or not parts:
         return None
     takes_s = sum(_takes_s(part, travel, rotate) for part in parts)

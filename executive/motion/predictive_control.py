@@ -17,12 +17,12 @@ from executive.motion.locomotion import (
     Bounds,
     Leg,
     Motion,
-    aim_m,
     duration_s,
     plan_leg,
     turn_bounds,
 )
 from executive.motion.minimum_time import (
+    ANY_RAD,
     MinimumTime,
     MotionModel,
     MotionState,
@@ -31,13 +31,12 @@ from executive.motion.minimum_time import (
     Problem,
     Target,
 )
+from executive.motion.route import AIM_SHARE, Route, aim_within_m
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import Wanted
 from executive.settings import Settings
 from executive.state import Odometry, Status
 
-AIM_SHARE: Final = 0.4
-"""Of the tolerances: within which a plan ends."""
 BRAKE_SHARE: Final = 2 / 3
 KEEP_BRAKING_SHARE: Final = 0.93
 """Of the tolerances: the rover brakes where it comes to rest within, and goes on braking."""
@@ -45,6 +44,8 @@ ANY_HEADING_RAD: Final = 0.35
 """Off the direction of turn-then-drive at most, where no heading is asked for."""
 OVER_S: Final = 0.15
 """Left of a plan, at the end of which the rover stands."""
+AT_REST: Final = 0.01
+"""Below so many metres and radians per second a command is none: plans are exact to less."""
 SOON_S: Final = 1.0
 """To the end of the plan, from where on it may brake."""
 MISSES: Final = 5
@@ -178,7 +179,9 @@ class _Instead(Enum):
 
 
 class PredictiveLaw(Motion):
-    """Drives the control point to where a leg ends, in the least time.
+    """Drives the control point to where a leg ends, in the least time, through its waypoints.
+
+    Where a waypoint is missed, or no plan leads on, the rover stands, and the motion is abandoned.
 
     Args:
         motions: makes the motions of turn-then-drive.
@@ -200,15 +203,26 @@ class PredictiveLaw(Motion):
         self._settings, self._status = settings, status
         self._solver, self._motions = solver, motions
         self._observer = observer
-        self._near_m = aim_m(leg.tolerance_m, settings)
+        self._near_m = leg.tolerance_m
         self._near_rad = settings.turn_drive.heading_tolerance_rad
         self._heading_rad = leg.toward_rad if leg.heading_rad is None else leg.heading_rad
-        aim_rad = ANY_HEADING_RAD if leg.heading_rad is None else AIM_SHARE * self._near_rad
-        aim = AIM_SHARE * self._near_m
-        self._target = Target(self._place.x_m, self._place.y_m, self._heading_rad, aim, aim_rad)
+        aim_rad = AIM_SHARE * self._near_rad
+        if leg.heading_rad is None:
+            self._near_rad = ANY_RAD if leg.free else ANY_HEADING_RAD
+            aim_rad = ANY_RAD if leg.free else BRAKE_SHARE * ANY_HEADING_RAD
+        self._behind_m = observer.ahead_m if leg.free else 0.0
+        x_m, y_m, aim = self._place.x_m, self._place.y_m, aim_within_m(self._near_m)
+        self._route = Route(
+            leg.through,
+            settings.turn_drive.position_tolerance_m,
+            observer.ahead_m,
+            Target(x_m, y_m, self._heading_rad, aim, aim_rad, self._behind_m),
+        )
         self._plan: Plan | None = None
         self._plan_from_s = 0.0
+        self._plan_end = self._asked_end = 0  # which place of the route a plan ends at
         self._asked_from_s = 0.0
+        self._abandons = False
         self._misses = 0
         self._starts = 0
         self._braking = False
@@ -220,16 +234,23 @@ class PredictiveLaw(Motion):
         self.expected_s = self._expected_s()
 
     @property
+    def abandoned(self) -> bool:
+        """Whether the rover stands, and is to go on to the next waypoint by a leg of its own."""
+        return self._abandons and self._status.standing
+
+    @property
     def done(self) -> bool:
-        """Whether the rover stands where the leg ends."""
+        """Whether the rover stands where the leg ends, and has passed what is before."""
+        if self._abandons or self.passed < self._route.end:
+            return False
         if self._instead is not None:
             return self._instead is _Instead.DONE and self._status.standing
-        return self._status.standing and self._within(*self._off(self._status.pose), 1.0)
+        return self._status.standing and self._within(*self._seen_off, 1.0)
 
     @property
     def left(self) -> str:
         """The distance left, and for how long by the plan."""
-        left_m, _ = self._off(self._status.pose)
+        left_m, _ = self._seen_off
         if self._instead is not None:
             return f"{left_m:.3f} m left, by turn-then-drive"
         if self._plan is None:
@@ -248,10 +269,17 @@ class PredictiveLaw(Motion):
         """Return the velocity to command."""
         if self._instead is not None:
             return self._turn_then_drive(now_s)
+        missed = self._route.observe(self._status.pose.point, now_s)
+        self.passed = self._route.passed
+        if self._abandons:
+            return STANDING
+        if missed:
+            self._abandon("a waypoint was missed")
+            return STANDING
         state, effect_s = self._observer.observe(now_s), self._observer.effect_s
         takes_effect_s = now_s + self._settings.mpc.command_delay_s
         if self._solver.lead_ticks == 0:
-            self._ask(state, effect_s)
+            self._ask(state, effect_s, now_s)
         self._take_answer(state, effect_s)
         if self._misses > MISSES or self._starts > STANDS:
             self._give_up()
@@ -261,7 +289,7 @@ class PredictiveLaw(Motion):
             command = self._plan.velocity(takes_effect_s - self._plan_from_s)
         if self._solver.lead_ticks:
             step_s = max(takes_effect_s - effect_s, FINEST_S)
-            self._ask(self._observer.next(state, command, step_s), takes_effect_s)
+            self._ask(self._observer.next(state, command, step_s), takes_effect_s, now_s)
         return command
 
     @property
@@ -272,33 +300,45 @@ class PredictiveLaw(Motion):
         """Return what turn-then-drive takes, at most."""
         pose, rotate = self._status.pose, turn_bounds(self._settings, self._status)
         travel = Bounds(self._limits[0], self._settings.drive.travel_acceleration_mps2)
-        toward_rad = self._leg.toward_rad or 0.0
-        return (
-            duration_s(wrap_rad(toward_rad - pose.heading_rad), rotate)
-            + duration_s(self._off(pose)[0], travel)
-            + duration_s(wrap_rad(self._heading_rad - toward_rad), rotate)
-        )
+        takes_s, place, heading_rad = 0.0, pose.ahead(self._observer.ahead_m), pose.heading_rad
+        *through, end = self._route.left
+        towards = [before.bearing_rad(after) for before, after in pairwise((place, *through))]
+        for after, toward_rad in zip(
+            (*through, end), (*towards, self._leg.toward_rad or 0.0), strict=True
+        ):
+            takes_s += duration_s(wrap_rad(toward_rad - heading_rad), rotate)
+            takes_s += duration_s(place.distance_m(after), travel)
+            place, heading_rad = after, toward_rad
+        return takes_s + duration_s(wrap_rad(self._heading_rad - heading_rad), rotate)
 
-    def _off(self, pose: Pose) -> tuple[float, float]:
-        """Return how far a pose is from the end, in metres and radians."""
-        point = pose.ahead(self._settings.turn_drive.control_point_m)
-        return point.distance_m(self._place), abs(wrap_rad(pose.heading_rad - self._heading_rad))
+    def _off(self, control: Point, heading_rad: float) -> tuple[float, float]:
+        """Return how far a place of the control point is from the end, in metres and radians."""
+        there = Pose(control.x_m, control.y_m, heading_rad=heading_rad).ahead(-self._behind_m)
+        return there.distance_m(self._place), abs(wrap_rad(heading_rad - self._heading_rad))
+
+    @property
+    def _seen_off(self) -> tuple[float, float]:
+        """How far the rover is from the end by its odometry, in metres and radians."""
+        pose = self._status.pose
+        return self._off(pose.ahead(self._observer.ahead_m), pose.heading_rad)
 
     def _within(self, off_m: float, off_rad: float, share: float) -> bool:
-        near_rad = ANY_HEADING_RAD if self._leg.heading_rad is None else self._near_rad
-        return off_m <= share * self._near_m and off_rad <= share * near_rad
+        return off_m <= share * self._near_m and off_rad <= share * self._near_rad
 
-    def _ask(self, state: MotionState, from_s: float) -> None:
+    def _ask(self, state: MotionState, from_s: float, now_s: float) -> None:
         """Have a plan made from a state, with the rest of the plan before as a guess.
 
         Where the rover stands at the end of that, polylines are tried anew.
         """
         if self._solver.busy:
             return
-        guess, at_rest = self._plan, not (state.travel_mps or state.rotate_radps)
+        guess = self._plan
+        at_rest = max(abs(state.travel_mps), abs(state.rotate_radps)) < AT_REST
+        route, ahead = self._route, self._plan_end - self._route.passed
         if guess is not None:
-            guess = guess.after(from_s - self._plan_from_s)
-            if at_rest and self._status.standing and guess.duration_s < OVER_S:
+            guess = guess.after(from_s - self._plan_from_s, max(ahead, 0))
+            over = at_rest and self._status.standing and guess.duration_s < OVER_S
+            if over or ahead < 0:
                 guess = None
             else:
                 near_rad = guess.states[0].heading_rad
@@ -306,8 +346,11 @@ class PredictiveLaw(Motion):
                 state = replace(state, heading_rad=heading_rad)
         if guess is None:
             self._starts += 1
-        self._asked_from_s = from_s
-        self._solver.ask(Problem(state, self._target, *self._present_limits, guess))
+        first = route.passed if guess is None else self._plan_end - len(guess.passes_s)
+        *through, target = route.plan_from(first, now_s)
+        self._asked_from_s, self._asked_end = from_s, first + len(through)
+        limits = self._present_limits
+        self._solver.ask(Problem(state, target, *limits, guess, tuple(through)))
 
     def _take_answer(self, state: MotionState, effect_s: float) -> None:
         """Go on with the answer to the last question, if there is one that leads there."""
@@ -322,6 +365,7 @@ class PredictiveLaw(Motion):
         self._misses = 0
         waits = self._plan is None  # standing, it begins when it is there
         self._plan, self._plan_from_s = plan, effect_s if waits else self._asked_from_s
+        self._plan_end = self._asked_end
 
     @staticmethod
     def _jumped(planned: MotionState, state: MotionState) -> bool:
@@ -330,7 +374,8 @@ class PredictiveLaw(Motion):
 
     def _lands(self, state: MotionState) -> bool:
         """Return whether braking now, or on, brings the rover to rest within the tolerances."""
-        if self._plan is None or self._plan.duration_s > SOON_S:
+        plan, last = self._plan, self._plan_end == self._route.end
+        if plan is None or plan.passes_s or not last or plan.duration_s > SOON_S:
             self._braking = False
             return False
         drive, tick_s = self._settings.drive, self._settings.tick_s
@@ -342,17 +387,23 @@ class PredictiveLaw(Motion):
             state = self._observer.next(state, velocity, tick_s)
         for _ in range(2):
             state = self._observer.next(state, STANDING, tick_s)
-        off_m = hypot(state.x_m - self._place.x_m, state.y_m - self._place.y_m)
-        off_rad = abs(wrap_rad(state.heading_rad - self._heading_rad))
+        off_m, off_rad = self._off(Point(state.x_m, state.y_m), state.heading_rad)
         share = KEEP_BRAKING_SHARE if self._braking else BRAKE_SHARE
         self._braking = self._within(off_m, off_rad, share)
         return self._braking
 
     def _give_up(self) -> None:
         reason = "no plan leads there" if self._misses > MISSES else "it stands beside its target"
+        if self._leg.through:
+            self._abandon(reason)
+            return
         self.notice = f"mpc: {reason}; turn-then-drive takes over"
         self._instead = _Instead.BRAKE
         self._limits = (0.0, 0.0)
+
+    def _abandon(self, reason: str) -> None:
+        self.notice = f"mpc: {reason}; the rover stands, and drives to the next waypoint alone"
+        self._abandons = True
 
     def _turn_then_drive(self, now_s: float) -> Wanted:
         """Return the velocity to command once it has given up: stand, turn, drive."""
@@ -398,6 +449,11 @@ class PredictiveLocomotion(VelocityLocomotion):
         self._mover = mover
         self._solver = solver
         self._model = model_of(settings)
+
+    def passes(self, waypoint: Waypoint) -> bool:
+        """Return whether a waypoint asks for no heading, and for no more precision than usual."""
+        usual_m = self._settings.turn_drive.position_tolerance_m
+        return waypoint.heading_rad is None and (waypoint.tolerance_m or usual_m) >= usual_m
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the last turn of a leg; the first is part of its curve."""

@@ -10,7 +10,7 @@ from math import copysign, cos, pi, sin
 from typing import Final
 
 from executive.clock import Clock
-from executive.commands import Command, DriveFor
+from executive.commands import Command, DriveFor, Waypoint
 from executive.geometry import STANDING, Point, Velocity, on_arc, wrap_rad
 from executive.motion.locomotion import (
     Bounds,
@@ -234,6 +234,10 @@ class VelocityLocomotion:
         self._clock = clock
         self._settings = settings
         self._status = status
+
+    def passes(self, _: Waypoint) -> bool:
+        """Return False: it stands at each."""
+        return False
 
     def turn(self, _: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the turn of a leg, if it has one."""

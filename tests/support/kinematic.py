@@ -12,6 +12,7 @@ from executive.commands.lifecycle import Refused, SubmitResult
 from executive.fault_declaration import Then
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
+from executive.motion import PlanSolver
 from executive.ports import CameraIntent, Downlink
 from executive.reasons import Refusal
 from executive.record import Ledger, Synchronous
@@ -142,6 +143,7 @@ class Bench:
         settings: Settings | None = None,
         build_tree: Callable[[Context], Tree] = RoverTree,
         rover: KinematicRover | None = None,
+        solver: PlanSolver | None = None,
     ) -> None:
         self.folder = folder
         asset = settings or load_settings("jackal")
@@ -155,6 +157,7 @@ class Bench:
         self.odometry = True
         self.voltage_v: float | None = 26.0
         self.build_tree = build_tree
+        self.solver = solver
         self.executive = self._start()
         self.run(STEP_S)
 
@@ -175,6 +178,7 @@ class Bench:
             video=self.video,
             downlinks=self.downlinks(),
             build_tree=self.build_tree,
+            solver=self.solver,
         )
 
     def downlinks(self) -> list[Downlink]:
