@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum, unique
 from itertools import pairwise
-from math import hypot
 from pathlib import Path
 from typing import ClassVar, Final
 
 from executive.fault_table import FaultTable
+from executive.mpc_settings import Mpc
+from executive.prediction_settings import PredictionSettings
 from executive.settings_files import (
     HIGHEST_FIGURE,
     config_folder,
@@ -80,73 +81,6 @@ class Controller(Enum):
 
     TURN_DRIVE = "turn_drive"
     MPC = "mpc"
-
-
-@dataclass(frozen=True, slots=True)
-class YawResponse:
-    """How fast a rover turns, w, when wc is commanded at the speed v and acceleration a.
-
-    w = gain wc - drag_radps tanh(wc / drag_at_radps) + e, where e goes to
-    wc |wc| (travel v + travel_squared v^2 + speed |v| - (acceleration + acceleration_travel v) a)
-    - load a wc with the time constant lag_s. SI units and radians; without any of it w is wc.
-    """
-
-    gain: float = 1.0
-    drag_radps: float = 0.0
-    drag_at_radps: float = 0.15
-    lag_s: float = 0.18
-    travel: float = 0.0
-    travel_squared: float = 0.0
-    speed: float = 0.0
-    acceleration: float = 0.0
-    acceleration_travel: float = 0.0
-    load: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Raise ValueError where a divisor is none, or the rover would not turn."""
-        require_above_zero(self, "gain", "drag_at_radps", "lag_s")
-
-
-@dataclass(frozen=True, slots=True)
-class SideSlip:
-    """How a turning rover slips aside, in its odometry: -(offset + gain sign(v) sqrt|v w|) w.
-
-    Attributes:
-        offset_m: in m.
-        gain_m: in m, for v in m/s and w in rad/s.
-    """
-
-    offset_m: float = 0.0
-    gain_m: float = 0.0
-
-
-FEWEST_STEPS: Final = 10
-MOST_STEPS: Final = 100
-
-
-@dataclass(frozen=True, slots=True)
-class Mpc:
-    """Model predictive control.
-
-    Attributes:
-        steps: intervals of a plan; more are finer and cost more.
-        command_delay_s: from a tick to the velocity that it commands, as the ramp between ticks.
-        odometry_age_s: how old odometry is when it arrives.
-    """
-
-    steps: int = 20
-    command_delay_s: float = 0.05
-    odometry_age_s: float = 0.02
-    yaw: YawResponse = field(default_factory=YawResponse)
-    side_slip: SideSlip = field(default_factory=SideSlip)
-
-    def __post_init__(self) -> None:
-        """Raise ValueError where a figure is none that can be."""
-        if not FEWEST_STEPS <= self.steps <= MOST_STEPS:
-            raise ValueError(f"steps is {self.steps}: {FEWEST_STEPS} to {MOST_STEPS}")
-        for name in ("command_delay_s", "odometry_age_s"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} is {getattr(self, name)}: 0 to 1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,59 +227,6 @@ class AuthoritySettings:
     def __post_init__(self) -> None:
         """Raise ValueError where a lease is none."""
         require_above_zero(self, "lease_s", "longest_lease_s")
-
-
-@dataclass(frozen=True, slots=True)
-class PredictionSettings:
-    """How exactly a motion is foretold, and what it takes of the battery.
-
-    Deviations at 2 sigma: independent parts that are added as squares.
-
-    Attributes:
-        place_m, place_m_per_m, place_m_per_rad: of the place: of each end, for each metre of way,
-            for each radian of turning.
-        heading_rad, heading_rad_per_m, heading_rad_per_rad: of the heading, alike.
-        standing_w: power that the asset takes while it stands; None where energy is not foretold.
-        travel_j_per_m, rotate_j_per_rad: what its motion takes beside that.
-    """
-
-    place_m: float = 0.02
-    place_m_per_m: float = 0.003
-    place_m_per_rad: float = 0.004
-    heading_rad: float = 0.015
-    heading_rad_per_m: float = 0.001
-    heading_rad_per_rad: float = 0.001
-    standing_w: float | None = None
-    travel_j_per_m: float = 0.0
-    rotate_j_per_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Raise ValueError where a figure is none."""
-        require_above_zero(self, "place_m", "heading_rad", "standing_w")
-        for name in (
-            *("place_m_per_m", "place_m_per_rad", "heading_rad_per_m", "heading_rad_per_rad"),
-            *("travel_j_per_m", "rotate_j_per_rad"),
-        ):
-            figure = getattr(self, name)
-            if not 0 <= figure <= HIGHEST_FIGURE:
-                raise ValueError(f"{name} must be 0 to {HIGHEST_FIGURE:g}, not {figure}")
-
-    def within_m(self, length_m: float, turned_rad: float) -> float:
-        """Return the deviation of the place after a way with turns, at 2 sigma."""
-        grown = (self.place_m_per_m * length_m, self.place_m_per_rad * turned_rad)
-        return hypot(self.place_m, *grown)
-
-    def within_rad(self, length_m: float, turned_rad: float) -> float:
-        """Return the deviation of the heading after a way with turns, at 2 sigma."""
-        grown = (self.heading_rad_per_m * length_m, self.heading_rad_per_rad * turned_rad)
-        return hypot(self.heading_rad, *grown)
-
-    def energy_j(self, duration_s: float, length_m: float, turned_rad: float) -> float | None:
-        """Return what a motion takes of the battery, None where that is not known."""
-        if self.standing_w is None:
-            return None
-        moving_j = self.travel_j_per_m * length_m + self.rotate_j_per_rad * turned_rad
-        return self.standing_w * duration_s + moving_j
 
 
 class LinkLossAction(Enum):

@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol
 from executive.geometry import Point, Velocity, wrap_rad
 from executive.motion.locomotion import Bounds, duration_s
 from executive.motion.polylines import polylines
-from executive.settings import SideSlip, YawResponse
+from executive.mpc_settings import SideSlip, YawResponse
 from executive.settings_files import SettingsError
 
 MISS_COST: Final = 30.0

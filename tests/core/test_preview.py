@@ -22,9 +22,10 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.prediction_settings import PredictionSettings
 from executive.preview import MOST_POSES, KinematicBase, Preview
 from executive.reasons import Reason, Refusal
-from executive.settings import Controller, PredictionSettings, Settings, load_settings
+from executive.settings import Controller, Settings, load_settings
 from executive.settings_files import SettingsError, structure
 from executive.zones import KeepOut, KnownRock, Zones
 from tests.support.kinematic import Bench
