@@ -1,11 +1,13 @@
 """`rover bench`: every figure in one run, or one benchmark or attack at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
+
+from tests.benchmarks.competitors import COMPETITORS, OWN
 
 if TYPE_CHECKING:
     from executive.settings import Settings
@@ -204,25 +206,40 @@ def lockstep() -> "list[Figure]":
     ),
     click.option(
         "--controller",
-        type=click.Choice(["turn-drive", "turn-drive-trapezoid", "mpc"]),
-        default="turn-drive",
+        "names",
+        type=click.Choice([*OWN, *COMPETITORS, "all"]),
+        default=["turn-drive"],
         show_default=True,
-        help="What drives.",
+        multiple=True,
+        help="What drives; may be given several times.",
     ),
     click.option(
         "--most",
         type=click.FloatRange(0.0, min_open=True),
         help="Greatest sum of times over best known.  [default: 1.45]",
     ),
+    click.option(
+        "--plots",
+        type=click.Path(exists=True, file_okay=False, path_type=Path),
+        help="A folder for a drawing of each controller's paths and times.",
+    ),
 )
-def locomotion(path: Path | None, controller: str, most: float | None) -> "list[Figure]":
-    """Drive to goals in lock step: times against best known, true errors."""
+def locomotion(
+    path: Path | None, names: Sequence[str], most: float | None, plots: Path | None
+) -> "list[Figure]":
+    """Drive to goals in lock step: times against best known and a lower bound, true errors."""
     from tests.benchmarks import locomotion
+    from tests.benchmarks.locomotion_drawing import draw
 
     goals = locomotion.read_goals(path or locomotion.OWN_GOALS)
     bound = most or (1.45 if path else 1.35)
-    driver = locomotion.Controller(controller)
-    return locomotion.measure(goals, driver, _settings(), bound, tell)
+    rows = []
+    for name in (*OWN, *COMPETITORS) if "all" in names else dict.fromkeys(names):
+        measured = locomotion.measure(goals, name, _settings(), tell)
+        rows.append(locomotion.figures(measured, bound))
+        if plots is not None:
+            tell(f"drawn: {draw(measured, plots)}")
+    return locomotion.side_by_side(rows)
 
 
 @benchmark("bundle --bundles 2000", count("--bundles", 20_000, least=100))

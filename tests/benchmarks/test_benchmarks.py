@@ -1,13 +1,21 @@
 import json
 from io import StringIO
+from math import pi
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rich.console import Console
 
+from executive.geometry import Pose
+from executive.motion.locomotion import Bounds
+from executive.motion.polylines import polylines
 from tests.benchmarks.commands import bench
+from tests.benchmarks.competitors import COMPETITORS
 from tests.benchmarks.locomotion import OWN_GOALS, read_goals
+from tests.benchmarks.lower_bound import lower_bound_s
 from tests.support.figures import Figure, Goal, quantile, table
 
 ALL = Goal(24.0, at_least=True)
@@ -60,6 +68,66 @@ def test_mpc_is_measured_with_its_planning(tmp_path: Path) -> None:
     assert values["mpc: sum of times"] > 1.0
     assert values["mpc: first plan, worst"] > 0.0
     assert values["mpc: plan of a tick, median"] > 0.0
+
+
+def test_controllers_stand_side_by_side_and_each_is_drawn(tmp_path: Path) -> None:
+    goals = [GOALS["goals"][0], GOALS["goals"][0] | {"id": "back", "x_m": -0.5, "y_m": 0.2}]  # type: ignore[index]
+    (tmp_path / "goals.json").write_text(json.dumps(GOALS | {"goals": goals}))
+    names = ["turn-drive", *COMPETITORS]
+    asked = [word for name in names for word in ("--controller", name)]
+    paths = ["--goals", str(tmp_path / "goals.json"), "--json", str(tmp_path / "figures.json")]
+    result = CliRunner().invoke(
+        bench, ["locomotion", *asked, *paths, "--most", "9", "--plots", str(tmp_path)]
+    )
+    assert result.exit_code == 0, result.output
+    rows = json.loads((tmp_path / "figures.json").read_text())
+    assert [row["name"] for row in rows[: len(names)]] == [
+        f"{name}: goals done, to 3 cm and 2°" for name in names
+    ]
+    values = {row["name"]: row["value"] for row in rows}
+    for name in names:
+        assert values[f"{name}: goals done, to 3 cm and 2°"] == 2
+        assert values[f"{name}: sum of times over bound"] > 1.0
+        assert values[f"{name}: true error, worst"] < 13.0
+        assert values[f"{name}: energy, median"] > 0.0
+        assert (tmp_path / f"locomotion-{name}.svg").read_text().count("back") == 1
+    assert values["turn-drive: sum of times"] < values["proportional: sum of times"]
+    assert [row["goal"] for row in rows if row["name"].startswith("mppi")] == [None] * 15
+
+
+def test_a_folder_for_drawings_has_to_be_there(tmp_path: Path) -> None:
+    result = CliRunner().invoke(bench, ["locomotion", "--plots", str(tmp_path / "none")])
+    assert result.exit_code == 2
+    assert "none" in result.output
+
+
+TRAVEL, ROTATE = Bounds(1.0, 1.0), Bounds(1.5, 3.0)
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    x_m=st.floats(-6.0, 6.0),
+    y_m=st.floats(-6.0, 6.0),
+    from_rad=st.floats(-pi, pi),
+    to_rad=st.floats(-pi, pi),
+)
+def test_no_motion_is_faster_than_the_lower_bound(
+    x_m: float, y_m: float, from_rad: float, to_rad: float
+) -> None:
+    start, end = Pose(heading_rad=from_rad), Pose(x_m, y_m, heading_rad=to_rad)
+    bound_s = lower_bound_s(start, end, TRAVEL, ROTATE)
+    motions = polylines(start.point, from_rad, end.point, to_rad, TRAVEL, ROTATE)
+    assert all(each.duration_s >= bound_s - 1e-3 for each in motions)
+    assert lower_bound_s(start, end, TRAVEL, ROTATE, 0.03, 0.03) <= bound_s + 1e-3
+
+
+def test_the_lower_bound_is_that_of_the_goals_file() -> None:
+    rows = json.loads(OWN_GOALS.read_text())["goals"]
+    ends = [Pose(row["x_m"], row["y_m"], heading_rad=row["heading_rad"]) for row in rows]
+    found_s = [lower_bound_s(Pose(), end, TRAVEL, ROTATE) for end in ends]
+    assert found_s == pytest.approx([row["lower_bound_s"] for row in rows], rel=0.025)
+    best_s = [row["best_known_time_s"] for row in rows]
+    assert all(low <= high + 1e-3 for low, high in zip(found_s, best_s, strict=True))
 
 
 def test_a_missed_goal_is_named_and_ends_with_1(tmp_path: Path) -> None:
