@@ -32,16 +32,32 @@ class YawResponse:
 
 
 @dataclass(frozen=True, slots=True)
-class SideSlip:
-    """How a turning rover slips aside, in its odometry: -(offset + gain sign(v) sqrt|v w|) w.
+class Slip:
+    """How a turning rover slips, at the speed v, the rate of turn w and the acceleration a.
+
+    To its left by -(offset + gain sign(v) sqrt|v w| - acceleration a) w: the point about which it
+    turns lies ahead of base_link by what is in brackets. Braking puts load on the front wheels,
+    which then slip less, and so moves that point ahead. Ahead by -creep a |w|: wheels that are
+    dragged aside push the rover only where they slip along, too.
 
     Attributes:
-        offset_m: in m.
-        gain_m: in m, for v in m/s and w in rad/s.
+        offset_m: in a spin.
+        gain_m: for v in m/s and w in rad/s.
+        acceleration_s2: m for each m/s².
+        creep_s2: m/s for each m/s² and rad/s.
+        lag_s: the time constant with which all but the offset settles.
     """
 
     offset_m: float = 0.0
     gain_m: float = 0.0
+    acceleration_s2: float = 0.0
+    creep_s2: float = 0.0
+    lag_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where the lag is none that can be."""
+        if not 0.0 <= self.lag_s <= 1.0:
+            raise ValueError(f"lag_s is {self.lag_s}: 0 to 1")
 
 
 FEWEST_STEPS: Final = 10
@@ -56,13 +72,18 @@ class Mpc:
         steps: intervals of a plan; more are finer and cost more.
         command_delay_s: from a tick to the velocity that it commands, as the ramp between ticks.
         odometry_age_s: how old odometry is when it arrives.
+        yaw: how the rover turns.
+        slip: how it slips.
+        odometry_slip: the part of that which its odometry allows for; the executive allows for the
+            rest. None: all of it.
     """
 
     steps: int = 20
     command_delay_s: float = 0.05
     odometry_age_s: float = 0.02
     yaw: YawResponse = field(default_factory=YawResponse)
-    side_slip: SideSlip = field(default_factory=SideSlip)
+    slip: Slip = field(default_factory=Slip)
+    odometry_slip: Slip | None = None
 
     def __post_init__(self) -> None:
         """Raise ValueError where a figure is none that can be."""

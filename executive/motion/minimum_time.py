@@ -1,7 +1,7 @@
 """The fastest motion from a state to rest at a pose, as a non-linear programme solved by casadi.
 
-Multiple shooting over a free duration, to the end and to each place passed before it: one Runge-
-Kutta step of the rover's model in each of so many intervals, with the accelerations of the
+Multiple shooting over a free duration, to the end and to each place passed before it: one step of
+the rover's model in each of so many intervals, with the accelerations of the
 commanded velocity as controls. Fatrop solves it stage by stage; ipopt does where casadi comes
 without fatrop. casadi is the extra `mpc`, imported when a solver is made.
 """
@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol
 from executive.geometry import Point, Velocity, wrap_rad
 from executive.motion.locomotion import Bounds, duration_s
 from executive.motion.polylines import polylines
-from executive.mpc_settings import SideSlip, YawResponse
+from executive.mpc_settings import Slip, YawResponse
 from executive.settings_files import SettingsError
 
 MISS_COST: Final = 30.0
@@ -31,7 +31,7 @@ SHORTEST_S: Final = 0.05
 LONGEST_S: Final = 600.0
 FASTEST_SHARE: Final = 0.6
 """Of the least time by what is commanded: a rover that drives turns faster than commanded."""
-ITERATIONS: Final = 60
+ITERATIONS: Final = 40
 STARTS: Final = 3
 """Guesses that are tried at most, where those before them end beyond the aim or nowhere."""
 NO_MISS: Final = 1e-3
@@ -42,6 +42,8 @@ PASSED_AT_ONCE: Final = 1
 """Places that one plan leads through at most, before it ends."""
 ANY_RAD: Final = 10.0
 """An aim of the heading that all headings are within."""
+_GAUSS: Final = (0.5 - sqrt(3.0) / 6, 0.5 + sqrt(3.0) / 6)
+"""Of a step, where it is integrated from: two points of Gauss make it of fourth order."""
 _SMOOTH: Final = 1e-6
 _SLIP_FROM: Final = 0.02
 """Squares of speeds, below which magnitudes and the root of the side slip are smoothed."""
@@ -231,7 +233,7 @@ class MotionModel:
     """
 
     yaw: YawResponse
-    slip: SideSlip
+    slip: Slip
     ahead_m: float
 
     def true_rotation(self, rotate: Any, lag: Any, ops: Any = _PLAIN) -> Any:
@@ -251,23 +253,25 @@ class MotionModel:
             ops: has `sin`, `cos`, `sqrt`, `tanh` and `exp` of these figures.
         """
         travel_mps2, rotate_radps2 = controls
-        *pose, travel, rotate, lag = state
+        x, y, heading, travel, rotate, lag = state
         midway = travel + travel_mps2 * step / 2, rotate + rotate_radps2 * step / 2
         late, lag_s = self._late(*midway, travel_mps2, ops), self.yaw.lag_s
         decay = ops.exp(-step / lag_s)  # exact: a step may be many times longer than the lag
         mean = late + (lag - late) * (1 - decay) * lag_s / step
+        speeds = [
+            (travel + travel_mps2 * step * part, rotate + rotate_radps2 * step * part)
+            for part in _GAUSS
+        ]
+        first, second = (self.true_rotation(each[1], mean, ops) for each in speeds)
+        turning, gain = (first + second) / 2, (second - first) * sqrt(3.0)
+        for part, pair, true in zip(_GAUSS, speeds, (first, second), strict=True):
+            toward = heading + step * (part * turning - gain / 12)
+            along, across = self._speeds(pair[0], true, travel_mps2, ops)
+            cosine, sine = ops.cos(toward), ops.sin(toward)
+            x = x + step / 2 * (along * cosine - across * sine)
+            y = y + step / 2 * (along * sine + across * cosine)
         end = travel + travel_mps2 * step, rotate + rotate_radps2 * step
-
-        def along(rates: Sequence[Any], part: Any) -> list[Any]:
-            return [figure + part * rate for figure, rate in zip(pose, rates, strict=True)]
-
-        first = self._rates(pose[2], travel, rotate, mean, ops)
-        second = self._rates(along(first, step / 2)[2], *midway, mean, ops)
-        third = self._rates(along(second, step / 2)[2], *midway, mean, ops)
-        fourth = self._rates(along(third, step)[2], *end, mean, ops)
-        slopes = zip(first, second, third, fourth, strict=True)
-        moved = along([(a + 2 * b + 2 * c + d) / 6 for a, b, c, d in slopes], step)
-        return [*moved, *end, late + (lag - late) * decay]
+        return [x, y, heading + step * turning, *end, late + (lag - late) * decay]
 
     def _late(self, travel: Any, rotate: Any, travel_mps2: Any, ops: Any) -> Any:
         """Return what the lag goes to."""
@@ -281,14 +285,14 @@ class MotionModel:
         late = rotate * ops.sqrt(rotate**2 + _SMOOTH) * of_turning
         return late - yaw.load * travel_mps2 * rotate
 
-    def _rates(self, heading: Any, travel: Any, rotate: Any, lag: Any, ops: Any) -> list[Any]:
-        """Return the rates of x, y and heading."""
-        true = self.true_rotation(rotate, lag, ops)
+    def _speeds(self, travel: Any, true: Any, travel_mps2: Any, ops: Any) -> tuple[Any, Any]:
+        """Return how fast the control point moves ahead and to its left; slip is settled."""
         magnitude = ops.sqrt(travel**2 + _SLIP_FROM)
-        root = ops.sqrt(ops.sqrt(true**2 + _SLIP_FROM) / magnitude)
-        across = (self.ahead_m - self.slip.offset_m - self.slip.gain_m * travel * root) * true
-        cosine, sine = ops.cos(heading), ops.sin(heading)
-        return [travel * cosine - across * sine, travel * sine + across * cosine, true]
+        turning = ops.sqrt(true**2 + _SLIP_FROM)
+        root, slip = ops.sqrt(turning / magnitude), self.slip
+        about = slip.offset_m + slip.gain_m * travel * root - slip.acceleration_s2 * travel_mps2
+        along = travel - slip.creep_s2 * travel_mps2 * turning
+        return along, (self.ahead_m - about) * true
 
 
 _STATE: Final = 6
@@ -568,7 +572,7 @@ def _casadi() -> Any:
 def _nlpsol(ca: Any, problem: dict[str, Any], equal: list[bool]) -> Any:
     common = {"expand": True, "print_time": False, "error_on_fail": False}
     if ca.has_nlpsol("fatrop"):
-        fatrop = {"mu_init": 1e-2, "tol": 1e-3, "max_iter": ITERATIONS, "print_level": 0}
+        fatrop = {"mu_init": 1e-3, "tol": 1e-3, "max_iter": ITERATIONS, "print_level": 0}
         return ca.nlpsol("minimum_time", "fatrop", problem, {
             **common, "structure_detection": "auto", "equality": equal, "fatrop": fatrop,
         })  # fmt: skip

@@ -435,7 +435,11 @@ def _toward_zero(figure: float, step: float) -> float:
 
 
 class PredictiveLocomotion(VelocityLocomotion):
-    """Drives to places by `PredictiveLaw`; turns, straight lines and held velocities as ever."""
+    """Drives to places by `PredictiveLaw`; turns, straight lines and held velocities as ever.
+
+    A place for which more precision is asked than usual is driven to by turn-then-drive, whose
+    turns on the spot and straight lines odometry knows better than fast curves.
+    """
 
     def __init__(
         self,
@@ -457,13 +461,13 @@ class PredictiveLocomotion(VelocityLocomotion):
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the last turn of a leg; the first is part of its curve."""
-        if not final and _leads(leg):
+        if not final and self._leads(leg):
             return None
         return super().turn(command, leg, final)
 
     def line(self, command: Command, leg: Leg) -> Motion | None:
         """Return the curve of a leg that leads to a place, or its straight line."""
-        if not _leads(leg):
+        if not self._leads(leg):
             return super().line(command, leg)
         return PredictiveLaw(
             command,
@@ -475,15 +479,17 @@ class PredictiveLocomotion(VelocityLocomotion):
             VelocityLocomotion(self._clock, self._settings, self._status),
         )
 
-
-def _leads(leg: Leg) -> bool:
-    return leg.target is not None and leg.toward_rad is not None
+    def _leads(self, leg: Leg) -> bool:
+        """Return whether a leg leads to a place by a curve."""
+        fine = leg.tolerance_m < self._settings.turn_drive.position_tolerance_m
+        leads = leg.target is not None and leg.toward_rad is not None
+        return leads and (bool(leg.through) or not fine)
 
 
 def model_of(settings: Settings) -> MotionModel:
     """Return how the rover of an asset moves, by its settings."""
     ahead_m = settings.turn_drive.control_point_m
-    return MotionModel(settings.mpc.yaw, settings.mpc.side_slip, ahead_m)
+    return MotionModel(settings.mpc.yaw, settings.mpc.slip, ahead_m)
 
 
 def make_solver(settings: Settings) -> MinimumTime:

@@ -399,6 +399,8 @@ class VelocityMover:
         elif not (wanted.finite and self._status.odometry_fresh):
             self._send(STANDING)
         else:
+            if self.velocity == STANDING:  # a motion that begins between ticks begins at once
+                step_s = max(step_s, self._settings.tick_s)
             self._send(self._slew(wanted, step_s))
         if wanted is not None or self.velocity != STANDING:
             self._moved_at_s = now_s

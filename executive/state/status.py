@@ -5,7 +5,7 @@ from math import cos, inf, isfinite, sin
 from executive.clock import Clock
 from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.reports import Identity
-from executive.settings import Settings
+from executive.settings import Controller, Settings
 from executive.state.facts import (
     AuthorityUsed,
     Battery,
@@ -26,6 +26,7 @@ from executive.state.facts import (
     Stopped,
 )
 from executive.state.fusion import Fusion
+from executive.state.slip import SlipCorrection
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
 
@@ -37,6 +38,7 @@ class Status:
         travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
         slow_ratio: of these speeds, what a fault leaves while it slows the rover down.
         compensation: what is added to the measured pose before it is used.
+        odometry: the newest that is finite, with the slip that it does not know of.
         frame: the last camera frame, with its number in `frames`.
         motion_started: the last whole motion that the rover has begun, where it moves by itself,
             and `motion_started_at_s`, when it said so.
@@ -70,6 +72,10 @@ class Status:
         self.standstill = Standstill(clock)
         second = settings.sensors.second_odometry
         self.fusion = None if second is None else Fusion(second.fused)
+        mpc = settings.mpc
+        self._slip = None
+        if settings.controller is Controller.MPC and mpc.odometry_slip is not None:
+            self._slip = SlipCorrection(mpc.slip, mpc.odometry_slip)
         self._odometry_at_s = -inf
 
     def observe(self, fact: Fact) -> None:
@@ -205,6 +211,8 @@ class Status:
     def _observe_odometry(self, fact: Odometry) -> None:
         if not (fact.pose.finite and fact.velocity.finite):
             return
+        if self._slip is not None:
+            fact = self._slip.corrected(fact)
         self.odometry = fact
         self._odometry_at_s = self._clock.now_s()
         self.standstill.observe(fact)

@@ -49,7 +49,7 @@ def test_a_strangers_goals_are_driven_and_written_down(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     rows = {row["name"]: row for row in json.loads(out.read_text())}
     times = rows["turn-drive: sum of times"]
-    assert 1.0 < times["value"] < 1.2
+    assert 0.98 < times["value"] < 1.2
     assert times["unit"] == "ratio"
     assert times["goal"] == {"bound": 1.45, "at_least": False}
     assert times["met"] is True

@@ -27,7 +27,7 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.geometry import STANDING
+from executive.geometry import STANDING, Velocity
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.settings import Profile, load_settings
@@ -196,6 +196,17 @@ def test_speed_and_acceleration_stay_within_bounds(bench: Bench) -> None:
     for before, after in pairwise(sent):
         assert abs(after.travel_mps - before.travel_mps) <= 1.0 * 0.05 + 1e-9
         assert abs(after.rotate_radps - before.rotate_radps) <= 3.0 * 0.05 + 1e-9
+
+
+def test_a_motion_that_is_commanded_between_ticks_begins_at_once(bench: Bench) -> None:
+    bench.step()
+    bench.submit(MoveForward(2.0), 1)
+    bench.executive.turn()
+    assert bench.rover.sent[-1] == Velocity(1.0 * 0.05, 0.0)
+    bench.executive.turn()
+    assert bench.rover.sent[-1] == Velocity(1.0 * 0.05, 0.0)
+    bench.step()
+    assert bench.rover.sent[-1].travel_mps == pytest.approx(2 * 1.0 * 0.05)
 
 
 def test_motion_is_appended_by_default_and_replaces_on_request(bench: Bench) -> None:

@@ -190,7 +190,7 @@ def test_a_fault_on_the_way_pauses_slows_down_or_ends_it(
 ) -> None:
     with Bench(tmp_path, weak(then), solver=solver) as bench:
         bench.submit(STRAIGHT, 1)
-        bench.run(2.0)
+        bench.run(1.8)
         bench.voltage_v = LOW_V
         bench.run(1.5)
         at_m, speed_mps = bench.rover.pose.x_m, abs(bench.rover.velocity.travel_mps)

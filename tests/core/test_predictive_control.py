@@ -140,7 +140,7 @@ def test_a_curve_leads_to_the_place_in_truth_and_no_monitor_objects(
     seen_m, seen_rad = off(lockstep.executive.status.pose, target)
     true_m, true_rad = off(lockstep.rover.true_pose, target)
     assert (seen_m, seen_rad) < (0.03, 0.035)
-    assert true_m < 0.13
+    assert true_m < 0.06
     assert true_rad < 0.05
     assert alarms(lockstep) == []
 
@@ -175,6 +175,17 @@ def test_what_asks_for_no_heading_or_more_precision_is_executed(
     assert drive(lockstep, request_) is Stage.EXECUTED
     last = ends_at(request_)
     assert off(lockstep.executive.status.pose, last)[0] < 0.03
+
+
+def test_where_more_precision_is_asked_turn_then_drive_ends_there_in_truth(
+    solver: MinimumTime, tmp_path: Path
+) -> None:
+    target = Waypoint(0.6, -0.9, 2.0, tolerance_m=0.02)
+    lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
+    assert drive(lockstep, MoveTo(target)) is Stage.EXECUTED
+    true_m, true_rad = off(lockstep.rover.true_pose, target)
+    assert true_m < 0.02
+    assert true_rad < pi / 180
 
 
 def test_two_runs_are_alike(tmp_path: Path) -> None:

@@ -169,6 +169,6 @@ def test_why_tells_of_motion_that_nobody_here_commands(bench: Bench) -> None:
 
 def test_why_says_at_what_speed_a_command_moves_the_rover(bench: Bench) -> None:
     bench.submit(MoveForward(5.0), 1)
-    bench.run(1.0)
+    bench.run(0.9)
     assert bench.executive.why.startswith("moves at +0.")
     assert bench.executive.why.endswith("for MOE:1 MoveForward")

@@ -1,0 +1,74 @@
+"""Slip that the odometry of a skid-steered rover does not know of.
+
+Wheels and gyro do not feel it. What the odometry of a rover takes it for and what it is are two
+laws of the asset's settings; the pose is corrected by what lies between them.
+"""
+
+from dataclasses import replace
+from math import copysign, cos, exp, sin, sqrt
+from typing import Final
+
+from executive.geometry import Velocity, wrap_rad
+from executive.mpc_settings import Slip
+from executive.state.facts import Odometry
+
+LONGEST_S: Final = 0.2
+"""Between two messages of odometry; beyond it nothing is known of the motion between them."""
+
+
+class SlipModel:
+    """How fast a rover slips, by what it moves at one time after another."""
+
+    def __init__(self, law: Slip) -> None:
+        self._law = law
+        self._ahead_mps = self._left_mps = 0.0
+
+    def step(self, velocity: Velocity, travel_mps2: float, step_s: float) -> tuple[float, float]:
+        """Return how fast the rover slips ahead and to its left, a step after the last time."""
+        law, travel, rotate = self._law, velocity.travel_mps, velocity.rotate_radps
+        root = copysign(sqrt(abs(travel * rotate)), travel)
+        ahead_mps = -law.creep_s2 * travel_mps2 * abs(rotate)
+        left_mps = -(law.gain_m * root - law.acceleration_s2 * travel_mps2) * rotate
+        share = 1.0 - exp(-step_s / law.lag_s) if law.lag_s > 0.0 else 1.0
+        self._ahead_mps += share * (ahead_mps - self._ahead_mps)
+        self._left_mps += share * (left_mps - self._left_mps)
+        return self._ahead_mps, self._left_mps - law.offset_m * rotate
+
+
+class SlipCorrection:
+    """Adds to odometry the slip that it does not allow for.
+
+    Args:
+        rover: how the rover slips.
+        known: what its odometry takes that for.
+    """
+
+    def __init__(self, rover: Slip, known: Slip) -> None:
+        self._rover, self._known = SlipModel(rover), SlipModel(known)
+        self._last: Odometry | None = None
+        self._x_m = self._y_m = 0.0
+
+    def corrected(self, odometry: Odometry) -> Odometry:
+        """Return newer odometry with all slip since the first."""
+        last, self._last = self._last, odometry
+        if last is not None:
+            self._add(last, odometry)
+        pose = odometry.pose
+        return replace(
+            odometry, pose=replace(pose, x_m=pose.x_m + self._x_m, y_m=pose.y_m + self._y_m)
+        )
+
+    def _add(self, last: Odometry, odometry: Odometry) -> None:
+        step_s = odometry.stamp_s - last.stamp_s
+        if not 0.0 < step_s <= LONGEST_S:
+            return
+        velocity = odometry.velocity
+        travel_mps2 = (velocity.travel_mps - last.velocity.travel_mps) / step_s
+        ahead_mps, left_mps = self._rover.step(velocity, travel_mps2, step_s)
+        known_ahead_mps, known_left_mps = self._known.step(velocity, travel_mps2, step_s)
+        ahead_m = step_s * (ahead_mps - known_ahead_mps)
+        left_m = step_s * (left_mps - known_left_mps)
+        before_rad = last.pose.heading_rad
+        midway_rad = before_rad + wrap_rad(odometry.pose.heading_rad - before_rad) / 2
+        self._x_m += ahead_m * cos(midway_rad) - left_m * sin(midway_rad)
+        self._y_m += ahead_m * sin(midway_rad) + left_m * cos(midway_rad)
