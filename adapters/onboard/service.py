@@ -20,6 +20,7 @@ from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.onboard.guard import guarded
+from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
@@ -41,6 +42,7 @@ from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
 from executive.clock import Clock
 from executive.goals import Context
+from executive.motion import PlanSolver
 from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
 from executive.runner import Executive
@@ -119,6 +121,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 )
             ) as link,
             closing(VideoForwarder(settings.video)) if settings.video else nullcontext() as video,
+            planning(settings) as solver,
             executive_on(
                 node,
                 settings,
@@ -128,6 +131,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 build_tree,
                 video,
                 options.relay,
+                solver,
             ) as executive,
             watched(node, executive) as watchdog,
         ):
@@ -152,6 +156,7 @@ def executive_on(
     build_tree: Callable[[Context], RoverTree] = RoverTree,
     video: Video | None = None,
     relayed: bool = False,
+    solver: PlanSolver | None = None,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands."""
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
@@ -175,6 +180,7 @@ def executive_on(
         downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else [])],
         build_tree=build_tree,
         video=video,
+        solver=solver,
     )
     assert isinstance(executive.tree, RoverTree)
     served = ExecutiveNode(node, topics, sensors, rover, executive, executive.tree)

@@ -27,10 +27,7 @@ from executive.settings import Controller, LocomotionKind, Settings
 from executive.settings_files import SettingsError
 from executive.state import Status
 
-NO_SOLVER: Final = (
-    "controller is mpc: it plans in lock step only (rover bench, scenarios, campaigns); a rover at"
-    " real time needs controller: turn_drive"
-)
+NO_SOLVER: Final = "controller is mpc: it needs a solver of plans, and was started without one"
 
 
 @dataclass(slots=True)

@@ -208,11 +208,13 @@ class PlanSolver(Protocol):
 
     Attributes:
         lead_ticks: how many ticks after its question an answer is used.
-        busy: whether it is at a question still, and takes no other.
     """
 
     lead_ticks: int
-    busy: bool
+
+    @property
+    def busy(self) -> bool:
+        """Whether it is at a question still, and takes no other."""
 
     def ask(self, problem: Problem) -> None:
         """Have a problem solved."""

@@ -7,7 +7,7 @@ commanded; where that lasts, the rover stands, and turn-then-drive goes on from 
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from itertools import pairwise
-from math import hypot
+from math import hypot, inf
 from typing import Final
 
 from executive.clock import Clock
@@ -50,6 +50,8 @@ SOON_S: Final = 1.0
 """To the end of the plan, from where on it may brake."""
 MISSES: Final = 5
 """Ticks without a usable plan after which turn-then-drive takes over."""
+LATEST_S: Final = 1.0
+"""For a plan to come: the one before is driven on meanwhile, then turn-then-drive takes over."""
 STANDS: Final = 3
 """How often a plan may be made from rest before turn-then-drive takes over."""
 OFF_M: Final = 0.1
@@ -61,7 +63,11 @@ LEARN: Final = 0.3
 """Of a difference in the rate of turn, what each tick makes of it."""
 KEPT: Final = 8
 """Commands that are kept: longer than odometry is old."""
+LATE_TICKS: Final = 1.5
+"""From one tick to the next, beyond which the rover was not led meanwhile."""
 FINEST_S: Final = 1e-9
+HELD_S: Final = 1e-3
+"""By how much odometry has to come later than at best, to count as late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +83,7 @@ class MotionObserver:
 
     Attributes:
         ahead_m: of the control point, from base_link.
+        late_s: when a tick last came so late that the rover was not led meanwhile.
     """
 
     def __init__(
@@ -87,7 +94,9 @@ class MotionObserver:
         self._model = model
         self._mover = mover
         self.ahead_m = model.ahead_m
+        self.late_s = -inf
         self._sent_s = 0.0
+        self._apart_s = inf  # least so far, from the stamp of odometry to its arrival
         self._knots: list[_Knot] = []
         self._seen: Odometry | None = None
         self._lag_radps = 0.0
@@ -97,9 +106,12 @@ class MotionObserver:
         delay_s, tick_s = self._settings.mpc.command_delay_s, self._settings.tick_s
         sent_s = self._sent_s if self._knots else now_s - tick_s
         self._add(_Knot(sent_s + delay_s, self._mover.velocity))
+        if now_s - sent_s > LATE_TICKS * tick_s:  # the command was held, until a tick ago
+            self._add(_Knot(now_s - tick_s + delay_s, self._mover.velocity))
+            self.late_s = now_s
         self._sent_s = now_s
         pose, status = self._status.pose, self._status
-        measured_s = now_s - status.odometry_age_s - self._settings.mpc.odometry_age_s
+        measured_s = self._arrived_s(now_s) - self._settings.mpc.odometry_age_s
         self._learn(measured_s, status.odometry)
         place = pose.ahead(self.ahead_m)
         begun = self._commanded(measured_s)
@@ -126,6 +138,16 @@ class MotionObserver:
     def effect_s(self) -> float:
         """When the last command is in effect."""
         return self._knots[-1].time_s
+
+    def _arrived_s(self, now_s: float) -> float:
+        """Return when odometry would have arrived that takes no longer than the fastest so far."""
+        arrived_s = now_s - self._status.odometry_age_s
+        if self._status.odometry is None:
+            return arrived_s
+        apart_s = arrived_s - self._status.odometry.stamp_s
+        self._apart_s = min(self._apart_s, apart_s)
+        held_s = apart_s - self._apart_s
+        return arrived_s - held_s if held_s > HELD_S else arrived_s
 
     def _add(self, knot: _Knot) -> None:
         if self._knots and knot.time_s <= self._knots[-1].time_s + FINEST_S:
@@ -222,7 +244,10 @@ class PredictiveLaw(Motion):
         self._plan_from_s = 0.0
         self._plan_end = self._asked_end = 0  # which place of the route a plan ends at
         self._asked_from_s = 0.0
+        self._asked_at_s = self._planned_at_s = 0.0
         self._abandons = False
+        self._waits = False  # standing, a plan begins when it is there
+        self._heard_s: float | None = None  # when the solver last was free
         self._misses = 0
         self._starts = 0
         self._braking = False
@@ -280,9 +305,9 @@ class PredictiveLaw(Motion):
         takes_effect_s = now_s + self._settings.mpc.command_delay_s
         if self._solver.lead_ticks == 0:
             self._ask(state, effect_s, now_s)
-        self._take_answer(state, effect_s)
-        if self._misses > MISSES or self._starts > STANDS:
-            self._give_up()
+        self._take_answer(state, effect_s, now_s)
+        if reason := self._hopeless(now_s):
+            self._give_up(reason)
             return STANDING
         command = STANDING
         if self._plan is not None and not self._lands(state):
@@ -346,29 +371,44 @@ class PredictiveLaw(Motion):
                 state = replace(state, heading_rad=heading_rad)
         if guess is None:
             self._starts += 1
+        self._waits = guess is None and at_rest
         first = route.passed if guess is None else self._plan_end - len(guess.passes_s)
         *through, target = route.plan_from(first, now_s)
-        self._asked_from_s, self._asked_end = from_s, first + len(through)
+        self._asked_from_s, self._asked_at_s = from_s, now_s
+        self._asked_end = first + len(through)
         limits = self._present_limits
         self._solver.ask(Problem(state, target, *limits, guess, tuple(through)))
 
-    def _take_answer(self, state: MotionState, effect_s: float) -> None:
+    def _take_answer(self, state: MotionState, effect_s: float, now_s: float) -> None:
         """Go on with the answer to the last question, if there is one that leads there."""
-        if not self._starts:
+        if self._heard_s is None or not self._solver.busy:
+            self._heard_s = now_s
+        led = self._observer.late_s <= self._planned_at_s
+        if self._plan is not None and led and self._jumped(self._plan, state, effect_s):
+            self._misses += 1
             return
-        plan, jumped = self._solver.answer(), False
-        if self._plan is not None:
-            jumped = self._jumped(self._plan.at(effect_s - self._plan_from_s), state)
-        if plan is None or plan.miss > MISSED or jumped:
+        if self._solver.busy or not self._starts:
+            return
+        plan = self._solver.answer()
+        if plan is None or plan.miss > MISSED:
             self._misses += 1
             return
         self._misses = 0
-        waits = self._plan is None  # standing, it begins when it is there
-        self._plan, self._plan_from_s = plan, effect_s if waits else self._asked_from_s
-        self._plan_end = self._asked_end
+        self._plan, self._plan_from_s = plan, effect_s if self._waits else self._asked_from_s
+        self._plan_end, self._planned_at_s = self._asked_end, self._asked_at_s
 
-    @staticmethod
-    def _jumped(planned: MotionState, state: MotionState) -> bool:
+    def _hopeless(self, now_s: float) -> str | None:
+        """Return why turn-then-drive is to take over, if it is."""
+        if self._misses > MISSES:
+            return "no plan leads there"
+        if self._starts > STANDS:
+            return "it stands beside its target"
+        if self._heard_s is not None and now_s - self._heard_s > LATEST_S:
+            return "no plan comes in time"
+        return None
+
+    def _jumped(self, plan: Plan, state: MotionState, effect_s: float) -> bool:
+        planned = plan.at(effect_s - self._plan_from_s)
         off_m = hypot(state.x_m - planned.x_m, state.y_m - planned.y_m)
         return off_m > OFF_M or abs(wrap_rad(state.heading_rad - planned.heading_rad)) > OFF_RAD
 
@@ -392,8 +432,7 @@ class PredictiveLaw(Motion):
         self._braking = self._within(off_m, off_rad, share)
         return self._braking
 
-    def _give_up(self) -> None:
-        reason = "no plan leads there" if self._misses > MISSES else "it stands beside its target"
+    def _give_up(self, reason: str) -> None:
         if self._leg.through:
             self._abandon(reason)
             return

@@ -2,18 +2,21 @@
 
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from math import hypot, pi
 from pathlib import Path
+from threading import Event
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adapters.onboard.planning import BackgroundSolver
 from executive.clock import ManualClock
 from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
 from executive.geometry import Pose, Velocity, wrap_rad
-from executive.motion import MinimumTime, Plan, Problem, make_locomotion, make_solver
+from executive.motion import MinimumTime, Plan, PlanSolver, Problem, make_locomotion, make_solver
 from executive.motion.minimum_time import MotionState, Target
 from executive.motion.predictive_control import model_of
 from executive.reports import Identity, Kind, Report, Severity, Stage
@@ -188,6 +191,123 @@ def test_where_more_precision_is_asked_turn_then_drive_ends_there_in_truth(
     assert true_rad < pi / 180
 
 
+class NextTick:
+    """A solver beside the thread, whose answers are there when the next tick asks for them."""
+
+    lead_ticks = 1
+    busy = False
+
+    def __init__(self, solver: BackgroundSolver) -> None:
+        self._solver = solver
+
+    def ask(self, problem: Problem) -> None:
+        self._solver.ask(problem)
+
+    def answer(self) -> Plan | None:
+        while self._solver.busy:
+            Event().wait(0.001)
+        return self._solver.answer()
+
+
+def test_plans_from_another_thread_are_for_the_tick_after(
+    solver: MinimumTime, tmp_path: Path
+) -> None:
+    times_s = []
+    with closing(BackgroundSolver(solver)) as beside:
+        solvers: list[PlanSolver] = [solver, NextTick(beside)]
+        for number, each in enumerate(solvers):
+            lockstep = LockStep(JACKAL, World(), tmp_path / str(number), solver=each)
+            assert drive(lockstep, MoveTo(ASIDE)) is Stage.EXECUTED
+            assert off(lockstep.executive.status.pose, ASIDE)[0] < 0.03
+            times_s.append(reports(lockstep)[-1].figures[0].value)
+    assert times_s[1] <= times_s[0] + 0.1 + 1e-6  # it begins a tick later
+
+
+class Late:
+    """A solver beside the thread, whose answers come so late."""
+
+    lead_ticks = 1
+
+    def __init__(self, solver: MinimumTime, late_s: float) -> None:
+        self._solver, self._late_s = solver, late_s
+        self._free_s = 0.0
+        self.now_s: Callable[[], float] = lambda: 0.0
+
+    @property
+    def busy(self) -> bool:
+        return self.now_s() < self._free_s
+
+    def ask(self, problem: Problem) -> None:
+        self._solver.ask(problem)
+        self._free_s = self.now_s() + self._late_s
+
+    def answer(self) -> Plan | None:
+        return self._solver.answer()
+
+
+@pytest.mark.parametrize("late_s", [0.12, 0.37])
+def test_while_a_plan_is_late_the_one_before_is_driven_on(
+    late_s: float, solver: MinimumTime, tmp_path: Path
+) -> None:
+    late = Late(solver, late_s)
+    lockstep = LockStep(JACKAL, World(), tmp_path, solver=late)
+    late.now_s = lockstep.clock.now_s
+    assert drive(lockstep, MoveTo(ASIDE)) is Stage.EXECUTED
+    assert off(lockstep.executive.status.pose, ASIDE)[0] < 0.03
+    assert [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS] == []
+
+
+def test_where_ticks_were_late_a_plan_leads_on_from_where_the_rover_came_to(
+    solver: MinimumTime, tmp_path: Path
+) -> None:
+    late = Late(solver, 0.04)
+    lockstep = LockStep(JACKAL, World(), tmp_path, solver=late)
+    late.now_s = lockstep.clock.now_s
+    lockstep.run(0.5)
+    lockstep.submit(Command(Identity("test", 1), MoveTo(ASIDE), "direct"))
+    lockstep.run(1.0)
+    lockstep.alive = False
+    lockstep.run(0.4)
+    lockstep.alive = True
+    lockstep.run(4.0)
+    lockstep.executive.abandon()
+    assert reports(lockstep)[-1].stage is Stage.EXECUTED
+    assert [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS] == []
+
+
+class Stuck:
+    """A solver that never comes back, until it is let go."""
+
+    lead_ticks = 0
+    busy = False
+
+    def __init__(self) -> None:
+        self.released = Event()
+
+    def ask(self, problem: Problem) -> None:
+        self.released.wait()
+
+    def answer(self) -> Plan | None:
+        return None
+
+
+def test_a_solver_that_never_answers_delays_nothing_and_is_replaced(tmp_path: Path) -> None:
+    stuck = Stuck()
+    with closing(BackgroundSolver(stuck)) as beside:
+        lockstep = LockStep(JACKAL, World(), tmp_path, solver=beside)
+        lockstep.run(0.5)
+        for number, target in enumerate((Waypoint(0.5, 0.3), ASIDE), 1):
+            command = Command(Identity("test", number), MoveTo(target), "direct")
+            lockstep.submit(command)
+        lockstep.run(12.0)
+        lockstep.executive.abandon()
+        stuck.released.set()
+    stages = [each.stage for each in reports(lockstep)]
+    assert stages.count(Stage.EXECUTED) == 2
+    texts = [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS]
+    assert texts == 2 * ["mpc: no plan comes in time; turn-then-drive takes over"]
+
+
 def test_two_runs_are_alike(tmp_path: Path) -> None:
     paths: list[list[Pose]] = []
     for name in ("one", "other"):
@@ -231,7 +351,7 @@ def test_without_casadi_one_error_names_the_extra(monkeypatch: pytest.MonkeyPatc
         make_solver(JACKAL)
 
 
-def test_real_time_and_rovers_that_move_by_themselves_are_refused() -> None:
+def test_an_executive_without_solver_and_rovers_that_move_by_themselves_are_refused() -> None:
     clock = ManualClock()
     with pytest.raises(SettingsError, match="controller"):
         make_locomotion(KinematicRover(), clock, JACKAL, Status(clock, JACKAL))

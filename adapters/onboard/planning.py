@@ -1,0 +1,73 @@
+"""Plans beside the thread of the core, for model predictive control at real time."""
+
+import logging
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+
+from executive.motion import Plan, PlanSolver, Problem, make_solver
+from executive.settings import Controller, Settings
+
+_LOG = logging.getLogger(__name__)
+
+
+class BackgroundSolver:
+    """Solves problems on a thread of its own, one at a time; an answer is for the tick after.
+
+    casadi lets other threads of Python run while it solves.
+
+    Args:
+        solver: answers in the call that asks.
+    """
+
+    lead_ticks = 1
+
+    def __init__(self, solver: PlanSolver) -> None:
+        self._solver = solver
+        self._thread = ThreadPoolExecutor(1, "planning")
+        self._answer: Future[Plan | None] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether it is at a problem still, and takes no other."""
+        return self._answer is not None and not self._answer.done()
+
+    def ask(self, problem: Problem) -> None:
+        """Have a problem solved; an answer before it that nobody took is forgotten."""
+        self._answer = self._thread.submit(self._solve, problem)
+
+    def answer(self) -> Plan | None:
+        """Return the answer to the last problem, once; None where there is none, or none yet."""
+        if self._answer is None or self.busy:
+            return None
+        answer, self._answer = self._answer, None
+        return answer.result()
+
+    def close(self) -> None:
+        """End the thread, after the problem that it is at."""
+        self._thread.shutdown()
+
+    def _solve(self, problem: Problem) -> Plan | None:
+        try:
+            self._solver.ask(problem)
+            return self._solver.answer()
+        except Exception:
+            _LOG.exception("no plan: the solver raised")
+            return None
+
+
+@contextmanager
+def planning(settings: Settings) -> Iterator[PlanSolver | None]:
+    """Yield what plans for an asset at real time; None where it needs no plans.
+
+    Raises:
+        SettingsError: casadi is not installed.
+    """
+    if settings.controller is not Controller.MPC:
+        yield None
+        return
+    solver = BackgroundSolver(make_solver(settings))
+    try:
+        yield solver
+    finally:
+        solver.close()
