@@ -33,7 +33,9 @@ class Goal:
     Attributes:
         step: index of the step under way, of `step_count`.
         attempts: how often the step was ended away from its target.
-        leg: the step as it was planned last.
+        around: how many places it has stood at on ways around obstacles.
+        on_way: whether the leg ends at such a place, and not at that of the step.
+        leg: the step as it was planned last, or the way to it.
         begun: the pose from which the step was planned.
         verification: what compares it with the second odometry; None where there is none.
     """
@@ -45,6 +47,8 @@ class Goal:
         self.started_s = 0.0
         self.step = 0
         self.attempts = 0
+        self.around = 0
+        self.on_way = False
         self.leg = Leg(None, None, False, None, 0.0)
         self.begun = Pose()
         self.verification: Verification | None = None

@@ -1,12 +1,15 @@
 """Whether a motion leads too near to a zone or a known rock: before it is accepted, and begun.
 
+To a single place a way around them is looked for.
 What is looked at is where base_link is to go: straight lines of drives, arcs of velocities held.
 Turns on the spot are covered by the disc in which the footprint turns.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import pi
+from typing import Final
 
 from executive.clock import Clock
 from executive.commands import (
@@ -23,6 +26,10 @@ from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.goals import Goal
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
+from executive.way_around import Way, find_way
+
+ROOM_M: Final = 0.02
+"""What a way around leaves beside the margin, for how exactly its places are reached."""
 
 
 def check_path(path: Sequence[Point], settings: Settings) -> Refusal | None:
@@ -50,7 +57,65 @@ def check_request(request: Motion, pose: Pose, settings: Settings) -> Refusal | 
     """Return why a motion that begins at a pose may not be carried out, or None."""
     if not settings.zones.any:
         return None
-    return check_path(planned_path(request, pose, settings)[0], settings)
+    refusal = check_path(planned_path(request, pose, settings)[0], settings)
+    if refusal is None or not isinstance(request, MoveTo):
+        return refusal
+    return replace(refusal, text=f"{refusal.text}; {_why_no_way(request.target, settings)}")
+
+
+def way_around(target: Waypoint, pose: Pose, settings: Settings) -> tuple[Waypoint, ...]:
+    """Return where to stand on the way to a place, so that no line leads too near to anything.
+
+    Nowhere if the straight line is free. If no way is found, what leads nearest to the place.
+    """
+    if not settings.zones.any:
+        return ()
+    if check_path(_to_waypoints((target,), pose, settings)[0], settings) is None:
+        return ()
+    return tuple(Waypoint(each.x_m, each.y_m) for each in _search(target, pose, settings).through)
+
+
+def _search(target: Waypoint, pose: Pose, settings: Settings) -> Way:
+    place = Point(target.x_m, target.y_m)
+    if _too_near(place, settings) is not None:
+        return Way((), complete=False)
+    needed_m, zones = _needed_m(settings) + ROOM_M, settings.zones
+    turning_m = abs(settings.turn_drive.control_point_m)  # by which turns move base_link
+
+    leaves = _too_near(pose.point, settings) is not None
+
+    def leads(node: Point) -> bool:
+        to = target if node == place else Waypoint(node.x_m, node.y_m)
+        path = _to_waypoints((to,), pose, settings)[0]
+        if leaves:
+            return check_path(path, settings) is None
+        return all(
+            each.clearance_m(start, end) >= _needed_m(settings)
+            for start, end in pairwise(path)
+            for each in zones
+        )
+
+    way = find_way(pose.point, place, zones, needed_m + turning_m, leads)
+    if way.complete:
+        return way
+    return find_way(pose.point, place, zones, needed_m, leads)
+
+
+def _needed_m(settings: Settings) -> float:
+    radius_m = 0.0 if settings.footprint is None else settings.footprint.radius_m
+    return radius_m + settings.zones.margin_m
+
+
+def _too_near(place: Point, settings: Settings) -> str | None:
+    """Return what a place is too near to, or None."""
+    needed_m = _needed_m(settings)
+    near = (each for each in settings.zones if each.clearance_m(place, place) < needed_m)
+    return next((each.title for each in near), None)
+
+
+def _why_no_way(target: Waypoint, settings: Settings) -> str:
+    near = _too_near(Point(target.x_m, target.y_m), settings)
+    return "no way around is found" if near is None else f"the place itself is too near to {near}"
 
 
 def expected_pose(goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings) -> Pose:
@@ -80,7 +145,8 @@ def planned_path(request: object, pose: Pose, settings: Settings) -> tuple[list[
     """
     match request:
         case MoveTo(target):
-            return _to_waypoints((target,), pose, settings)
+            way = way_around(target, pose, settings)
+            return _to_waypoints((*way, target), pose, settings)
         case FollowPath(waypoints):
             return _to_waypoints(waypoints, pose, settings)
         case MoveForward(distance_m):

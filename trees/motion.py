@@ -11,6 +11,7 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
+from executive.commands import Motion as CommandedMotion
 from executive.geometry import STANDING, on_arc, wrap_rad
 from executive.goals import Context, Goal
 from executive.motion import (
@@ -25,7 +26,7 @@ from executive.motion import (
     leg_errors,
     plan_leg,
 )
-from executive.path_check import check_request
+from executive.path_check import check_request, way_around
 from executive.reasons import Figure, Reason, Refusal
 from executive.state import listed
 from trees.leaf import GoalLeaf
@@ -170,7 +171,7 @@ class PlanLeg(_MotionLeaf):
         """Allow the time of a stop from full speed, and of waiting for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
-        if goal.step == goal.attempts == 0:
+        if goal.step == goal.attempts == goal.around == 0:
             goal.verification = Verification.begin(context.settings, context.status)
         return self._allow(0.0 if goal.verification is None else WAIT_S)
 
@@ -191,13 +192,30 @@ class PlanLeg(_MotionLeaf):
             return Status.RUNNING
         step, through = _next_step(self.goal, self.context.locomotion)
         pose, settings = self.context.status.pose, self.context.settings
-        request = FollowPath((*through, step)) if isinstance(step, Waypoint) else step
+        goal = self.goal
+        request: CommandedMotion = MoveTo(step) if isinstance(step, Waypoint) else step
+        if isinstance(step, Waypoint) and isinstance(goal.command.request, FollowPath):
+            request = FollowPath((*through, step))
         blocked = check_request(request, pose, settings)
         if blocked is not None:
             return self.fail(blocked)
-        self.goal.leg = plan_leg(step, settings, self.context.status, through)
-        self.goal.begun = pose
+        if isinstance(request, MoveTo):
+            step = self._first_around(request.target)
+        goal.leg = plan_leg(step, settings, self.context.status, through)
+        goal.begun = pose
         return Status.SUCCESS
+
+    def _first_around(self, target: Waypoint) -> Waypoint:
+        """Return the first place of the way around obstacles; the target if nothing is between."""
+        goal, context = self.goal, self.context
+        way = way_around(target, context.status.pose, context.settings)
+        goal.on_way = bool(way)
+        if not way:
+            return target
+        if not goal.around and not goal.attempts:
+            listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in way)
+            goal.life.advance(goal.step, goal.step_count, f"goes around obstacles, by {listing}")
+        return way[0]
 
 
 class Turn(_MotionLeaf):
@@ -249,7 +267,7 @@ class FinishLeg(_MotionLeaf):
         """Count the step, unless the rover ended away from its target."""
         goal = self.goal
         verified: Verified | Refusal | None = Verified(())
-        if goal.step + 1 == goal.step_count:
+        if goal.step + 1 == goal.step_count and not goal.on_way:
             verified = self._verify()
         if verified is None:
             return Status.RUNNING
@@ -269,6 +287,10 @@ class FinishLeg(_MotionLeaf):
                 Figure("heading bound", OFF_RAD, "rad"),
             )
             return self.fail(Refusal(Reason.OFF_TARGET, text, figures))
+        if goal.on_way:
+            goal.around += 1
+            goal.attempts = 0
+            return Status.SUCCESS
         self._advance()
         if goal.step < goal.step_count:
             return Status.SUCCESS

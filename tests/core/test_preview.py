@@ -120,7 +120,7 @@ def test_the_path_is_in_time_and_ends_at_the_end(bench: Bench) -> None:
         MoveTo(Waypoint(float("nan"), 0.0)),
         RotateBy(float("inf")),
         FollowPath(()),
-        MoveTo(Waypoint(6.0, 0.0)),
+        MoveTo(Waypoint(3.0, 0.5)),
         FollowPath((Waypoint(0.0, 1.0), Waypoint(6.0, -1.0))),
         DriveFor(1.0, 0.0, 5.0),
     ],
@@ -151,6 +151,14 @@ def test_the_clearance_is_that_of_the_nearest_on_the_way(tmp_path: Path) -> None
         assert found is not None
         assert found.obstacle == "rock 'boulder'"
         assert found.least_m == pytest.approx(3.0 - 1.5 - 0.5 - 0.3335, abs=0.02)
+
+
+def test_a_way_around_is_previewed(tmp_path: Path) -> None:
+    with Bench(tmp_path, replace(JACKAL, zones=Zones(rocks=(ROCK,)))) as bench:
+        found = previewed(bench, MoveTo(Waypoint(6.0, 0.0)))
+        assert found.clearance is not None
+        assert found.clearance.least_m >= 0.1 - 0.01
+        assert 6.0 < found.length_m < 7.0
 
 
 def test_without_zones_there_is_no_clearance(bench: Bench) -> None:

@@ -5,29 +5,33 @@ from dataclasses import replace
 from pathlib import Path
 from textwrap import dedent
 
-from executive.commands import MoveForward
+from executive.commands import MoveForward, MoveTo, Waypoint
 from executive.fault_declaration import Then
 from executive.fault_section import read_table
-from executive.settings import Settings, load_settings
+from executive.reports import Stage
+from executive.settings import Settings
 from executive.settings_files import parse_yaml, structure
 from executive.zones import Footprint, Zones
 from tests.docs.pages import CHECKOUT, blocks
-from tests.support.kinematic import Bench
+from tests.support.kinematic import Bench, ignoring
 
 PAGE = CHECKOUT / "docs" / "obstacles.md"
 
 
-def test_the_zones_are_some_and_refuse_as_told(tmp_path: Path) -> None:
+def test_the_zones_are_some_and_refuse_and_are_gone_around_as_told(tmp_path: Path) -> None:
     (example,) = blocks(PAGE, "yaml")
     said = parse_yaml(example, PAGE.name)
     assert isinstance(said, dict)
     settings: Settings = replace(
-        load_settings("jackal"),
+        ignoring("odometry_off_twist", "odometry_drifts"),
         footprint=structure(said["footprint"], Footprint, PAGE.name),
         zones=structure(said["zones"], Zones, PAGE.name),
     )
     with Bench(tmp_path, settings) as bench:
         assert f"    {bench.refusal(MoveForward(4.0), 1).text}\n" in PAGE.read_text()
+        bench.execute(MoveTo(Waypoint(4.0, 0.0)), 2)
+        around = next(each for each in bench.heard.reports if each.stage is Stage.PROGRESS)
+        assert f"    {around.text}\n" in PAGE.read_text()
 
 
 def test_the_rows_of_faults_are_some() -> None:

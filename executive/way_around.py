@@ -1,0 +1,127 @@
+"""The shortest way past zones and known rocks: a visibility graph, searched by A*.
+
+Its nodes lie in a ring around each corner and rock, so far out that the straight line between two
+neighbours of a ring keeps the clearance. Lines are looked at only when the search comes to them.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count, islice
+from math import cos, pi, sin
+from typing import Final
+
+from executive.geometry import Point
+from executive.zones import FINEST_M, KeepIn, KeepOut, KnownRock, Obstacle, Zones
+
+RING: Final = 12
+"""Nodes around each corner and rock."""
+MOST_LOOKS: Final = 20_000
+"""At rocks and sides of zones, for nodes and again for lines: no search delays a tick for long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What a search came to.
+
+    Attributes:
+        through: places to go through, each in a straight line, before the end.
+        complete: whether the last line to the end is free; if not, the last place is the nearest
+            to it that was found.
+    """
+
+    through: tuple[Point, ...]
+    complete: bool
+
+
+def find_way(
+    start: Point, end: Point, zones: Zones, clearance_m: float, leads: Callable[[Point], bool]
+) -> Way:
+    """Return the shortest way of straight lines.
+
+    Args:
+        start: where it begins.
+        end: where it ends; nearer to obstacles than the clearance, perhaps.
+        zones: what to keep away from.
+        clearance_m: what its lines keep between the middle of the rover and each obstacle, but the
+            first, and, near the end, the last.
+        leads: whether the rover may drive straight to a place from where it stands.
+    """
+    nodes = [end, *_nodes(zones, clearance_m)]
+    obstacles = [(each, min(clearance_m, each.clearance_m(end, end))) for each in zones]
+    before: dict[int, int | None] = {}
+    order, left, sides = count(), MOST_LOOKS, sum(map(_sides, zones))
+    queue: list[tuple[float, int, float, int, int | None]] = []
+
+    def is_free(parent: int, index: int) -> bool:
+        nonlocal left
+        for place, (each, at_end_m) in enumerate(obstacles):
+            left -= _sides(each)
+            needed_m = clearance_m if index else at_end_m
+            if each.clearance_m(nodes[parent], nodes[index]) < needed_m:
+                obstacles.insert(0, obstacles.pop(place))  # likely in the way of the next, too
+                return False
+        return True
+
+    def push_all(place: Point, walked_m: float, parent: int | None) -> None:
+        for index, node in enumerate(nodes):
+            if index not in before:
+                way_m = walked_m + place.distance_m(node)
+                estimate_m = way_m + node.distance_m(end)
+                heappush(queue, (estimate_m, next(order), way_m, index, parent))
+
+    push_all(start, 0.0, None)
+    while queue and left > 0:
+        _, _, way_m, index, parent = heappop(queue)
+        if index in before:
+            continue
+        if parent is None:
+            left -= sides
+        if not (leads(nodes[index]) if parent is None else is_free(parent, index)):
+            continue
+        before[index] = parent
+        if index == 0:
+            return Way(_through(nodes, before, parent), complete=True)
+        push_all(nodes[index], way_m, index)
+    nearest = min(before, key=lambda index: nodes[index].distance_m(end), default=None)
+    return Way(_through(nodes, before, nearest), complete=False)
+
+
+def _through(
+    nodes: list[Point], before: dict[int, int | None], last: int | None
+) -> tuple[Point, ...]:
+    found: list[Point] = []
+    while last is not None:
+        found.append(nodes[last])
+        last = before[last]
+    return tuple(reversed(found))
+
+
+def _nodes(zones: Zones, clearance_m: float) -> list[Point]:
+    """Return the places of all rings that keep the clearance of everything."""
+    ring = [2 * pi * index / RING for index in range(RING)]
+    found = (
+        Point(centre.x_m + out_m * cos(angle_rad), centre.y_m + out_m * sin(angle_rad))
+        for centre, radius_m in _centres(zones)
+        for out_m in ((radius_m + clearance_m + FINEST_M) / cos(pi / RING),)
+        for angle_rad in ring
+    )
+    return [
+        place
+        for place in islice(found, MOST_LOOKS // max(1, sum(map(_sides, zones))))
+        if all(each.clearance_m(place, place) >= clearance_m for each in zones)
+    ]
+
+
+def _sides(obstacle: Obstacle) -> int:
+    return len(obstacle.corners_m) if isinstance(obstacle, KeepIn | KeepOut) else 1
+
+
+def _centres(zones: Zones) -> Iterator[tuple[Point, float]]:
+    """Yield the corners and rocks, and their radii."""
+    for each in zones:
+        if isinstance(each, KnownRock):
+            yield Point(each.x_m, each.y_m), each.radius_m
+    for area in (*zones.keep_out, *zones.keep_in):
+        for corner in area.corners_m:
+            yield Point(*corner), 0.0
