@@ -19,7 +19,7 @@ class Octets:
     def __init__(self, port: int, source: str = "bench") -> None:
         self._specification = mrs_specification()
         self._codec = Codec(self._specification)
-        self._socket = socket.create_connection(("127.0.0.1", port), timeout=10.0)
+        self._socket = socket.create_connection(("127.0.0.1", port), timeout=60.0)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._source, self._to = source, f"maltcp://127.0.0.1:{port}/MRS"
 

@@ -116,7 +116,7 @@ def stand_in(domain: int) -> Iterator[StandIn]:
 
 
 WARM_UP = 10
-ANSWER_S = 10.0
+ANSWER_S = 30.0
 START_S = 60.0
 MS = 1000.0
 
