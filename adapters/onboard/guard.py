@@ -14,13 +14,18 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+from rclpy.node import Node
+
 from adapters.ros import GUARD_NAME, RosMotionRover, RosVelocityRover, declare_topics, ros_node
 from adapters.ros.node import clock_of
 from executive.settings import LocomotionKind, Settings
 
-ZEROS: Final = 6
 PAUSE_S: Final = 0.05
-"""Zero is published so often, so long, until the base's own time-out has passed."""
+"""Zero is published so often."""
+ZERO_S: Final = 0.3
+"""And so long, until the base's own time-out has passed."""
+DISCOVERY_S: Final = 20.0
+"""A mux that this node has not discovered by then is taken for gone."""
 _ARM, _WELL = b"+", b"."
 _LOG: Final = logging.getLogger(__name__)
 
@@ -86,7 +91,16 @@ def _guard(
         rover = rover_kind(node, declare_topics(node), clock_of(node), settings)
         if os.read(reading, 1) == _WELL:
             return
-        for _ in range(ZEROS):
+        until_s = time.monotonic() + DISCOVERY_S
+        while time.monotonic() < until_s:
+            if _is_heard(node, settings):
+                until_s = min(until_s, time.monotonic() + ZERO_S)
             rover.emergency_stop()
             time.sleep(PAUSE_S)
         _LOG.error("the executive is gone: zero was published in its place")
+
+
+def _is_heard(node: Node, settings: Settings) -> bool:
+    """Return whether the mux hears its lock; without a mux the base stands by its own time-out."""
+    mux = settings.mux
+    return mux is None or node.count_subscribers(mux.locks[mux.lock].topic) > 0

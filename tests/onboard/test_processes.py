@@ -151,6 +151,16 @@ def joystick(probe: Probe) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("joystick")
+def test_killed_as_soon_as_it_is_up_it_leaves_a_standing_rover(
+    probe: Probe, aboard: tuple[Running, str]
+) -> None:
+    process, _ = aboard
+    probe.moving()
+    assert process.end(signal.SIGKILL) == -signal.SIGKILL
+    probe.standing()
+
+
+@pytest.mark.usefixtures("joystick")
 def test_after_a_stop_it_stands_against_another_publisher_even_if_killed(
     probe: Probe, aboard: tuple[Running, str], tmp_path: Path
 ) -> None:
