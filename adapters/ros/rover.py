@@ -151,8 +151,6 @@ class MuxOnRos:
         self._lock = node.create_publisher(Bool, settings.locks[settings.lock].topic, LOCK_QOS)
         stop = None if settings.stop is None else settings.topics[settings.stop].topic
         self._stop = None if stop is None else node.create_publisher(Twist, stop, velocity.qos)
-        self._told: bool | None = None
-        self._listeners = 0
 
     def listen(self, subscribe: Subscribe, observe: Callable[[Fact], None]) -> None:
         """Tell the core of velocities on other inputs."""
@@ -164,15 +162,8 @@ class MuxOnRos:
                 subscribe(Twist, Topic(entry.topic, self._qos), tell)
 
     def hold(self, held: bool) -> None:
-        """Publish the lock: all the time while it is held, else to who has not heard of it.
-
-        A lock with a timeout is locked by silence, so that one is told all the time, too.
-        """
-        listeners = self._lock.get_subscription_count()
-        expires = self._settings.locks[self._settings.lock].timeout > 0.0
-        if held or expires or held is not self._told or listeners > self._listeners:
-            self._lock.publish(Bool(data=held))
-        self._told, self._listeners = held, listeners
+        """Publish the lock, held or not: the guard of an executive before may have taken it."""
+        self._lock.publish(Bool(data=held))
         if held:
             self._zero()
 
