@@ -2,7 +2,6 @@
 
 import signal
 from collections.abc import Iterator
-from math import pi
 from pathlib import Path
 
 import pytest
@@ -16,13 +15,11 @@ from adapters.ros.context import SpunNode
 from executive.commands.catalogue import (
     ActivatePlan,
     DriveFor,
-    MoveTo,
     Request,
     Resume,
     ResumePlan,
     Stop,
     SubmitPlan,
-    Waypoint,
 )
 from executive.reasons import Reason
 from executive.settings_files import config_folder
@@ -105,22 +102,6 @@ def test_sigterm_while_driving_stops_the_rover_and_exits_0(
         last = [n for n in notifications(again) if n.commandId == drive][-1]
         assert last.stage is Stage.CANCELLED
         assert last.code == Reason.INTERRUPTED.value
-
-
-def test_mpc_drives_a_curve(probe: Probe, tmp_path: Path) -> None:
-    text = (config_folder() / "jackal.yaml").read_text(encoding="utf-8")
-    asset = tmp_path / "jackal.yaml"
-    asset.write_text(text.replace("controller: turn_drive", "controller: mpc"), encoding="utf-8")
-    with executive(tmp_path, "--asset", str(asset)) as (process, uri):
-        until_located(uri)
-        probe.velocities.clear()
-        start(uri, MoveTo(Waypoint(1.0, 1.0, pi / 2)))
-        probe.until(
-            lambda: any(min(abs(v.linear.x), abs(v.angular.z)) > 0.2 for v in probe.velocities),
-            "a curve",
-        )
-        process.said("EXECUTED MoveTo")
-        assert process.end() == 0
 
 
 def test_a_joystick_is_noticed_and_named(probe: Probe, aboard: tuple[Running, str]) -> None:
