@@ -1,8 +1,8 @@
 """Whether a motion leads too near to a zone or a known rock: before it is accepted, and begun.
 
-To a single place a way around them is looked for.
-What is looked at is where base_link is to go: straight lines of drives, arcs of velocities held.
-Turns on the spot are covered by the disc in which the footprint turns.
+To a single place a way around them is looked for. What is checked is where base_link is to go:
+straight lines of drives, arcs of velocities held. Turns on the spot are covered by the disc in
+which the footprint turns.
 """
 
 from collections.abc import Iterable, Sequence

@@ -17,7 +17,8 @@ from executive.zones import FINEST_M, KeepIn, KeepOut, KnownRock, Obstacle, Zone
 RING: Final = 12
 """Nodes around each corner and rock."""
 MOST_LOOKS: Final = 20_000
-"""At rocks and sides of zones, for nodes and again for lines: no search delays a tick for long."""
+"""At rocks and sides of zones, for nodes and again for lines: it bounds by how much a search delays
+a tick, which may be several ticks among a hundred sides."""
 
 
 @dataclass(frozen=True, slots=True)

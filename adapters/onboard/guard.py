@@ -91,16 +91,19 @@ def _guard(
         rover = rover_kind(node, declare_topics(node), clock_of(node), settings)
         if os.read(reading, 1) == _WELL:
             return
-        until_s = time.monotonic() + DISCOVERY_S
+        until_s, heard = time.monotonic() + DISCOVERY_S, False
         while time.monotonic() < until_s:
-            if _is_heard(node, settings):
-                until_s = min(until_s, time.monotonic() + ZERO_S)
+            if not heard and _is_heard(node, settings):
+                until_s, heard = time.monotonic() + ZERO_S, True
             rover.emergency_stop()
             time.sleep(PAUSE_S)
-        _LOG.error("the executive is gone: zero was published in its place")
+        by = "" if heard else "; no mux was there to hear its lock"
+        _LOG.error("the executive is gone: zero was published in its place%s", by)
 
 
 def _is_heard(node: Node, settings: Settings) -> bool:
     """Return whether the mux hears its lock; without a mux the base stands by its own time-out."""
     mux = settings.mux
-    return mux is None or node.count_subscribers(mux.locks[mux.lock].topic) > 0
+    if mux is None:
+        return True
+    return node.count_subscribers(node.resolve_topic_name(mux.locks[mux.lock].topic)) > 0
