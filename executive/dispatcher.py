@@ -46,6 +46,7 @@ from executive.motion import Arbiter
 from executive.notifications import Notifications
 from executive.path_check import check_request, expected_pose
 from executive.plans import Planner
+from executive.predictions import Predictions
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
 from executive.reports import Identity, Severity, Stage, printable
@@ -79,8 +80,10 @@ class Dispatcher:
         telemetry: Telemetry,
         planner: Planner,
         authority: Authority,
+        predictions: Predictions,
     ) -> None:
         self._authority = authority
+        self._predictions = predictions
         self._context = context
         self._arbiter = arbiter
         self._ledger = ledger
@@ -350,10 +353,14 @@ class Dispatcher:
         request, context = command.request, self._context
         if not isinstance(request, Motion):
             return None
-        pose = context.status.pose
-        if command.arrival is not Arrival.REPLACE:
-            pose = expected_pose(context.goals.motion, pose, context.clock, context.settings)
-        return check_request(request, pose, context.settings)
+        return check_request(request, self._start_of(command), context.settings)
+
+    def _start_of(self, command: Command) -> Pose:
+        """Return where the rover is expected to be when a motion begins."""
+        context, pose = self._context, self._context.status.pose
+        if command.arrival is Arrival.REPLACE:
+            return pose
+        return expected_pose(context.goals.motion, pose, context.clock, context.settings)
 
     def _obstacle(self, request: Request) -> Refusal | None:
         """Return why the state aboard does not allow a request, or None."""
@@ -393,7 +400,10 @@ class Dispatcher:
                 context.goals.motion.cancel_all(
                     Refusal(Reason.REPLACED, f"replaced by {life.command.identity}")
                 )
-            context.goals.add(request, life)
+            start = self._start_of(life.command)
+            goal = context.goals.add(request, life)
+            if isinstance(request, Motion):
+                self._predictions.of_motion(goal, request, start)
         elif isinstance(request, Setting):
             life.start()
             self._set(request)

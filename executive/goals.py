@@ -18,6 +18,7 @@ from executive.commands import (
 from executive.commands.intake import expired
 from executive.commands.lifecycle import Life
 from executive.geometry import Pose
+from executive.journey import Journey
 from executive.motion import Intents, Latches, Leg, Locomotion, Verification
 from executive.plans import ActivePlans
 from executive.ports import Video
@@ -38,6 +39,7 @@ class Goal:
         leg: the step as it was planned last, or the way to it.
         begun: the pose from which the step was planned.
         verification: what compares it with the second odometry; None where there is none.
+        journey: what notes what becomes of it; None where nobody asks.
     """
 
     def __init__(self, life: Life, arrived_s: float, arrived_utc_s: float) -> None:
@@ -52,6 +54,13 @@ class Goal:
         self.leg = Leg(None, None, False, None, 0.0)
         self.begun = Pose()
         self.verification: Verification | None = None
+        self.journey: Journey | None = None
+
+    def became(self, known: tuple[Figure, ...]) -> tuple[Figure, ...]:
+        """Return figures of what became of it beside what was predicted, but for known names."""
+        names = {each.name for each in known}
+        figures = () if self.journey is None else self.journey.figures()
+        return tuple(each for each in figures if each.name not in names)
 
     @property
     def command(self) -> Command:
@@ -96,9 +105,11 @@ class GoalQueue:
             yield self.active
         yield from self._waiting
 
-    def add(self, life: Life) -> None:
-        """Put an accepted command's goal at the end."""
-        self._waiting.append(Goal(life, self._clock.now_s(), self._clock.utc_s()))
+    def add(self, life: Life) -> Goal:
+        """Put an accepted command's goal at the end, and return it."""
+        goal = Goal(life, self._clock.now_s(), self._clock.utc_s())
+        self._waiting.append(goal)
+        return goal
 
     def take(self) -> Goal | None:
         """Return the active goal, else start the next one whose lifetime is not over."""
@@ -111,16 +122,18 @@ class GoalQueue:
             else:
                 goal.started_s = self._clock.now_s()
                 self.active = goal
+                if goal.journey is not None:
+                    goal.journey.begin()
                 goal.life.start()
         return self.active
 
     def execute(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
         """End the active goal with success."""
-        self._end(lambda goal: goal.life.execute(text, figures))
+        self._end(lambda goal: goal.life.execute(text, (*figures, *goal.became(figures))))
 
     def fail(self, refusal: Refusal) -> None:
         """End the active goal without success."""
-        self._end(lambda goal: goal.life.fail(refusal))
+        self._end(lambda goal: goal.life.fail(refusal, goal.became(refusal.figures)))
 
     def cancel(self, life: Life, refusal: Refusal) -> None:
         """End one goal, waiting or active, as cancelled; nothing, if it is not here."""
@@ -187,14 +200,13 @@ class Goals:
         active = self.motion.active
         return Mode.TELEOP if active is not None and active.is_velocity else Mode.MOVING
 
-    def add(self, request: Motion | CameraWork | InstantCommand, life: Life) -> None:
+    def add(self, request: Motion | CameraWork | InstantCommand, life: Life) -> Goal:
         """Put an accepted command's goal at the end of the queue that its request belongs to."""
         if isinstance(request, Motion):
-            self.motion.add(life)
-        elif isinstance(request, CameraWork):
-            self.camera.add(life)
-        else:
-            self.instant.add(life)
+            return self.motion.add(life)
+        if isinstance(request, CameraWork):
+            return self.camera.add(life)
+        return self.instant.add(life)
 
     def cancel(self, life: Life, refusal: Refusal) -> None:
         """End one goal, waiting or active, as cancelled; others go on."""

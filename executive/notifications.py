@@ -51,7 +51,7 @@ class Notifications:
             step=note.step,
             step_count=note.step_count,
             reason=refusal.reason if refusal else None,
-            figures=refusal.figures if refusal else note.figures,
+            figures=(*refusal.figures, *note.figures) if refusal else note.figures,
         )
 
     def event(
@@ -68,6 +68,13 @@ class Notifications:
         Foreign are those of which others can cause as many as they like; see `Retention`.
         """
         self._append(kind, severity, text, foreign, reason=reason, figures=figures)
+
+    def prediction(self, text: str, figures: tuple[Figure, ...], command: Command | None) -> None:
+        """Report what is predicted of a command's motion, which is no stage of its life."""
+        identity = None if command is None else command.identity
+        link = None if command is None else command.link
+        severity = Severity.INFORMATIONAL
+        self._append(Kind.EVENT, severity, text, identity=identity, link=link, figures=figures)
 
     def plan(self, update: PlanUpdate) -> None:
         """Tell how far a plan has come."""

@@ -5,6 +5,7 @@ A refusal is a value, never an exception: it carries the offending figure beside
 
 from dataclasses import dataclass
 from enum import Enum, unique
+from typing import Final
 
 
 @unique
@@ -109,6 +110,10 @@ class Reason(Enum):
     NO_PROGRESS = 919
     BATTERY_SILENT = 921
     BATTERY_NOT_FINITE = 922
+
+
+PREDICTED: Final = "predicted "
+"""What the names of figures begin with that were predicted; the rest names what they are of."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,8 @@ class Report:
     Attributes:
         sequence: counts from 1, one more each, across restarts.
         utc_s: time aboard, seconds since 1970-01-01 UTC.
-        identity: the command that it is of: if the kind is COMMAND, and if a LINK is of one alone.
+        identity: the command that it is of: if the kind is COMMAND, if a LINK is of one alone, and
+            if an EVENT is the prediction of its motion.
         stage, link: set if and only if the kind is COMMAND.
         step, step_count: set on PROGRESS.
         reason: set on REJECTED, FAILED and CANCELLED, and on events that have one.

@@ -27,7 +27,8 @@ from executive.notifications import Notifications
 from executive.path_check import expected_pose
 from executive.plans import PlanHost, Planner, check_plan
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
-from executive.preview import PreviewRun, Start, unsupported
+from executive.predictions import Predictions
+from executive.preview import PreviewRun, unsupported
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import (
     AuthorityRecord,
@@ -163,8 +164,8 @@ class Executive:
         self._telemetry = Telemetry(
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
         )
-        self._build_tree = build_tree
         self.tree = build_tree(self._context)
+        self._predictions = Predictions(self._context, self._notifications, build_tree)
         self._planner = Planner(
             clock,
             settings,
@@ -173,6 +174,7 @@ class Executive:
             self._context.plans,
             self.tree,
             self._context.goals.cancel,
+            self._predictions.of_plan,
         )
         self.authority = Authority(
             clock,
@@ -189,6 +191,7 @@ class Executive:
             self._telemetry,
             self._planner,
             self.authority,
+            self._predictions,
         )
         for each in unmonitored(settings):
             _LOG.info("%s (%s)", each, ", ".join(each.faults))
@@ -325,14 +328,8 @@ class Executive:
         what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
         if isinstance(what, Refusal):
             return what
-        start = Start(
-            expected_pose(context.goals.motion, status.pose, context.clock, settings),
-            status.travel_speed_mps,
-            status.rotate_speed_radps,
-            status.slow_ratio,
-            self.files,
-        )
-        return PreviewRun(what, start, settings, self._build_tree)
+        pose = expected_pose(context.goals.motion, status.pose, context.clock, settings)
+        return self._predictions.run(what, pose)
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
@@ -376,8 +373,14 @@ class Executive:
         """Serve what was submitted and asked; a command that was admitted is ticked at once.
 
         What comes meanwhile, and what is more than `MOST_A_TURN`, is for the next turn; stops are
-        served before each of the others.
+        served before each of the others. Then predictions are worked on for a slice; where more
+        is to be done, the executive wakes itself.
         """
+        self._serve()
+        self._predict()
+
+    def _serve(self) -> None:
+        """Serve what was submitted and asked."""
         self._serve_stops()
         self._listen_for_ground()
         for _ in range(min(self._inbox.qsize(), MOST_A_TURN)):
@@ -404,7 +407,7 @@ class Executive:
 
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
-        self.turn()
+        self._serve()
         self._watch()
         self._tell_of_inputs()
         self._run_plan()
@@ -417,6 +420,7 @@ class Executive:
                 self.retention.tick()
             except LedgerError as error:
                 self._endanger(error)
+        self._predict()
 
     def close(self) -> None:
         """End everything: what moves stands, goals are cancelled, the ledger is closed.
@@ -542,6 +546,13 @@ class Executive:
             self._context.intents.motion = STANDING  # the goal it was for has been ended
         self._arbiter.commit(self._context.intents)
         self._note_command()
+
+    def _predict(self) -> None:
+        """Work on predictions for a slice."""
+        if self._predictions.advance():
+            self._flush()
+        if self._predictions.pending:
+            self.wake()
 
     def _flush(self) -> bool:
         known = self._ledger.failing

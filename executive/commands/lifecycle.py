@@ -136,9 +136,9 @@ class Life:
         """Say that it was completed with success."""
         self._fire(Event.EXECUTE, Note(text=text, figures=figures))
 
-    def fail(self, refusal: Refusal) -> None:
-        """Say that execution could not be completed."""
-        self._fire(Event.FAIL, Note(refusal=refusal))
+    def fail(self, refusal: Refusal, figures: tuple[Figure, ...] = ()) -> None:
+        """Say that execution could not be completed, and what had become of it."""
+        self._fire(Event.FAIL, Note(refusal=refusal, figures=figures))
 
     def cancel(self, refusal: Refusal) -> None:
         """Say that a later command ended it."""

@@ -27,10 +27,11 @@ from executive.commands.lifecycle import (
     final_states,
     make_machine,
 )
+from executive.journey import Journey
 from executive.notifications import Notifications
 from executive.plans.builder import check_plan
 from executive.plans.execution import Cancel, Plan, PlanExecution, PlanHost, PlanTree, Progress
-from executive.plans.model import steps
+from executive.plans.model import PlanNode, steps
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PlanStore
 from executive.reports import Identity, PlanStatus, PlanUpdate, Severity
@@ -100,8 +101,24 @@ _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 @dataclass(frozen=True, slots=True)
 class _Run:
+    """The plan that executes.
+
+    Attributes:
+        journey: what becomes of it; None where it goes on after it was suspended.
+    """
+
     execution: PlanExecution
     tree: PlanTree
+    journey: Journey | None
+
+    @property
+    def became(self) -> tuple[Figure, ...]:
+        """Figures of what became of it, beside what was predicted."""
+        return () if self.journey is None else self.journey.figures()
+
+
+Foretell = Callable[[str, PlanNode, Callable[[], bool]], Journey]
+"""Has the plan of an id predicted while that is wanted, and returns what becomes of it."""
 
 
 class Planner:
@@ -112,6 +129,7 @@ class Planner:
     Args:
         active: is told which plan executes, and which wait to go on.
         cancel: ends a command of a plan that has not ended.
+        foretell: has a plan predicted that begins.
     """
 
     def __init__(
@@ -123,8 +141,10 @@ class Planner:
         active: ActivePlans,
         host: PlanHost,
         cancel: Cancel,
+        foretell: Foretell,
     ) -> None:
         self._clock = clock
+        self._foretell = foretell
         self._settings = settings
         self._store = store
         self._active = active
@@ -205,8 +225,9 @@ class Planner:
         """End the plan that executes, as failed."""
         plan = self._executing
         if plan is not None:
+            became = () if self._run is None else self._run.became
             self._stop_run(why)
-            self._end(plan, PlanEvent.FAIL, why.text, why.reason)
+            self._end(plan, PlanEvent.FAIL, why.text, why.reason, became)
 
     def tick(self, plan_id: str, submit: Callable[[Command], SubmitResult]) -> bool:
         """Run the tree of the plan that executes once, and submit the commands that it wants.
@@ -227,9 +248,9 @@ class Planner:
             return self._command(run, submit)
         self._end_run()
         if progress is Progress.SUCCESS:
-            self._end(plan, PlanEvent.COMPLETE, "completed")
+            self._end(plan, PlanEvent.COMPLETE, "completed", figures=run.became)
         else:
-            self._end(plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED)
+            self._end(plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED, run.became)
         return True
 
     @property
@@ -282,9 +303,16 @@ class Planner:
             self._end(plan, PlanEvent.FAIL, root.text, root.reason)
             return None
         execution = PlanExecution(plan, root, self._clock, self._store, self._cancel)
-        self._run = _Run(execution, self._host.attach(root, execution))
-        self._change(plan, PlanEvent.BEGIN, "goes on" if plan.done else "begins")
+        tree, anew = self._host.attach(root, execution), not plan.done
+        self._change(plan, PlanEvent.BEGIN, "begins" if anew else "goes on")
+        journey = None
+        if anew:
+            journey = self._foretell(plan.plan_id, root, lambda: self._executes(execution))
+        self._run = _Run(execution, tree, journey)
         return self._run
+
+    def _executes(self, execution: PlanExecution) -> bool:
+        return self._run is not None and self._run.execution is execution
 
     def _command(self, run: _Run, submit: Callable[[Command], SubmitResult]) -> bool:
         plan, execution = run.execution.plan, run.execution
@@ -302,7 +330,12 @@ class Planner:
         return bool(wanted)
 
     def _change(
-        self, plan: Plan, event: PlanEvent, text: str, reason: Reason | None = None
+        self,
+        plan: Plan,
+        event: PlanEvent,
+        text: str,
+        reason: Reason | None = None,
+        figures: tuple[Figure, ...] = (),
     ) -> None:
         """Let something happen to a plan.
 
@@ -314,7 +347,7 @@ class Planner:
         if plan.state is not PlanStatus.ACTIVATED:
             severity = _SEVERITY.get(plan.state, Severity.INFORMATIONAL)
             said = f"plan {plan.plan_id} {plan.state.name}: {text}"
-            self._notifications.event(severity, said, reason)
+            self._notifications.event(severity, said, reason, figures)
         self._note()
 
     def _tell(self, plan: Plan, text: str) -> None:
@@ -329,8 +362,15 @@ class Planner:
         self._active.executing = next((i for i, state in states if state.running), None)
         self._active.suspended = tuple(i for i, state in states if state is PlanStatus.SUSPENDED)
 
-    def _end(self, plan: Plan, event: PlanEvent, text: str, reason: Reason | None = None) -> str:
-        self._change(plan, event, text, reason)
+    def _end(
+        self,
+        plan: Plan,
+        event: PlanEvent,
+        text: str,
+        reason: Reason | None = None,
+        figures: tuple[Figure, ...] = (),
+    ) -> str:
+        self._change(plan, event, text, reason, figures)
         self._store.forget(plan.plan_id)
         return text
 

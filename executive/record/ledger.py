@@ -218,10 +218,11 @@ class Ledger(Database):
         return [_request_of(name, request) for name, request, _ in rows]  # type: ignore[misc]
 
     def last_report(self, identity: Identity) -> Report | None:
-        """Return the last report on a command, committing first."""
+        """Return the last report on the life of a command, committing first."""
         self.commit()
         found = self._select(
-            "WHERE source = ? AND command_id = ? ORDER BY sequence DESC LIMIT 1",
+            "WHERE source = ? AND command_id = ? AND stage IS NOT NULL"
+            " ORDER BY sequence DESC LIMIT 1",
             (identity.source, identity.command_id),
         )
         return found[0] if found else None

@@ -1,6 +1,7 @@
 """The state of the asset that follows from the facts that sensors report."""
 
 from math import cos, inf, isfinite, sin
+from typing import Final
 
 from executive.clock import Clock
 from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
@@ -29,6 +30,9 @@ from executive.state.fusion import Fusion
 from executive.state.slip import SlipCorrection
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
+
+COUNTED_M: Final = 0.01
+"""Of way, in pieces of which it is counted, so that the noise of odometry at rest is not."""
 
 
 class Status:
@@ -77,6 +81,8 @@ class Status:
         if settings.controller is Controller.MPC and mpc.odometry_slip is not None:
             self._slip = SlipCorrection(mpc.slip, mpc.odometry_slip)
         self._odometry_at_s = -inf
+        self._counted_m = 0.0
+        self._counted_at: Point | None = None
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact. Odometry or a voltage that is not finite counts as missing."""
@@ -150,6 +156,13 @@ class Status:
         )
 
     @property
+    def travelled_m(self) -> float:
+        """Length of the whole way of base_link since the start, by odometry."""
+        if self.odometry is None or self._counted_at is None:
+            return 0.0
+        return self._counted_m + self._counted_at.distance_m(self.odometry.pose.point)
+
+    @property
     def velocity(self) -> Velocity:
         """The measured velocity of base_link: standing until odometry comes."""
         return STANDING if self.odometry is None else self.odometry.velocity
@@ -214,6 +227,12 @@ class Status:
         if self._slip is not None:
             fact = self._slip.corrected(fact)
         self.odometry = fact
+        place = fact.pose.point
+        if self._counted_at is None:
+            self._counted_at = place
+        elif (way_m := self._counted_at.distance_m(place)) >= COUNTED_M:
+            self._counted_m += way_m
+            self._counted_at = place
         self._odometry_at_s = self._clock.now_s()
         self.standstill.observe(fact)
         if self.fusion is not None:

@@ -127,7 +127,11 @@ class Life:
         if given_up(new) == identity:
             self.lost = told
             return True
-        if self._again or (new.source, new.commandId) != (identity.source, identity.command_id):
+        if (
+            new.stage is None
+            or self._again
+            or (new.source, new.commandId) != (identity.source, identity.command_id)
+        ):
             return False
         if any(known.notification.sequence == new.sequence for known in self.told):
             return False

@@ -152,6 +152,7 @@ class LockStep:
         self._folder = folder
         self._downlinks = (self.heard, *downlinks)
         self._steps = 0
+        self._woken = False
         self._tick_steps = round(settings.tick_s / STEP_S)
         self.executive = self._start()
         self.alive = True
@@ -172,6 +173,7 @@ class LockStep:
         answers: list[SubmitResult] = []
         self.executive.submit(command, answers.append)
         self.executive.turn()
+        self._serve_while_woken()
         return answers[0]
 
     def run(self, duration_s: float) -> None:
@@ -204,7 +206,7 @@ class LockStep:
 
     def _start(self) -> Executive:
         self._seen = self._seen_by_executive()
-        return Executive(
+        executive = Executive(
             settings=self.settings,
             clock=self.clock,
             rover=self._seen,
@@ -214,6 +216,8 @@ class LockStep:
             build_tree=RoverTree,
             solver=self._solver,
         )
+        executive.wake = self._wake
+        return executive
 
     def _seen_by_executive(self) -> SimulatedJackal | InProcessMocup:
         """Return the rover as an executive sees it, which for MOCUP is by a plugin of its own."""
@@ -232,6 +236,16 @@ class LockStep:
             self.executive.observe(fact)
         if self._steps % self._tick_steps == 0:
             self.executive.tick()
+            self._serve_while_woken()
+
+    def _wake(self) -> None:
+        self._woken = True
+
+    def _serve_while_woken(self) -> None:
+        """Give the executive the turns that it asks for, in no time."""
+        while self._woken:
+            self._woken = False
+            self.executive.turn()
 
 
 def _rover(

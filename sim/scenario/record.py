@@ -296,11 +296,15 @@ class Record:
         return next(labels, str(identity))
 
     def life(self, label: str) -> list[Report]:
-        """Return the reports on a command, each once, in order."""
+        """Return the reports on the life of a command, each once, in order."""
         identity = self.identity(label)
         if identity is None:
             return []
-        found = {report.sequence: report for report in self.reports if report.identity == identity}
+        found = {
+            report.sequence: report
+            for report in self.reports
+            if report.stage and report.identity == identity
+        }
         return [found[sequence] for sequence in sorted(found)]
 
     def lives(self) -> dict[Identity, list[Report]]:

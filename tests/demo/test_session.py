@@ -90,7 +90,9 @@ def test_every_report_is_kept_once_and_in_order(aboard: Aboard) -> None:
         Step(MoveForward(-0.2), WhenDone()),
     )
     played = play(aboard, script, Audience())
-    assert [told.notification.sequence for told in played.reports[Link.DIRECT]] == list(range(1, 9))
+    assert [told.notification.sequence for told in played.reports[Link.DIRECT]] == list(
+        range(1, 11)
+    )
 
 
 def test_an_ending_that_the_script_does_not_expect_is_told(aboard: Aboard) -> None:

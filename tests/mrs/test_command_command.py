@@ -128,9 +128,15 @@ def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
     assert result.exit_code == DONE
     first, *stages = result.output.splitlines()
     assert re.fullmatch(r"MOE:\d+ MoveForward", first)
-    names = ["RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"]
+    names = ["RECEIVED", "ACCEPTED", "STARTED", "PREDICTED", "EXECUTED"]
     for line, name in zip(stages, names, strict=True):
         assert re.match(rf"{STAMP}  {name} ", line)
+    assert re.search(
+        r"predicted: 1\.5 s, 0\.5 m, 58 J, end \(0\.50, 0\.00, 0°\) ± 0\.02 m$", stages[-2]
+    )
+    assert re.search(
+        r"\[duration 1\.\d+ \(predicted 1\.45\), .*, predicted energy 58\.\d+\]$", stages[-1]
+    )
 
 
 def test_tells_the_life_of_a_command_as_json(aboard: Aboard) -> None:

@@ -17,7 +17,17 @@ from adapters.mrs.aboard import preview_service
 from adapters.mrs.cli.preview_command import preview as preview_group
 from adapters.mrs.cli.preview_command import preview_lines
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AreaError, AskedMotion, Preview, PreviewPose, asked_motion, motion_of
+from adapters.mrs.spec import (
+    AreaError,
+    AskedMotion,
+    Notification,
+    Preview,
+    PreviewPose,
+    Stage,
+    asked_motion,
+    is_prediction,
+    motion_of,
+)
 from executive.commands import Motion, MoveForward, MoveTo, Stop, Waypoint, declared
 from tests.mrs.aboard import Aboard, raises
 from tests.support.plans import AHEAD, plan
@@ -128,3 +138,26 @@ def test_lines_for_people() -> None:
     first, _, last = preview_lines(more)
     assert first == "takes 2.0 s, 1.00 m, 111 J"
     assert last == "comes to 0.50 m from rock 'boulder'"
+
+
+async def test_a_prediction_accompanies_a_command(aboard: Aboard, client: MrsClient) -> None:
+    aboard.runs = True
+    heard: list[Notification] = []
+    outcome = await client.run(client.command(MoveForward(0.5)), heard.append)
+    foretold = outcome.prediction
+    assert foretold is not None
+    assert is_prediction(foretold)
+    assert (foretold.source, foretold.commandId) == (client.source, outcome.life[0].commandId)
+    assert [each.stage for each in heard] == [
+        *(each.stage for each in outcome.life[:-1]),
+        None,
+        Stage.EXECUTED,
+    ]
+    values = {
+        each.name: each.value.value for each in outcome.life[-1].parameters or () if each.value
+    }
+    told = {each.name: each.value.value for each in foretold.parameters or () if each.value}
+    assert told
+    assert {name: values[name] for name in told} == told
+    assert values["duration"] == pytest.approx(values["predicted duration"], abs=0.2)
+    assert foretold in await client.get_notifications(command_id=foretold.commandId)

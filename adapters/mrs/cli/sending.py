@@ -11,9 +11,16 @@ from adapters.mal import MalError
 from adapters.mrs.cli.options import Target
 from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, say
 from adapters.mrs.ground import TERMINAL, MrsClient, Outcome, where_stored
-from adapters.mrs.spec import AreaError, Notification, Stage, describe_error, given_up
+from adapters.mrs.spec import (
+    AreaError,
+    Notification,
+    Stage,
+    describe_error,
+    given_up,
+    is_prediction,
+)
 from executive.commands import Arrival, Command, Request, Stop
-from executive.reasons import Reason
+from executive.reasons import PREDICTED, Reason
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,14 +147,26 @@ def notification_line(notification: Notification) -> str:
     if notification.code is not None:
         said.append(f"{notification.code} {_reason(notification.code)}:")
     said.append(notification.text or "")
-    figures = [
-        f"{figure.name} {figure.value.value:g}"
-        for figure in notification.parameters or ()
-        if figure.value is not None and isinstance(figure.value.value, float)
-    ]
-    if figures:
+    figures = _figures(notification)
+    if figures and not is_prediction(notification):
         said.append(f"[{', '.join(figures)}]")
     return f"{clock(notification.timestamp)}  {name:<9}  {' '.join(said)}"
+
+
+def _figures(notification: Notification) -> list[str]:
+    """Return the figures of a notification, each with what was predicted of it."""
+    known = {
+        figure.name: figure.value.value
+        for figure in notification.parameters or ()
+        if figure.value is not None and isinstance(figure.value.value, float)
+    }
+    return [
+        f"{name} {value:g} (predicted {known[PREDICTED + name]:g})"
+        if PREDICTED + name in known
+        else f"{name} {value:g}"
+        for name, value in known.items()
+        if not (name.startswith(PREDICTED) and name.removeprefix(PREDICTED) in known)
+    ]
 
 
 def _stage_word(notification: Notification) -> tuple[str, str | None]:
@@ -155,6 +174,8 @@ def _stage_word(notification: Notification) -> tuple[str, str | None]:
     stage = notification.stage
     if given_up(notification) is not None:
         return "GIVEN UP", "red"
+    if is_prediction(notification):
+        return "PREDICTED", None
     if stage is None:
         return notification.severity.name, None
     return stage.name, _COLOURS.get(stage)

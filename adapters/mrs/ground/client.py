@@ -182,9 +182,9 @@ class MrsClient(Queries):
             if on_stored is not None:
                 await self._tell_if_stored(watch, on_stored)
             await watch.ended
-            return Outcome(command, tuple(watch.life), given_up=watch.given_up)
+            return watch.outcome()
         except MalError as refusal:
-            return Outcome(command, tuple(watch.life), refusal, watch.given_up)
+            return watch.outcome(refusal)
         finally:
             self._watches.remove(watch)
 

@@ -26,12 +26,14 @@ class Outcome:
         life: its notifications, as they came.
         refusal: the error that answered it, if it was not taken.
         given_up: what the relay said when it gave it up: whether the rover got it is not known.
+        prediction: what the rover predicted of its motion; None where it predicted nothing.
     """
 
     command: Command
     life: tuple[Notification, ...]
     refusal: MalError | None = None
     given_up: Notification | None = None
+    prediction: Notification | None = None
 
     @property
     def executed(self) -> bool:
@@ -48,18 +50,21 @@ class CommandWatch:
     """Gathers the notifications of one command until its life ends, or a relay gives it up.
 
     Attributes:
-        command_id: the number of the command.
+        command, command_id: it, and its number.
         life: what came so far.
         given_up: what the relay said when it gave it up, if it did.
+        prediction: what the rover predicted of its motion, if it did.
         ended: completes when nothing more is to come.
     """
 
     def __init__(self, command: Command, on_notification: OnNotification) -> None:
         self.command_id = command.identity.command_id
+        self.command = command
         self._identity = command.identity
         self._on_notification = on_notification
         self.life: list[Notification] = []
         self.given_up: Notification | None = None
+        self.prediction: Notification | None = None
         self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
     @property
@@ -67,16 +72,22 @@ class CommandWatch:
         """Whether anything was notified of it."""
         return bool(self.life) or self.ended.done()
 
+    def outcome(self, refusal: MalError | None = None) -> Outcome:
+        """Return what came so far as the end, with the error that answered it, if one did."""
+        return Outcome(self.command, tuple(self.life), refusal, self.given_up, self.prediction)
+
     def take(self, notification: Notification) -> None:
         """Take a notification of this command; what its listener raises ends the watch."""
         if self.ended.done():
             return
         if given_up(notification) == self._identity:
             self.given_up = notification
-        elif self._is_news(notification):
-            self.life.append(notification)
-        else:
+        elif not self._is_news(notification):
             return
+        elif notification.stage is None:
+            self.prediction = notification
+        else:
+            self.life.append(notification)
         try:
             self._on_notification(notification)
         except Exception as fault:
@@ -94,8 +105,9 @@ class CommandWatch:
 
     def _is_news(self, notification: Notification) -> bool:
         own = (self._identity.source, self._identity.command_id)
+        told = (*self.life, *([] if self.prediction is None else [self.prediction]))
         return (notification.source, notification.commandId) == own and all(
-            known.sequence != notification.sequence for known in self.life
+            known.sequence != notification.sequence for known in told
         )
 
 

@@ -194,10 +194,10 @@ _NUMBER: Final = "commandId"
 def notification_of(report: Report) -> Notification:
     """Return the notification that carries a report; figures become parameters.
 
-    Only what is of a command's life has its source and commandId: a LINK that is of one command
-    names it in its parameters.
+    What is of a command's life, and an EVENT that is of one command, has its source and commandId:
+    a LINK that is of one command names it in its parameters.
     """
-    named = () if report.kind is Kind.COMMAND else _name_of(report.identity)
+    named = _name_of(report.identity) if report.kind is Kind.LINK else ()
     whose = None if named else report.identity
     return Notification(
         kind=NotificationKind(report.kind.value),
@@ -235,6 +235,11 @@ def given_up(notification: Notification) -> Identity | None:
     if not isinstance(source, str) or not isinstance(number, int):
         return None
     return Identity(source, number)
+
+
+def is_prediction(notification: Notification) -> bool:
+    """Whether it tells what is predicted of a command's motion, which is no stage of its life."""
+    return notification.kind is NotificationKind.EVENT and notification.commandId is not None
 
 
 def _name_of(identity: Identity | None) -> tuple[NamedValue, ...]:

@@ -51,7 +51,7 @@ class NotificationKind(Enum):
 
     Attributes:
         COMMAND: Life cycle of one command.
-        EVENT: On-board event or issue, of no command.
+        EVENT: On-board event or issue: of no command, but for the prediction of a command's motion.
         LINK: Link or service layer state.
     """
 
@@ -174,7 +174,8 @@ class Notification:
         severity: How much it should worry the operator.
         timestamp: On-board time of the fact. (ns since 1970 UTC)
         sequence: Per asset, one more each, to see gaps.
-        commandId: The command. NULL unless kind is COMMAND.
+        commandId: The command. NULL unless kind is COMMAND, or it is the prediction of a command's
+            motion: kind EVENT, stage NULL.
         source: Source of that command.
         stage: Stage that the command reached. NULL unless kind is COMMAND.
         step: PROGRESS: step now.
@@ -182,7 +183,8 @@ class Notification:
         code: Why, as a number: on REJECTED, FAILED and CANCELLED, and on events that have one (PUS
             failure notice code).
         text: For the operator.
-        parameters: Failure data or results.
+        parameters: Failure data or results. A name that begins with 'predicted ' is of the
+            prediction, and goes with the name that follows.
     """
 
     kind: NotificationKind

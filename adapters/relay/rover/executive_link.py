@@ -189,11 +189,13 @@ class ExecutiveRelayLink:
     def _message(self, report: Report) -> Message | None:
         name = self._record.ledger_name
         try:
-            if report.kind is not Kind.COMMAND or report.identity is None:
+            if report.identity is None:
                 return event_of(report, self._dictionary.spelling.event, self._asset, name)
             asked = self._record.asked(report.identity)
             if asked is None:
                 return None
+            if report.kind is not Kind.COMMAND:
+                return event_of(report, self._dictionary.spelling.event, self._asset, name)
             entry = self._dictionary.entry_of(asked.code)
             return reply_of(report, entry, self._asset, asked.counter, name)
         except (MopsError, LedgerError) as error:

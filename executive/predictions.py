@@ -1,0 +1,170 @@
+"""Predictions that accompany commands: worked out beside them, and told as soon as they are there.
+
+They are worked out on the core's thread, in slices that are shorter than a millisecond, after what
+a turn or a tick has to do. Neither the answer to a command nor a tick waits for one, and in lock
+step each repeats bit for bit.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import degrees
+from typing import Final
+
+from executive.commands import PLAN_LINK, Arrival, Command, DriveFor, Motion
+from executive.geometry import Pose
+from executive.goals import Context, Goal
+from executive.journey import Journey
+from executive.notifications import Notifications
+from executive.plans import PlanNode
+from executive.preview import Preview, PreviewRun, Start, Ticked, unsupported
+from executive.reasons import PREDICTED, Figure, Refusal
+
+_LOG = logging.getLogger(__name__)
+
+SLICE_TICKS: Final = 2
+"""Of the copy, in one slice."""
+
+
+@dataclass(slots=True)
+class _Work:
+    """A prediction that is to be worked out.
+
+    Attributes:
+        name: of what, for people.
+        start: where it begins.
+        command: that of the motion; None for a plan.
+        wanted: whether anybody waits for it still.
+        run: what works it out, once it has begun.
+    """
+
+    name: str
+    what: Motion | PlanNode
+    start: Pose
+    journey: Journey
+    command: Command | None
+    wanted: Callable[[], bool]
+    run: PreviewRun | None = None
+
+
+class Predictions:
+    """Works out a prediction of each motion that is accepted, and of each plan that begins.
+
+    There is none where the asset's motion cannot be previewed, where it is longer than a preview
+    may be, of a velocity that replaces another, as a joystick gives them, of the single steps of a
+    plan, and where the sender of a command wants no progress reported.
+
+    Args:
+        context: of the asset, from which values are copied.
+        build_tree: makes the tree of a copy.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        notifications: Notifications,
+        build_tree: Callable[[Context], Ticked],
+    ) -> None:
+        self._context = context
+        self._notifications = notifications
+        self._build_tree = build_tree
+        self._waiting: deque[_Work] = deque()
+
+    @property
+    def pending(self) -> bool:
+        """Whether there is one to work out."""
+        return bool(self._waiting)
+
+    def run(self, what: Motion | PlanNode, pose: Pose) -> PreviewRun | Refusal:
+        """Return what works out where a motion or a plan leads from a pose, or why nothing can."""
+        context = self._context
+        settings, status = context.settings, context.status
+        refusal = unsupported(settings)
+        if refusal is not None:
+            return refusal
+        speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)
+        return PreviewRun(what, Start(pose, *speeds, context.files), settings, self._build_tree)
+
+    def of_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
+        """Have a motion that is to begin at a pose predicted, and what becomes of it noted."""
+        journey = goal.journey = self._journey()
+        command = goal.command
+        replaces = isinstance(motion, DriveFor) and command.arrival is Arrival.REPLACE
+        if replaces or command.link == PLAN_LINK or not command.report_progress:
+            return
+        name, life = f"{command.identity} {command.name}", goal.life
+        self._waiting.append(
+            _Work(name, motion, start, journey, command, lambda: not life.stage.terminal)
+        )
+
+    def of_plan(self, plan_id: str, root: PlanNode, wanted: Callable[[], bool]) -> Journey:
+        """Have a plan that begins here predicted; return what notes what becomes of it."""
+        journey, start = self._journey(), self._context.status.pose
+        journey.begin()
+        self._waiting.append(_Work(f"plan {plan_id}", root, start, journey, None, wanted))
+        return journey
+
+    def _journey(self) -> Journey:
+        return Journey(self._context.clock, self._context.status)
+
+    def advance(self) -> bool:
+        """Work for one slice; return whether something was told."""
+        while self._waiting and not self._waiting[0].wanted():
+            self._waiting.popleft()
+        if not self._waiting:
+            return False
+        work = self._waiting[0]
+        try:
+            result = self._next_slice(work)
+        except Exception:
+            _LOG.exception("%s: its prediction raised", work.name)
+            self._waiting.popleft()
+            return False
+        if result is None:
+            return False
+        self._waiting.popleft()
+        if isinstance(result, Refusal):
+            _LOG.info("%s is not predicted: %s", work.name, result.text)
+            return False
+        work.journey.predicted = figures_of(result)
+        self._notifications.prediction(
+            f"{work.name} predicted: {describe(result)}", work.journey.predicted, work.command
+        )
+        return True
+
+    def _next_slice(self, work: _Work) -> Preview | Refusal | None:
+        if work.run is None:
+            begun = self.run(work.what, work.start)
+            if isinstance(begun, Refusal):
+                return begun
+            begun.set_up()
+            work.run = begun
+        else:
+            work.run.advance(SLICE_TICKS)
+        return work.run.result
+
+
+def figures_of(preview: Preview) -> tuple[Figure, ...]:
+    """Return the figures of a prediction, as they stand beside what became of it."""
+    end, energy_j, clearance = preview.end, preview.energy_j, preview.clearance
+    return (
+        Figure(PREDICTED + "duration", preview.duration_s, "s"),
+        Figure(PREDICTED + "length", preview.length_m, "m"),
+        Figure(PREDICTED + "x", end.x_m, "m"),
+        Figure(PREDICTED + "y", end.y_m, "m"),
+        Figure(PREDICTED + "heading", end.heading_rad, "rad"),
+        Figure(PREDICTED + "within", preview.within_m, "m"),
+        Figure(PREDICTED + "heading within", preview.within_rad, "rad"),
+        *(() if energy_j is None else (Figure(PREDICTED + "energy", energy_j, "J"),)),
+        *(() if clearance is None else (Figure(PREDICTED + "clearance", clearance.least_m, "m"),)),
+    )
+
+
+def describe(preview: Preview) -> str:
+    """Return a prediction in few words."""
+    end, energy_j = preview.end, preview.energy_j
+    energy = "" if energy_j is None else f" {energy_j:.0f} J,"
+    place = f"({end.x_m:.2f}, {end.y_m:.2f}, {degrees(end.heading_rad):.0f}°)"
+    took = f"{preview.duration_s:.1f} s, {preview.length_m:.1f} m"
+    return f"{took},{energy} end {place} ± {preview.within_m:.2f} m"

@@ -1,0 +1,232 @@
+"""Predictions that accompany commands: told with their life, and compared at its end."""
+
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from executive.commands import (
+    ActivatePlan,
+    DriveFor,
+    MoveForward,
+    MoveTo,
+    RotateBy,
+    Stop,
+    SubmitPlan,
+    SuspendPlan,
+    Waypoint,
+)
+from executive.commands import ResumePlan as GoOn
+from executive.goals import Context
+from executive.reasons import PREDICTED, Reason
+from executive.reports import Identity, Kind, Report, Stage
+from executive.settings import load_settings
+from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, KinematicRover
+from tests.support.plans import AHEAD, BACK, plan
+from trees import RoverTree
+
+ROUND = MoveTo(Waypoint(3.0, 2.0, pi / 2))
+
+
+def predictions(bench: Bench) -> list[Report]:
+    return [r for r in bench.heard.reports if r.kind is Kind.EVENT and "predicted:" in r.text]
+
+
+def figures(report: Report) -> dict[str, float]:
+    return {each.name: each.value for each in report.figures}
+
+
+def be_woken(bench: Bench) -> None:
+    """Have the executive served as often as it asks for it, as a process does between ticks."""
+    woken = [True]
+    bench.executive.wake = lambda: woken.append(True)
+    while woken:
+        woken.clear()
+        bench.executive.turn()
+
+
+def test_a_motion_is_told_with_its_prediction_and_then_with_what_became_of_it(bench: Bench) -> None:
+    bench.execute(ROUND, 1)
+    (told,) = predictions(bench)
+    assert (told.identity, told.stage, told.link) == (Identity("MOE", 1), None, "direct")
+    assert told.text.startswith("MOE:1 MoveTo predicted: 6.5 s, 3.7 m, 345 J, end (3.00, 2.")
+    assert bench.stages(1) == WHOLE_LIFE
+    foretold, became = figures(told), figures(bench.last(1))
+    assert {name: became[name] for name in foretold} == foretold
+    for name in ("duration", "length", "x", "y", "heading"):
+        assert became[name] == pytest.approx(foretold[PREDICTED + name], rel=0.05, abs=0.03), name
+    assert len(became) == len(bench.last(1).figures)
+
+
+def test_it_comes_while_the_motion_is_young_and_the_answer_does_not_wait_for_it(
+    bench: Bench,
+) -> None:
+    bench.submit(MoveTo(Waypoint(20.0, 0.0)), 1)
+    assert predictions(bench) == []
+    while not predictions(bench):
+        bench.step()
+    bench.finish(1)
+    took_s = figures(bench.last(1))["duration"]
+    (told,), began = predictions(bench), bench.heard.reports[0]
+    assert told.utc_s - began.utc_s < 0.6 * took_s
+
+
+def test_where_it_is_woken_a_prediction_is_there_before_the_next_tick(bench: Bench) -> None:
+    bench.submit(ROUND, 1)
+    be_woken(bench)
+    assert len(predictions(bench)) == 1
+    assert bench.stages(1) == WHOLE_LIFE[:3]
+
+
+def test_a_slice_is_two_ticks_of_the_copy(tmp_path: Path) -> None:
+    ticked = []
+
+    class Counting(RoverTree):
+        def tick(self) -> None:
+            ticked.append(self)
+            super().tick()
+
+    with Bench(tmp_path, build_tree=Counting) as bench:
+        bench.submit(ROUND, 1)
+        for _ in range(20):
+            ticked.clear()
+            bench.step()
+            assert len([tree for tree in ticked if tree is not bench.executive.tree]) == 2
+
+
+def test_motions_that_wait_are_predicted_from_where_those_before_lead(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
+    bench.submit(MoveForward(1.0), 2)
+    while len(predictions(bench)) < 2:
+        bench.step()
+    assert bench.stages(2) == WHOLE_LIFE[:2]
+    assert figures(predictions(bench)[1])["predicted x"] == pytest.approx(3.0, abs=0.05)
+
+
+def test_a_failure_tells_what_had_become_of_the_motion(bench: Bench) -> None:
+    bench.submit(MoveForward(5.0), 1)
+    be_woken(bench)
+    bench.run(2.0)
+    bench.odometry = False
+    assert bench.finish(1) is Stage.FAILED
+    last = bench.last(1)
+    assert last.reason is Reason.ODOMETRY_STALE
+    assert figures(last)["length"] == pytest.approx(1.5, abs=0.1)
+    assert figures(last)["predicted length"] == pytest.approx(5.0, abs=0.05)
+
+
+def test_nothing_is_predicted_of_what_has_ended(bench: Bench) -> None:
+    bench.submit(ROUND, 1)
+    bench.submit(MoveForward(1.0), 2)
+    bench.step()
+    bench.submit(Stop(), 3)
+    bench.run(3.0)
+    assert bench.stages(1)[-1] is bench.stages(2)[-1] is Stage.CANCELLED
+    assert predictions(bench) == []
+    assert bench.stages(3)[-1] is Stage.EXECUTED
+
+
+def test_a_repeat_gets_the_last_of_its_life_again(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(9.0, 0.0)), 1)
+    while not predictions(bench):
+        bench.step()
+    bench.submit(MoveTo(Waypoint(9.0, 0.0)), 1)
+    assert bench.heard.reports[-1].stage is Stage.STARTED
+
+
+def test_after_a_crash_nothing_is_left_of_a_prediction(bench: Bench) -> None:
+    bench.submit(ROUND, 1)
+    bench.step()
+    bench.crash()
+    bench.run(1.0)
+    assert bench.last(1).reason is Reason.INTERRUPTED
+    assert bench.last(1).figures == ()
+    assert predictions(bench) == []
+
+
+@pytest.mark.parametrize("options", [{"report_progress": False}, {"link": "plan"}])
+def test_who_wants_no_progress_gets_no_prediction(bench: Bench, options: dict[str, object]) -> None:
+    if "link" in options:
+        bench.submit(SubmitPlan(plan(AHEAD)), 1)
+        bench.submit(ActivatePlan("survey"), 2)
+    else:
+        bench.submit(MoveForward(4.0), 1, **options)
+    bench.run(8.0)
+    assert [report for report in predictions(bench) if report.identity is not None] == []
+
+
+def test_velocities_of_a_joystick_are_not_predicted(bench: Bench) -> None:
+    bench.replace(DriveFor(0.3, 0.0, 2.0), 1)
+    bench.finish(1)
+    bench.submit(DriveFor(0.3, 0.0, 2.0), 2)
+    bench.finish(2)
+    assert [told.identity for told in predictions(bench)] == [Identity("MOE", 2)]
+    assert figures(bench.last(1))["length"] == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_plan_is_told_with_its_prediction_and_what_became_of_it(bench: Bench) -> None:
+    bench.submit(SubmitPlan(plan(f"<Sequence>{AHEAD}{BACK}</Sequence>")), 1)
+    bench.submit(ActivatePlan("survey"), 2)
+    bench.run(30.0)
+    (told,) = predictions(bench)
+    assert told.text.startswith("plan survey predicted: ")
+    ended = next(r for r in bench.heard.reports if "plan survey COMPLETED" in r.text)
+    became = figures(ended)
+    assert became["length"] == pytest.approx(became["predicted length"], abs=0.1)
+    assert became["duration"] == pytest.approx(became["predicted duration"], rel=0.05, abs=0.3)
+
+
+def test_a_plan_that_was_suspended_is_not_compared(bench: Bench) -> None:
+    bench.submit(SubmitPlan(plan(f"<Sequence>{AHEAD}{BACK}</Sequence>")), 1)
+    bench.submit(ActivatePlan("survey"), 2)
+    bench.run(6.0)
+    bench.submit(SuspendPlan("survey"), 3)
+    bench.run(1.0)
+    bench.submit(GoOn("survey"), 4)
+    bench.run(30.0)
+    ended = next(r for r in bench.heard.reports if "plan survey COMPLETED" in r.text)
+    assert ended.figures == ()
+    assert "plan survey SUSPENDED" in "".join(r.text for r in bench.heard.reports)
+
+
+def test_an_asset_without_previews_tells_what_became_of_its_motions(tmp_path: Path) -> None:
+    mocup = load_settings("mocup")
+    with Bench(tmp_path, replace(load_settings("jackal"), prediction=mocup.prediction)) as bench:
+        bench.execute(RotateBy(1.0), 1)
+        assert "predicted energy" not in figures(bench.last(1))
+
+
+def test_what_a_preview_raises_is_contained(tmp_path: Path) -> None:
+    class Broken(RoverTree):
+        def __init__(self, context: Context) -> None:
+            super().__init__(context)
+            self._copy = context.clock is not bench_clock[0]
+
+        def tick(self) -> None:
+            if self._copy:
+                raise RuntimeError("broken")
+            super().tick()
+
+    bench_clock: list[object] = [None]
+
+    def build(context: Context) -> RoverTree:
+        bench_clock[0] = bench_clock[0] or context.clock
+        return Broken(context)
+
+    with Bench(tmp_path, build_tree=build, rover=KinematicRover()) as bench:
+        bench.execute(MoveForward(1.0), 1)
+        assert predictions(bench) == []
+        assert figures(bench.last(1))["length"] == pytest.approx(1.0, abs=2 * STEP_S)
+
+
+def test_repeats_are_bit_identical(tmp_path: Path) -> None:
+    def told(folder: Path) -> list[Report]:
+        folder.mkdir()
+        with Bench(folder) as bench:
+            bench.submit(ROUND, 1)
+            bench.submit(RotateBy(1.0), 2)
+            bench.run(12.0)
+            return [replace(report, utc_s=0.0) for report in bench.heard.reports]
+
+    assert told(tmp_path / "a") == told(tmp_path / "b")
