@@ -5,8 +5,10 @@ from dataclasses import replace
 from typing import Final, assert_never
 
 from executive.authority import Authority
+from executive.battery_check import check_battery
 from executive.commands import (
     ABOARD_LINK,
+    ActivatePlan,
     Arrival,
     CameraWork,
     Command,
@@ -45,7 +47,7 @@ from executive.goals import Context
 from executive.motion import Arbiter
 from executive.notifications import Notifications
 from executive.path_check import check_request, expected_pose
-from executive.plans import Planner
+from executive.plans import Planner, PlanNode
 from executive.predictions import Predictions
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
@@ -346,7 +348,12 @@ class Dispatcher:
             queued=len(context.goals),
             utc_s=context.clock.utc_s(),
         )
-        return refusal or self._blocked(command) or self._obstacle(command.request)
+        return (
+            refusal
+            or self._blocked(command)
+            or self._obstacle(command.request)
+            or self._short(command)
+        )
 
     def _blocked(self, command: Command) -> Refusal | None:
         """Return why a motion may not begin where the rover then is expected to be, or None."""
@@ -354,6 +361,18 @@ class Dispatcher:
         if not isinstance(request, Motion):
             return None
         return check_request(request, self._start_of(command), context.settings)
+
+    def _short(self, command: Command) -> Refusal | None:
+        """Return that the battery cannot bring the rover back from a motion or plan, or None."""
+        request, context = command.request, self._context
+        what: Motion | PlanNode | None = None
+        if isinstance(request, Motion) and command.link != ABOARD_LINK:
+            what = request
+        elif isinstance(request, ActivatePlan):
+            what = self._planner.root(request.plan_id)
+        if what is None or context.settings.battery is None:
+            return None
+        return check_battery(what, self._start_of(command), context.status, context.settings)
 
     def _start_of(self, command: Command) -> Pose:
         """Return where the rover is expected to be when a motion begins."""

@@ -1,9 +1,12 @@
-"""How exactly a motion is foretold, and what it takes of the battery."""
+"""How exactly a motion is foretold, what it takes of the battery, and what that may give."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot
+from typing import Final
 
+from executive.geometry import Point
 from executive.settings_files import HIGHEST_FIGURE, require_above_zero
+from executive.zones import FARTHEST_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,3 +60,33 @@ class PredictionSettings:
             return None
         moving_j = self.travel_j_per_m * length_m + self.rotate_j_per_rad * turned_rad
         return self.standing_w * duration_s + moving_j
+
+
+HIGHEST_RESERVE: Final = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class BatterySettings:
+    """What a battery may give: nothing begins from which it could not bring the rover back.
+
+    Attributes:
+        capacity_j: energy when full.
+        reserve_ratio: charge that is kept for what nobody foresees, of the whole.
+        home: where the rover has to be able to come back to, in the frame of its odometry.
+    """
+
+    capacity_j: float
+    reserve_ratio: float = 0.2
+    home: Point = field(default_factory=lambda: Point(0.0, 0.0))
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where a figure is none."""
+        require_above_zero(self, "capacity_j")
+        if not 0.0 <= self.reserve_ratio <= HIGHEST_RESERVE:
+            raise ValueError(f"reserve_ratio is {self.reserve_ratio}: 0 to {HIGHEST_RESERVE}")
+        if not (abs(self.home.x_m) <= FARTHEST_M and abs(self.home.y_m) <= FARTHEST_M):
+            raise ValueError(f"home is farther than {FARTHEST_M:g} m from the origin")
+
+    def left_j(self, charge_ratio: float) -> float:
+        """Return what is left above the reserve, negative below it."""
+        return (charge_ratio - self.reserve_ratio) * self.capacity_j

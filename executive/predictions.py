@@ -106,7 +106,9 @@ class Predictions:
         return journey
 
     def _journey(self) -> Journey:
-        return Journey(self._context.clock, self._context.status)
+        battery = self._context.settings.battery
+        capacity_j = None if battery is None else battery.capacity_j
+        return Journey(self._context.clock, self._context.status, capacity_j)
 
     def advance(self) -> bool:
         """Work for one slice; return whether something was told."""

@@ -37,6 +37,7 @@ class Reason(Enum):
     NO_AUTHORITY = 209
     MADE_IN_FUTURE = 210
     PATH_BLOCKED = 211
+    BATTERY_SHORT = 212
 
     DUPLICATE = 301
 

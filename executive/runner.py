@@ -14,6 +14,7 @@ from queue import SimpleQueue
 from typing import Final, Protocol
 
 from executive.authority import Authority
+from executive.battery_check import check_battery
 from executive.clock import Clock
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Stop
 from executive.commands.intake import not_located
@@ -329,7 +330,7 @@ class Executive:
         if isinstance(what, Refusal):
             return what
         pose = expected_pose(context.goals.motion, status.pose, context.clock, settings)
-        return self._predictions.run(what, pose)
+        return check_battery(what, pose, status, settings) or self._predictions.run(what, pose)
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""

@@ -9,7 +9,7 @@ from typing import ClassVar, Final
 
 from executive.fault_table import FaultTable
 from executive.mpc_settings import Mpc
-from executive.prediction_settings import PredictionSettings
+from executive.prediction_settings import BatterySettings, PredictionSettings
 from executive.settings_files import (
     HIGHEST_FIGURE,
     config_folder,
@@ -399,6 +399,7 @@ class Settings:
         mpc: what model predictive control knows of the rover.
         mux: None where the base takes velocities from one topic, whoever publishes there.
         prediction: how exactly previews foretell its motion.
+        battery: what its battery may give; None where nothing is refused for its sake.
     """
 
     asset: str
@@ -427,6 +428,7 @@ class Settings:
     controller: Controller = Controller.TURN_DRIVE
     mpc: Mpc = field(default_factory=Mpc)
     prediction: PredictionSettings = field(default_factory=PredictionSettings)
+    battery: BatterySettings | None = None
 
     def __post_init__(self) -> None:
         """Raise ValueError where settings do not fit each other, or their bounds."""
@@ -441,6 +443,11 @@ class Settings:
             raise ValueError(
                 "controller is mpc: zones are checked along the straight lines of turn_drive, which"
                 " mpc does not keep to"
+            )
+        if self.battery is not None and self.prediction.standing_w is None:
+            raise ValueError(
+                "battery needs prediction.standing_w, travel_j_per_m and rotate_j_per_rad: without"
+                " them it is not known what a motion takes of it"
             )
         if self.kept_reports < FEWEST_REPORTS:
             raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")

@@ -2,7 +2,9 @@
 
 from py_trees.common import Status
 
+from executive.battery_check import check_battery
 from executive.commands import (
+    ABOARD_LINK,
     DriveFor,
     FollowPath,
     MoveForward,
@@ -103,6 +105,17 @@ class _MotionLeaf(GoalLeaf):
         )
 
     @property
+    def _uncharged(self) -> Refusal | None:
+        """Why the battery cannot bring the rover back from a goal that begins here, or None."""
+        context, goal = self.context, self.goal
+        request = goal.command.request
+        begins = goal.step == goal.attempts == goal.around == 0
+        if not begins or goal.command.link == ABOARD_LINK:
+            return None
+        assert isinstance(request, CommandedMotion)
+        return check_battery(request, context.status.pose, context.status, context.settings)
+
+    @property
     def _unsure(self) -> bool:
         """Whether odometry is late just now: a motion waits for it before it moves the rover."""
         bound_s = self.context.settings.faults.odometry_stale.bound
@@ -196,7 +209,7 @@ class PlanLeg(_MotionLeaf):
         request: CommandedMotion = MoveTo(step) if isinstance(step, Waypoint) else step
         if isinstance(step, Waypoint) and isinstance(goal.command.request, FollowPath):
             request = FollowPath((*through, step))
-        blocked = check_request(request, pose, settings)
+        blocked = check_request(request, pose, settings) or self._uncharged
         if blocked is not None:
             return self.fail(blocked)
         if isinstance(request, MoveTo):
@@ -341,7 +354,7 @@ class HoldVelocity(_MotionLeaf):
         if not isinstance(request, DriveFor):
             raise TypeError(f"{request} holds no velocity")
         pose, settings = self.context.status.pose, self.context.settings
-        self._blocked = check_request(request, pose, settings)
+        self._blocked = check_request(request, pose, settings) or self._uncharged
         self.goal.verification = Verification.begin(settings, self.context.status)
         self._held, self._begun = False, True
         self._request, self._from = request, self.context.safety.history.driven

@@ -86,8 +86,12 @@ def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
 
 
 def battery_fact(message: BatteryState) -> Battery:
-    """Return the voltage: NaN where it is not measured."""
-    return Battery(message.voltage)
+    """Return the voltage, NaN where it is not measured, and the charge.
+
+    A charge that is no ratio, or 0, as drivers leave it that do not measure it, is not known.
+    """
+    charge_ratio = message.percentage
+    return Battery(message.voltage, charge_ratio if 0.0 < charge_ratio <= 1.0 else None)
 
 
 def frame_fact(message: CompressedImage) -> Frame:
@@ -151,7 +155,7 @@ def pose_covariance(position_sd_m: float, heading_sd_rad: float) -> list[float]:
 
 
 def battery_message(fact: Battery, time_s: float) -> BatteryState:
-    """Return the voltage; what is not measured is NaN, as the message type asks."""
+    """Return voltage and charge; what is not measured is NaN, as the message type asks."""
     unknown = float("nan")
     message = BatteryState(
         voltage=fact.voltage_v,
@@ -160,7 +164,7 @@ def battery_message(fact: Battery, time_s: float) -> BatteryState:
         charge=unknown,
         capacity=unknown,
         design_capacity=unknown,
-        percentage=unknown,
+        percentage=unknown if fact.charge_ratio is None else fact.charge_ratio,
         power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LION,
         present=True,
     )

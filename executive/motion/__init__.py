@@ -1,7 +1,16 @@
 """How motion goals become commands of the actuators."""
 
 from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
-from executive.motion.locomotion import Leg, Locomotion, Motion, Step, leg_errors, plan_leg
+from executive.motion.locomotion import (
+    Bounds,
+    Leg,
+    Locomotion,
+    Motion,
+    Step,
+    duration_s,
+    leg_errors,
+    plan_leg,
+)
 from executive.motion.minimum_time import MinimumTime, Plan, PlanSolver, Problem
 from executive.motion.predictive_control import make_solver
 from executive.motion.velocity_control import VelocityLocomotion
@@ -18,6 +27,7 @@ __all__ = [
     "TURN_NEAR_M",
     "WAIT_S",
     "Arbiter",
+    "Bounds",
     "Intents",
     "Latches",
     "Leg",
@@ -31,6 +41,7 @@ __all__ = [
     "VelocityLocomotion",
     "Verification",
     "Verified",
+    "duration_s",
     "leg_errors",
     "make_locomotion",
     "make_solver",

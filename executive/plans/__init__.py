@@ -14,6 +14,7 @@ from executive.plans.model import (
     SequenceNode,
     Step,
     TimeoutNode,
+    expected_requests,
     help_of,
     steps,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "Step",
     "TimeoutNode",
     "check_plan",
+    "expected_requests",
     "help_of",
     "most_commands",
     "step_key",

@@ -1,5 +1,6 @@
 """A plan that was read and checked: nodes with values; and the leaves that a plan may have."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
@@ -133,6 +134,25 @@ def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
             return (node.child,)
         case Step():
             return ()
+
+
+def expected_requests(node: PlanNode) -> Iterator[Request]:
+    """Yield what a plan commands if each of its steps does what it should.
+
+    Of a fallback the first child, of a retry one attempt.
+    """
+    match node:
+        case Step(request=request):
+            yield request
+        case FallbackNode():
+            for child in node.children[:1]:
+                yield from expected_requests(child)
+        case LoopNode(repeat_on=repeat_on, times=times, child=child):
+            for _ in range(times if repeat_on is RepeatOn.SUCCESS else 1):
+                yield from expected_requests(child)
+        case _:
+            for child in children_of(node):
+                yield from expected_requests(child)
 
 
 def steps(root: PlanNode) -> tuple[Step, ...]:

@@ -160,6 +160,11 @@ class Planner:
         """Return how far each plan has come, in the order in which they were submitted."""
         return [plan.last for plan in self._plans.values()]
 
+    def root(self, plan_id: str) -> PlanNode | None:
+        """Return the root node of a plan; None if it does not fit the settings any more."""
+        root = check_plan(self._store.definition(plan_id), self._settings)
+        return None if isinstance(root, Refusal) else root
+
     def obstacle(self, request: PlanRequest) -> Refusal | None:
         """Return why a request cannot be granted now, or None."""
         if isinstance(request, SubmitPlan):

@@ -101,9 +101,14 @@ class LaserScan:
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """Battery voltage."""
+    """What a battery tells.
+
+    Attributes:
+        charge_ratio: charge left, of the whole, 0 to 1; None where it does not say.
+    """
 
     voltage_v: float
+    charge_ratio: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

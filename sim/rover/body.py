@@ -70,6 +70,11 @@ class BatteryModel:
         self._load_j += energy_j
         self._load_s += period_s
 
+    @property
+    def charge_ratio(self) -> float:
+        """Charge left, of the whole."""
+        return self._left_j / self._pack.capacity_j
+
     def voltage_v(self) -> float:
         """Return the voltage at the terminals under the mean load since the last call."""
         pack = self._pack

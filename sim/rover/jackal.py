@@ -296,7 +296,7 @@ class SimulatedJackal(SimulatedBody):
         if period % _BATTERY_EVERY == 1:
             voltage_v = self._voltage_v()
             if faults.BatterySilent not in self._faults:
-                self._due.append(Battery(voltage_v))
+                self._due.append(Battery(voltage_v, self._battery.charge_ratio))
 
     def _gyro_radps(self, true_radps: float) -> float:
         """Return what the gyro measures of a rate, but for its own noise."""

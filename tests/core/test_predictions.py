@@ -192,7 +192,9 @@ def test_a_plan_that_was_suspended_is_not_compared(bench: Bench) -> None:
 
 def test_an_asset_without_previews_tells_what_became_of_its_motions(tmp_path: Path) -> None:
     mocup = load_settings("mocup")
-    with Bench(tmp_path, replace(load_settings("jackal"), prediction=mocup.prediction)) as bench:
+    with Bench(
+        tmp_path, replace(load_settings("jackal"), prediction=mocup.prediction, battery=None)
+    ) as bench:
         bench.execute(RotateBy(1.0), 1)
         assert "predicted energy" not in figures(bench.last(1))
 

@@ -230,7 +230,7 @@ def test_energy_is_told_where_the_settings_say_what_motion_takes(tmp_path: Path)
     with Bench(tmp_path, replace(JACKAL, prediction=takes)) as bench:
         told = previewed(bench, MoveForward(2.0))
         assert told.energy_j == pytest.approx(20.0 * told.duration_s + 40.0 * 2.0, rel=0.05)
-    with Bench(tmp_path, replace(JACKAL, prediction=PredictionSettings())) as bench:
+    with Bench(tmp_path, replace(JACKAL, prediction=PredictionSettings(), battery=None)) as bench:
         assert previewed(bench, MoveForward(2.0)).energy_j is None
 
 

@@ -175,7 +175,7 @@ def test_octets_that_are_no_text(tmp_path: Path) -> None:
     ("typed", "blamed"),
     [
         ("gone/none.yaml", "none.yaml: cannot be read"),
-        ("moonwalk", "there is no scenario 'moonwalk'; there are: camera, camera_dead, "),
+        ("moonwalk", "there is no scenario 'moonwalk'; there are: battery, camera, "),
         ("killed --live", r"timeline\[2\]: .*lock step only"),
         ("expired --speed 2", "--speed does not work"),
         ("expired --live --link relay --speed 2", "--speed does not work"),

@@ -132,6 +132,7 @@ class Bench:
     Attributes:
         odometry: whether the rover tells where it is.
         voltage_v: what its battery shows; None where it tells nothing.
+        charge_ratio: the charge that its battery tells; None where it tells none.
         ledger: that of the executive.
     """
 
@@ -156,6 +157,7 @@ class Bench:
         self.video = VideoSwitch()
         self.odometry = True
         self.voltage_v: float | None = 26.0
+        self.charge_ratio: float | None = None
         self.build_tree = build_tree
         self.solver = solver
         self.executive = self._start()
@@ -232,7 +234,7 @@ class Bench:
         for fact in facts:
             self.executive.observe(fact)
         if self.voltage_v is not None:
-            self.executive.observe(Battery(self.voltage_v))
+            self.executive.observe(Battery(self.voltage_v, self.charge_ratio))
         self.executive.observe(self.rover.angles)
         if self.rover.frame_wanted and self.rover.camera_works:
             self.rover.frame_wanted = False

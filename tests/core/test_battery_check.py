@@ -1,0 +1,191 @@
+"""What the battery cannot bring back is refused: when it is asked for, and again when it begins."""
+
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from executive.battery_check import Speeds, reckoned_j
+from executive.commands import (
+    ActivatePlan,
+    Arrival,
+    DriveFor,
+    FollowPath,
+    Motion,
+    MoveForward,
+    MoveTo,
+    RotateBy,
+    RotateTo,
+    SubmitPlan,
+    Waypoint,
+)
+from executive.geometry import Pose
+from executive.prediction_settings import BatterySettings
+from executive.preview import Preview
+from executive.reasons import Reason, Refusal
+from executive.reports import Stage
+from executive.settings import load_settings
+from executive.settings_files import SettingsError, structure
+from tests.support.kinematic import Bench
+from tests.support.plans import plan
+
+JACKAL = load_settings("jackal")
+THERE = MoveTo(Waypoint(30.0, 0.0))
+RESERVE = 0.1
+
+
+def charged(bench: Bench, left_j: float) -> None:
+    """Have the battery tell so much above its reserve."""
+    assert JACKAL.battery is not None
+    bench.charge_ratio = RESERVE + left_j / JACKAL.battery.capacity_j
+    bench.step()
+
+
+def figures(refusal: Refusal) -> dict[str, float]:
+    return {each.name: each.value for each in refusal.figures}
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        MoveTo(Waypoint(3.0, 2.0, pi / 2)),
+        MoveForward(-1.5),
+        RotateTo(2.0),
+        RotateBy(-3.0),
+        DriveFor(0.5, 0.3, 4.0),
+        FollowPath((Waypoint(1.0, 0.0), Waypoint(1.0, 1.0, pi / 2), Waypoint(-1.0, 0.0))),
+        MoveTo(Waypoint(-40.0, 7.0)),
+    ],
+)
+def test_what_is_reckoned_is_what_a_preview_comes_to(bench: Bench, motion: Motion) -> None:
+    run = bench.executive.preview(motion)
+    assert not isinstance(run, Refusal)
+    run.set_up()
+    while not run.advance(100):
+        pass
+    assert isinstance(run.result, Preview)
+    speeds = Speeds(JACKAL.drive.travel_speed_mps, JACKAL.drive.rotate_speed_radps)
+    reckoned = reckoned_j(motion, Pose(), speeds, JACKAL)
+    assert reckoned == pytest.approx(run.result.energy_j, rel=0.1, abs=20.0)
+
+
+def test_what_cannot_be_brought_back_is_refused_with_its_figures(bench: Bench) -> None:
+    charged(bench, 3000.0)
+    refusal = bench.refusal(THERE, 1)
+    assert refusal.reason is Reason.BATTERY_SHORT
+    told = figures(refusal)
+    assert told["needed"] > told["left"] == pytest.approx(3000.0)
+    assert 0.4 * told["needed"] < told["way back"] < 0.6 * told["needed"]
+    assert told["reserve"] == pytest.approx(97_200.0)
+    assert bench.stages(1) == [Stage.RECEIVED, Stage.REJECTED]
+    previewed = bench.executive.preview(THERE)
+    assert isinstance(previewed, Refusal)
+    assert previewed.reason is Reason.BATTERY_SHORT
+
+
+def test_what_can_be_brought_back_is_carried_out(bench: Bench) -> None:
+    charged(bench, 3000.0)
+    bench.execute(MoveTo(Waypoint(3.0, 0.0)), 1)
+    charged(bench, 5000.0)
+    bench.submit(THERE, 2)
+    bench.run(0.2)
+    assert bench.stages(2)[-1] is Stage.STARTED
+
+
+def test_the_way_home_is_open_whatever_is_left(bench: Bench) -> None:
+    bench.execute(MoveTo(Waypoint(4.0, 3.0)), 1)
+    charged(bench, -5000.0)
+    assert bench.refusal(MoveTo(Waypoint(5.0, 3.0)), 2).reason is Reason.BATTERY_SHORT
+    assert bench.refusal(MoveForward(0.5), 3).reason is Reason.BATTERY_SHORT
+    far = FollowPath((Waypoint(-4.0, 3.0), Waypoint(0.0, 0.0)))
+    assert bench.refusal(far, 4).reason is Reason.BATTERY_SHORT
+    bench.execute(RotateBy(0.2), 5)
+    bench.execute(MoveForward(-2.0), 6)
+    bench.execute(MoveTo(Waypoint(0.0, 0.0)), 7)
+    assert bench.refusal(RotateBy(pi), 8).reason is Reason.BATTERY_SHORT
+
+
+def test_it_is_looked_at_again_when_a_motion_that_waited_begins(bench: Bench) -> None:
+    charged(bench, 5000.0)
+    bench.submit(MoveTo(Waypoint(1.0, 0.0)), 1)
+    bench.submit(THERE, 2)
+    bench.submit(DriveFor(-0.5, 0.0, 60.0), 3)
+    charged(bench, 1500.0)
+    assert bench.finish(1) is Stage.EXECUTED
+    assert bench.finish(2) is Stage.FAILED
+    assert bench.last(2).reason is Reason.BATTERY_SHORT
+    assert bench.finish(3) is Stage.FAILED
+    assert bench.last(3).reason is Reason.BATTERY_SHORT
+    assert bench.rover.pose.x_m == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("times", "taken"), [(1, True), (8, False)])
+def test_a_plan_is_looked_at_as_a_whole(bench: Bench, times: int, taken: bool) -> None:
+    leaf = '<moveForward distance="8" deadline_s="60"/>'
+    back = '<moveForward distance="-8" deadline_s="60"/>'
+    other = f"<Fallback>{leaf}{leaf * 5}</Fallback>"
+    body = f'<Repeat num_cycles="{times}"><Sequence>{other}{back}</Sequence></Repeat>'
+    charged(bench, 3000.0)
+    bench.submit(SubmitPlan(plan(body)), 1)
+    if taken:
+        bench.execute(ActivatePlan("survey"), 2)
+    else:
+        assert bench.refusal(ActivatePlan("survey"), 2).reason is Reason.BATTERY_SHORT
+
+
+def test_nobody_is_refused_who_does_not_say(tmp_path: Path) -> None:
+    for folder, settings, ratio in (("a", JACKAL, None), ("b", replace(JACKAL, battery=None), 0.0)):
+        (tmp_path / folder).mkdir()
+        with Bench(tmp_path / folder, settings) as bench:
+            bench.charge_ratio = ratio
+            bench.step()
+            bench.submit(THERE, 1)
+            bench.run(0.2)
+            assert bench.stages(1)[-1] is Stage.STARTED
+
+
+def test_home_is_where_the_settings_say(tmp_path: Path) -> None:
+    assert JACKAL.battery is not None
+    battery = structure(
+        {"capacity_j": 972_000, "reserve_ratio": RESERVE, "home": {"x_m": 30, "y_m": 0}},
+        BatterySettings,
+        "battery",
+    )
+    with Bench(tmp_path, replace(JACKAL, battery=battery)) as bench:
+        charged(bench, 2000.0)
+        bench.submit(THERE, 1)
+        assert bench.refusal(MoveTo(Waypoint(-10.0, 0.0)), 2, arrival=Arrival.REPLACE).figures
+        bench.run(0.2)
+        assert bench.stages(1)[-1] is Stage.STARTED
+
+
+def test_the_energy_that_the_battery_gave_is_told_beside_what_was_predicted(bench: Bench) -> None:
+    charged(bench, 500_000.0)
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
+    bench.run(0.2)
+    charged(bench, 499_800.0)
+    bench.finish(1)
+    told = {each.name: each.value for each in bench.last(1).figures}
+    assert told["energy"] == pytest.approx(200.0, abs=1.0)
+    assert told["predicted energy"] > 100.0
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"capacity_j": 0}, "capacity_j must be above 0"),
+        ({"capacity_j": 1, "reserve_ratio": 20}, "reserve_ratio is 20.0: 0 to 0.9"),
+        ({"capacity_j": 1, "home": {"x_m": 1e9, "y_m": 0}}, "home is farther than 10000 m"),
+        ({"capacity": 1}, "capacity"),
+    ],
+)
+def test_figures_that_cannot_be_are_named(given: dict[str, object], said: str) -> None:
+    with pytest.raises(SettingsError, match=said):
+        structure(given, BatterySettings, "battery")
+
+
+def test_a_battery_needs_what_motion_takes_of_it() -> None:
+    mocup = load_settings("mocup")
+    with pytest.raises(ValueError, match=r"battery needs prediction\.standing_w"):
+        replace(mocup, battery=BatterySettings(1000.0))
