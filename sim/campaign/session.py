@@ -30,6 +30,8 @@ GROWTH: Final = 1.25
 """By how much a campaign without a fixed number of runs grows at a time, at least."""
 FOLDER: Final = "failed"
 """Below the folder of a campaign: a folder for each of its failed runs."""
+DIGEST: Final = "digest.txt"
+"""In such a folder: the digest of the run that left it."""
 
 Play = Callable[[Iterable[Job]], Iterator[Played | NotPlayed]]
 """Plays jobs, in whatever order."""
@@ -195,7 +197,7 @@ def keep_failed(
             raise SettingsError(f"run {result.run} cannot be played once more: {result.why}")
         if result.digest != digests[result.run]:
             unlike.append(result.run)
-        _unpack(result.archive, folder_of(folder, result.run))
+        _unpack(result, folder_of(folder, result.run))
         watcher.kept()
     return sorted(unlike)
 
@@ -205,13 +207,20 @@ def folder_of(folder: Path, run: int) -> Path:
     return folder / FOLDER / f"run-{run:06d}"
 
 
-def _unpack(archive: bytes, place: Path) -> None:
-    """Write a zip file into a folder, which is there as a whole or not at all."""
+def is_kept(folder: Path, run: Run) -> bool:
+    """Return whether what a failed run left is kept, alike bit for bit."""
+    digest = folder_of(folder, run.run) / DIGEST
+    return digest.exists() and digest.read_text(encoding="utf-8") == run.digest
+
+
+def _unpack(kept: Kept, place: Path) -> None:
+    """Write what a run left into a folder, which is there as a whole or not at all."""
     unfinished = place.with_suffix(".unfinished")
     rmtree(unfinished, ignore_errors=True)
     try:
-        with zipfile.ZipFile(io.BytesIO(archive)) as files:
+        with zipfile.ZipFile(io.BytesIO(kept.archive)) as files:
             files.extractall(unfinished)
+        (unfinished / DIGEST).write_text(kept.digest, encoding="utf-8")
         unfinished.rename(place)
     except OSError as error:
         raise SettingsError(f"{place}: cannot be written ({error.strerror})") from error

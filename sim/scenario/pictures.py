@@ -38,6 +38,7 @@ from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
 from sim.scenario.record import Record, Requested, TruePose
 from sim.scenario.truth import true_ends
 
+REPORTS: Final = "reports.jsonl"
 SMALL_ROVER: Final = 0.5
 """How large a MOCUP is beside a Jackal."""
 
@@ -57,7 +58,7 @@ def _write_reports(folder: Path, record: Record) -> Path:
     converter.register_unstructure_hook_func(
         lambda kind: isinstance(kind, type) and issubclass(kind, Enum), lambda value: value.name
     )
-    path = folder / "reports.jsonl"
+    path = folder / REPORTS
     with path.open("w", encoding="utf-8") as file:
         for report in record.reports:
             label = record.label(report.identity) if report.identity else None

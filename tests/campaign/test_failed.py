@@ -13,7 +13,7 @@ from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_report
 from sim.campaign.runs import Runs
-from sim.campaign.session import FOLDER, Session, job_of, keep_failed
+from sim.campaign.session import DIGEST, FOLDER, Session, job_of, keep_failed
 from sim.campaign.verdict import judge
 from sim.campaign.worker import Job, Kept, NotPlayed, play_and_keep, play_job
 from sim.scenario.model import Scenario
@@ -63,6 +63,37 @@ def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: Runs) -> 
     again = Keeper()
     keep_failed(campaign, runs, here, OUT, 100, again)
     assert again.total == 1
+
+
+def test_the_report_shows_what_is_kept_and_plays_only_what_is_not(
+    campaign: Campaign, runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played = []
+
+    def count(name: str, scenario: Scenario, folder: Path) -> Outcome:
+        played.append(folder.parent.name)
+        return play_once(name, scenario, folder)
+
+    monkeypatch.setattr("sim.campaign.report.failures.play_once", count)
+    write_report(OUT, campaign, runs, judge(campaign, runs))
+    shown = sorted(played)
+    once_more = (OUT / "report.html").read_text()
+    keep_failed(campaign, runs, here, OUT, 1, Keeper())
+    (kept,) = (OUT / FOLDER).iterdir()
+    assert kept.name in shown
+    for told, again in (
+        (runs_digest(runs, kept.name), [name for name in shown if name != kept.name]),
+        ("other", shown),
+    ):
+        (kept / DIGEST).write_text(told)
+        played.clear()
+        page = write_report(OUT, campaign, runs, judge(campaign, runs)).read_text()
+        assert sorted(played) == again
+        assert page == once_more
+
+
+def runs_digest(runs: Runs, folder: str) -> str:
+    return next(run.digest for run in runs.read() if folder.endswith(f"-{run.run:06d}"))
 
 
 def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: Runs) -> None:

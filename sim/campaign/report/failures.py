@@ -3,15 +3,18 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import copytree
 from typing import Final
 
 from executive.settings_files import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.runs import Run, Runs
+from sim.campaign.session import folder_of, is_kept
 from sim.campaign.where import Term, Where
+from sim.campaign.worker import ERROR
 from sim.scenario.model import PlayMode
-from sim.scenario.outcome import Outcome, play_once
+from sim.scenario.outcome import play_once
 from sim.scenario.pictures import write_run
 from sim.scenario.playing import DATA
 from sim.scenario.reading import load_scenario
@@ -50,14 +53,14 @@ class WorstRun:
     Attributes:
         why: it is shown.
         folder: its map, timeline, reports and ledger, below the folder of the campaign.
-        outcome: of playing it once more; None if it could not be played.
+        drawn: whether map, timeline and reports are in that folder.
         trouble: what was not as in the campaign, in words; else empty.
     """
 
     run: Run
     why: str
     folder: Path
-    outcome: Outcome | None
+    drawn: bool
     trouble: str
 
 
@@ -110,6 +113,8 @@ def replay(
 ) -> Iterator[WorstRun]:
     """Play runs once more, bit for bit as in the campaign, and keep what they leave.
 
+    What a failed run left that is kept already is copied.
+
     Args:
         campaign: that they are of.
         chosen: the runs, and why.
@@ -118,18 +123,23 @@ def replay(
     for run, why in chosen:
         place = folder / FOLDER / f"run-{run.run:06d}"
         aboard = place / DATA
+        kept = folder_of(folder, run.run)
+        if is_kept(folder, run) and not (kept / ERROR).exists():
+            copytree(kept, place)
+            yield WorstRun(run, why, place, True, "")
+            continue
         given = draw(campaign, run.run)
         try:
             scenario = load_scenario(given.scenario, PlayMode.LOCK_STEP, given.changes)
             aboard.mkdir(parents=True)
             outcome = play_once(given.scenario, scenario, aboard)
         except SettingsError as error:
-            yield WorstRun(run, why, place, None, f"It cannot be played here: {error}")
+            yield WorstRun(run, why, place, False, f"It cannot be played here: {error}")
             continue
         except Exception as error:
-            yield WorstRun(run, why, place, None, f"It ended with {error!r}.")
+            yield WorstRun(run, why, place, False, f"It ended with {error!r}.")
             continue
         write_run(place, scenario, outcome.record)
         alike = outcome.digest == run.digest
         trouble = "" if alike else "Played once more here, it was not alike bit for bit."
-        yield WorstRun(run, why, place, outcome, trouble)
+        yield WorstRun(run, why, place, True, trouble)

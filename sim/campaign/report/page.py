@@ -1,5 +1,6 @@
 """The report of a campaign: one HTML page that needs nothing beside it, and no network."""
 
+import json
 import shutil
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
@@ -33,12 +34,14 @@ from sim.campaign.report.failures import (
 from sim.campaign.runs import Runs, keys_of
 from sim.campaign.verdict import Judged, Judgement, Verdict
 from sim.drawing import as_svg
+from sim.scenario.pictures import REPORTS
 
 NAME: Final = "report.html"
 ALIKE: Final = 1e-9
 """Figures that differ by so little, beside the greatest, are alike."""
 MOST_WORST: Final = 8
 MOST_GROUPS: Final = 25
+BAD: Final = (Stage.FAILED, Stage.REJECTED, Stage.EXPIRED, Stage.CANCELLED)
 MOST_ROWS: Final = 30
 """Rows of a chart of shares, the worst of them."""
 _UNITS: Final = {"s": "s", "m": "m", "rad": "rad", "j": "J"}
@@ -268,23 +271,24 @@ def _shown(worst: WorstRun) -> Shown:
         for name, value in worst.run.varied.items()
         if value is not None
     )
-    if worst.outcome is None:
+    if not worst.drawn:
         return Shown(worst, varied, None, None, ())
-    record = worst.outcome.record
-    labels = {sent.identity: sent.label for sent in reversed(record.sendings)}
-    bad = {Stage.FAILED, Stage.REJECTED, Stage.EXPIRED, Stage.CANCELLED}
-    reports = tuple(
-        ReportRow(
-            f"{record.time_of(report):.2f}",
-            labels.get(report.identity, str(report.identity)) if report.identity else "",
-            report.stage.name if report.stage else report.kind.name,
-            report.text,
-            report.stage in bad,
-        )
-        for report in record.reports
-    )
     folder = worst.folder
+    lines = (folder / REPORTS).read_text(encoding="utf-8").splitlines()
+    reports = tuple(_report_row(json.loads(line)) for line in lines)
     return Shown(worst, varied, _data(folder / "map.png"), _data(folder / "timeline.png"), reports)
+
+
+def _report_row(told: dict[str, Any]) -> ReportRow:
+    """Return a line of the file of reports as a row."""
+    stage = told["stage"]
+    return ReportRow(
+        f"{told['time_s']:.2f}",
+        told["label"] or "",
+        stage or told["kind"],
+        told["text"],
+        stage in {each.name for each in BAD},
+    )
 
 
 def _data(picture: Path) -> str:
