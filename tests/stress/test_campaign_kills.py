@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -13,6 +14,14 @@ def judged(seed: int = 3) -> dict[str, float]:
     told: list[str] = []
     figures = campaign_kills.measure(1, seed, told.append, "expired")
     return {figure.name.partition(": ")[2]: figure.value for figure in figures}
+
+
+@cache
+def played(job: Job) -> Played:
+    """Play a run, once for all tests: these are about what becomes of it."""
+    result = play_job(job)
+    assert isinstance(result, Played)
+    return result
 
 
 @pytest.mark.slow
@@ -45,8 +54,7 @@ def test_each_fault_is_noticed(
             return None
 
     def here(_: object, __: object, jobs: Iterable[Job]) -> Iterator[Played]:
-        played = [result for result in map(play_job, jobs) if isinstance(result, Played)]
-        yield from next(spoils)(played)
+        yield from next(spoils)([played(job) for job in jobs])
 
     monkeypatch.setattr(campaign_kills.Killer, "played", lambda *_: None)
     monkeypatch.setattr(campaign_kills, "local_cluster", lambda _: Nobody())
