@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from adapters.cli.checkout import ROS_MARK, ros_files
+from adapters.cli.checkout import MARKS, files_marked
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -51,9 +51,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Have files with a slow test begin first, so that none of them is alone in the end."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
-    real = {item.path for item in items if item.get_closest_marker("ros")}
-    if unmarked := sorted(str(path) for path in real - {CHECKOUT / file for file in ros_files()}):
-        raise pytest.UsageError(f"not found by `rover test`: say {ROS_MARK} in {unmarked}")
+    for mark in MARKS:
+        real = {item.path for item in items if item.get_closest_marker(mark)}
+        found = {CHECKOUT / file for file in files_marked(mark)}
+        if unmarked := sorted(str(path) for path in real - found):
+            raise pytest.UsageError(f"not found by `rover test`: say mark.{mark} in {unmarked}")
 
 
 @pytest.fixture(autouse=True)

@@ -92,6 +92,7 @@ COMMANDS = st.tuples(st.integers(1, 40), st.sampled_from(REQUESTS), st.integers(
 CRASH = st.just(None)
 
 
+@pytest.mark.at_length
 @given(st.lists(st.one_of(COMMANDS, COMMANDS, COMMANDS, CRASH), min_size=10, max_size=50))
 @settings(max_examples=12)
 def test_nothing_is_taken_twice_however_little_is_kept(

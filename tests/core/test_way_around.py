@@ -49,6 +49,7 @@ def drive(bench: Bench, request: MoveTo | FollowPath) -> tuple[Stage, float]:
     return bench.stages(1)[-1], nearest_m - RADIUS_M
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: str(scene["id"]))
 def test_known_rocks_are_gone_around_with_the_margin(scene: dict[str, Any], tmp_path: Path) -> None:
     target = Waypoint(scene["x_m"], scene["y_m"], scene["heading_rad"])
@@ -58,6 +59,7 @@ def test_known_rocks_are_gone_around_with_the_margin(scene: dict[str, Any], tmp_
         assert gap_m > MARGIN_M - 0.02
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("scene", [SCENES[2], SCENES[5]], ids=lambda scene: str(scene["id"]))
 def test_in_the_simulation_nothing_is_touched_and_no_monitor_objects(
     scene: dict[str, Any], tmp_path: Path

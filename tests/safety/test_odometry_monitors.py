@@ -119,6 +119,7 @@ def test_odometry_that_falls_behind_other_sensors_is_seen_before_it_is_stale(
     assert outcome.figures.stopping_m < 0.45
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("blind", [True, False])
 @pytest.mark.parametrize("seed", [3, 4])
 def test_odometry_that_jitters_by_up_to_a_fifth_of_a_second_stops_nothing(

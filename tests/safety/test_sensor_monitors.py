@@ -53,6 +53,7 @@ SPEEDS = st.floats(-1.0, 1.0)
 RATES = st.floats(-1.5, 1.5)
 
 
+@pytest.mark.at_length
 @settings(max_examples=8, deadline=None)
 @given(
     legs=st.lists(st.tuples(SPEEDS, RATES, st.floats(0.3, 3.0)), min_size=1, max_size=4),

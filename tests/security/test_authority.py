@@ -251,6 +251,7 @@ def test_settings_with_a_lease_that_is_none_are_refused() -> None:
         structure({"lease_s": 0}, AuthoritySettings, "jackal.yaml")
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("brick", [False, True])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_random_interleavings_never_have_two_holders(seed: int, brick: bool) -> None:
@@ -258,6 +259,7 @@ def test_random_interleavings_never_have_two_holders(seed: int, brick: bool) -> 
     assert [figure.name for figure in figures if not figure.met] == []
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("cls", "name", "broken", "found"),
     [

@@ -22,6 +22,7 @@ def forget_early(bench: Bench) -> None:
     bench.executive.retention = Retention(bench.ledger, KEPT, AT_ONCE)
 
 
+@pytest.mark.at_length
 def test_a_source_is_not_locked_out_by_numbers_sent_under_its_name(bench: Bench) -> None:
     forget_early(bench)
     for number in range(1300):

@@ -90,6 +90,7 @@ def test_a_stop_needs_no_authority(tmp_path: Path) -> None:
         assert bench.rover.velocity == STANDING
 
 
+@pytest.mark.at_length
 def test_stops_of_repeated_numbers_all_act(bench: Bench) -> None:
     acted = 0
     for number in range(200):

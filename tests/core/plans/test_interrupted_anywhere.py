@@ -7,6 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -108,6 +109,7 @@ BREAKS = st.tuples(
 )
 
 
+@pytest.mark.at_length
 @given(st.lists(BREAKS, min_size=1, max_size=5))
 @example([(0, crash, 0), (0, jump, 0)])
 @example([(1, suspend, 0), (0, crash, 50)])
@@ -189,6 +191,7 @@ def expected(tree: Tree, asked: list[bool]) -> bool:
             return expected(children[0], asked) or expected(children[0], asked)
 
 
+@pytest.mark.at_length
 @given(TREES, st.lists(st.integers(0, 40), max_size=3), st.booleans())
 @settings(max_examples=30, deadline=None)
 def test_a_plan_runs_as_in_the_head(tree: Tree, breaks: list[int], crashes: bool) -> None:
