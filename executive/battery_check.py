@@ -46,17 +46,18 @@ class Speeds:
 class _Reckoning:
     """Adds up what motions take from a pose on, by the settings' figures."""
 
-    def __init__(self, pose: Pose, speeds: Speeds, settings: Settings) -> None:
+    def __init__(self, pose: Pose, speeds: Speeds, settings: Settings, zones: Zones) -> None:
         self.pose = pose
         self.speeds = speeds
         self.energy_j = 0.0
         self._settings = settings
+        self._zones = zones
 
     def add(self, request: Motion) -> None:
         """Go on with a motion."""
         match request:
             case MoveTo(target):
-                for corner in way_around(target, self.pose, self._settings):
+                for corner in way_around(target, self.pose, self._settings, self._zones):
                     self._go(corner)
                 self._go(target)
             case FollowPath(waypoints):
@@ -103,9 +104,11 @@ class _Reckoning:
         self.energy_j += prediction.energy_j(took_s, abs(length_m), abs(turned_rad)) or 0.0
 
 
-def reckoned_j(request: Motion, pose: Pose, speeds: Speeds, settings: Settings) -> float:
+def reckoned_j(
+    request: Motion, pose: Pose, speeds: Speeds, settings: Settings, zones: Zones
+) -> float:
     """Return what a motion takes from a pose; 0 where the settings do not say."""
-    reckoning = _Reckoning(pose, speeds, settings)
+    reckoning = _Reckoning(pose, speeds, settings, zones)
     reckoning.add(request)
     return reckoning.energy_j
 
@@ -122,7 +125,7 @@ def check_battery(
     Args:
         what: what is asked for.
         pose: where it begins.
-        status: knows the charge and the speeds that are set.
+        status: knows the charge, the speeds that are set, and what to keep away from.
         settings: know what motion takes, and what the battery may give.
     """
     battery, told = settings.battery, status.battery
@@ -132,21 +135,22 @@ def check_battery(
     speeds = Speeds(status.travel_limit_mps, status.rotate_limit_radps)
     if isinstance(what, Motion):
         requests: Iterable[object] = (what,)
+        zones = status.obstacles
     else:
-        requests, settings = expected_requests(what), replace(settings, zones=Zones())
-    reckoning = _Reckoning(pose, speeds, settings)
+        requests, zones = expected_requests(what), Zones()
+    reckoning = _Reckoning(pose, speeds, settings, zones)
     for request in _motions(requests, reckoning):
         reckoning.add(request)
         if reckoning.energy_j > battery.capacity_j:
             break
     home, end = battery.home, reckoning.pose.point
     to_home = MoveTo(Waypoint(home.x_m, home.y_m))
-    back_j = reckoned_j(to_home, reckoning.pose, speeds, settings)
+    back_j = reckoned_j(to_home, reckoning.pose, speeds, settings, zones)
     needed_j = reckoning.energy_j + back_j
     if reckoning.energy_j == 0.0 or needed_j <= left_j:
         return None
     nearer = end.distance_m(home) <= pose.point.distance_m(home)
-    if nearer and needed_j <= DETOUR * reckoned_j(to_home, pose, speeds, settings):
+    if nearer and needed_j <= DETOUR * reckoned_j(to_home, pose, speeds, settings, zones):
         return None
     reserve_j = battery.reserve_ratio * battery.capacity_j
     return Refusal(

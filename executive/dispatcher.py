@@ -360,7 +360,8 @@ class Dispatcher:
         request, context = command.request, self._context
         if not isinstance(request, Motion):
             return None
-        return check_request(request, self._start_of(command), context.settings)
+        obstacles = context.status.obstacles
+        return check_request(request, self._start_of(command), context.settings, obstacles)
 
     def _short(self, command: Command) -> Refusal | None:
         """Return that the battery cannot bring the rover back from a motion or plan, or None."""
@@ -376,10 +377,11 @@ class Dispatcher:
 
     def _start_of(self, command: Command) -> Pose:
         """Return where the rover is expected to be when a motion begins."""
-        context, pose = self._context, self._context.status.pose
+        context, status = self._context, self._context.status
+        pose, goals = status.pose, context.goals.motion
         if command.arrival is Arrival.REPLACE:
             return pose
-        return expected_pose(context.goals.motion, pose, context.clock, context.settings)
+        return expected_pose(goals, pose, context.clock, context.settings, status.obstacles)
 
     def _obstacle(self, request: Request) -> Refusal | None:
         """Return why the state aboard does not allow a request, or None."""

@@ -27,14 +27,14 @@ from executive.goals import Goal
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.way_around import Way, find_way
+from executive.zones import Zones
 
 ROOM_M: Final = 0.02
 """What a way around leaves beside the margin, for how exactly its places are reached."""
 
 
-def check_path(path: Sequence[Point], settings: Settings) -> Refusal | None:
+def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refusal | None:
     """Return why the rover may not follow straight lines, or None."""
-    zones = settings.zones
     if not zones.any or settings.footprint is None:
         return None
     met = zones.encounter(path, settings.footprint.radius_m, zones.margin_m)
@@ -53,44 +53,48 @@ def check_path(path: Sequence[Point], settings: Settings) -> Refusal | None:
     )
 
 
-def check_request(request: Motion, pose: Pose, settings: Settings) -> Refusal | None:
+def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
     """Return why a motion that begins at a pose may not be carried out, or None."""
-    if not settings.zones.any:
+    if not zones.any:
         return None
-    refusal = check_path(planned_path(request, pose, settings)[0], settings)
+    refusal = check_path(planned_path(request, pose, settings, zones)[0], settings, zones)
     if refusal is None or not isinstance(request, MoveTo):
         return refusal
-    return replace(refusal, text=f"{refusal.text}; {_why_no_way(request.target, settings)}")
+    return replace(refusal, text=f"{refusal.text}; {_why_no_way(request.target, settings, zones)}")
 
 
-def way_around(target: Waypoint, pose: Pose, settings: Settings) -> tuple[Waypoint, ...]:
+def way_around(
+    target: Waypoint, pose: Pose, settings: Settings, zones: Zones
+) -> tuple[Waypoint, ...]:
     """Return where to stand on the way to a place, so that no line leads too near to anything.
 
     Nowhere if the straight line is free. If no way is found, what leads nearest to the place.
     """
-    if not settings.zones.any:
+    if not zones.any:
         return ()
-    if check_path(_to_waypoints((target,), pose, settings)[0], settings) is None:
+    if check_path(_to_waypoints((target,), pose, settings)[0], settings, zones) is None:
         return ()
-    return tuple(Waypoint(each.x_m, each.y_m) for each in _search(target, pose, settings).through)
+    through = _search(target, pose, settings, zones).through
+    return tuple(Waypoint(each.x_m, each.y_m) for each in through)
 
 
-def _search(target: Waypoint, pose: Pose, settings: Settings) -> Way:
+def _search(target: Waypoint, pose: Pose, settings: Settings, zones: Zones) -> Way:
     place = Point(target.x_m, target.y_m)
-    if _too_near(place, settings) is not None:
+    if _too_near(place, settings, zones) is not None:
         return Way((), complete=False)
-    needed_m, zones = _needed_m(settings) + ROOM_M, settings.zones
+    least_m = _needed_m(settings, zones)
+    needed_m = least_m + ROOM_M
     turning_m = abs(settings.turn_drive.control_point_m)  # by which turns move base_link
 
-    leaves = _too_near(pose.point, settings) is not None
+    leaves = _too_near(pose.point, settings, zones) is not None
 
     def leads(node: Point) -> bool:
         to = target if node == place else Waypoint(node.x_m, node.y_m)
         path = _to_waypoints((to,), pose, settings)[0]
         if leaves:
-            return check_path(path, settings) is None
+            return check_path(path, settings, zones) is None
         return all(
-            each.clearance_m(start, end) >= _needed_m(settings)
+            each.clearance_m(start, end) >= least_m
             for start, end in pairwise(path)
             for each in zones
         )
@@ -101,24 +105,26 @@ def _search(target: Waypoint, pose: Pose, settings: Settings) -> Way:
     return find_way(pose.point, place, zones, needed_m, leads)
 
 
-def _needed_m(settings: Settings) -> float:
+def _needed_m(settings: Settings, zones: Zones) -> float:
     radius_m = 0.0 if settings.footprint is None else settings.footprint.radius_m
-    return radius_m + settings.zones.margin_m
+    return radius_m + zones.margin_m
 
 
-def _too_near(place: Point, settings: Settings) -> str | None:
+def _too_near(place: Point, settings: Settings, zones: Zones) -> str | None:
     """Return what a place is too near to, or None."""
-    needed_m = _needed_m(settings)
-    near = (each for each in settings.zones if each.clearance_m(place, place) < needed_m)
+    needed_m = _needed_m(settings, zones)
+    near = (each for each in zones if each.clearance_m(place, place) < needed_m)
     return next((each.title for each in near), None)
 
 
-def _why_no_way(target: Waypoint, settings: Settings) -> str:
-    near = _too_near(Point(target.x_m, target.y_m), settings)
+def _why_no_way(target: Waypoint, settings: Settings, zones: Zones) -> str:
+    near = _too_near(Point(target.x_m, target.y_m), settings, zones)
     return "no way around is found" if near is None else f"the place itself is too near to {near}"
 
 
-def expected_pose(goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings) -> Pose:
+def expected_pose(
+    goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings, zones: Zones
+) -> Pose:
     """Return where goals of motion, the first of them under way perhaps, lead from a pose."""
     for goal in goals:
         request, leg = goal.command.request, goal.leg
@@ -133,11 +139,13 @@ def expected_pose(goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Set
                 left_s = max(0.0, duration_s - (clock.now_s() - goal.started_s))
                 pose = arc(pose, Velocity(travel_mps, rotate_radps), left_s)[1]
             case _:
-                pose = planned_path(request, pose, settings)[1]
+                pose = planned_path(request, pose, settings, zones)[1]
     return pose
 
 
-def planned_path(request: object, pose: Pose, settings: Settings) -> tuple[list[Point], Pose]:
+def planned_path(
+    request: object, pose: Pose, settings: Settings, zones: Zones
+) -> tuple[list[Point], Pose]:
     """Return the places between which base_link goes straight on from a pose, and where it ends.
 
     Raises:
@@ -145,7 +153,7 @@ def planned_path(request: object, pose: Pose, settings: Settings) -> tuple[list[
     """
     match request:
         case MoveTo(target):
-            way = way_around(target, pose, settings)
+            way = way_around(target, pose, settings, zones)
             return _to_waypoints((*way, target), pose, settings)
         case FollowPath(waypoints):
             return _to_waypoints(waypoints, pose, settings)

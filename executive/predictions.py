@@ -84,7 +84,8 @@ class Predictions:
         if refusal is not None:
             return refusal
         speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)
-        return PreviewRun(what, Start(pose, *speeds, context.files), settings, self._build_tree)
+        start = Start(pose, *speeds, context.files, status.obstacles)
+        return PreviewRun(what, start, settings, self._build_tree)
 
     def of_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
         """Have a motion that is to begin at a pose predicted, and what becomes of it noted."""

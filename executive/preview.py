@@ -41,6 +41,7 @@ from executive.reports import Identity
 from executive.safety import Safety
 from executive.settings import Controller, LocomotionKind, Sensors, Settings
 from executive.state import FileFolder, Odometry, Status
+from executive.zones import Zones
 
 LONGEST_S: Final = 300.0
 """Of the motion that is previewed, so that no preview computes for long."""
@@ -98,13 +99,18 @@ class Preview:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What is copied of the present: where the rover will be, how fast it may move, its folder."""
+    """What is copied of the present: where the rover will be, how fast it may move, its folder.
+
+    Attributes:
+        obstacles: what it keeps away from.
+    """
 
     pose: Pose
     travel_speed_mps: float
     rotate_speed_radps: float
     slow_ratio: float
     files: FileFolder
+    obstacles: Zones
 
 
 class Ticked(Protocol):
@@ -222,7 +228,7 @@ class PreviewRun:
     ) -> None:
         self._asked = asked
         self._start = start
-        self._settings = replace(settings, sensors=Sensors())
+        self._settings = replace(settings, sensors=Sensors(), zones=start.obstacles)
         self._build_tree = build_tree
         self._steps = self._all_steps()
         self._life: Life | None = None
@@ -312,7 +318,7 @@ class PreviewRun:
     def _begin(self, request: Motion) -> None:
         pose, settings = self._context.status.pose, self._settings
         refusal = check_arguments(request, settings, pose.point) or check_request(
-            request, pose, settings
+            request, pose, settings, self._context.status.obstacles
         )
         if refusal is not None:
             self.result = self._named(refusal)

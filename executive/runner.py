@@ -329,7 +329,8 @@ class Executive:
         what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
         if isinstance(what, Refusal):
             return what
-        pose = expected_pose(context.goals.motion, status.pose, context.clock, settings)
+        goals, clock = context.goals.motion, context.clock
+        pose = expected_pose(goals, status.pose, clock, settings, status.obstacles)
         return check_battery(what, pose, status, settings) or self._predictions.run(what, pose)
 
     def observe(self, fact: Fact) -> None:

@@ -209,7 +209,8 @@ class PlanLeg(_MotionLeaf):
         request: CommandedMotion = MoveTo(step) if isinstance(step, Waypoint) else step
         if isinstance(step, Waypoint) and isinstance(goal.command.request, FollowPath):
             request = FollowPath((*through, step))
-        blocked = check_request(request, pose, settings) or self._uncharged
+        obstacles = self.context.status.obstacles
+        blocked = check_request(request, pose, settings, obstacles) or self._uncharged
         if blocked is not None:
             return self.fail(blocked)
         if isinstance(request, MoveTo):
@@ -220,8 +221,8 @@ class PlanLeg(_MotionLeaf):
 
     def _first_around(self, target: Waypoint) -> Waypoint:
         """Return the first place of the way around obstacles; the target if nothing is between."""
-        goal, context = self.goal, self.context
-        way = way_around(target, context.status.pose, context.settings)
+        goal, context, status = self.goal, self.context, self.context.status
+        way = way_around(target, status.pose, context.settings, status.obstacles)
         goal.on_way = bool(way)
         if not way:
             return target
@@ -354,7 +355,8 @@ class HoldVelocity(_MotionLeaf):
         if not isinstance(request, DriveFor):
             raise TypeError(f"{request} holds no velocity")
         pose, settings = self.context.status.pose, self.context.settings
-        self._blocked = check_request(request, pose, settings) or self._uncharged
+        obstacles = self.context.status.obstacles
+        self._blocked = check_request(request, pose, settings, obstacles) or self._uncharged
         self.goal.verification = Verification.begin(settings, self.context.status)
         self._held, self._begun = False, True
         self._request, self._from = request, self.context.safety.history.driven

@@ -30,6 +30,7 @@ from executive.state.fusion import Fusion
 from executive.state.slip import SlipCorrection
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
+from executive.zones import Zones
 
 COUNTED_M: Final = 0.01
 """Of way, in pieces of which it is counted, so that the noise of odometry at rest is not."""
@@ -117,6 +118,11 @@ class Status:
                 pass  # says nothing of the rover's own motion
             case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
                 pass  # says nothing of the asset's state
+
+    @property
+    def obstacles(self) -> Zones:
+        """All that the rover keeps away from now, in the frame of `pose`."""
+        return self._settings.zones
 
     @property
     def travel_limit_mps(self) -> float:

@@ -66,7 +66,7 @@ def test_what_is_reckoned_is_what_a_preview_comes_to(bench: Bench, motion: Motio
         pass
     assert isinstance(run.result, Preview)
     speeds = Speeds(JACKAL.drive.travel_speed_mps, JACKAL.drive.rotate_speed_radps)
-    reckoned = reckoned_j(motion, Pose(), speeds, JACKAL)
+    reckoned = reckoned_j(motion, Pose(), speeds, JACKAL, JACKAL.zones)
     assert reckoned == pytest.approx(run.result.energy_j, rel=0.1, abs=20.0)
 
 

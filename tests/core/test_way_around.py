@@ -97,7 +97,7 @@ def test_a_way_leads_past_zones_and_stays_within_the_yard(tmp_path: Path) -> Non
 def test_where_there_is_no_way_what_blocks_it_is_named() -> None:
     wall = KeepOut("wall", ((2.0, -4.0), (2.5, -4.0), (2.5, 4.0), (2.0, 4.0)))
     walled = replace(JACKAL, zones=Zones(keep_in=(YARD,), keep_out=(wall,)))
-    refusal = check_request(MoveTo(Waypoint(5.0, 0.0)), Pose(), walled)
+    refusal = check_request(MoveTo(Waypoint(5.0, 0.0)), Pose(), walled, walled.zones)
     assert refusal is not None
     assert refusal.reason is Reason.PATH_BLOCKED
     assert refusal.text.startswith("keep-out zone 'wall' is in the way: the rover can go ")
@@ -106,7 +106,7 @@ def test_where_there_is_no_way_what_blocks_it_is_named() -> None:
 
 def test_a_place_that_is_too_near_itself_is_refused_by_what_it_is_too_near_to() -> None:
     fenced = replace(JACKAL, zones=Zones(keep_in=(YARD,), keep_out=(BAR,)))
-    refusal = check_request(MoveTo(Waypoint(7.8, 0.0)), Pose(), fenced)
+    refusal = check_request(MoveTo(Waypoint(7.8, 0.0)), Pose(), fenced, fenced.zones)
     assert refusal is not None
     assert refusal.text.startswith("keep-out zone 'bar' is in the way")
     near = "the place itself is too near to the edge of keep-in zone 'yard'"
@@ -115,7 +115,7 @@ def test_a_place_that_is_too_near_itself_is_refused_by_what_it_is_too_near_to() 
 
 def test_a_path_is_driven_as_it_is_given() -> None:
     fenced = replace(JACKAL, zones=Zones(keep_out=(BAR,)))
-    refusal = check_request(FollowPath((Waypoint(5.0, -1.0),)), Pose(), fenced)
+    refusal = check_request(FollowPath((Waypoint(5.0, -1.0),)), Pose(), fenced, fenced.zones)
     assert refusal is not None
     assert refusal.text.startswith("keep-out zone 'bar' is in the way")
 
@@ -147,8 +147,8 @@ def test_among_random_rocks_each_line_keeps_the_margin(seed: int, count: int) ->
             rocks.append(KnownRock(f"r{len(rocks)}", x_m, y_m, radius_m))
     asset = replace(JACKAL, zones=Zones(rocks=tuple(rocks)))
     request = MoveTo(Waypoint(draw.uniform(3, 6.5), draw.uniform(-2.5, 2.5)))
-    refusal = check_request(request, Pose(), asset)
-    path, _ = planned_path(request, Pose(), asset)
+    refusal = check_request(request, Pose(), asset, asset.zones)
+    path, _ = planned_path(request, Pose(), asset, asset.zones)
     gap_m = min(each.clearance_m(a, b) for each in rocks for a, b in pairwise(path)) - RADIUS_M
     if refusal is None:
         assert gap_m >= MARGIN_M - 0.006
