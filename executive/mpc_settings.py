@@ -76,6 +76,7 @@ class Mpc:
         slip: how it slips.
         odometry_slip: the part of that which its odometry allows for; the executive allows for the
             rest. None: all of it.
+        offered: whether commands may choose it where the asset's controller is another.
     """
 
     steps: int = 20
@@ -84,6 +85,7 @@ class Mpc:
     yaw: YawResponse = field(default_factory=YawResponse)
     slip: Slip = field(default_factory=Slip)
     odometry_slip: Slip | None = None
+    offered: bool = False
 
     def __post_init__(self) -> None:
         """Raise ValueError where a figure is none that can be."""

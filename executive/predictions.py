@@ -80,7 +80,7 @@ class Predictions:
         """Return what works out where a motion or a plan leads from a pose, or why nothing can."""
         context = self._context
         settings, status = context.settings, context.status
-        refusal = unsupported(settings)
+        refusal = unsupported(what, settings)
         if refusal is not None:
             return refusal
         speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)

@@ -17,9 +17,11 @@ from executive.commands import (
     Motion,
     SetRotateSpeed,
     SetTravelSpeed,
+    controller_of,
 )
 from executive.commands.intake import ABOARD_PREFIX, check_arguments
 from executive.commands.lifecycle import Life
+from executive.controller import Controller
 from executive.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, make_locomotion
@@ -34,12 +36,13 @@ from executive.plans import (
     SequenceNode,
     Step,
     TimeoutNode,
+    steps,
 )
 from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.safety import Safety
-from executive.settings import Controller, LocomotionKind, Sensors, Settings
+from executive.settings import LocomotionKind, Sensors, Settings
 from executive.state import FileFolder, Odometry, Status
 from executive.zones import Zones
 
@@ -228,7 +231,13 @@ class PreviewRun:
     ) -> None:
         self._asked = asked
         self._start = start
-        self._settings = replace(settings, sensors=Sensors(), zones=start.obstacles)
+        self._settings = replace(
+            settings,
+            sensors=Sensors(),
+            zones=start.obstacles,
+            controller=Controller.TURN_DRIVE,
+            mpc=replace(settings.mpc, offered=False),
+        )
         self._build_tree = build_tree
         self._steps = self._all_steps()
         self._life: Life | None = None
@@ -389,12 +398,15 @@ class PreviewRun:
         )
 
 
-def unsupported(settings: Settings) -> Refusal | None:
-    """Return why the motion of an asset cannot be previewed, or None."""
+def unsupported(what: Motion | PlanNode, settings: Settings) -> Refusal | None:
+    """Return why a motion or a plan of an asset cannot be previewed, or None."""
+    requests = (what,) if isinstance(what, Motion) else (each.request for each in steps(what))
     if settings.locomotion is not LocomotionKind.VELOCITY:
         why = "carries out whole motions by itself"
-    elif settings.controller is Controller.MPC:
-        why = "is driven by mpc"
+    elif settings.offers_mpc and any(
+        controller_of(each, settings.controller) is Controller.MPC for each in requests
+    ):
+        why = "would be driven there by mpc"
     else:
         return None
     text = f"{settings.asset} {why}: its motion cannot be previewed"

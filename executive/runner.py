@@ -323,12 +323,12 @@ class Executive:
         the authority matters: nothing is commanded.
         """
         status, settings, context = self.status, self.settings, self._context
-        refusal = unsupported(settings) or not_located(status, settings)
-        if refusal is not None:
-            return refusal
         what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
         if isinstance(what, Refusal):
             return what
+        refusal = unsupported(what, settings) or not_located(status, settings)
+        if refusal is not None:
+            return refusal
         goals, clock = context.goals.motion, context.clock
         pose = expected_pose(goals, status.pose, clock, settings, status.obstacles)
         return check_battery(what, pose, status, settings) or self._predictions.run(what, pose)

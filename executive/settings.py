@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar, Final
 
+from executive.controller import Controller
 from executive.fault_table import FaultTable
 from executive.mpc_settings import Mpc
 from executive.prediction_settings import BatterySettings, PredictionSettings
@@ -74,13 +75,6 @@ class TurnDrive:
     latency_s: float
     position_tolerance_m: float
     heading_tolerance_rad: float
-
-
-class Controller(Enum):
-    """What drives a rover that takes velocities to a place."""
-
-    TURN_DRIVE = "turn_drive"
-    MPC = "mpc"
 
 
 @dataclass(frozen=True, slots=True)
@@ -395,7 +389,8 @@ class Settings:
         footprint: None where nothing needs it: zones do.
         zones: where it may drive, in the frame of its odometry.
         link_loss: what is done when nothing is heard of the ground.
-        controller: what drives to a place, where the rover takes velocities.
+        controller: what drives to a place, where the rover takes velocities and the command says
+            nothing else.
         mpc: what model predictive control knows of the rover.
         mux: None where the base takes velocities from one topic, whoever publishes there.
         prediction: how exactly previews foretell its motion.
@@ -434,14 +429,15 @@ class Settings:
         """Raise ValueError where settings do not fit each other, or their bounds."""
         if self.zones.any and self.footprint is None:
             raise ValueError("zones need footprint, the rover's length_m and width_m")
-        if self.controller is Controller.MPC and self.locomotion is not LocomotionKind.VELOCITY:
+        offers = "controller is mpc" if self.controller is Controller.MPC else "mpc.offered is true"
+        if self.offers_mpc and self.locomotion is not LocomotionKind.VELOCITY:
             raise ValueError(
-                "controller is mpc: it is for rovers whose locomotion is velocity, not"
+                f"{offers}: it is for rovers whose locomotion is velocity, not"
                 f" {self.locomotion.value}"
             )
-        if self.controller is Controller.MPC and self.zones.any:
+        if self.offers_mpc and self.zones.any:
             raise ValueError(
-                "controller is mpc: zones are checked along the straight lines of turn_drive, which"
+                f"{offers}: zones are checked along the straight lines of turn_drive, which"
                 " mpc does not keep to"
             )
         if self.battery is not None and self.prediction.standing_w is None:
@@ -452,6 +448,11 @@ class Settings:
         if self.kept_reports < FEWEST_REPORTS:
             raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
         require_above_zero(self, "clock_tolerance_s", "mass_kg")
+
+    @property
+    def offers_mpc(self) -> bool:
+        """Whether model predictive control may drive the rover: always, or for a command."""
+        return self.controller is Controller.MPC or self.mpc.offered
 
     def reached(self, *, by_others: bool) -> "Settings":
         """Return what holds where others than this computer can reach the rover, or cannot.

@@ -1,5 +1,7 @@
 """Motion primitives: take a leg of a goal, turn, drive, hold a velocity, finish the leg."""
 
+from functools import partial
+
 from py_trees.common import Status
 
 from executive.battery_check import check_battery
@@ -51,7 +53,8 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
             return target, ()
         case FollowPath(waypoints):
             left, passed = waypoints[goal.step :], 0
-            while not goal.attempts and passed + 1 < len(left) and locomotion.passes(left[passed]):
+            passes = partial(locomotion.passes, goal.command)
+            while not goal.attempts and passed + 1 < len(left) and passes(left[passed]):
                 passed += 1
             return left[passed], left[:passed]
         case MoveForward() | RotateTo() | RotateBy() as step:

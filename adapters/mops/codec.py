@@ -10,11 +10,13 @@ import hashlib
 import re
 import types
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import Field, dataclass, fields, is_dataclass
 from functools import cache
 from math import isfinite
 from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 from urllib.parse import quote, unquote
+
+from executive.commands import RELAYED
 
 SEPARATOR: Final = "|"
 END: Final = "#"
@@ -300,9 +302,13 @@ def values_of(item: Any) -> Iterator[str]:
     """Yield the values of a dataclass.
 
     Raises:
-        MopsError: a number is not finite, or a text that may be missing is empty.
+        MopsError: a number is not finite, a text that may be missing is empty, or a value is there
+            that messages do not carry.
     """
     kind: type = type(item)
+    for name in _not_relayed(kind):
+        if getattr(item, name) is not None:
+            raise MopsError(f"{name}: messages do not carry it; leave it out")
     for name, may_be_missing in _fields(kind):
         match getattr(item, name):
             case None:
@@ -348,7 +354,17 @@ def _fields(kind: type) -> Sequence[tuple[str, bool]]:
 @cache
 def _hints(kind: type) -> Sequence[tuple[str, Any]]:
     hints = get_type_hints(kind)
-    return [(field.name, hints[field.name]) for field in fields(kind)]
+    return [(field.name, hints[field.name]) for field in fields(kind) if _relayed(field)]
+
+
+@cache
+def _not_relayed(kind: type) -> Sequence[str]:
+    return [field.name for field in fields(kind) if not _relayed(field)]
+
+
+def _relayed(field: Field[Any]) -> bool:
+    relayed: bool = field.metadata.get(RELAYED, True)
+    return relayed
 
 
 def _element(hint: Any) -> type | None:

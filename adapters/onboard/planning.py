@@ -6,7 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
 from executive.motion import Plan, PlanSolver, Problem, make_solver
-from executive.settings import Controller, Settings
+from executive.settings import Settings
 
 _LOG = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ def planning(settings: Settings) -> Iterator[PlanSolver | None]:
     Raises:
         SettingsError: casadi is not installed.
     """
-    if settings.controller is not Controller.MPC:
+    if not settings.offers_mpc:
         yield None
         return
     solver = BackgroundSolver(make_solver(settings))

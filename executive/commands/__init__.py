@@ -7,6 +7,7 @@ which need the settings: `intake`, `lifecycle` and `actions`.
 # All of the catalogue, so that a request is listed there alone.
 from executive.commands.catalogue import *  # noqa: F403
 from executive.commands.declaration import ACCEPTED as ACCEPTED
+from executive.commands.declaration import RELAYED as RELAYED
 from executive.commands.declaration import Argument as Argument
 from executive.commands.declaration import Declaration as Declaration
 from executive.commands.declaration import Family as Family

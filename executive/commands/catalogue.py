@@ -19,6 +19,7 @@ from executive.commands.declaration import (
     record,
     within,
 )
+from executive.controller import Controller
 from executive.reports import Identity
 
 SLOWEST = 0.01
@@ -36,13 +37,19 @@ class Waypoint:
     )
 
 
+_CONTROLLER: Final = "what drives there, without it the asset's own"
+
+
 @command(
-    Family.MOTION, "MotionControl.moveTo", examples=("3 2 --heading 90deg", "-1 0.5 --replace")
+    Family.MOTION,
+    "MotionControl.moveTo",
+    examples=("3 2 --heading 90deg", "3 2 --controller mpc", "-1 0.5 --replace"),
 )
 class MoveTo:
     """Turn towards a place, drive there, turn to its heading."""
 
     target: Waypoint
+    controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
 
 
 @command(Family.MOTION, "MotionControl.moveForward", examples=("1.5", "-1 --replace"))
@@ -84,6 +91,7 @@ class FollowPath:
     """Visit waypoints in their order."""
 
     waypoints: tuple[Waypoint, ...] = argument(within(1, "drive.path_waypoints"))
+    controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
 
 
 @command(Family.STOP, "MotionControl.stop", examples=("",))
@@ -281,6 +289,20 @@ Setting = (
 )
 PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan | RemovePlan
 Request = Motion | CameraWork | InstantCommand | Setting | PlanRequest | Stop | Resume
+
+
+def controller_of(request: Request, default: Controller) -> Controller | None:
+    """Return what drives a request to its places; None where it has none.
+
+    Args:
+        request: says it, or leaves it to the asset.
+        default: the asset's own.
+    """
+    match request:
+        case MoveTo(controller=chosen) | FollowPath(controller=chosen):
+            return chosen or default
+        case _:
+            return None
 
 
 DIRECT_LINK: Final = "direct"

@@ -104,17 +104,28 @@ ANGLE: Final = within(2 * pi)
 PATH: Final = FilePath()
 
 Choices = range | tuple[str, ...]
+RELAYED: Final = "relayed"
+"""The key, in the metadata of a field, of `Argument.relayed`."""
 
 
 @overload
 def argument(
-    bound: Bound | None = None, help: str = "", *, choices: Choices | None = None
+    bound: Bound | None = None,
+    help: str = "",
+    *,
+    choices: Choices | None = None,
+    relayed: bool = True,
 ) -> Any: ...
 
 
 @overload
 def argument(
-    bound: Bound | None = None, help: str = "", *, choices: Choices | None = None, default: T
+    bound: Bound | None = None,
+    help: str = "",
+    *,
+    choices: Choices | None = None,
+    relayed: bool = True,
+    default: T,
 ) -> T: ...
 
 
@@ -123,10 +134,12 @@ def argument(
     help: str = "",
     *,
     choices: Choices | None = None,
+    relayed: bool = True,
     default: Any = MISSING,
 ) -> Any:
     """Declare an argument of a request, as `Argument` has it; its default is None if optional."""
-    return field(default=default, metadata={"bound": bound, "help": help, "choices": choices})
+    metadata = {"bound": bound, "help": help, "choices": choices, RELAYED: relayed}
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,12 +151,13 @@ class Argument:
         name: the same without the suffix, as people write it.
         unit: as people read it; empty for none.
         position: of the part of the message that holds it, from 1; 1 within a composite.
-        kind: float, int, str, or the class of a composite.
+        kind: float, int, str, an Enum of texts, or the class of a composite.
         many: whether it is any number of them, one after the other.
         optional: whether it may be left out.
         bound: which values the asset accepts.
         help: what it means, in a few words, without its unit.
-        choices: which values there are at all, whatever the asset.
+        choices: which values there are at all, whatever the asset; those of an Enum are its texts.
+        relayed: whether the messages of the relay carry it; it is optional where they do not.
     """
 
     field: str
@@ -156,6 +170,7 @@ class Argument:
     bound: Bound | None = None
     help: str = ""
     choices: Choices | None = None
+    relayed: bool = True
 
     @property
     def meaning(self) -> str:
@@ -198,8 +213,8 @@ class Declaration:
 
     @property
     def composite(self) -> type[Any] | None:
-        """The class of its one argument, if that is a `record`: people write its parts instead."""
-        if len(self.arguments) != 1 or self.arguments[0].many:
+        """The class of its first argument, if a `record`, of which people write the parts."""
+        if not self.arguments or self.arguments[0].many:
             return None
         kind = self.arguments[0].kind
         return kind if arguments_of(kind) else None
@@ -207,11 +222,16 @@ class Declaration:
     @property
     def written(self) -> tuple[Argument, ...]:
         """The arguments as people write them."""
-        return self.arguments if self.composite is None else arguments_of(self.composite)
+        if self.composite is None:
+            return self.arguments
+        return (*arguments_of(self.composite), *self.arguments[1:])
 
     def make(self, *values: Any) -> Any:
         """Return the request of the values of what people write."""
-        return self.kind(*values if self.composite is None else (self.composite(*values),))
+        if self.composite is None:
+            return self.kind(*values)
+        parts = len(arguments_of(self.composite))
+        return self.kind(self.composite(*values[:parts]), *values[parts:])
 
 
 _DECLARATIONS: Final[dict[type, Declaration]] = {}
@@ -291,6 +311,9 @@ def _arguments(made: Any, apart: bool) -> tuple[Argument, ...]:
         stem, _, suffix = each.name.rpartition("_")
         unit = _UNITS.get(suffix, "") if stem else ""
         kind, many, optional = _kind(each.type)
+        known = dict(each.metadata)
+        if issubclass(kind, Enum):
+            known["choices"] = tuple(choice.value for choice in kind)
         found.append(
             Argument(
                 each.name,
@@ -300,7 +323,7 @@ def _arguments(made: Any, apart: bool) -> tuple[Argument, ...]:
                 kind,
                 many,
                 optional,
-                **each.metadata,
+                **known,
             )
         )
     return tuple(found)

@@ -32,10 +32,11 @@ from executive.commands.declaration import (
     declaration_of,
     declared,
 )
+from executive.controller import Controller
 from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import printable
-from executive.settings import Settings
+from executive.settings import LocomotionKind, Settings
 from executive.state import Status, check_path
 
 _Check = Callable[[Any, Settings], Refusal | None]
@@ -44,10 +45,10 @@ _Check = Callable[[Any, Settings], Refusal | None]
 def check_arguments(request: Request, settings: Settings, here: Point) -> Refusal | None:
     """Return why the arguments cannot be accepted of a rover that stands here, or None."""
     match request:
-        case MoveTo(target):
-            return _waypoint(target, here, settings)
-        case FollowPath(waypoints):
-            return _path(waypoints, here, settings)
+        case MoveTo(target, controller):
+            return _waypoint(target, here, settings) or _controller(controller, settings)
+        case FollowPath(waypoints, controller):
+            return _path(waypoints, here, settings) or _controller(controller, settings)
         case _:
             return _first(_CHECKS[type(request)], request, settings)
 
@@ -76,6 +77,21 @@ def _path(waypoints: tuple[Waypoint, ...], here: Point, settings: Settings) -> R
         refusal = refusal or _waypoint(waypoint, here, settings)
         here = Point(waypoint.x_m, waypoint.y_m)
     return refusal
+
+
+def _controller(chosen: Controller | None, settings: Settings) -> Refusal | None:
+    if chosen is None:
+        return None
+    if settings.locomotion is not LocomotionKind.VELOCITY:
+        text = f"controller {chosen.value}: {settings.asset} drives by itself; leave it out"
+    elif chosen is Controller.MPC and not settings.offers_mpc:
+        text = (
+            f"controller mpc: {settings.asset} does not offer it; leave it out, or set mpc.offered"
+            " to true in the settings of the asset, which needs the extra mpc"
+        )
+    else:
+        return None
+    return Refusal(Reason.NOT_SUPPORTED, text, argument=_CONTROLLER.position)
 
 
 def _range(
@@ -184,6 +200,7 @@ def _judge(argument: Argument) -> _Check:
 _CHECKS: Final = {each.kind: tuple(map(_check_of, each.arguments)) for each in declared()}
 _FAMILIES: Final = {each.kind: each.family for each in declared()}
 _COUNT: Final = _judge(declaration_of(FollowPath).arguments[0])
+_CONTROLLER: Final = declaration_of(FollowPath).arguments[1]
 _WAYPOINT: Final = tuple(map(_check_of, arguments_of(Waypoint)))
 _FINITE: Final = tuple(_check_of(replace(each, bound=None)) for each in arguments_of(Waypoint))
 

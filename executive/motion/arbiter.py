@@ -23,11 +23,11 @@ from executive.motion.predictive_control import PredictiveLocomotion
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted
 from executive.reasons import Refusal
-from executive.settings import Controller, LocomotionKind, Settings
+from executive.settings import LocomotionKind, Settings
 from executive.settings_files import SettingsError
 from executive.state import Status
 
-NO_SOLVER: Final = "controller is mpc: it needs a solver of plans, and was started without one"
+NO_SOLVER: Final = "mpc needs a solver of plans, and the executive was started without one"
 
 
 @dataclass(slots=True)
@@ -171,16 +171,16 @@ def make_locomotion(
 ) -> tuple[Locomotion, Mover]:
     """Return what makes motions, and what commands them, of an asset.
 
-    The solver plans for model predictive control, where that drives.
+    The solver plans for model predictive control, where the asset offers that.
 
     Raises:
-        SettingsError: the settings ask for model predictive control, and there is no solver.
+        SettingsError: the settings offer model predictive control, and there is no solver.
         TypeError: the rover is not of the kind that the settings name.
     """
     match settings.locomotion:
         case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
             mover = VelocityMover(clock, settings, status, rover)
-            if settings.controller is Controller.MPC:
+            if settings.offers_mpc:
                 if solver is None:
                     raise SettingsError(NO_SOLVER)
                 return PredictiveLocomotion(clock, settings, status, mover, solver), mover

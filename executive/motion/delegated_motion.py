@@ -35,7 +35,7 @@ class DelegatedLocomotion:
         self._status = status
         self._numbers = count(1)
 
-    def passes(self, _: Waypoint) -> bool:
+    def passes(self, _: Command, __: Waypoint) -> bool:
         """Return False: it stands at each."""
         return False
 

@@ -325,7 +325,7 @@ class Locomotion(Protocol):
 
     alone: bool
 
-    def passes(self, waypoint: Waypoint) -> bool:
+    def passes(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it passes a waypoint of a path that goes on, without standing there."""
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:

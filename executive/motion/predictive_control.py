@@ -11,7 +11,8 @@ from math import hypot, inf
 from typing import Final
 
 from executive.clock import Clock
-from executive.commands import Command, Waypoint
+from executive.commands import Command, Waypoint, controller_of
+from executive.controller import Controller
 from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.motion.locomotion import (
     Bounds,
@@ -474,10 +475,10 @@ def _toward_zero(figure: float, step: float) -> float:
 
 
 class PredictiveLocomotion(VelocityLocomotion):
-    """Drives to places by `PredictiveLaw`; turns, straight lines and held velocities as ever.
+    """Drives to places by `PredictiveLaw` where the command, or else the asset, says so.
 
-    A place for which more precision is asked than usual is driven to by turn-then-drive, whose
-    turns on the spot and straight lines odometry knows better than fast curves.
+    All else is turn-then-drive, and so is a place for which more precision is asked than usual:
+    odometry knows turns on the spot and straight lines better than fast curves.
     """
 
     def __init__(
@@ -493,20 +494,21 @@ class PredictiveLocomotion(VelocityLocomotion):
         self._solver = solver
         self._model = model_of(settings)
 
-    def passes(self, waypoint: Waypoint) -> bool:
+    def passes(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether a waypoint asks for no heading, and for no more precision than usual."""
         usual_m = self._settings.turn_drive.position_tolerance_m
-        return waypoint.heading_rad is None and (waypoint.tolerance_m or usual_m) >= usual_m
+        usual = waypoint.heading_rad is None and (waypoint.tolerance_m or usual_m) >= usual_m
+        return usual and self._drives(command)
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the last turn of a leg; the first is part of its curve."""
-        if not final and self._leads(leg):
+        if not final and self._leads(command, leg):
             return None
         return super().turn(command, leg, final)
 
     def line(self, command: Command, leg: Leg) -> Motion | None:
         """Return the curve of a leg that leads to a place, or its straight line."""
-        if not self._leads(leg):
+        if not self._leads(command, leg):
             return super().line(command, leg)
         return PredictiveLaw(
             command,
@@ -518,11 +520,14 @@ class PredictiveLocomotion(VelocityLocomotion):
             VelocityLocomotion(self._clock, self._settings, self._status),
         )
 
-    def _leads(self, leg: Leg) -> bool:
+    def _drives(self, command: Command) -> bool:
+        return controller_of(command.request, self._settings.controller) is Controller.MPC
+
+    def _leads(self, command: Command, leg: Leg) -> bool:
         """Return whether a leg leads to a place by a curve."""
         fine = leg.tolerance_m < self._settings.turn_drive.position_tolerance_m
         leads = leg.target is not None and leg.toward_rad is not None
-        return leads and (bool(leg.through) or not fine)
+        return leads and (bool(leg.through) or not fine) and self._drives(command)
 
 
 def model_of(settings: Settings) -> MotionModel:

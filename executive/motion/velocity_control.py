@@ -235,7 +235,7 @@ class VelocityLocomotion:
         self._settings = settings
         self._status = status
 
-    def passes(self, _: Waypoint) -> bool:
+    def passes(self, _: Command, __: Waypoint) -> bool:
         """Return False: it stands at each."""
         return False
 

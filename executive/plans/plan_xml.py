@@ -6,6 +6,7 @@ No document type, entity, include or other file is ever read.
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from enum import Enum
 from itertools import islice
 from math import isfinite, radians
 from re import compile as pattern
@@ -223,7 +224,7 @@ def name_of(element: Element, default: str) -> str:
     return name
 
 
-Value = float | int | str | tuple[Waypoint, ...]
+Value = float | int | str | Enum | tuple[Waypoint, ...]
 
 LONGEST_VALUE: Final = 16_384
 """Characters of an attribute. An argument may stand in as many attributes as a plan has, so that
@@ -294,7 +295,11 @@ class Attributes:
         if argument.kind is int:
             return self.count(name)
         text = self.text(name)
-        return text if text is None or argument.kind is str else self._places(name, text)
+        if text is None or argument.kind is str:
+            return text
+        if issubclass(argument.kind, Enum):
+            return self._choice(name, text, argument.kind)
+        return self._places(name, text)
 
     def passed_on(self) -> dict[str, str]:
         """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`."""
@@ -324,6 +329,13 @@ class Attributes:
         if not _NUMBER.fullmatch(text.strip()) or not isfinite(float(text)):
             raise self.fault(f"{name} {text[:40]!r} is no number{_in_degrees(text)}")
         return float(text)
+
+    def _choice(self, name: str, text: str, kind: type[Enum]) -> Enum:
+        words = {str(choice.value): choice for choice in kind}
+        if text.strip() not in words:
+            near = suggest(text.strip(), words)
+            raise self.fault(f"{name} {quote(text)}: {' or '.join(words)} is needed{near}")
+        return words[text.strip()]
 
     def _places(self, name: str, text: str) -> tuple[Waypoint, ...]:
         parts = text.strip().strip(";").split(";")

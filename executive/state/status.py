@@ -6,7 +6,7 @@ from typing import Final
 from executive.clock import Clock
 from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.reports import Identity
-from executive.settings import Controller, Settings
+from executive.settings import Settings
 from executive.state.facts import (
     AuthorityUsed,
     Battery,
@@ -79,7 +79,7 @@ class Status:
         self.fusion = None if second is None else Fusion(second.fused)
         mpc = settings.mpc
         self._slip = None
-        if settings.controller is Controller.MPC and mpc.odometry_slip is not None:
+        if settings.offers_mpc and mpc.odometry_slip is not None:
             self._slip = SlipCorrection(mpc.slip, mpc.odometry_slip)
         self._odometry_at_s = -inf
         self._counted_m = 0.0

@@ -19,7 +19,7 @@ from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
-from executive.settings import Controller, LocomotionKind, Settings
+from executive.settings import LocomotionKind, Settings
 from executive.state import Fact, FileEvent, ParameterValue
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
@@ -123,7 +123,7 @@ class LockStep:
         downlinks: who hears reports and telemetry beside `heard`.
         picture: size and making of camera pictures.
         odometry: how good that of a Jackal is.
-        solver: what plans where the settings' controller is mpc; made for them unless given.
+        solver: what plans where the settings offer mpc; made for them unless given.
 
     Attributes:
         rover: the simulation: a Jackal, or MOCUP where the settings say that it moves by itself.
@@ -143,7 +143,7 @@ class LockStep:
         solver: PlanSolver | None = None,
     ) -> None:
         self.settings = settings
-        if solver is None and settings.controller is Controller.MPC:
+        if solver is None and settings.offers_mpc:
             solver = make_solver(settings)
         self._solver = solver
         self.rover = _rover(settings, world, seed, picture, odometry)

@@ -6,12 +6,19 @@ Labels must be known and times reached; not each mode of playing has all that a 
 import re
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, make_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from executive.commands import PlanArgument, PlanDefinition, Request, SubmitPlan, declared
+from executive.commands import (
+    Declaration,
+    PlanArgument,
+    PlanDefinition,
+    Request,
+    SubmitPlan,
+    declared,
+)
 from executive.commands.intake import SOURCE_PREFIX
 from executive.plans import FORMAT
 from executive.settings import LocomotionKind, Settings, load_settings
@@ -197,13 +204,24 @@ def read_request(raw: Any, reader: StrictReader) -> Request:
         raise FormatError("", f"{name!r} is no operation; known are {', '.join(OPERATIONS)}")
     if declaration.kind is SubmitPlan:
         return SubmitPlan(_plan(reader.read(arguments, PlanFile, name), f"{name}.plan"))
-    whole = declaration.composite
-    request: Request = (
-        reader.read(arguments, declaration.kind, name)
-        if whole is None
-        else declaration.kind(reader.read(arguments, whole, name))
+    made = reader.read(arguments, _written(declaration), name)
+    request: Request = declaration.make(
+        *(getattr(made, each.field) for each in declaration.written)
     )
     return request
+
+
+@cache
+def _written(declaration: Declaration) -> Any:
+    """Return the dataclass of what a file says of a request: the parts of its composite, if any."""
+    if declaration.composite is None:
+        return declaration.kind
+    _, *others = fields(declaration.kind)
+    said = [
+        (each.name, each.type, field(default=each.default))
+        for each in (*fields(declaration.composite), *others)
+    ]
+    return make_dataclass(declaration.kind.__name__, said)
 
 
 def _plan(said: PlanFile, path: str) -> PlanDefinition:

@@ -218,7 +218,8 @@ def _choice(raw: object, kind: type[Enum]) -> Enum:
     for member in kind:
         if raw in (member.name, member.value) and not isinstance(raw, bool):
             return member
-    raise ValueError(f"{shown(raw)} is none of {', '.join(member.name for member in kind)}")
+    words = (each.value if isinstance(each.value, str) else each.name for each in kind)
+    raise ValueError(f"{shown(raw)} is none of {', '.join(words)}")
 
 
 def _scalar(raw: Any, kind: Any) -> Any:

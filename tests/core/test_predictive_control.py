@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 from adapters.onboard.planning import BackgroundSolver
 from executive.clock import ManualClock
 from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
+from executive.controller import Controller
 from executive.geometry import Pose, Velocity, wrap_rad
 from executive.motion import MinimumTime, Plan, PlanSolver, Problem, make_locomotion, make_solver
 from executive.motion.minimum_time import MotionState, Target
 from executive.motion.predictive_control import model_of
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.settings import Controller, load_settings
+from executive.settings import load_settings
 from executive.settings_files import SettingsError
 from executive.state import Status
 from executive.zones import Footprint, KnownRock, Zones
@@ -353,7 +354,7 @@ def test_without_casadi_one_error_names_the_extra(monkeypatch: pytest.MonkeyPatc
 
 def test_an_executive_without_solver_and_rovers_that_move_by_themselves_are_refused() -> None:
     clock = ManualClock()
-    with pytest.raises(SettingsError, match="controller"):
+    with pytest.raises(SettingsError, match="needs a solver"):
         make_locomotion(KinematicRover(), clock, JACKAL, Status(clock, JACKAL))
     with pytest.raises(ValueError, match="locomotion is velocity"):
         replace(load_settings("mocup"), controller=Controller.MPC)

@@ -21,11 +21,13 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
+from executive.controller import Controller
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.motion import Problem
 from executive.prediction_settings import PredictionSettings
 from executive.preview import MOST_POSES, KinematicBase, Preview
 from executive.reasons import Reason, Refusal
-from executive.settings import Controller, Settings, load_settings
+from executive.settings import load_settings
 from executive.settings_files import SettingsError, structure
 from executive.zones import KeepOut, KnownRock, Zones
 from tests.support.kinematic import Bench
@@ -33,6 +35,20 @@ from tests.support.plans import AHEAD, BACK, plan
 
 JACKAL = load_settings("jackal")
 ROCK = KnownRock("boulder", 3.0, 0.0, 0.5)
+ASIDE = Waypoint(1.0, 1.0, pi / 2)
+
+
+class NoPlans:
+    """A solver that finds nothing."""
+
+    lead_ticks = 0
+    busy = False
+
+    def ask(self, _: Problem) -> None:
+        pass
+
+    def answer(self) -> None:
+        return None
 
 
 def worked_out(bench: Bench, asked: Motion | PlanDefinition) -> Preview | Refusal:
@@ -205,12 +221,30 @@ def test_a_plan_that_would_not_do_is_refused_by_its_step(
         assert said in found.text
 
 
-@pytest.mark.parametrize(
-    "settings", [load_settings("mocup"), replace(JACKAL, controller=Controller.MPC)]
-)
-def test_what_cannot_be_previewed_is_said(bench: Bench, settings: Settings) -> None:
-    bench.executive.settings = settings
+def test_what_cannot_be_previewed_is_said(bench: Bench) -> None:
+    assert "does not offer it" in refused(bench, MoveTo(ASIDE, Controller.MPC)).text
+    bench.executive.settings = load_settings("mocup")
     assert refused(bench, MoveForward(1.0)).reason is Reason.NOT_SUPPORTED
+
+
+@pytest.mark.parametrize(
+    ("own", "asked"),
+    [
+        (Controller.MPC, MoveTo(ASIDE)),
+        (Controller.MPC, FollowPath((ASIDE,))),
+        (Controller.TURN_DRIVE, MoveTo(ASIDE, Controller.MPC)),
+        (Controller.TURN_DRIVE, plan('<moveTo x="1" y="0" controller="mpc" deadline_s="9"/>')),
+    ],
+)
+def test_what_mpc_drives_is_not_previewed_and_all_else_is(
+    tmp_path: Path, own: Controller, asked: Motion | PlanDefinition
+) -> None:
+    offering = replace(JACKAL, controller=own, mpc=replace(JACKAL.mpc, offered=True))
+    with Bench(tmp_path, offering, solver=NoPlans()) as bench:
+        found = refused(bench, asked)
+        assert (found.reason, "driven there by mpc" in found.text) == (Reason.NOT_SUPPORTED, True)
+        previewed(bench, MoveTo(ASIDE, Controller.TURN_DRIVE))
+        previewed(bench, MoveForward(1.0))
 
 
 def test_the_base_turns_about_its_control_point() -> None:

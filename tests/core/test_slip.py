@@ -7,9 +7,10 @@ from math import pi
 import pytest
 
 from executive.clock import ManualClock
+from executive.controller import Controller
 from executive.geometry import Pose, Velocity
 from executive.mpc_settings import Slip
-from executive.settings import Controller, load_settings
+from executive.settings import load_settings
 from executive.settings_files import SettingsError, structure
 from executive.state import Odometry, Status
 from executive.state.slip import LONGEST_S, SlipCorrection

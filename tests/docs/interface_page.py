@@ -492,7 +492,8 @@ def _command_rows() -> Iterator[tuple[str, ...]]:
 
 
 def _argument(argument: Argument) -> str:
-    facts = ", ".join(filter(None, (argument.meaning, _values(argument))))
+    relayed = "" if argument.relayed else "not by the relay"
+    facts = ", ".join(filter(None, (argument.meaning, _values(argument), relayed)))
     optional = "?" if argument.optional else ""
     if argument.many:
         names = ", ".join(part.name for part in arguments_of(argument.kind))

@@ -19,6 +19,7 @@ from executive.commands import (
     Waypoint,
     declared,
 )
+from executive.controller import Controller
 from executive.reports import Identity
 from executive.settings_files import SettingsError
 from executive.state import Parameter
@@ -43,7 +44,7 @@ def test_every_request_comes_back_through_octets(request: Request) -> None:
     try:
         octets = encode(spelled(request))
     except MopsError as fault:
-        known = ("at most", "one empty value", "would be read as none")
+        known = ("at most", "one empty value", "would be read as none", "do not carry it")
         assume(not any(each in str(fault) for each in known))
         raise
     assert DICTIONARY.request(decode(octets)) == request
@@ -88,6 +89,18 @@ def test_commands_read_so(request_: Request, text: str) -> None:
 def test_what_does_not_fit_is_named(message: Message, fault: str) -> None:
     with pytest.raises(MopsError, match=fault):
         DICTIONARY.request(message)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        MoveTo(Waypoint(1.0, 2.0), Controller.TURN_DRIVE),
+        FollowPath((Waypoint(1.0, 2.0),), Controller.MPC),
+    ],
+)
+def test_a_controller_is_not_lost_on_the_way(request_: Request) -> None:
+    with pytest.raises(MopsError, match="controller: messages do not carry it"):
+        spelled(request_)
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])

@@ -43,6 +43,7 @@ from executive.commands import (
     declaration_of,
     declared,
 )
+from executive.controller import Controller
 from executive.runner import Executive
 from tests.mrs.aboard import Aboard, rover
 
@@ -76,6 +77,7 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         ("moveTo 3 2", MoveTo(Waypoint(3.0, 2.0))),
         ("moveTo -1 -.5 --heading -90deg", MoveTo(Waypoint(-1.0, -0.5, -pi / 2))),
         ("moveTo 3 2 --tolerance 0.1", MoveTo(Waypoint(3.0, 2.0, None, 0.1))),
+        ("moveTo 3 2 --controller turn_drive", MoveTo(Waypoint(3.0, 2.0), Controller.TURN_DRIVE)),
         ("moveForward 1.5", MoveForward(1.5)),
         ("moveForward -1", MoveForward(-1.0)),
         ("rotateTo 90deg", RotateTo(pi / 2)),
@@ -91,6 +93,10 @@ def taken(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> list[Command]:
         (
             "followPath 1,0,,0.1 0,1,90deg,0.05",
             FollowPath((Waypoint(1.0, 0.0, None, 0.1), Waypoint(0.0, 1.0, pi / 2, 0.05))),
+        ),
+        (
+            "followPath --controller turn_drive 1,0 2,0",
+            FollowPath((Waypoint(1.0, 0.0), Waypoint(2.0, 0.0)), Controller.TURN_DRIVE),
         ),
         ("stop", Stop()),
         ("setTravelSpeed 0.5", SetTravelSpeed(0.5)),
@@ -271,12 +277,20 @@ def test_what_makes_no_sense_is_not_sent(aboard: Aboard, taken: list[Command], t
         ("rotateBy 90", "90 rad is more than a turn: write 90deg for degrees"),
         ("followPath 1,0,90", "write 90deg for degrees"),
         ("moveto 1 1", "Did you mean 'moveTo'?"),
+        ("moveTo 1 1 --controller mcp", "'mcp' is not one of 'turn_drive', 'mpc'"),
     ],
 )
 def test_says_what_is_wrong_with_options(typed: str, said: str) -> None:
     result = rover("command", *typed.split())
     assert result.exit_code == USAGE
     assert said in " ".join(result.output.split())
+
+
+def test_a_controller_that_the_asset_does_not_offer(aboard: Aboard, taken: list[Command]) -> None:
+    result = command(aboard, "moveTo", "3", "2", "--controller", "mpc")
+    assert result.exit_code == FAILED
+    assert taken[0].request == MoveTo(Waypoint(3.0, 2.0), Controller.MPC)
+    assert "jackal does not offer it; leave it out, or set mpc.offered" in result.output
 
 
 def test_a_picture_is_asked_for_as_typed(aboard: Aboard, taken: list[Command]) -> None:

@@ -159,7 +159,8 @@ async def test_replaces_motion_where_the_supplement_says_so(
 def test_stages_that_nobody_asked_for_are_not_told(aboard: Aboard) -> None:
     header = replace(HEADER, reportStarted=False, reportProgress=False)
     path = (types.Waypoint(x=0.2, y=0.0), types.Waypoint(x=0.4, y=0.0))
-    aboard.consume(lambda consumer: consumer.submit("MotionControl", "followPath", header, path))
+    parts = (header, path, None)
+    aboard.consume(lambda consumer: consumer.submit("MotionControl", "followPath", *parts))
     aboard.run(10.0)
 
     async def session(client: MrsClient) -> list[Stage | None]:

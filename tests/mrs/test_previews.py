@@ -20,6 +20,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
     AskedMotion,
+    Controller,
     Notification,
     Preview,
     PreviewPose,
@@ -76,6 +77,7 @@ async def test_it_needs_no_mode_and_the_refusal_says_why(client: MrsClient) -> N
         (AskedMotion("drive", None, (1.0,)), "has 3: travel, rotate, duration; 1 were given"),
         (AskedMotion("moveTo", (), None), "waypoints: moveTo has 1: target; 0 were given"),
         (AskedMotion("followPath", (), (1.0,)), "figures: followPath has 0; 1 were given"),
+        (AskedMotion("moveForward", None, (1.0,), Controller.MPC), "controller: moveForward has"),
     ],
 )
 def test_parts_that_are_no_motion_are_refused(asked: AskedMotion, said: str) -> None:
@@ -85,7 +87,7 @@ def test_parts_that_are_no_motion_are_refused(asked: AskedMotion, said: str) -> 
 
 
 async def test_only_so_many_are_worked_out_at_once(consumer: Consumer) -> None:
-    asked = ("MotionControl", "preview", "moveForward", None, (3.0,))
+    asked = ("MotionControl", "preview", "moveForward", None, (3.0,), None)
     most = preview_service.MOST_AT_ONCE
     first = [asyncio.create_task(consumer.request(*asked)) for _ in range(most)]
     await asyncio.sleep(0)
@@ -93,7 +95,7 @@ async def test_only_so_many_are_worked_out_at_once(consumer: Consumer) -> None:
         await consumer.request(*asked)
     for told in await asyncio.gather(*first):
         assert told[0].length == pytest.approx(3.0, abs=0.1)
-    await consumer.request("MotionControl", "preview", "moveForward", None, (1.0,))
+    await consumer.request("MotionControl", "preview", "moveForward", None, (1.0,), None)
 
 
 def test_as_typed(aboard: Aboard, tmp_path: Path) -> None:

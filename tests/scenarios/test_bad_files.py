@@ -17,6 +17,7 @@ timeline:
 expect:
   - {command: ahead, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED]}
 """
+MOVE = "moveForward: {distance: 0.1}"
 HUGE = f"0x1{'0' * 9999}"
 
 
@@ -62,6 +63,9 @@ def play(path: Path) -> Result:
         ("at: 1,", "after: ahead,", "timeline[0].after: 'ahead' is not LABEL STAGE"),
         ("at: 1,", "after: back EXECUTED,", "timeline[0].after: no 'back' in timeline"),
         ("moveForward", "fly", "timeline[0].command: 'fly' is no operation"),
+        (MOVE, "moveTo: {x: 1, y: 2, controller: mcp}", "'mcp' is none of turn_drive, mpc"),
+        (MOVE, "moveTo: {x: 1}", "timeline[0].command.moveTo: key 'y' is missing"),
+        (MOVE, "moveTo: {x: 1, y: 2, z: 3}", "unknown key 'z'; known are x, y, heading, tol"),
         ("distance: 0.1", "length: 1", "timeline[0].command.moveForward: unknown key 'length'"),
         ("distance: 0.1", "", "timeline[0].command.moveForward: key 'distance' is missing"),
         ("distance: 0.1", "distance: .nan", "moveForward.distance: expected a finite number"),

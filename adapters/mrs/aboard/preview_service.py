@@ -41,8 +41,10 @@ class PreviewService:
         operation: str,
         waypoints: tuple[wire.Waypoint, ...] | None,
         figures: tuple[float, ...] | None,
+        controller: wire.Controller | None,
     ) -> tuple[wire.Preview]:
-        return (await self._work_out(motion_of(AskedMotion(operation, waypoints, figures))),)
+        asked = AskedMotion(operation, waypoints, figures, controller)
+        return (await self._work_out(motion_of(asked)),)
 
     async def _plan(self, _: Call, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
         return (await self._work_out(wire.definition_of(plan)),)

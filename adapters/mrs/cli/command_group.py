@@ -1,6 +1,7 @@
 """`rover command`: a sub-command for each request that people send, as its declaration says."""
 
 from collections.abc import Iterable
+from enum import Enum
 from math import isfinite, pi, radians
 from typing import TYPE_CHECKING, Any, Final
 
@@ -231,9 +232,19 @@ def _parameter(argument: Argument, as_option: bool) -> click.Parameter:
     return click.Argument([argument.field], metavar=argument.name.upper(), type=kind)
 
 
+class _ChoiceOfValues(click.Choice[Enum]):
+    """One of an Enum, typed by its value."""
+
+    def normalize_choice(self, choice: object, ctx: click.Context | None) -> str:
+        """Return what is compared, of a choice or of what was typed."""
+        return str(choice.value if isinstance(choice, Enum) else choice)
+
+
 def _type(argument: Argument) -> Any:
     if argument.many:
         return waypoint
+    if issubclass(argument.kind, Enum):
+        return _ChoiceOfValues(argument.kind)
     match argument.choices:
         case range() as numbers:
             return click.IntRange(numbers[0], numbers[-1])

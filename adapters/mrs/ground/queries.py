@@ -65,7 +65,7 @@ class Queries:
     async def preview(self, motion: Motion) -> Preview:
         """Return what a motion command would come to, without commanding it."""
         asked = asked_motion(motion)
-        parts = (asked.operation, asked.waypoints, asked.figures)
+        parts = (asked.operation, asked.waypoints, asked.figures, asked.controller)
         return await self._one(Preview, "MotionControl", "preview", *parts)
 
     async def preview_plan(self, plan: PlanDefinition) -> Preview:

@@ -7,6 +7,7 @@ NaN, or a value that is not VALID.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import Enum
 from math import isfinite, nan
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -394,6 +395,8 @@ def _in_one_part(where: str, declaration: Declaration, parts: Sequence[Field]) -
 
 def _converter(where: str, argument: Argument, part: Field) -> _Converter:
     inner = arguments_of(argument.kind)
+    if issubclass(argument.kind, Enum):
+        return _choice(where, argument.kind, part)
     if not inner:
         return _BY_HAND.get(argument.kind, _AS_IT_IS)
     one = _composite(where, argument.kind, inner, part)
@@ -402,6 +405,16 @@ def _converter(where: str, argument: Argument, part: Field) -> _Converter:
     return _Converter(
         lambda values: tuple(map(one.inward, values)),
         lambda values: tuple(map(one.outward, values)),
+    )
+
+
+def _choice(where: str, kind: type[Enum], part: Field) -> _Converter:
+    cls = mrs_specification().classes[part.type.name]
+    if list(cls.__members__) != list(kind.__members__):
+        raise SpecificationError(f"{where}: {part.type.name} has others than the request")
+    return _Converter(
+        lambda value: None if value is None else kind[value.name],
+        lambda value: None if value is None else cls[value.name],
     )
 
 
@@ -422,7 +435,9 @@ def _require(where: str, arguments: Sequence[Argument], parts: Sequence[Field]) 
     if wanted != found:
         raise SpecificationError(f"{where} has {found} where the request has {wanted}")
     for argument, part in zip(arguments, parts, strict=True):
-        fits = part.type.name in _WIRE_TYPES.get(argument.kind, {part.type.name})
+        chosen = issubclass(argument.kind, Enum)
+        others = {argument.kind.__name__ if chosen else part.type.name}
+        fits = part.type.name in _WIRE_TYPES.get(argument.kind, others)
         alike = (part.nullable, part.type.is_list) == (argument.optional, argument.many)
         if not (fits and alike):
             raise SpecificationError(f"{where}: {part.name} is of another type in the request")

@@ -23,16 +23,17 @@ class AskedMotion:
     operation: str
     waypoints: tuple[types.Waypoint, ...] | None
     figures: tuple[float, ...] | None
+    controller: types.Controller | None = None
 
 
 def asked_motion(motion: Motion) -> AskedMotion:
     """Return a motion, to ask for its preview."""
     asked = invocation(motion)
     match asked.parts:
-        case (types.Waypoint() as target,):
-            return AskedMotion(asked.operation, (target,), None)
-        case (tuple() as waypoints,):
-            return AskedMotion(asked.operation, waypoints, None)
+        case (types.Waypoint() as target, controller):
+            return AskedMotion(asked.operation, (target,), None, controller)
+        case (tuple() as waypoints, controller):
+            return AskedMotion(asked.operation, waypoints, None, controller)
         case figures:
             return AskedMotion(asked.operation, None, figures)
 
@@ -51,11 +52,13 @@ def motion_of(asked: AskedMotion) -> Motion:
     first = arguments[0]
     parts: tuple[Any, ...] = figures
     if first.kind is Waypoint:
-        parts = (waypoints,) if first.many else waypoints
         _require(declaration.operation, "figures", figures, ())
         if not first.many:
             _require(declaration.operation, "waypoints", waypoints, (first.name,))
+        parts = (waypoints if first.many else waypoints[0], asked.controller)
     else:
+        if asked.controller is not None:
+            raise _wrong(f"controller: {declaration.operation} has none")
         _require(declaration.operation, "waypoints", waypoints, ())
         names = tuple(argument.name for argument in arguments)
         _require(declaration.operation, "figures", figures, names)

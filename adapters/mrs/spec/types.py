@@ -139,6 +139,18 @@ class FaultReaction(Enum):
     SAFE = 5
 
 
+class Controller(Enum):
+    """What drives an asset to a place.
+
+    Attributes:
+        TURN_DRIVE: Turns on the spot and straight lines.
+        MPC: Curves in the least time: model predictive control. Not every asset offers it.
+    """
+
+    TURN_DRIVE = 1
+    MPC = 2
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandHeader:
     """The identity of a command and how it is to be handled; the first part of every command.

@@ -12,6 +12,7 @@ from tests.support.plans import plan, xml
 
 SETTINGS = load_settings("jackal")
 GO = '<moveForward distance="1" deadline_s="9"/>'
+MPC = '<moveTo x="1" y="2" controller="mpc" deadline_s="9"/>'
 VALUES = {float: "0.5", int: "1", str: "a/b.jpg", Waypoint: "1,0;1,1,1.57;"}
 
 
@@ -68,6 +69,8 @@ def test_every_leaf_is_made_of_its_parameters(leaf: Declaration) -> None:
         (GO.replace("/", ' name="a/b"/'), Reason.PLAN_BAD_ARGUMENT, 3, "slash"),
         (GO.replace("/", "") + GO + "</moveForward>", Reason.PLAN_STRUCTURE, 3, "no children"),
         ('<followPath waypoints="1,2,3,4" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "x,y"),
+        ('<moveTo x="1" y="2" controller="mcp"/>', Reason.PLAN_BAD_ARGUMENT, 3, "mpc perhaps"),
+        (MPC, Reason.PLAN_BAD_ARGUMENT, 3, "controller mpc: jackal does not offer it"),
         ('<deleteFile path="../x" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "leaves the"),
         ("<Sequence/>", Reason.PLAN_STRUCTURE, 3, "needs a child"),
         (f"<Inverter>{GO}{GO}</Inverter>", Reason.PLAN_STRUCTURE, 3, "exactly 1 child"),
