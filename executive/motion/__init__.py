@@ -11,7 +11,8 @@ from executive.motion.locomotion import (
     leg_errors,
     plan_leg,
 )
-from executive.motion.minimum_time import MinimumTime, Plan, PlanSolver, Problem
+from executive.motion.minimum_time import MinimumTime
+from executive.motion.plan import Plan, PlanSolver, Problem
 from executive.motion.predictive_control import make_solver
 from executive.motion.velocity_control import VelocityLocomotion
 from executive.motion.verification import (

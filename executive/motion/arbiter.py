@@ -18,7 +18,7 @@ from executive.commands.lifecycle import Life
 from executive.geometry import STANDING, Velocity
 from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
 from executive.motion.locomotion import Locomotion, Mover
-from executive.motion.minimum_time import PlanSolver
+from executive.motion.plan import PlanSolver
 from executive.motion.predictive_control import PredictiveLocomotion
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted

@@ -7,7 +7,7 @@ commanded; where that lasts, the rover stands, and turn-then-drive goes on from 
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from itertools import pairwise
-from math import hypot, inf
+from math import hypot
 from typing import Final
 
 from executive.clock import Clock
@@ -22,21 +22,15 @@ from executive.motion.locomotion import (
     plan_leg,
     turn_bounds,
 )
-from executive.motion.minimum_time import (
-    ANY_RAD,
-    MinimumTime,
-    MotionModel,
-    MotionState,
-    Plan,
-    PlanSolver,
-    Problem,
-    Target,
-)
+from executive.motion.minimum_time import MinimumTime
+from executive.motion.motion_model import MotionModel, MotionState
+from executive.motion.motion_observer import FINEST_S, MotionObserver
+from executive.motion.plan import ANY_RAD, Plan, PlanSolver, Problem, Target
 from executive.motion.route import AIM_SHARE, Route, aim_within_m
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import Wanted
 from executive.settings import Settings
-from executive.state import Odometry, Status
+from executive.state import Status
 
 BRAKE_SHARE: Final = 2 / 3
 KEEP_BRAKING_SHARE: Final = 0.93
@@ -60,136 +54,6 @@ OFF_RAD: Final = 0.2
 """From where the plan had it now: beyond it the odometry jumped, or something moved the rover."""
 MISSED: Final = 0.05
 """Metres and radians beyond its aim by which a plan does not lead there."""
-LEARN: Final = 0.3
-"""Of a difference in the rate of turn, what each tick makes of it."""
-KEPT: Final = 8
-"""Commands that are kept: longer than odometry is old."""
-LATE_TICKS: Final = 1.5
-"""From one tick to the next, beyond which the rover was not led meanwhile."""
-FINEST_S: Final = 1e-9
-HELD_S: Final = 1e-3
-"""By how much odometry has to come later than at best, to count as late."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Knot:
-    """A command, and from when on it is in effect, between which it goes in ramps."""
-
-    time_s: float
-    velocity: Velocity
-
-
-class MotionObserver:
-    """Knows how the control point moves, by odometry, the commands in effect and the model.
-
-    Attributes:
-        ahead_m: of the control point, from base_link.
-        late_s: when a tick last came so late that the rover was not led meanwhile.
-    """
-
-    def __init__(
-        self, settings: Settings, status: Status, model: MotionModel, mover: VelocityMover
-    ) -> None:
-        self._settings = settings
-        self._status = status
-        self._model = model
-        self._mover = mover
-        self.ahead_m = model.ahead_m
-        self.late_s = -inf
-        self._sent_s = 0.0
-        self._apart_s = inf  # least so far, from the stamp of odometry to its arrival
-        self._knots: list[_Knot] = []
-        self._seen: Odometry | None = None
-        self._lag_radps = 0.0
-
-    def observe(self, now_s: float) -> MotionState:
-        """Return the state in which the last command is in effect, and learn from odometry."""
-        delay_s, tick_s = self._settings.mpc.command_delay_s, self._settings.tick_s
-        sent_s = self._sent_s if self._knots else now_s - tick_s
-        self._add(_Knot(sent_s + delay_s, self._mover.velocity))
-        if now_s - sent_s > LATE_TICKS * tick_s:  # the command was held, until a tick ago
-            self._add(_Knot(now_s - tick_s + delay_s, self._mover.velocity))
-            self.late_s = now_s
-        self._sent_s = now_s
-        pose, status = self._status.pose, self._status
-        measured_s = self._arrived_s(now_s) - self._settings.mpc.odometry_age_s
-        self._learn(measured_s, status.odometry)
-        place = pose.ahead(self.ahead_m)
-        begun = self._commanded(measured_s)
-        state = MotionState(
-            place.x_m,
-            place.y_m,
-            pose.heading_rad,
-            begun.travel_mps,
-            begun.rotate_radps,
-            self._lag_radps,
-        )
-        return self._roll(state, measured_s, self._knots[-1].time_s)
-
-    def next(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
-        """Return the state after a step at whose end another command is in effect."""
-        controls = (
-            (command.travel_mps - state.travel_mps) / step_s,
-            (command.rotate_radps - state.rotate_radps) / step_s,
-        )
-        after = MotionState(*self._model.advance(state.figures, controls, step_s))
-        return replace(after, travel_mps=command.travel_mps, rotate_radps=command.rotate_radps)
-
-    @property
-    def effect_s(self) -> float:
-        """When the last command is in effect."""
-        return self._knots[-1].time_s
-
-    def _arrived_s(self, now_s: float) -> float:
-        """Return when odometry would have arrived that takes no longer than the fastest so far."""
-        arrived_s = now_s - self._status.odometry_age_s
-        if self._status.odometry is None:
-            return arrived_s
-        apart_s = arrived_s - self._status.odometry.stamp_s
-        self._apart_s = min(self._apart_s, apart_s)
-        held_s = apart_s - self._apart_s
-        return arrived_s - held_s if held_s > HELD_S else arrived_s
-
-    def _add(self, knot: _Knot) -> None:
-        if self._knots and knot.time_s <= self._knots[-1].time_s + FINEST_S:
-            self._knots.pop()
-        self._knots = [*self._knots[1 - KEPT :], knot]
-
-    def _commanded(self, time_s: float) -> Velocity:
-        """Return the command that is in effect at a time."""
-        if time_s <= self._knots[0].time_s:
-            return self._knots[0].velocity
-        for before, after in pairwise(self._knots):
-            if time_s <= after.time_s:
-                part = (time_s - before.time_s) / (after.time_s - before.time_s)
-                low, high = before.velocity, after.velocity
-                return Velocity(
-                    low.travel_mps + part * (high.travel_mps - low.travel_mps),
-                    low.rotate_radps + part * (high.rotate_radps - low.rotate_radps),
-                )
-        return self._knots[-1].velocity
-
-    def _roll(self, state: MotionState, from_s: float, to_s: float) -> MotionState:
-        """Return a state as it is later, by the commands in effect."""
-        times_s = [knot.time_s for knot in self._knots if from_s < knot.time_s < to_s]
-        for before_s, after_s in pairwise([from_s, *times_s, to_s]):
-            if after_s - before_s > FINEST_S:
-                state = self.next(state, self._commanded(after_s), after_s - before_s)
-        return state
-
-    def _learn(self, measured_s: float, odometry: Odometry | None) -> None:
-        """Take the lag on to the last odometry, corrected by how far the rover turned since."""
-        seen, self._seen = self._seen, odometry
-        if seen is None or odometry is None or odometry is seen:
-            return
-        passed_s = odometry.stamp_s - seen.stamp_s
-        if not FINEST_S < passed_s < KEPT * self._settings.tick_s:
-            return
-        begun = self._commanded(measured_s - passed_s)
-        state = MotionState(0.0, 0.0, 0.0, begun.travel_mps, begun.rotate_radps, self._lag_radps)
-        after = self._roll(state, measured_s - passed_s, measured_s)
-        turned_rad = wrap_rad(odometry.pose.heading_rad - seen.pose.heading_rad)
-        self._lag_radps = after.lag_radps + LEARN * (turned_rad - after.heading_rad) / passed_s
 
 
 class _Instead(Enum):
@@ -199,6 +63,36 @@ class _Instead(Enum):
     TURN = auto()
     DRIVE = auto()
     DONE = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What the solver was asked last.
+
+    Attributes:
+        asked_s: when it was asked.
+        from_s: from when on the plan is to lead.
+        end: which place of the route it is to end at.
+        waits: whether the rover stands, so that the plan leads from when it is there.
+    """
+
+    asked_s: float
+    from_s: float
+    end: int
+    waits: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """The plan that is driven, and the question that it answers.
+
+    Attributes:
+        from_s: from when on it leads.
+    """
+
+    plan: Plan
+    from_s: float
+    question: _Question
 
 
 class PredictiveLaw(Motion):
@@ -241,13 +135,9 @@ class PredictiveLaw(Motion):
             observer.ahead_m,
             Target(x_m, y_m, self._heading_rad, aim, aim_rad, self._behind_m),
         )
-        self._plan: Plan | None = None
-        self._plan_from_s = 0.0
-        self._plan_end = self._asked_end = 0  # which place of the route a plan ends at
-        self._asked_from_s = 0.0
-        self._asked_at_s = self._planned_at_s = 0.0
+        self._question: _Question | None = None
+        self._course: _Course | None = None
         self._abandons = False
-        self._waits = False  # standing, a plan begins when it is there
         self._heard_s: float | None = None  # when the solver last was free
         self._misses = 0
         self._starts = 0
@@ -279,9 +169,9 @@ class PredictiveLaw(Motion):
         left_m, _ = self._seen_off
         if self._instead is not None:
             return f"{left_m:.3f} m left, by turn-then-drive"
-        if self._plan is None:
+        if self._course is None:
             return f"{left_m:.3f} m left"
-        return f"{left_m:.3f} m and {self._plan.duration_s:.1f} s left"
+        return f"{left_m:.3f} m and {self._course.plan.duration_s:.1f} s left"
 
     def renew(self, _: float) -> bool:
         """Reckon anew how long it takes, if another greatest speed was set."""
@@ -311,8 +201,8 @@ class PredictiveLaw(Motion):
             self._give_up(reason)
             return STANDING
         command = STANDING
-        if self._plan is not None and not self._lands(state):
-            command = self._plan.velocity(takes_effect_s - self._plan_from_s)
+        if self._course is not None and not self._lands(self._course, state):
+            command = self._course.plan.velocity(takes_effect_s - self._course.from_s)
         if self._solver.lead_ticks:
             step_s = max(takes_effect_s - effect_s, FINEST_S)
             self._ask(self._observer.next(state, command, step_s), takes_effect_s, now_s)
@@ -358,25 +248,25 @@ class PredictiveLaw(Motion):
         """
         if self._solver.busy:
             return
-        guess = self._plan
+        course, route, guess = self._course, self._route, None
         at_rest = max(abs(state.travel_mps), abs(state.rotate_radps)) < AT_REST
-        route, ahead = self._route, self._plan_end - self._route.passed
-        if guess is not None:
-            guess = guess.after(from_s - self._plan_from_s, max(ahead, 0))
-            over = at_rest and self._status.standing and guess.duration_s < OVER_S
-            if over or ahead < 0:
-                guess = None
-            else:
+        if course is not None:
+            ahead = course.question.end - route.passed
+            rest = course.plan.after(from_s - course.from_s, max(ahead, 0))
+            over = at_rest and self._status.standing and rest.duration_s < OVER_S
+            if not over and ahead >= 0:
+                guess = rest
                 near_rad = guess.states[0].heading_rad
                 heading_rad = near_rad + wrap_rad(state.heading_rad - near_rad)
                 state = replace(state, heading_rad=heading_rad)
-        if guess is None:
+        if course is None or guess is None:
             self._starts += 1
-        self._waits = guess is None and at_rest
-        first = route.passed if guess is None else self._plan_end - len(guess.passes_s)
+            first = route.passed
+        else:
+            first = course.question.end - len(guess.passes_s)
         *through, target = route.plan_from(first, now_s)
-        self._asked_from_s, self._asked_at_s = from_s, now_s
-        self._asked_end = first + len(through)
+        waits = guess is None and at_rest
+        self._question = _Question(now_s, from_s, first + len(through), waits)
         limits = self._present_limits
         self._solver.ask(Problem(state, target, *limits, guess, tuple(through)))
 
@@ -384,19 +274,19 @@ class PredictiveLaw(Motion):
         """Go on with the answer to the last question, if there is one that leads there."""
         if self._heard_s is None or not self._solver.busy:
             self._heard_s = now_s
-        led = self._observer.late_s <= self._planned_at_s
-        if self._plan is not None and led and self._jumped(self._plan, state, effect_s):
+        course, question = self._course, self._question
+        if course is not None and self._jumped(course, state, effect_s):
             self._misses += 1
             return
-        if self._solver.busy or not self._starts:
+        if self._solver.busy or question is None:
             return
         plan = self._solver.answer()
         if plan is None or plan.miss > MISSED:
             self._misses += 1
             return
         self._misses = 0
-        self._plan, self._plan_from_s = plan, effect_s if self._waits else self._asked_from_s
-        self._plan_end, self._planned_at_s = self._asked_end, self._asked_at_s
+        from_s = effect_s if question.waits else question.from_s
+        self._course = _Course(plan, from_s, question)
 
     def _hopeless(self, now_s: float) -> str | None:
         """Return why turn-then-drive is to take over, if it is."""
@@ -408,15 +298,18 @@ class PredictiveLaw(Motion):
             return "no plan comes in time"
         return None
 
-    def _jumped(self, plan: Plan, state: MotionState, effect_s: float) -> bool:
-        planned = plan.at(effect_s - self._plan_from_s)
+    def _jumped(self, course: _Course, state: MotionState, effect_s: float) -> bool:
+        """Return whether the rover is elsewhere, though it was led since the plan was asked for."""
+        if self._observer.late_s > course.question.asked_s:
+            return False
+        planned = course.plan.at(effect_s - course.from_s)
         off_m = hypot(state.x_m - planned.x_m, state.y_m - planned.y_m)
         return off_m > OFF_M or abs(wrap_rad(state.heading_rad - planned.heading_rad)) > OFF_RAD
 
-    def _lands(self, state: MotionState) -> bool:
+    def _lands(self, course: _Course, state: MotionState) -> bool:
         """Return whether braking now, or on, brings the rover to rest within the tolerances."""
-        plan, last = self._plan, self._plan_end == self._route.end
-        if plan is None or plan.passes_s or not last or plan.duration_s > SOON_S:
+        plan, last = course.plan, course.question.end == self._route.end
+        if plan.passes_s or not last or plan.duration_s > SOON_S:
             self._braking = False
             return False
         drive, tick_s = self._settings.drive, self._settings.tick_s

@@ -7,7 +7,7 @@ from typing import Final
 
 from executive.commands import Waypoint
 from executive.geometry import Point
-from executive.motion.minimum_time import ANY_RAD, PASSED_AT_ONCE, Target
+from executive.motion.plan import ANY_RAD, PASSED_AT_ONCE, Target
 
 AIM_SHARE: Final = 0.4
 """Of the tolerances: within which a plan ends, or passes a place."""

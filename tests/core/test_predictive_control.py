@@ -18,7 +18,8 @@ from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
 from executive.controller import Controller
 from executive.geometry import Pose, Velocity, wrap_rad
 from executive.motion import MinimumTime, Plan, PlanSolver, Problem, make_locomotion, make_solver
-from executive.motion.minimum_time import MotionState, Target
+from executive.motion.motion_model import MotionState
+from executive.motion.plan import Target
 from executive.motion.predictive_control import model_of
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import load_settings

@@ -1,0 +1,218 @@
+"""The fastest motion as a non-linear programme, built and solved by casadi.
+
+Multiple shooting over a free duration, to the end and to each place passed before it: one step of
+the rover's model in each of so many intervals, with the accelerations of the
+commanded velocity as controls. Fatrop solves it stage by stage; ipopt does where casadi comes
+without fatrop. casadi is the extra `mpc`, imported when a programme is built.
+"""
+
+from collections.abc import Sequence
+from importlib import import_module
+from itertools import accumulate, pairwise
+from math import inf, isfinite
+from typing import Any, Final
+
+from executive.motion.motion_model import MotionModel, MotionState
+from executive.motion.plan import Plan, Problem, sampled
+from executive.settings_files import SettingsError
+
+MISS_COST: Final = 30.0
+"""Seconds for each metre and radian beyond the aim: so there is an answer to every problem."""
+EFFORT_COST: Final = 2e-3
+"""Seconds for full acceleration all the time: smooths plans among which time does not decide."""
+FASTER_RADPS: Final = 0.05
+"""By how much a rover that turns at its limit or faster may turn faster still."""
+LONGEST_S: Final = 600.0
+ITERATIONS: Final = 40
+FEWEST_BETWEEN: Final = 10
+"""Intervals to each place, where some are passed, at least."""
+_STATE: Final = 6
+_PASS: Final = 4
+"""Parameters of a place that is passed: x, y, aim, and how far behind the control point."""
+
+
+class Programme:
+    """The programme for a number of places that are passed.
+
+    In each node there are a state, the durations to each place and to the end, and the miss; all
+    but the state are the same in every node.
+
+    Args:
+        model: the rover.
+        most: its greatest accelerations, of travel in m/s² and of rotation in rad/s².
+        steps: intervals of a plan that passes no place.
+        passes: how many places are passed.
+
+    Raises:
+        SettingsError: casadi is not installed.
+    """
+
+    def __init__(
+        self, model: MotionModel, most: tuple[float, float], steps: int, passes: int
+    ) -> None:
+        self._model = model
+        self._most = most
+        self._passes = passes
+        self._count = steps if not passes else max(steps // 2, FEWEST_BETWEEN)
+        self._durations = slice(_STATE, _STATE + passes + 1)
+        self._miss = _STATE + passes + 1
+        self._lowest: list[float] = []  # of its constraints; all upper bounds are 0
+        self._solver = self._build(_casadi())
+
+    def solve(self, problem: Problem, guess: Plan, least_s: Sequence[float]) -> Plan | None:
+        """Return the plan of a problem that passes so many places; None where none is found.
+
+        Args:
+            problem: what is asked for.
+            guess: near the answer, with all places.
+            least_s: of the way to each place and to the end.
+        """
+        start, target = problem.start, problem.target
+        present_radps = abs(self._model.true_rotation(start.rotate_radps, start.lag_radps))
+        fastest_radps = max(problem.rotate_radps, present_radps + FASTER_RADPS)
+        end = [target.x_m, target.y_m, guess.heading_rad, target.aim_m, target.aim_rad]
+        passed = [
+            figure
+            for each in problem.through
+            for figure in (each.x_m, each.y_m, each.aim_m, each.behind_m)
+        ]
+        low, high = self._bounds(problem, least_s)
+        found = self._solver(
+            x0=self._vector(guess),
+            p=[*start.figures, *end, target.behind_m, fastest_radps, *passed],
+            lbx=low,
+            ubx=high,
+            lbg=self._lowest,
+            ubg=0.0,
+        )
+        figures = found["x"].nonzeros()
+        if not self._solver.stats()["success"] or not all(map(isfinite, figures)):
+            return None
+        return self._read(figures, guess.heading_rad)
+
+    def _build(self, ca: Any) -> Any:
+        """Return the solver of casadi."""
+        count, steps = self._count, self._count * (self._passes + 1)
+        nodes = [ca.SX.sym(f"x{index}", self._miss + 1) for index in range(steps + 1)]
+        controls = [ca.SX.sym(f"u{index}", 2) for index in range(steps)]
+        asked = ca.SX.sym("p", _STATE + 7 + _PASS * self._passes)
+        x_m, y_m, heading_rad, aim_m, aim_rad, behind_m, fastest_radps = ca.vertsplit(
+            asked[_STATE : _STATE + 7]
+        )
+        rows: list[Any] = []
+        equal: list[bool] = []
+
+        def require(kind: bool, *expressions: Any) -> None:
+            row = ca.vertcat(*expressions)
+            rows.append(row)
+            equal.extend([kind] * row.shape[0])
+
+        def beyond(node: Any, x_m: Any, y_m: Any, behind_m: Any, aim_m: Any) -> Any:
+            off_x_m = node[0] - behind_m * ca.cos(node[2]) - x_m
+            off_y_m = node[1] - behind_m * ca.sin(node[2]) - y_m
+            return off_x_m**2 + off_y_m**2 - (aim_m + node[self._miss]) ** 2
+
+        for index, node in enumerate(nodes):
+            state, durations, miss = node[:_STATE], node[self._durations], node[self._miss]
+            if index < steps:
+                pair = tuple(ca.vertsplit(controls[index]))
+                step_s = durations[index // count] / count
+                moved = self._model.advance(ca.vertsplit(state), pair, step_s, ca)
+                require(True, nodes[index + 1] - ca.vertcat(*moved, durations, miss))
+            if index == 0:
+                require(True, state - asked[:_STATE])
+            else:
+                turning = self._model.true_rotation(state[4], state[5], ca)
+                require(False, turning - fastest_radps, -turning - fastest_radps)
+            if 0 < index < steps and index % count == 0:
+                at = _STATE + 7 + _PASS * (index // count - 1)
+                place_x_m, place_y_m, near_m, back_m = ca.vertsplit(asked[at : at + _PASS])
+                require(False, beyond(node, place_x_m, place_y_m, back_m, near_m))
+        end, miss = nodes[-1], nodes[-1][self._miss]
+        off_rad = end[2] - heading_rad
+        require(True, end[3], end[4])
+        require(
+            False,
+            beyond(end, x_m, y_m, behind_m, aim_m),
+            off_rad - aim_rad - miss,
+            -off_rad - aim_rad - miss,
+        )
+        effort = sum(ca.sumsqr(each / ca.DM(self._most)) for each in controls) / steps
+        takes_s = ca.sum1(nodes[0][self._durations])
+        cost = takes_s + MISS_COST * nodes[0][self._miss] + EFFORT_COST * effort
+        pairs = zip(nodes, [*controls, ca.SX(0, 1)], strict=True)
+        problem = {
+            "x": ca.vertcat(*(part for pair in pairs for part in pair)),
+            "f": cost,
+            "g": ca.vertcat(*rows),
+            "p": asked,
+        }
+        self._lowest = [0.0 if each else -inf for each in equal]
+        return _nlpsol(ca, problem, equal)
+
+    def _bounds(
+        self, problem: Problem, least_s: Sequence[float]
+    ) -> tuple[list[float], list[float]]:
+        """Return bounds of the variables; speeds that are above their limit now may go down."""
+        start, shared = problem.start, self._passes + 2
+        travel = max(problem.travel_mps, abs(start.travel_mps))
+        rotate = max(problem.rotate_radps, abs(start.rotate_radps))
+        first_low = [*[-inf] * _STATE, *least_s, 0.0]
+        first_high = [*[inf] * _STATE, *[LONGEST_S] * len(least_s), inf]
+        most = list(self._most)
+        high = [*most, inf, inf, inf, travel, rotate, inf, *[inf] * shared]
+        low = [-each for each in high]
+        steps = self._count * (self._passes + 1)
+        return [*first_low, *low * steps], [*first_high, *high * steps]
+
+    def _vector(self, guess: Plan) -> list[float]:
+        """Return the variables of a plan."""
+        edges_s = (0.0, *guess.passes_s, guess.duration_s)
+        durations_s = [end_s - begin_s for begin_s, end_s in pairwise(edges_s)]
+        states = sampled(guess.at, guess.passes_s, guess.duration_s, self._count).states
+        vector: list[float] = []
+        for index, state in enumerate(states):
+            vector += [*state.figures, *durations_s, guess.miss]
+            if index < len(states) - 1:
+                step_s = durations_s[index // self._count] / self._count
+                pair = (state.travel_mps, state.rotate_radps)
+                after = (states[index + 1].travel_mps, states[index + 1].rotate_radps)
+                for low, high, most in zip(pair, after, self._most, strict=True):
+                    vector.append(max(-most, min(most, (high - low) / step_s)))
+        return vector
+
+    def _read(self, figures: list[float], heading_rad: float) -> Plan:
+        stage = self._miss + 1 + 2
+        states = tuple(
+            MotionState(*figures[at : at + _STATE]) for at in range(0, len(figures), stage)
+        )
+        *passes_s, duration_s = accumulate(figures[self._durations])
+        return Plan(duration_s, states, heading_rad, figures[self._miss], tuple(passes_s))
+
+
+def _casadi() -> Any:
+    """Return casadi.
+
+    Raises:
+        SettingsError: it is not installed.
+    """
+    try:
+        return import_module("casadi")
+    except ImportError as error:
+        raise SettingsError(
+            "controller: mpc needs casadi, which is not installed: it comes with the extra mpc"
+            " (pip install 'rover-executive[mpc]'); controller: turn_drive needs nothing more"
+        ) from error
+
+
+def _nlpsol(ca: Any, problem: dict[str, Any], equal: list[bool]) -> Any:
+    common = {"expand": True, "print_time": False, "error_on_fail": False}
+    if ca.has_nlpsol("fatrop"):
+        fatrop = {"mu_init": 1e-3, "tol": 1e-3, "max_iter": ITERATIONS, "print_level": 0}
+        return ca.nlpsol("minimum_time", "fatrop", problem, {
+            **common, "structure_detection": "auto", "equality": equal, "fatrop": fatrop,
+        })  # fmt: skip
+    ipopt = {
+        "print_level": 0, "sb": "yes", "mu_init": 1e-2, "tol": 1e-3, "max_iter": 2 * ITERATIONS,
+    }  # fmt: skip
+    return ca.nlpsol("minimum_time", "ipopt", problem, {**common, "ipopt": ipopt})
