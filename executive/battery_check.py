@@ -24,7 +24,7 @@ from executive.commands import (
 )
 from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.motion import Bounds, duration_s
-from executive.path_check import way_around
+from executive.path_check import heeded, way_around
 from executive.plans import PlanNode, expected_requests
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
@@ -57,7 +57,7 @@ class _Reckoning:
         """Go on with a motion."""
         match request:
             case MoveTo(target):
-                for corner in way_around(target, self.pose, self._settings, self._zones):
+                for corner in self._way_around(request, target):
                     self._go(corner)
                 self._go(target)
             case FollowPath(waypoints):
@@ -74,6 +74,10 @@ class _Reckoning:
             case DriveFor(travel_mps, rotate_radps, held_s):
                 self._take(held_s, travel_mps * held_s, rotate_radps * held_s)
                 self.pose = arc(self.pose, Velocity(travel_mps, rotate_radps), held_s)[1]
+
+    def _way_around(self, request: Motion, target: Waypoint) -> tuple[Waypoint, ...]:
+        settings, zones = self._settings, heeded(request, self._settings, self._zones)
+        return way_around(target, self.pose, settings, zones)
 
     def _go(self, waypoint: Waypoint) -> None:
         place = Point(waypoint.x_m, waypoint.y_m)

@@ -63,6 +63,8 @@ NOT_HELD: Final = Refusal(
 )
 RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
 """Of the command by which the rover returns to where the ground was last heard."""
+AT_ONCE: Final = frozenset({"zone_ahead", "obstacle_ahead"})
+"""Faults that begin when the rover must brake as it does on a stop, and not by its acceleration."""
 _ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
 UNWRITTEN: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
@@ -217,6 +219,8 @@ class Dispatcher:
         why, then = fault.refusal, fault.row.then
         if then in {Then.STOP, Then.SAFE}:
             self._arbiter.stop()
+        if then is Then.PAUSE and fault.name in AT_ONCE:
+            self._arbiter.stand()
         self._notifications.event(fault.severity, why.text, why.reason, why.figures)
         match then:
             case Then.STOP | Then.SAFE:
@@ -462,6 +466,7 @@ class Dispatcher:
                 status.rotate_speed_radps = speed_radps
             case SetPositionCompensation(x_m, y_m, z_m, heading_rad):
                 status.compensation = Pose(x_m, y_m, z_m, heading_rad)
+                status.forget_seen()
             case SetCameraRotateSpeed(speed_radps):
                 status.camera_speed_radps = speed_radps
             case SetStatusInterval(interval_s):

@@ -26,6 +26,7 @@ from executive.reasons import Figure, Refusal
 from executive.safety import Safety
 from executive.settings import Settings
 from executive.state import FileFolder, Status
+from executive.zones import Encounter
 
 
 class Goal:
@@ -36,6 +37,9 @@ class Goal:
         attempts: how often the step was ended away from its target.
         around: how many places it has stood at on ways around obstacles.
         on_way: whether the leg ends at such a place, and not at that of the step.
+        off_path: whether the step leads around something seen, and not straight to its waypoint.
+        evaded: how often something that came into view has ended a line of the step.
+        met: what that was last, until the way around it is planned.
         leg: the step as it was planned last, or the way to it.
         begun: the pose from which the step was planned.
         verification: what compares it with the second odometry; None where there is none.
@@ -51,6 +55,9 @@ class Goal:
         self.attempts = 0
         self.around = 0
         self.on_way = False
+        self.off_path = False
+        self.evaded = 0
+        self.met: Encounter | None = None
         self.leg = Leg(None, None, False, None, 0.0)
         self.begun = Pose()
         self.verification: Verification | None = None

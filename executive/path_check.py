@@ -1,7 +1,8 @@
 """Whether a motion leads too near to a zone or a known rock: before it is accepted, and begun.
 
-To a single place a way around them is looked for. What is checked is where base_link is to go:
-straight lines of drives, arcs of velocities held. Turns on the spot are covered by the disc in
+To a single place a way around them is looked for. What the rover sees itself is gone around on the
+way to places, and left to the monitors in other motions. What is checked is where base_link is to
+go: straight lines of drives, arcs of velocities held. Turns on the spot are covered by the disc in
 which the footprint turns.
 """
 
@@ -18,19 +19,24 @@ from executive.commands import (
     Motion,
     MoveForward,
     MoveTo,
+    Request,
     RotateBy,
     RotateTo,
     Waypoint,
+    controller_of,
 )
+from executive.controller import Controller
 from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.goals import Goal
 from executive.reasons import Figure, Reason, Refusal
-from executive.settings import Settings
+from executive.settings import LocomotionKind, Settings
 from executive.way_around import Way, find_way
-from executive.zones import Zones
+from executive.zones import Encounter, Obstacle, Seen, Zones
 
 ROOM_M: Final = 0.02
 """What a way around leaves beside the margin, for how exactly its places are reached."""
+LOOK_M: Final = 2.0
+"""So far ahead of a rover under way something that comes into view is heeded."""
 
 
 def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refusal | None:
@@ -43,24 +49,100 @@ def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refus
     gap = "meet it" if met.gap_m <= 0 else f"pass it at {met.gap_m:.2f} m"
     return Refusal(
         Reason.PATH_BLOCKED,
-        f"{met.obstacle} is in the way: the rover can go {met.way_m:.2f} m until it is nearer than"
-        f" {zones.margin_m:g} m, and would {gap}",
+        f"{met.obstacle.title} is in the way: the rover can go {met.way_m:.2f} m until it is nearer"
+        f" than {zones.margin_m:g} m, and would {gap}",
         (
             Figure("way", met.way_m, "m"),
             Figure("gap", met.gap_m, "m"),
             Figure("bound", zones.margin_m, "m"),
+            *_place_of(met.obstacle),
         ),
     )
+
+
+def _place_of(obstacle: Obstacle) -> tuple[Figure, ...]:
+    """Return where something is that has no name by which people would know."""
+    if not isinstance(obstacle, Seen):
+        return ()
+    return Figure("obstacle x", obstacle.x_m, "m"), Figure("obstacle y", obstacle.y_m, "m")
 
 
 def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
     """Return why a motion that begins at a pose may not be carried out, or None."""
     if not zones.any:
         return None
-    refusal = check_path(planned_path(request, pose, settings, zones)[0], settings, zones)
-    if refusal is None or not isinstance(request, MoveTo):
-        return refusal
-    return replace(refusal, text=f"{refusal.text}; {_why_no_way(request.target, settings, zones)}")
+    zones = heeded(request, settings, zones)
+    if isinstance(request, MoveTo):
+        way = way_to(request.target, pose, settings, zones)
+        return way if isinstance(way, Refusal) else None
+    told = zones.told
+    refusal = check_path(planned_path(request, pose, settings, told)[0], settings, told)
+    if refusal is None and isinstance(request, FollowPath):
+        return _unreachable(request.waypoints, settings, zones)
+    return refusal
+
+
+def heeded(request: Request, settings: Settings, zones: Zones) -> Zones:
+    """Return what a motion keeps away from: of what is seen, what it would go around.
+
+    That is what motions to places by straight lines do.
+    """
+    velocity = settings.locomotion is LocomotionKind.VELOCITY
+    lines = controller_of(request, settings.controller) is Controller.TURN_DRIVE
+    return zones if velocity and lines else zones.told
+
+
+def way_to(
+    target: Waypoint, pose: Pose, settings: Settings, zones: Zones
+) -> tuple[Waypoint, ...] | Refusal:
+    """Return where to stand on the way to a place, as `way_around`, or why none leads there."""
+    way = way_around(target, pose, settings, zones)
+    path = _to_waypoints((*way, target), pose, settings)[0]
+    refusal = check_path(path, settings, zones)
+    if refusal is None:
+        return way
+    return replace(refusal, text=f"{refusal.text}; {_why_no_way(target, settings, zones)}")
+
+
+def _unreachable(waypoints: Sequence[Waypoint], settings: Settings, zones: Zones) -> Refusal | None:
+    """Return which waypoint lies too near to something seen, or None."""
+    needed_m = _needed_m(settings, zones)
+    for each in waypoints:
+        place = Point(each.x_m, each.y_m)
+        for seen in zones.seen:
+            gap_m = seen.clearance_m(place, place) - needed_m + zones.margin_m
+            if gap_m < zones.margin_m:
+                at = f"the waypoint ({each.x_m:g}, {each.y_m:g})"
+                near = "in" if gap_m <= 0 else f"{gap_m:.2f} m from"
+                return Refusal(
+                    Reason.PATH_BLOCKED,
+                    f"at {at} the rover would stand {near} {seen.title}, nearer than"
+                    f" {zones.margin_m:g} m",
+                    (
+                        Figure("gap", gap_m, "m"),
+                        Figure("bound", zones.margin_m, "m"),
+                        *_place_of(seen),
+                    ),
+                )
+    return None
+
+
+def seen_ahead(place: Point, end: Point, settings: Settings, zones: Zones) -> Encounter | None:
+    """Return what is seen across the straight line of a drive that is under way, or None.
+
+    Half of the margin is left to what comes out while it is driven.
+
+    Args:
+        place: where base_link is.
+        end: where it is to stand.
+        settings: the asset.
+        zones: with what is seen.
+    """
+    seen = zones.seen
+    if not seen or settings.footprint is None:
+        return None
+    met = Zones(rocks=seen).encounter((place, end), settings.footprint.radius_m, zones.margin_m / 2)
+    return met if met is not None and met.way_m <= LOOK_M else None
 
 
 def way_around(
@@ -153,7 +235,7 @@ def planned_path(
     """
     match request:
         case MoveTo(target):
-            way = way_around(target, pose, settings, zones)
+            way = way_around(target, pose, settings, heeded(request, settings, zones))
             return _to_waypoints((*way, target), pose, settings)
         case FollowPath(waypoints):
             return _to_waypoints(waypoints, pose, settings)

@@ -342,7 +342,10 @@ class Executive:
                 f"others may move the rover: {others}" if others else "nobody else moves the rover",
             )
         self.status.observe(fact)
+        jump = self.safety.history.jump
         self.safety.observe(fact)
+        if self.safety.history.jump is not jump:
+            self.status.forget_seen()
         if isinstance(fact, CommandEnded):
             self._dispatcher.on_external_result(fact)
         if isinstance(fact, Stopped):

@@ -107,11 +107,15 @@ def _nodes(zones: Zones, clearance_m: float) -> list[Point]:
         for out_m in ((radius_m + clearance_m + FINEST_M) / cos(pi / RING),)
         for angle_rad in ring
     )
-    return [
-        place
-        for place in islice(found, MOST_LOOKS // max(1, sum(map(_sides, zones))))
-        if all(each.clearance_m(place, place) >= clearance_m for each in zones)
-    ]
+    obstacles, found_free = list(zones), []
+    for node in islice(found, MOST_LOOKS // max(1, sum(map(_sides, zones)))):
+        for place, each in enumerate(obstacles):
+            if each.clearance_m(node, node) < clearance_m:
+                obstacles.insert(0, obstacles.pop(place))  # likely that of the next node, too
+                break
+        else:
+            found_free.append(node)
+    return found_free
 
 
 def _sides(obstacle: Obstacle) -> int:

@@ -5,7 +5,7 @@ its heading does not matter.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 from math import hypot, inf, isfinite
 from typing import Final, Protocol
@@ -173,23 +173,33 @@ class KnownRock:
 
 
 @dataclass(frozen=True, slots=True)
+class Seen(KnownRock):
+    """A part of what the rover sees itself, and was not told of; the name tells nothing."""
+
+    @property
+    def title(self) -> str:
+        """Where it is, for people."""
+        return f"something seen at ({self.x_m:.2f}, {self.y_m:.2f})"
+
+
+@dataclass(frozen=True, slots=True)
 class Encounter:
     """Where a path comes too near to something.
 
     Attributes:
-        obstacle: what it is, with its name, for people.
+        obstacle: what it is.
         gap_m: what is left at the nearest between it and the rover; not above 0 if they meet.
         way_m: how far the rover can go until it is too near.
     """
 
-    obstacle: str
+    obstacle: Obstacle
     gap_m: float
     way_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class Zones:
-    """All that is known of where the asset may drive; names are used once.
+    """All that is known of where the asset may drive; names are used once, but of what is seen.
 
     Attributes:
         keep_in: the rover stays in each of them.
@@ -205,15 +215,27 @@ class Zones:
         """Raise ValueError where a figure or a name cannot be."""
         if not 0 <= self.margin_m <= 100:
             raise ValueError(f"margin_m {self.margin_m:g} is not in 0 .. 100")
-        names = [each.name for kind in (self.keep_in, self.keep_out, self.rocks) for each in kind]
+        named = (each for each in self if not isinstance(each, Seen))
+        names = [each.name for each in named]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} is the name of two zones or rocks")
 
-    def __iter__(self) -> Iterator[Obstacle]:
+    def __iter__(self) -> Iterator[KeepIn | KeepOut | KnownRock]:
         yield from self.keep_in
         yield from self.keep_out
         yield from self.rocks
+
+    @property
+    def seen(self) -> tuple[Seen, ...]:
+        """Those that the rover sees itself."""
+        return tuple(each for each in self.rocks if isinstance(each, Seen))
+
+    @property
+    def told(self) -> "Zones":
+        """Those that it was told of."""
+        rocks = tuple(each for each in self.rocks if not isinstance(each, Seen))
+        return self if len(rocks) == len(self.rocks) else replace(self, rocks=rocks)
 
     @property
     def any(self) -> bool:
@@ -235,7 +257,7 @@ class Zones:
             found = _first_on(path, obstacle, radius_m + apart_m)
             if found is not None and (first is None or found[0] < first.way_m):
                 way_m, clearance_m = found
-                first = Encounter(obstacle.title, clearance_m - radius_m, way_m)
+                first = Encounter(obstacle, clearance_m - radius_m, way_m)
         return first
 
 

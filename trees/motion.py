@@ -1,5 +1,6 @@
 """Motion primitives: take a leg of a goal, turn, drive, hold a velocity, finish the leg."""
 
+from dataclasses import replace
 from functools import partial
 
 from py_trees.common import Status
@@ -16,7 +17,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands import Motion as CommandedMotion
-from executive.geometry import STANDING, on_arc, wrap_rad
+from executive.geometry import STANDING, Pose, on_arc, wrap_rad
 from executive.goals import Context, Goal
 from executive.motion import (
     FUSED_NEAR_M,
@@ -30,13 +31,16 @@ from executive.motion import (
     leg_errors,
     plan_leg,
 )
-from executive.path_check import check_request, way_around
+from executive.path_check import check_request, heeded, seen_ahead, way_to
 from executive.reasons import Figure, Reason, Refusal
 from executive.state import listed
+from executive.zones import Encounter
 from trees.leaf import GoalLeaf
 
 MARGIN_S = 5.0
 ATTEMPTS = 3
+MOST_EVADED = 20
+"""Lines to one place that end before something that comes into view."""
 PROMPT = 0.5
 """Of the age of odometry that counts as stale: a motion begins with none that is older."""
 HEARING_S = 0.5
@@ -174,7 +178,8 @@ class _MotionLeaf(GoalLeaf):
         """Count a step of the goal, and report it unless it is the last."""
         goal = self.goal
         goal.step += 1
-        goal.attempts = 0
+        goal.attempts = goal.evaded = 0
+        goal.off_path = False
         if goal.step < goal.step_count:
             text = f"waypoint {goal.step} of {goal.step_count} reached"
             goal.life.advance(goal.step, goal.step_count, text)
@@ -207,32 +212,47 @@ class PlanLeg(_MotionLeaf):
             self.feedback_message = "waits for a frame of the second odometry"
             return Status.RUNNING
         step, through = _next_step(self.goal, self.context.locomotion)
-        pose, settings = self.context.status.pose, self.context.settings
-        goal = self.goal
-        request: CommandedMotion = MoveTo(step) if isinstance(step, Waypoint) else step
-        if isinstance(step, Waypoint) and isinstance(goal.command.request, FollowPath):
-            request = FollowPath((*through, step))
-        obstacles = self.context.status.obstacles
-        blocked = check_request(request, pose, settings, obstacles) or self._uncharged
-        if blocked is not None:
-            return self.fail(blocked)
-        if isinstance(request, MoveTo):
-            step = self._first_around(request.target)
-        goal.leg = plan_leg(step, settings, self.context.status, through)
-        goal.begun = pose
+        way = self._way(step, through)
+        if isinstance(way, Refusal):
+            return self.fail(way)
+        uncharged = self._uncharged
+        if uncharged is not None:
+            return self.fail(uncharged)
+        goal, status, settings = self.goal, self.context.status, self.context.settings
+        self._note_way(way)
+        goal.leg = plan_leg(way[0] if way else step, settings, status, through)
+        goal.begun = status.pose
         return Status.SUCCESS
 
-    def _first_around(self, target: Waypoint) -> Waypoint:
-        """Return the first place of the way around obstacles; the target if nothing is between."""
-        goal, context, status = self.goal, self.context, self.context.status
-        way = way_around(target, status.pose, context.settings, status.obstacles)
+    def _way(
+        self, step: Step, through: tuple[Waypoint, ...]
+    ) -> tuple[Waypoint, ...] | Refusal | None:
+        """Return where to stand on the way to the end of a step, or why it may not be begun.
+
+        The straight lines of a path are kept to, but for what is seen across them.
+        """
+        goal, status, settings = self.goal, self.context.status, self.context.settings
+        request = goal.command.request
+        obstacles = heeded(request, settings, status.obstacles)
+        if not isinstance(step, Waypoint):
+            return check_request(step, status.pose, settings, obstacles)
+        if isinstance(request, FollowPath) and not goal.off_path:
+            path = replace(request, waypoints=(*through, step))
+            blocked = check_request(path, status.pose, settings, obstacles)
+            if blocked is not None or through or not obstacles.seen:
+                return blocked
+        return way_to(step, status.pose, settings, obstacles)
+
+    def _note_way(self, way: tuple[Waypoint, ...] | None) -> None:
+        """Report which way around obstacles is taken, once, and after something came into view."""
+        goal = self.goal
         goal.on_way = bool(way)
-        if not way:
-            return target
-        if not goal.around and not goal.attempts:
+        goal.off_path = goal.off_path or goal.on_way
+        met, goal.met = goal.met, None
+        if way and (met is not None or not (goal.around or goal.attempts)):
+            what = "obstacles" if met is None else met.obstacle.title
             listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in way)
-            goal.life.advance(goal.step, goal.step_count, f"goes around obstacles, by {listing}")
-        return way[0]
+            goal.life.advance(goal.step, goal.step_count, f"goes around {what}, by {listing}")
 
 
 class Turn(_MotionLeaf):
@@ -256,7 +276,7 @@ class Turn(_MotionLeaf):
 
 
 class Drive(_MotionLeaf):
-    """Drives a straight line."""
+    """Drives a straight line, until something that comes into view lies across it."""
 
     def begin(self) -> float:
         """Begin the line, if the leg has one."""
@@ -264,7 +284,29 @@ class Drive(_MotionLeaf):
 
     def act(self) -> Status:
         """Go on until the rover is there; it stands if no turn follows."""
-        return self._go_on(standing=self.goal.leg.heading_rad is None)
+        met = self._met()
+        if met is None:
+            return self._go_on(standing=self.goal.leg.heading_rad is None)
+        goal = self.goal
+        goal.met = met
+        goal.around += 1
+        goal.evaded += 1
+        if goal.evaded > MOST_EVADED:
+            text = f"{met.obstacle.title} is in the way, after {MOST_EVADED} ways around others"
+            figures = Figure("way", met.way_m, "m"), Figure("gap", met.gap_m, "m")
+            return self.fail(Refusal(Reason.PATH_BLOCKED, text, figures))
+        return Status.FAILURE
+
+    def _met(self) -> Encounter | None:
+        """Return what is seen across what is left of a line to a place, if something is."""
+        goal, settings, status = self.goal, self.context.settings, self.context.status
+        leg = goal.leg
+        if leg.target is None or leg.toward_rad is None or leg.through or self._elsewhere:
+            return None
+        end = Pose(leg.target.x_m, leg.target.y_m, heading_rad=leg.toward_rad)
+        place = end.ahead(-settings.turn_drive.control_point_m)
+        obstacles = heeded(goal.command.request, settings, status.obstacles)
+        return seen_ahead(status.pose.point, place, settings, obstacles)
 
 
 class FinishLeg(_MotionLeaf):

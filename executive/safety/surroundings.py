@@ -6,13 +6,12 @@ base_link.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from math import ceil, cos, hypot, inf, isfinite, sin
 from typing import Final
 
 from executive.geometry import Velocity
 from executive.settings import Settings
-from executive.state import LaserScan
+from executive.state import LaserScan, directions_of
 from executive.zones import Footprint
 
 FEWEST_POINTS: Final = 2
@@ -81,7 +80,7 @@ class Surroundings:
         if self.footprint is None or not isfinite(scan.stamp_s) or scan.stamp_s == self._stamp_s:
             return
         self._stamp_s, self.scanned_s = scan.stamp_s, now_s
-        directions = _directions(scan.angle_min_rad, scan.angle_increment_rad, len(scan.ranges_m))
+        directions = directions_of(scan)
         least_m, most_m = scan.range_min_m, min(scan.range_max_m, REACH_M)
         found = []
         for range_m, (cosine, sine) in zip(scan.ranges_m, directions, strict=True):
@@ -190,13 +189,6 @@ def _is_met(
         if within and _gap_m(x_m, y_m, footprint) < spot.gap_m - NEARER_M:
             return True
     return False
-
-
-@lru_cache(maxsize=8)
-def _directions(first_rad: float, step_rad: float, count: int) -> tuple[tuple[float, float], ...]:
-    """Return cosine and sine of each ray: those of a laser are the same in each scan."""
-    angles_rad = [first_rad + step_rad * index for index in range(count)]
-    return tuple((cos(angle_rad), sin(angle_rad)) for angle_rad in angles_rad)
 
 
 def _gap_m(x_m: float, y_m: float, footprint: Footprint) -> float:

@@ -25,8 +25,8 @@ def zone_ahead(history: History, row: Row, now_s: float) -> Evidence | None:
     speed_mps = abs(velocity.travel_mps)
     braking_m = speed_mps * around.braking_s(velocity, row.window_s)
     return Evidence(
-        f"{met.obstacle} is {met.way_m:.2f} m on, and from {speed_mps:.2f} m/s the rover stands"
-        f" after {braking_m:.2f} m",
+        f"{met.obstacle.title} is {met.way_m:.2f} m on, and from {speed_mps:.2f} m/s the rover"
+        f" stands after {braking_m:.2f} m",
         (
             Figure("distance", met.way_m, "m"),
             Figure("speed", speed_mps, "m/s"),

@@ -30,6 +30,7 @@ from executive.state.files import (
     store_picture,
 )
 from executive.state.fusion import FramePair, disagreement
+from executive.state.local_map import directions_of
 from executive.state.standstill import SourceMotion, is_slow, listed
 from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
@@ -65,6 +66,7 @@ __all__ = [
     "Stopped",
     "Telemetry",
     "check_path",
+    "directions_of",
     "disagreement",
     "is_slow",
     "listed",

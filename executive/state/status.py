@@ -1,5 +1,6 @@
 """The state of the asset that follows from the facts that sensors report."""
 
+from dataclasses import replace
 from math import cos, inf, isfinite, sin
 from typing import Final
 
@@ -27,10 +28,11 @@ from executive.state.facts import (
     Stopped,
 )
 from executive.state.fusion import Fusion
+from executive.state.local_map import LocalMap
 from executive.state.slip import SlipCorrection
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
-from executive.zones import Zones
+from executive.zones import Seen, Zones
 
 COUNTED_M: Final = 0.01
 """Of way, in pieces of which it is counted, so that the noise of odometry at rest is not."""
@@ -81,6 +83,11 @@ class Status:
         self._slip = None
         if settings.offers_mpc and mpc.odometry_slip is not None:
             self._slip = SlipCorrection(mpc.slip, mpc.odometry_slip)
+        self._local_map: LocalMap | None = None
+        if settings.sensors.laser is not None and settings.footprint is not None:
+            self._local_map = LocalMap(settings.footprint, settings.zones)
+        self._obstacles = settings.zones
+        self._circles: tuple[Seen, ...] = ()
         self._odometry_at_s = -inf
         self._counted_m = 0.0
         self._counted_at: Point | None = None
@@ -115,14 +122,26 @@ class Status:
                 if self.fusion is not None:
                     self.fusion.second_odometry(fact)
             case LaserScan():
-                pass  # says nothing of the rover's own motion
+                if self._local_map is not None and self.odometry_fresh:
+                    self._local_map.see(fact, self._clock.now_s())
             case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
                 pass  # says nothing of the asset's state
 
     @property
     def obstacles(self) -> Zones:
-        """All that the rover keeps away from now, in the frame of `pose`."""
-        return self._settings.zones
+        """All that the rover keeps away from now, told or seen, in the frame of `pose`.
+
+        The same object until something changes.
+        """
+        if self._local_map is not None and self._local_map.circles is not self._circles:
+            zones, self._circles = self._settings.zones, self._local_map.circles
+            self._obstacles = replace(zones, rocks=(*zones.rocks, *self._circles))
+        return self._obstacles
+
+    def forget_seen(self) -> None:
+        """Forget what was seen around: the pose has become another, by no motion."""
+        if self._local_map is not None:
+            self._local_map.forget()
 
     @property
     def travel_limit_mps(self) -> float:
@@ -232,6 +251,8 @@ class Status:
             return
         if self._slip is not None:
             fact = self._slip.corrected(fact)
+        if not self.odometry_fresh:
+            self.forget_seen()
         self.odometry = fact
         place = fact.pose.point
         if self._counted_at is None:
@@ -243,3 +264,5 @@ class Status:
         self.standstill.observe(fact)
         if self.fusion is not None:
             self.fusion.odometry(fact)
+        if self._local_map is not None:
+            self._local_map.follow(fact.stamp_s, self.pose, fact.velocity)

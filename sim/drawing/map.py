@@ -16,7 +16,7 @@ from matplotlib.ticker import MultipleLocator
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
-from executive.zones import KeepIn, KeepOut, Zones
+from executive.zones import KeepIn, KeepOut, Seen, Zones
 from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
 from sim.rover import CELL_M, FeatureKind, Outline, Rock, World, make_terrain
 
@@ -68,6 +68,7 @@ _KNOWN_ROCK: Final[dict[str, Any]] = {
     "linewidth": 1.5,
     "linestyle": (0, (2, 2)),
 }
+_SEEN: Final[dict[str, Any]] = {"fill": False, "edgecolor": MOTION, "linewidth": 1.0}
 _LEFT, _TOP, _RIGHT, _BOTTOM = 62, 52, 262, 56
 _HULL: Final = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0))
 _FRONT: Final = ((0.95, 0.0), (0.5, 0.45), (0.5, -0.45))
@@ -94,6 +95,7 @@ class Drive:
         views: where a picture was taken; the heading is the camera's.
         incidents: what went wrong where.
         zones: where the rover is told that it may drive.
+        seen: what its laser had seen at the end.
         figures: lines of text beside the map.
         scale: the rover's size beside the Jackal's.
     """
@@ -109,6 +111,7 @@ class Drive:
     scale: float = 1.0
     incidents: tuple[Incident, ...] = ()
     zones: Zones = field(default_factory=Zones)
+    seen: tuple[Seen, ...] = ()
 
 
 def draw_map(drive: Drive) -> Figure:
@@ -132,6 +135,8 @@ def draw_map(drive: Drive) -> Figure:
         axes.yaxis.set_major_locator(MultipleLocator(scale))
         _draw_ground(axes, drive.world)
         _draw_zones(axes, drive.zones)
+        for each in drive.seen:
+            axes.add_patch(Circle((each.x_m, each.y_m), each.radius_m, zorder=2.3, **_SEEN))
         for pose in drive.views:
             _draw_view(axes, pose, scale)
         driven, true = (
@@ -387,6 +392,7 @@ def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
             ("keep-in zone", _KEEP_IN, drive.zones.keep_in),
             ("keep-out zone", _KEEP_OUT, drive.zones.keep_out),
             ("rock known to the rover", _KNOWN_ROCK, drive.zones.rocks),
+            ("seen by its laser at the end", _SEEN, drive.seen),
         )
         if there
     ]

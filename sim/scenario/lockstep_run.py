@@ -99,6 +99,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
     began_s = time.perf_counter()
     _Play(scenario, lock, record).to_the_end()
     record.wall_s = time.perf_counter() - began_s
+    record.seen = lock.executive.status.obstacles.seen
     lock.executive.abandon()
     record.simulated_s = lock.time_s
     record.energy_j = lock.rover.energy_j

@@ -97,6 +97,7 @@ def drive_of(scenario: Scenario, record: Record) -> Drive:
         ),
         scale=SMALL_ROVER if small else 1.0,
         zones=scenario.settings.zones,
+        seen=record.seen,
         incidents=tuple(
             Incident(_at(poses, time_s), words)
             for time_s, words in sorted(_incidents(scenario, record))

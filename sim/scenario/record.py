@@ -11,6 +11,7 @@ from executive.commands import Mode, Request
 from executive.geometry import Pose
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
+from executive.zones import Seen
 from sim.scenario.strict import figure
 
 _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
@@ -247,6 +248,7 @@ class Record:
         played: how many entries of the timeline were carried out.
         energy_j: drawn from the battery; None where the simulation does not tell.
         contacts: how often the rover began to touch a rock, a wall or a step; None likewise.
+        seen: what its laser had seen around it at the end, as far as that is known.
         simulated_s, wall_s: how long it lasted aboard and here, once the rover stood in its world.
     """
 
@@ -268,6 +270,7 @@ class Record:
     played: int = 0
     energy_j: float | None = None
     contacts: int | None = None
+    seen: tuple[Seen, ...] = ()
     simulated_s: float = 0.0
     wall_s: float = 0.0
 

@@ -9,11 +9,12 @@ from executive.commands import MoveForward, MoveTo, Waypoint
 from executive.fault_declaration import Then
 from executive.fault_section import read_table
 from executive.reports import Stage
-from executive.settings import Settings
+from executive.settings import LaserSettings, Settings
 from executive.settings_files import parse_yaml, structure
 from executive.zones import Footprint, Zones
 from tests.docs.pages import CHECKOUT, blocks
 from tests.support.kinematic import Bench, ignoring
+from tests.support.laser import Disc, LookingRover
 
 PAGE = CHECKOUT / "docs" / "obstacles.md"
 
@@ -32,6 +33,19 @@ def test_the_zones_are_some_and_refuse_and_are_gone_around_as_told(tmp_path: Pat
         bench.execute(MoveTo(Waypoint(4.0, 0.0)), 2)
         around = next(each for each in bench.heard.reports if each.stage is Stage.PROGRESS)
         assert f"    {around.text}\n" in PAGE.read_text()
+
+
+def test_what_comes_into_view_is_gone_around_as_told(tmp_path: Path) -> None:
+    asset = ignoring("odometry_off_twist", "odometry_drifts")
+    seeing = replace(asset, sensors=replace(asset.sensors, laser=LaserSettings(rate_hz=10)))
+    rover = LookingRover()
+    with Bench(tmp_path, seeing, rover=rover) as bench:
+        bench.submit(MoveTo(Waypoint(4.0, 0.0)), 1)
+        bench.run(1.0)
+        rover.discs.append(Disc(2.0, 0.2, 0.3))
+        assert bench.finish(1) is Stage.EXECUTED
+        around = next(each for each in bench.heard.reports if each.stage is Stage.PROGRESS)
+        assert f"    {around.text}\n" in PAGE.read_text(), around.text
 
 
 def test_the_rows_of_faults_are_some() -> None:

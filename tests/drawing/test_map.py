@@ -12,7 +12,7 @@ from matplotlib.text import Annotation
 
 from executive.commands import Waypoint
 from executive.geometry import Point, Pose
-from executive.zones import KeepIn, KeepOut, KnownRock, Zones
+from executive.zones import KeepIn, KeepOut, KnownRock, Seen, Zones
 from sim.drawing import MOTION, Drive, Incident, draw_map, thinned
 from sim.drawing.map import ROCK, TRUE
 from sim.rover import Ground, Rock, World
@@ -155,3 +155,10 @@ def test_zones_are_drawn_with_their_names() -> None:
     titles = {"yard", "bed", "boulder", "keep-in zone", "keep-out zone", "rock known to the rover"}
     assert titles <= words(figure)
     assert not titles & words(draw_map(DRIVE))
+
+
+def test_what_the_laser_saw_is_drawn() -> None:
+    figure = draw_map(replace(DRIVE, seen=(Seen("seen", 2.0, 1.0, 0.2),)))
+    (circle,) = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
+    assert (circle.center, circle.radius) == ((2.0, 1.0), 0.2)
+    assert "seen by its laser at the end" in words(figure)

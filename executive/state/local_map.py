@@ -1,0 +1,333 @@
+"""What a laser has seen of the surroundings lately, as circles in the frame of the rover's pose.
+
+Returns are gathered in the cells of a grid, where they are merged with those of scans before, and
+forgotten once a place is seen to be free. Cells that touch each other are covered by circles.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import atan2, ceil, cos, floor, hypot, pi, sin, sqrt
+from typing import Final
+
+from executive.geometry import STANDING, Point, Pose, Velocity, on_arc, wrap_rad
+from executive.state.facts import LaserScan
+from executive.zones import Footprint, KeepIn, Seen, Zones
+
+CELL_M: Final = 0.1
+REACH_M: Final = 4.0
+"""Returns from farther away are left out: so sparse, and so wrong by the heading, are they."""
+FAR_M: Final = 6.0
+"""What lies farther from the rover is forgotten."""
+KEPT_S: Final = 60.0
+"""What was not seen again for so long is forgotten: the odometry drifts."""
+FEWEST_SCANS: Final = 2
+"""That show something in a cell before it counts, or nothing before it is forgotten."""
+SETTLED: Final = 5
+"""Scans after which the place of what is in a cell is not averaged any more."""
+BESIDE_M: Final = 0.1
+BESIDE_PER_M: Final = 0.05
+"""A return counts that has a neighbour at its range, within so much."""
+FREE_M: Final = 0.15
+FREE_PER_M: Final = 0.03
+"""A place is seen to be free by rays that go on for so much behind it."""
+SAME_M: Final = 0.15
+"""What is seen so near to a known rock, or to a keep-out zone, is that."""
+WIDEST_M: Final = 0.2
+"""Half of the length of a face that one circle covers."""
+FLATTEST: Final = 1.75
+"""By which the circle of a flat face is wider than it need be, so that it stands out less."""
+ROUND_M: Final = 0.02
+"""By which a circle is larger than the places it covers, for what lies between them."""
+ANEW_M: Final = 0.25
+"""After so much way cells are covered anew, as they are seen from another side."""
+MOST_CIRCLES: Final = 48
+"""The nearest are kept."""
+MOST_POSES: Final = 50
+"""One a message of odometry: of more time than passes until a scan arrives."""
+AHEAD_S: Final = 0.2
+"""By which a scan may be newer than the odometry, and the rover be where its velocity led."""
+HARDLY_RADPS: Final = 0.1
+"""So slowly may a rover turn that it does not matter when a scan was taken."""
+
+_Key = tuple[int, int]
+
+
+@dataclass(slots=True)
+class _Cell:
+    """What is seen in a square of the ground, by the mean of the first scans that showed it.
+
+    Attributes:
+        from_x_m, from_y_m: where the laser was that saw it last.
+    """
+
+    x_m: float
+    y_m: float
+    from_x_m: float
+    from_y_m: float
+    seen_s: float
+    scans: int = 1
+    misses: int = 0
+
+    @property
+    def counts(self) -> bool:
+        return self.scans >= FEWEST_SCANS
+
+    def side(self, cosine: float, sine: float) -> float:
+        """Return the sine of the angle from a direction to that of the laser."""
+        x_m, y_m = self.from_x_m - self.x_m, self.from_y_m - self.y_m
+        return (y_m * cosine - x_m * sine) / (hypot(x_m, y_m) or 1.0)
+
+
+class LocalMap:
+    """A rolling map of what stands around the rover, beside what is known.
+
+    Args:
+        footprint: of the rover, which sees itself.
+        known: zones and rocks; what is seen of them is left out.
+    """
+
+    def __init__(self, footprint: Footprint, known: Zones) -> None:
+        self._footprint = footprint
+        self._known = known
+        self._cells: dict[_Key, _Cell] = {}
+        self._circles: tuple[Seen, ...] | None = ()
+        self._poses: deque[tuple[float, Pose]] = deque(maxlen=MOST_POSES)
+        self._velocity = STANDING
+        self._covered_at = Point(0.0, 0.0)
+
+    def forget(self) -> None:
+        """Begin anew: by the pose, places are no longer where they were."""
+        self._poses.clear()
+        self._cells.clear()
+        self._circles = ()
+
+    def follow(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
+        """Note where the rover was at the time of an odometry message.
+
+        Args:
+            stamp_s: on the clock of its publisher, which is taken to be that of the laser.
+            pose: in the frame of the circles.
+            velocity: by which it went on.
+        """
+        self._poses.append((stamp_s, pose))
+        self._velocity = velocity
+
+    def see(self, scan: LaserScan, now_s: float) -> None:
+        """Take in a scan; nothing where it is not known from where it was taken.
+
+        Args:
+            scan: in the axes of base_link.
+            now_s: the time, by a clock that never goes back.
+        """
+        pose = self._pose_at(scan.stamp_s)
+        if pose is None:
+            return
+        if pose.point.distance_m(self._covered_at) > ANEW_M:
+            self._circles = None
+        seen = self._returns(scan, pose)
+        for key, (count, x_m, y_m) in seen.items():
+            self._add(key, Point(x_m / count, y_m / count), pose, now_s)
+        gone = [
+            key for key in self._cells if key not in seen and self._is_gone(key, scan, pose, now_s)
+        ]
+        for key in gone:
+            if self._cells.pop(key).counts:
+                self._circles = None
+
+    @property
+    def circles(self) -> tuple[Seen, ...]:
+        """What was seen and is not known; the same object until something changes."""
+        if self._circles is None:
+            found = [circle for cluster in self._clusters() for circle in _covered(cluster)]
+            here = self._poses[-1][1]
+            self._covered_at = here.point
+            found.sort(key=lambda each: here.point.distance_m(Point(each.x_m, each.y_m)))
+            self._circles = tuple(found[:MOST_CIRCLES])
+        return self._circles
+
+    def _pose_at(self, stamp_s: float) -> Pose | None:
+        """Return where the rover was at a time of the odometry's clock; None where that is unknown.
+
+        Of a time that is far off, by another clock, the newest while the rover hardly turns.
+        """
+        if not self._poses:
+            return None
+        after_s, after = self._poses[-1]
+        if 0.0 <= (late_s := stamp_s - after_s) <= AHEAD_S:
+            velocity = self._velocity
+            return on_arc(after, velocity.travel_mps * late_s, velocity.rotate_radps * late_s)
+        for before_s, before in reversed(self._poses):
+            if before_s <= stamp_s < after_s:
+                return _between(before, after, (stamp_s - before_s) / (after_s - before_s))
+            after_s, after = before_s, before
+        hardly = abs(self._velocity.rotate_radps) <= HARDLY_RADPS
+        return self._poses[-1][1] if hardly else None
+
+    def _returns(self, scan: LaserScan, pose: Pose) -> dict[_Key, tuple[int, float, float]]:
+        """Return for each cell how many returns lie in it, and the sums of their places."""
+        directions = directions_of(scan)
+        ranges_m, last = scan.ranges_m, len(scan.ranges_m) - 1
+        least_m, most_m = scan.range_min_m, min(scan.range_max_m, REACH_M)
+        cosine, sine = cos(pose.heading_rad), sin(pose.heading_rad)
+        half_m, side_m = self._footprint.length_m / 2, self._footprint.width_m / 2
+        found: dict[_Key, tuple[int, float, float]] = {}
+        for index, range_m in enumerate(ranges_m):
+            if not least_m < range_m <= most_m:
+                continue
+            near_m = BESIDE_M + BESIDE_PER_M * range_m
+            after_m = ranges_m[index + 1 if index < last else 0]
+            if abs(ranges_m[index - 1] - range_m) > near_m and abs(after_m - range_m) > near_m:
+                continue
+            ahead, aside = directions[index]
+            ahead_m, left_m = range_m * ahead, range_m * aside
+            if abs(ahead_m) <= half_m and abs(left_m) <= side_m:
+                continue
+            x_m = pose.x_m + ahead_m * cosine - left_m * sine
+            y_m = pose.y_m + ahead_m * sine + left_m * cosine
+            key = floor(x_m / CELL_M), floor(y_m / CELL_M)
+            count, sum_x_m, sum_y_m = found.get(key, (0, 0.0, 0.0))
+            found[key] = count + 1, sum_x_m + x_m, sum_y_m + y_m
+        return found
+
+    def _add(self, key: _Key, place: Point, pose: Pose, now_s: float) -> None:
+        cell, x_m, y_m = self._cells.get(key), place.x_m, place.y_m
+        if cell is None:
+            if not self._is_known(place):
+                self._cells[key] = _Cell(x_m, y_m, pose.x_m, pose.y_m, now_s)
+            return
+        cell.seen_s, cell.misses = now_s, 0
+        cell.from_x_m, cell.from_y_m = pose.x_m, pose.y_m
+        if cell.scans < SETTLED:
+            cell.x_m += (x_m - cell.x_m) / (cell.scans + 1)
+            cell.y_m += (y_m - cell.y_m) / (cell.scans + 1)
+            cell.scans += 1
+            self._circles = None
+
+    def _is_known(self, place: Point) -> bool:
+        """Whether something seen at a place belongs to what is known, or matters to nobody."""
+        return any(
+            each.clearance_m(place, place) < (0.0 if isinstance(each, KeepIn) else SAME_M)
+            for each in self._known
+        )
+
+    def _is_gone(self, key: _Key, scan: LaserScan, pose: Pose, now_s: float) -> bool:
+        """Whether what a cell holds is to be forgotten, after a scan that does not show it."""
+        cell = self._cells[key]
+        dx_m, dy_m = cell.x_m - pose.x_m, cell.y_m - pose.y_m
+        away_m = hypot(dx_m, dy_m)
+        if away_m > FAR_M or now_s - cell.seen_s > KEPT_S:
+            return True
+        behind_m = away_m * (1.0 + FREE_PER_M) + FREE_M
+        if behind_m > scan.range_max_m:
+            return False
+        ray = _ray(scan, atan2(dy_m, dx_m) - pose.heading_rad)
+        if ray is None:
+            return False
+        ranges_m, last = scan.ranges_m, len(scan.ranges_m) - 1
+        rays_m = ranges_m[ray - 1], ranges_m[ray], ranges_m[ray + 1 if ray < last else 0]
+        cell.misses = cell.misses + 1 if min(rays_m) > behind_m else 0
+        return cell.misses >= FEWEST_SCANS
+
+    def _clusters(self) -> Iterator[list[_Cell]]:
+        """Yield cells that touch each other, also at a corner."""
+        left = {key: each for key, each in self._cells.items() if each.counts}
+        while left:
+            key, cell = left.popitem()
+            cluster, front = [cell], [key]
+            while front:
+                column, row = front.pop()
+                for beside in _AROUND:
+                    touching = (column + beside[0], row + beside[1])
+                    found = left.pop(touching, None)
+                    if found is not None:
+                        cluster.append(found)
+                        front.append(touching)
+            yield cluster
+
+
+def _between(before: Pose, after: Pose, part: float) -> Pose:
+    turn_rad = wrap_rad(after.heading_rad - before.heading_rad)
+    return replace(
+        before,
+        x_m=before.x_m + part * (after.x_m - before.x_m),
+        y_m=before.y_m + part * (after.y_m - before.y_m),
+        heading_rad=wrap_rad(before.heading_rad + part * turn_rad),
+    )
+
+
+_AROUND: Final = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
+
+
+def _covered(cells: list[_Cell]) -> Iterator[Seen]:
+    """Yield a circle that covers cells, or a row of them along what is too long for one."""
+    count = len(cells)
+    x_m, y_m = sum(each.x_m for each in cells) / count, sum(each.y_m for each in cells) / count
+    xx = sum((each.x_m - x_m) ** 2 for each in cells)
+    yy = sum((each.y_m - y_m) ** 2 for each in cells)
+    xy = sum((each.x_m - x_m) * (each.y_m - y_m) for each in cells)
+    along_rad = atan2(2 * xy, xx - yy) / 2
+    cosine, sine = cos(along_rad), sin(along_rad)
+    if sum(each.side(cosine, sine) for each in cells) > 0.0:
+        cosine, sine = -cosine, -sine  # so that the laser is on the negative side
+    along = [(each.x_m - x_m) * cosine + (each.y_m - y_m) * sine for each in cells]
+    aside = [(each.y_m - y_m) * cosine - (each.x_m - x_m) * sine for each in cells]
+    least_m, most_m = min(along), max(along)
+    if most_m - least_m > 2 * WIDEST_M:
+        pieces = ceil((most_m - least_m) / (2 * WIDEST_M))
+        parts: list[list[_Cell]] = [[] for _ in range(pieces)]
+        for cell, way_m in zip(cells, along, strict=True):
+            part = int((way_m - least_m) / (most_m - least_m) * pieces)
+            parts[min(pieces - 1, part)].append(cell)
+        for each in filter(None, parts):
+            yield from _covered(each)
+        return
+    middle_m = (least_m + most_m) / 2
+    off_m, radius_m = _arc(list(zip([each - middle_m for each in along], aside, strict=True)))
+    centre_x_m = x_m + middle_m * cosine - off_m * sine
+    centre_y_m = y_m + middle_m * sine + off_m * cosine
+    yield Seen("seen", centre_x_m, centre_y_m, radius_m + ROUND_M)
+
+
+def _arc(places: list[tuple[float, float]]) -> tuple[float, float]:
+    """Return the circle that covers places and reaches the least before them.
+
+    Args:
+        places: along a face, from its middle, and behind it.
+
+    Returns:
+        How far behind the face its centre is, and its radius.
+    """
+    aside = [each for _, each in places]
+    half_m = max(abs(each) for each, _ in places)
+    deep_m, behind_m = max(aside) - min(aside), (min(aside) + max(aside)) / 2
+    least_m = max(hypot(along, each - behind_m) for along, each in places)
+    most_m = FLATTEST * least_m
+    fitted_m = (half_m**2 + deep_m**2) / (2 * deep_m) if deep_m > 0.0 else most_m
+    radius_m = max(least_m, min(fitted_m, most_m))
+    off_m = min(each + sqrt(radius_m**2 - along**2) for along, each in places)
+    return off_m, radius_m
+
+
+def directions_of(scan: LaserScan) -> tuple[tuple[float, float], ...]:
+    """Return cosine and sine of each ray, in the axes of base_link."""
+    return _directions(scan.angle_min_rad, scan.angle_increment_rad, len(scan.ranges_m))
+
+
+@lru_cache(maxsize=8)
+def _directions(first_rad: float, step_rad: float, count: int) -> tuple[tuple[float, float], ...]:
+    """Return the same by angles: those of a laser are the same in each scan."""
+    angles_rad = [first_rad + step_rad * index for index in range(count)]
+    return tuple((cos(angle_rad), sin(angle_rad)) for angle_rad in angles_rad)
+
+
+def _ray(scan: LaserScan, bearing_rad: float) -> int | None:
+    """Return which ray points in a direction of base_link, or None."""
+    step_rad, count = scan.angle_increment_rad, len(scan.ranges_m)
+    from_first_rad = bearing_rad - scan.angle_min_rad
+    from_first_rad = from_first_rad % (2 * pi) if step_rad > 0 else -from_first_rad % (2 * pi)
+    ray = round(from_first_rad / abs(step_rad))
+    if ray >= count:
+        ray -= round(2 * pi / abs(step_rad))
+    return ray if 0 <= ray < count else None

@@ -1,0 +1,292 @@
+"""What the laser has seen is gone around by motions to places, or named where there is no way."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import hypot
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from executive.commands import (
+    Command,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    SetPositionCompensation,
+    Waypoint,
+)
+from executive.fault_declaration import Then
+from executive.geometry import Point, Pose
+from executive.reasons import Reason
+from executive.reports import Identity, Stage
+from executive.settings import LaserSettings, Settings, load_settings
+from executive.zones import KnownRock, Zones
+from sim.rover.lockstep import LockStep
+from sim.rover.world import Rock, World
+from tests.support.kinematic import Bench, ignoring
+from tests.support.laser import Disc, LookingRover
+from trees.motion import MOST_EVADED
+
+WATCHED = ignoring("odometry_off_twist", "odometry_drifts")
+SEEING = replace(WATCHED, sensors=replace(WATCHED.sensors, laser=LaserSettings(rate_hz=10)))
+ROCK = Disc(2.0, 0.1, 0.3)
+THERE = MoveTo(Waypoint(4.0, 0.0))
+
+
+class Looking(Bench):
+    """A bench whose rover has a laser among rocks."""
+
+    rover: LookingRover
+
+    def __init__(self, folder: Path, *discs: Disc, settings: Settings = SEEING) -> None:
+        super().__init__(folder, settings, rover=LookingRover(discs=list(discs)))
+        self.run(0.5)
+
+    def until(self, x_m: float) -> None:
+        """Let time pass until the rover is so far."""
+        while self.rover.pose.x_m < x_m:
+            self.step()
+
+    @property
+    def texts(self) -> list[str]:
+        """What is told of how command 1 goes on."""
+        return [each.text for each in self.heard.reports if each.stage is Stage.PROGRESS]
+
+    @property
+    def reasons(self) -> set[Reason | None]:
+        """Of all that is told."""
+        return {each.reason for each in self.heard.reports}
+
+
+def reacting(then: Then) -> Settings:
+    """Return settings by which the rover does so about what is ahead."""
+    row = replace(SEEING.faults.obstacle_ahead, then=then)
+    return replace(SEEING, faults=replace(SEEING.faults, obstacle_ahead=row))
+
+
+def test_what_is_in_view_is_gone_around(tmp_path: Path) -> None:
+    with Looking(tmp_path, ROCK) as bench:
+        bench.execute(THERE, 1)
+        assert bench.rover.nearest_m > 0.08
+        assert bench.texts[0].startswith("goes around obstacles, by (")
+        assert Reason.OBSTACLE_AHEAD not in bench.reasons
+
+
+def test_what_comes_into_view_stops_the_line_and_is_gone_around(tmp_path: Path) -> None:
+    with Looking(tmp_path) as bench:
+        bench.submit(THERE, 1)
+        bench.until(0.5)
+        bench.rover.discs.append(ROCK)
+        assert bench.finish(1) is Stage.EXECUTED
+        assert bench.rover.nearest_m > 0.05
+        assert bench.texts[0].startswith("goes around something seen at (1.9")
+        assert Reason.OBSTACLE_AHEAD not in bench.reasons
+
+
+def test_what_is_far_ahead_is_driven_up_to_first(tmp_path: Path) -> None:
+    with Looking(tmp_path) as bench:
+        bench.submit(MoveTo(Waypoint(6.0, 0.0)), 1)
+        bench.until(0.2)
+        bench.rover.discs.append(Disc(3.8, 0.1, 0.3))
+        while not bench.texts:
+            bench.step()
+        assert 1.2 < bench.rover.pose.x_m < 2.0
+        assert bench.finish(1) is Stage.EXECUTED
+
+
+def test_what_moves_away_again_is_driven_over(tmp_path: Path) -> None:
+    with Looking(tmp_path) as bench:
+        bench.submit(THERE, 1)
+        bench.until(0.5)
+        bench.rover.discs.append(ROCK)
+        bench.run(0.3)
+        bench.rover.discs.clear()
+        assert bench.finish(1) is Stage.EXECUTED
+        assert bench.texts == []
+        assert abs(bench.rover.pose.y_m) < 0.05
+
+
+def test_where_no_way_is_left_the_place_that_blocks_it_is_told(tmp_path: Path) -> None:
+    ring = [Disc(2.6, y / 4, 0.15) for y in range(-3, 4)]
+    ring += [Disc(x / 4, y, 0.15) for y in (-0.85, 0.85) for x in range(-3, 11)]
+    ring += [Disc(-0.8, y / 4, 0.15) for y in range(-3, 4)]
+    with Looking(tmp_path) as bench:
+        bench.submit(THERE, 1)
+        bench.run(0.2)
+        bench.rover.discs += ring
+        assert bench.finish(1) is Stage.FAILED
+        last = bench.last(1)
+        assert last.reason is Reason.PATH_BLOCKED
+        assert last.text.startswith("something seen at (")
+        assert last.text.endswith("; no way around is found")
+        figures = {each.name: each.value for each in last.figures}
+        place = Point(figures["obstacle x"], figures["obstacle y"])
+        assert min(abs(disc.away_m(place)) for disc in ring) < 0.4
+        assert figures["gap"] < figures["bound"] == pytest.approx(0.1)
+        assert bench.rover.nearest_m > 0.0
+
+
+def test_a_place_that_lies_in_something_is_refused(tmp_path: Path) -> None:
+    with Looking(tmp_path, ROCK) as bench:
+        refusal = bench.refusal(MoveTo(Waypoint(2.0, 0.2)), 1)
+        assert refusal.reason is Reason.PATH_BLOCKED
+        assert "; the place itself is too near to something seen at (" in refusal.text
+
+
+def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> None:
+    zones = Zones(rocks=(KnownRock("boulder", 5.5, 1.2, 0.3),))
+    settings = replace(SEEING, zones=zones)
+    with Looking(tmp_path, ROCK, settings=settings) as bench:
+        places = (Waypoint(4.0, 0.0), Waypoint(4.5, 1.0), Waypoint(4.5, 2.5))
+        bench.execute(FollowPath(places), 1)
+        assert bench.rover.nearest_m > 0.08
+        assert sum(text.startswith("goes around") for text in bench.texts) == 1
+        assert sum(text.startswith("waypoint ") for text in bench.texts) == 2
+        blocked = bench.refusal(FollowPath((Waypoint(7.0, 0.5),)), 2)
+        assert blocked.text.startswith("rock 'boulder' is in the way")
+
+
+def test_a_path_goes_around_what_is_told_too_once_it_has_left_its_line(tmp_path: Path) -> None:
+    zones = Zones(rocks=(KnownRock("boulder", 3.1, -0.85, 0.25),))
+    beside = Disc(2.0, 0.25, 0.3)
+    with Looking(tmp_path, beside, settings=replace(SEEING, zones=zones)) as bench:
+        bench.execute(FollowPath((Waypoint(4.0, 0.0),)), 1)
+        assert bench.rover.nearest_m > 0.08
+        assert len(bench.texts) == 1
+
+
+def test_a_waypoint_that_lies_in_something_is_named(tmp_path: Path) -> None:
+    hidden = Disc(6.5, 0.0, 0.3)
+    with Looking(tmp_path, ROCK, hidden) as bench:
+        near = FollowPath((Waypoint(0.5, 0.0), Waypoint(2.0, -0.3)))
+        refusal = bench.refusal(near, 1)
+        assert refusal.reason is Reason.PATH_BLOCKED
+        assert refusal.text.startswith("at the waypoint (2, -0.3) the rover would stand in")
+        assert "something seen at (" in refusal.text
+        bench.submit(FollowPath((Waypoint(4.0, 0.0), Waypoint(6.4, 0.2))), 2)
+        assert bench.finish(2) is Stage.FAILED
+        last = bench.last(2)
+        assert last.reason is Reason.PATH_BLOCKED
+        assert last.text.startswith("at the waypoint (6.4, 0.2) the rover would stand in")
+        assert bench.rover.nearest_m > 0.05
+
+
+def test_other_motions_are_left_to_the_monitors(tmp_path: Path) -> None:
+    with Looking(tmp_path, ROCK) as bench:
+        bench.submit(MoveForward(4.0), 1)
+        assert bench.finish(1) is Stage.FAILED
+        assert bench.last(1).reason is Reason.OBSTACLE_AHEAD
+
+
+@pytest.mark.parametrize("away", [False, True], ids=["stays", "moves away"])
+def test_after_a_monitor_paused_the_motion_goes_around_or_straight_on(
+    away: bool, tmp_path: Path
+) -> None:
+    with Looking(tmp_path, settings=reacting(Then.PAUSE)) as bench:
+        bench.submit(THERE, 1)
+        bench.until(1.0)
+        bench.rover.discs.append(Disc(1.9, 0.1, 0.3))
+        while Reason.OBSTACLE_AHEAD not in bench.reasons:
+            bench.step()
+        if away:
+            bench.rover.discs.clear()
+        assert bench.finish(1) is Stage.EXECUTED
+        assert any(text.startswith("goes around") for text in bench.texts) != away
+        assert bench.rover.nearest_m > 0.0 or away
+
+
+def test_a_monitor_that_stops_fails_the_motion_as_ever(tmp_path: Path) -> None:
+    with Looking(tmp_path) as bench:
+        bench.submit(THERE, 1)
+        bench.until(1.0)
+        bench.rover.discs.append(Disc(1.9, 0.1, 0.3))
+        assert bench.finish(1) is Stage.FAILED
+        assert bench.last(1).reason is Reason.OBSTACLE_AHEAD
+
+
+@dataclass
+class Teased(LookingRover):
+    """Has a rock put across its way whenever it drives."""
+
+    def advance(self, step_s: float) -> None:
+        if self.velocity.travel_mps > 0.3:
+            place = self.pose.ahead(1.4)
+            self.discs = [Disc(place.x_m, place.y_m, 0.2)]
+        super().advance(step_s)
+
+
+def test_ways_around_are_bounded(tmp_path: Path) -> None:
+    with Bench(tmp_path, SEEING, rover=Teased()) as bench:
+        bench.submit(MoveTo(Waypoint(60.0, 0.0)), 1)
+        assert bench.finish(1, 600.0) is Stage.FAILED
+        last = bench.last(1)
+        assert last.reason is Reason.PATH_BLOCKED
+        assert last.text.endswith(f"is in the way, after {MOST_EVADED} ways around others")
+
+
+def test_what_was_seen_is_forgotten_when_the_pose_becomes_another(tmp_path: Path) -> None:
+    with Looking(tmp_path, ROCK) as bench:
+        status = bench.executive.status
+        assert status.obstacles.seen
+        bench.execute(SetPositionCompensation(1.0, 0.0, 0.0, 0.0), 1)
+        assert not status.obstacles.seen
+        bench.run(0.5)
+        assert all(2.6 < each.x_m < 3.2 for each in status.obstacles.seen)
+        bench.rover.pose = Pose(-0.5)
+        bench.step()
+        assert not status.obstacles.seen
+        bench.run(0.5)
+        assert status.obstacles.seen
+        bench.odometry = False
+        bench.run(1.0)
+        bench.odometry = True
+        bench.rover.discs.clear()
+        bench.step()
+        assert not status.obstacles.seen
+
+
+def test_without_a_laser_what_is_told_is_all(tmp_path: Path) -> None:
+    zones = Zones(rocks=(KnownRock("boulder", 2.0, 0.1, 0.3),))
+    with Looking(tmp_path, ROCK, settings=replace(WATCHED, zones=zones)) as bench:
+        assert bench.executive.status.obstacles is bench.settings.zones
+
+
+def among_rocks(seed: int) -> tuple[World, Waypoint]:
+    """Return a world of 5 to 20 rocks that are higher than the laser, and a place in it."""
+    draw = Random(seed)
+    rocks: list[Rock] = []
+    while len(rocks) < 5 + seed % 16:
+        x_m, y_m, radius_m = draw.uniform(-1, 7), draw.uniform(-3, 3), draw.uniform(0.1, 0.4)
+        if hypot(x_m, y_m) > radius_m + 0.6:
+            rocks.append(Rock(x_m, y_m, radius_m, 0.5))
+    return World(rocks=tuple(rocks)), Waypoint(draw.uniform(3, 6.5), draw.uniform(-2.5, 2.5))
+
+
+@pytest.mark.at_length
+@pytest.mark.parametrize("seed", [6, 12, 13, 27, 30, 50])
+def test_among_unknown_rocks_the_place_is_reached_or_what_is_in_it_told(
+    seed: int, tmp_path: Path
+) -> None:
+    world, place = among_rocks(seed)
+    jackal = load_settings("jackal")
+    asset = replace(jackal, sensors=replace(jackal.sensors, laser=LaserSettings(rate_hz=10)))
+    lockstep = LockStep(asset, world, tmp_path, seed)
+
+    def ended() -> Iterator[Stage]:
+        stages = (each.stage for each in lockstep.heard.reports)
+        return (each for each in stages if each is not None and each.terminal)
+
+    lockstep.run(0.5)
+    lockstep.submit(Command(Identity("test", 1), MoveTo(place), "direct"))
+    lockstep.run_until(lambda: any(ended()), 120.0)
+    lockstep.run(1.0)
+    lockstep.executive.abandon()
+    gap_m = min(hypot(place.x_m - r.x_m, place.y_m - r.y_m) - r.radius_m for r in world.rocks)
+    reached = gap_m - 0.3335 > 0.1
+    assert list(ended()) == [Stage.EXECUTED if reached else Stage.FAILED]
+    if not reached:
+        blocked = next(each for each in lockstep.heard.reports if each.stage is Stage.FAILED)
+        assert blocked.reason is Reason.PATH_BLOCKED
+        assert "the place itself is too near to something seen at (" in blocked.text
+    assert lockstep.rover.contacts == 0
