@@ -70,6 +70,10 @@ class BatteryModel:
         self._load_j += energy_j
         self._load_s += period_s
 
+    def drain(self, charge_ratio: float) -> None:
+        """Lose what is above a charge, 0 to 1 of the whole."""
+        self._left_j = min(self._left_j, self._pack.capacity_j * charge_ratio)
+
     @property
     def charge_ratio(self) -> float:
         """Charge left, of the whole."""
@@ -287,6 +291,8 @@ class SimulatedBody(ABC):
                 seen = mujoco.MjData(self.model)
                 mujoco.mj_copyData(seen, self.model, self.data)
                 self._stale = View(seen, self.time_s)
+            case faults.BatteryDrained(charge):
+                self._battery.drain(charge)
             case faults.HeadStuck():
                 self._stuck_head = self.camera_angles
             case faults.Pushed(by_m):

@@ -302,6 +302,13 @@ class BatteryLow(Fault):
 
 
 @fault(Part.BATTERY)
+class BatteryDrained(Fault):
+    """The battery has lost charge at once; clearing it does not charge it."""
+
+    charge: float = argument(within(0.01, 1.0), "of the whole, at most left", default=0.1)
+
+
+@fault(Part.BATTERY)
 class BatterySilent(Fault):
     """No battery voltage arrives."""
 

@@ -18,7 +18,17 @@ from adapters.mal import (
 from adapters.mrs.aboard import Gateway
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Stage
-from executive.commands import DriveFor, FollowPath, MoveForward, Request, Resume, Stop, TakePicture
+from executive.commands import (
+    DriveFor,
+    FollowPath,
+    MoveForward,
+    MoveTo,
+    Request,
+    Resume,
+    Stop,
+    TakePicture,
+    Waypoint,
+)
 from executive.reasons import Reason
 from tests.mrs.aboard import HEADER, Aboard, raises, reading, stages
 
@@ -47,6 +57,22 @@ def test_refuses_with_number_and_cause(
     assert stages(outcome) == [Stage.RECEIVED, Stage.REJECTED]
     assert outcome.life[-1].code == code.value
     assert outcome.life[-1].text
+
+
+def test_what_the_battery_cannot_bring_back_is_refused_with_its_figures(aboard: Aboard) -> None:
+    aboard.do(lambda bench: setattr(bench, "charge_ratio", 0.1))
+    aboard.run(0.1)
+    (outcome,) = aboard.carry_out(MoveForward(1.0))
+    assert outcome.refusal is not None
+    assert outcome.refusal.number == 2
+    assert stages(outcome) == [Stage.RECEIVED, Stage.REJECTED]
+    assert outcome.life[-1].code == Reason.BATTERY_SHORT.value
+    told = outcome.life[-1].parameters or ()
+    figures = {each.name: each.value.value for each in told if each.value}
+    assert figures["needed"] > 0.0 == figures["left"]
+    assert figures["reserve"] == 97_200.0
+    (home,) = aboard.carry_out(MoveTo(Waypoint(0.0, 0.0)))
+    assert home.executed
 
 
 async def test_says_busy_when_the_queue_is_full(aboard: Aboard, client: MrsClient) -> None:

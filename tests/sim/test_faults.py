@@ -6,8 +6,12 @@ from pathlib import Path
 import pytest
 
 from adapters.mops import Message, MopsStream, load_dictionary
+from executive.commands import Command, MoveForward
+from executive.commands.lifecycle import Refused
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
+from executive.reasons import Reason
+from executive.reports import Identity
 from executive.settings import load_settings
 from executive.state import Battery, Frame, Odometry, Parameter
 from sim.rover import faults
@@ -297,6 +301,33 @@ def test_the_battery_tells_too_little_nothing_or_no_number(rover: SimulatedJacka
     assert volts(rover) == []
     rover.clear(faults.BatterySilent)
     assert all(24 < voltage_v < 29.4 for voltage_v in volts(rover))
+
+
+def charge_ratios(rover: SimulatedJackal) -> list[float | None]:
+    return [battery.charge_ratio for battery in told(rover, Battery, STANDING, 1.0)]
+
+
+def test_a_drained_battery_keeps_what_is_left_and_is_not_charged(rover: SimulatedJackal) -> None:
+    full = charge_ratios(rover)
+    rover.inject(faults.BatteryDrained(1.0))
+    assert charge_ratios(rover) == pytest.approx(full, abs=1e-3)
+    assert max(volts(rover)) > 27
+    rover.inject(faults.BatteryDrained(0.1))
+    assert charge_ratios(rover) == pytest.approx([0.1], abs=1e-3)
+    assert 23 < max(volts(rover)) < 26
+    rover.clear(faults.BatteryDrained)
+    assert charge_ratios(rover) == pytest.approx([0.1], abs=1e-3)
+
+
+def test_a_rover_whose_battery_was_drained_begins_no_motion(tmp_path: Path) -> None:
+    lockstep = LockStep(load_settings("jackal"), World(), tmp_path)
+    lockstep.run(1.5)
+    lockstep.rover.inject(faults.BatteryDrained(0.1))
+    lockstep.run(1.5)
+    answer = lockstep.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
+    lockstep.executive.close()
+    assert isinstance(answer, Refused)
+    assert answer.refusal.reason is Reason.BATTERY_SHORT
 
 
 def picture(rover: SimulatedJackal) -> Frame | None:
