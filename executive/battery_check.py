@@ -26,6 +26,7 @@ from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.motion import Bounds, duration_s
 from executive.path_check import heeded, way_around
 from executive.plans import PlanNode, expected_requests
+from executive.prediction_settings import Way, curved_m
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.state import Status
@@ -51,13 +52,13 @@ class _Reckoning:
         self.speeds = speeds
         self.energy_j = 0.0
         self._settings = settings
-        self._zones = zones
+        self._zones = heeded(settings, zones)
 
     def add(self, request: Motion) -> None:
         """Go on with a motion."""
         match request:
             case MoveTo(target):
-                for corner in self._way_around(request, target):
+                for corner in way_around(target, self.pose, self._settings, self._zones):
                     self._go(corner)
                 self._go(target)
             case FollowPath(waypoints):
@@ -74,10 +75,6 @@ class _Reckoning:
             case DriveFor(travel_mps, rotate_radps, held_s):
                 self._take(held_s, travel_mps * held_s, rotate_radps * held_s)
                 self.pose = arc(self.pose, Velocity(travel_mps, rotate_radps), held_s)[1]
-
-    def _way_around(self, request: Motion, target: Waypoint) -> tuple[Waypoint, ...]:
-        settings, zones = self._settings, heeded(request, self._settings, self._zones)
-        return way_around(target, self.pose, settings, zones)
 
     def _go(self, waypoint: Waypoint) -> None:
         place = Point(waypoint.x_m, waypoint.y_m)
@@ -105,7 +102,9 @@ class _Reckoning:
 
     def _take(self, took_s: float, length_m: float, turned_rad: float) -> None:
         prediction = self._settings.prediction
-        self.energy_j += prediction.energy_j(took_s, abs(length_m), abs(turned_rad)) or 0.0
+        curve_m = curved_m(length_m, turned_rad)
+        way = Way(took_s, abs(length_m), abs(turned_rad), curve_m)
+        self.energy_j += prediction.energy_j(way) or 0.0
 
 
 def reckoned_j(

@@ -26,6 +26,42 @@ class SystemClock:
         return time.time()
 
 
+class LatchedClock:
+    """Another clock, of which one reading holds from `begin` to `end`; else it goes on.
+
+    It begins when it is made. What begins within is a part of it, and sees the same time.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._depth = 0
+        self.begin()
+
+    def begin(self) -> None:
+        """Have time stand still until the matching `end`."""
+        if self._depth == 0:
+            self._now_s, self._utc_s = self._clock.now_s(), self._clock.utc_s()
+        self._depth += 1
+
+    def end(self) -> None:
+        """Have time go on, if this is the end of the outermost `begin`."""
+        self._depth -= 1
+
+    def __enter__(self) -> None:
+        self.begin()
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def now_s(self) -> float:
+        """Return seconds that never step back."""
+        return self._now_s if self._depth else self._clock.now_s()
+
+    def utc_s(self) -> float:
+        """Return seconds since 1970-01-01 UTC."""
+        return self._utc_s if self._depth else self._clock.utc_s()
+
+
 START_UTC_S: Final = 1_800_000_000.0
 
 

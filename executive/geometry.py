@@ -71,6 +71,13 @@ class Velocity:
         """Whether both figures are finite numbers."""
         return isfinite(self.travel_mps) and isfinite(self.rotate_radps)
 
+    def toward(self, other: "Velocity", part: float) -> "Velocity":
+        """Return the velocity that lies between this one (part 0) and another (part 1)."""
+        return Velocity(
+            self.travel_mps + part * (other.travel_mps - self.travel_mps),
+            self.rotate_radps + part * (other.rotate_radps - self.rotate_radps),
+        )
+
 
 STANDING = Velocity()
 

@@ -17,7 +17,7 @@ from executive.commands import (
 )
 from executive.commands.intake import expired
 from executive.commands.lifecycle import Life
-from executive.geometry import Pose
+from executive.geometry import Point, Pose
 from executive.journey import Journey
 from executive.motion import Intents, Latches, Leg, Locomotion, Verification
 from executive.plans import ActivePlans
@@ -40,6 +40,8 @@ class Goal:
         off_path: whether the step leads around something seen, and not straight to its waypoint.
         evaded: how often something that came into view has ended a line of the step.
         met: what that was last, until the way around it is planned.
+        straight: whether the step is driven by turns and lines, since no curve led there.
+        led_at: where a motion led the rover last, until the next is planned.
         leg: the step as it was planned last, or the way to it.
         begun: the pose from which the step was planned.
         verification: what compares it with the second odometry; None where there is none.
@@ -58,6 +60,8 @@ class Goal:
         self.off_path = False
         self.evaded = 0
         self.met: Encounter | None = None
+        self.straight = False
+        self.led_at: Point | None = None
         self.leg = Leg(None, None, False, None, 0.0)
         self.begun = Pose()
         self.verification: Verification | None = None

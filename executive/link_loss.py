@@ -69,6 +69,7 @@ class GroundMonitor:
     """Counts for how long nothing has been heard of the ground.
 
     Attributes:
+        heard: whether the last look found a sign of it.
         stage: the last stage that was reached since the ground was heard; None before the first.
         trail: the way from where the ground was last heard, if the settings have a use for it.
     """
@@ -79,6 +80,7 @@ class GroundMonitor:
         self._heard_s = clock.now_s()
         self._sign = False
         self._mode = Mode.IDLE
+        self.heard = False
         self.stage: LinkLossStage | None = None
         self.trail = Trail()
 
@@ -99,7 +101,8 @@ class GroundMonitor:
             pose: where it is; None if that is not known.
             returning: whether it is about nothing but a stage that was reached before.
         """
-        if self._sign:
+        self.heard = self._sign
+        if self.heard:
             self._sign, self._heard_s, self.stage = False, self._clock.now_s(), None
             self.trail = Trail()
         if pose is not None and not returning and self._settings.returns:

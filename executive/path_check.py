@@ -8,6 +8,7 @@ which the footprint turns.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from math import pi
 from typing import Final
@@ -19,17 +20,14 @@ from executive.commands import (
     Motion,
     MoveForward,
     MoveTo,
-    Request,
     RotateBy,
     RotateTo,
     Waypoint,
-    controller_of,
 )
-from executive.controller import Controller
 from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.goals import Goal
 from executive.reasons import Figure, Reason, Refusal
-from executive.settings import LocomotionKind, Settings
+from executive.settings import LocomotionKind, Settings, TurnDrive
 from executive.way_around import Way, find_way
 from executive.zones import Encounter, Obstacle, Seen, Zones
 
@@ -71,7 +69,7 @@ def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones)
     """Return why a motion that begins at a pose may not be carried out, or None."""
     if not zones.any:
         return None
-    zones = heeded(request, settings, zones)
+    zones = heeded(settings, zones)
     if isinstance(request, MoveTo):
         way = way_to(request.target, pose, settings, zones)
         return way if isinstance(way, Refusal) else None
@@ -82,14 +80,9 @@ def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones)
     return refusal
 
 
-def heeded(request: Request, settings: Settings, zones: Zones) -> Zones:
-    """Return what a motion keeps away from: of what is seen, what it would go around.
-
-    That is what motions to places by straight lines do.
-    """
-    velocity = settings.locomotion is LocomotionKind.VELOCITY
-    lines = controller_of(request, settings.controller) is Controller.TURN_DRIVE
-    return zones if velocity and lines else zones.told
+def heeded(settings: Settings, zones: Zones) -> Zones:
+    """Return what motions to places keep away from: what is seen, where they can go around."""
+    return zones if settings.locomotion is LocomotionKind.VELOCITY else zones.told
 
 
 def way_to(
@@ -97,7 +90,7 @@ def way_to(
 ) -> tuple[Waypoint, ...] | Refusal:
     """Return where to stand on the way to a place, as `way_around`, or why none leads there."""
     way = way_around(target, pose, settings, zones)
-    path = _to_waypoints((*way, target), pose, settings)[0]
+    path = _to_waypoints((*way, target), pose, settings.turn_drive)[0]
     refusal = check_path(path, settings, zones)
     if refusal is None:
         return way
@@ -154,27 +147,30 @@ def way_around(
     """
     if not zones.any:
         return ()
-    if check_path(_to_waypoints((target,), pose, settings)[0], settings, zones) is None:
+    line = _to_waypoints((target,), pose, settings.turn_drive)[0]
+    if check_path(line, settings, zones) is None:
         return ()
-    through = _search(target, pose, settings, zones).through
+    needed_m = _needed_m(settings, zones)
+    through = _search(target, pose, settings.turn_drive, needed_m, zones).through
     return tuple(Waypoint(each.x_m, each.y_m) for each in through)
 
 
-def _search(target: Waypoint, pose: Pose, settings: Settings, zones: Zones) -> Way:
+@lru_cache(maxsize=4)
+def _search(target: Waypoint, pose: Pose, law: TurnDrive, least_m: float, zones: Zones) -> Way:
+    """Return a way that keeps so far away; kept, since a command has several ask for the same."""
     place = Point(target.x_m, target.y_m)
-    if _too_near(place, settings, zones) is not None:
+    if _too_near(place, least_m, zones) is not None:
         return Way((), complete=False)
-    least_m = _needed_m(settings, zones)
     needed_m = least_m + ROOM_M
-    turning_m = abs(settings.turn_drive.control_point_m)  # by which turns move base_link
+    turning_m = abs(law.control_point_m)  # by which turns move base_link
 
-    leaves = _too_near(pose.point, settings, zones) is not None
+    leaves = _too_near(pose.point, least_m, zones) is not None
 
     def leads(node: Point) -> bool:
         to = target if node == place else Waypoint(node.x_m, node.y_m)
-        path = _to_waypoints((to,), pose, settings)[0]
+        path = _to_waypoints((to,), pose, law)[0]
         if leaves:
-            return check_path(path, settings, zones) is None
+            return zones.encounter(path, least_m - zones.margin_m, zones.margin_m) is None
         return all(
             each.clearance_m(start, end) >= least_m
             for start, end in pairwise(path)
@@ -192,15 +188,15 @@ def _needed_m(settings: Settings, zones: Zones) -> float:
     return radius_m + zones.margin_m
 
 
-def _too_near(place: Point, settings: Settings, zones: Zones) -> str | None:
+def _too_near(place: Point, needed_m: float, zones: Zones) -> str | None:
     """Return what a place is too near to, or None."""
-    needed_m = _needed_m(settings, zones)
     near = (each for each in zones if each.clearance_m(place, place) < needed_m)
     return next((each.title for each in near), None)
 
 
 def _why_no_way(target: Waypoint, settings: Settings, zones: Zones) -> str:
-    near = _too_near(Point(target.x_m, target.y_m), settings, zones)
+    place = Point(target.x_m, target.y_m)
+    near = _too_near(place, _needed_m(settings, zones), zones)
     return "no way around is found" if near is None else f"the place itself is too near to {near}"
 
 
@@ -235,10 +231,10 @@ def planned_path(
     """
     match request:
         case MoveTo(target):
-            way = way_around(target, pose, settings, heeded(request, settings, zones))
-            return _to_waypoints((*way, target), pose, settings)
+            way = way_around(target, pose, settings, heeded(settings, zones))
+            return _to_waypoints((*way, target), pose, settings.turn_drive)
         case FollowPath(waypoints):
-            return _to_waypoints(waypoints, pose, settings)
+            return _to_waypoints(waypoints, pose, settings.turn_drive)
         case MoveForward(distance_m):
             place = pose.ahead(distance_m)
             return [pose.point, place], replace(pose, x_m=place.x_m, y_m=place.y_m)
@@ -253,15 +249,15 @@ def planned_path(
 
 
 def _to_waypoints(
-    waypoints: Sequence[Waypoint], pose: Pose, settings: Settings
+    waypoints: Sequence[Waypoint], pose: Pose, law: TurnDrive
 ) -> tuple[list[Point], Pose]:
     """Return the lines to waypoints, after turns about the control point."""
-    control_m = settings.turn_drive.control_point_m
+    control_m = law.control_point_m
     path = [pose.point]
     for waypoint in waypoints:
         place = Point(waypoint.x_m, waypoint.y_m)
         toward_rad = pose.point.bearing_rad(place)
-        if settings.turn_drive.reverse and abs(wrap_rad(toward_rad - pose.heading_rad)) > pi / 2:
+        if law.reverse and abs(wrap_rad(toward_rad - pose.heading_rad)) > pi / 2:
             toward_rad = wrap_rad(toward_rad + pi)
         control = pose.ahead(control_m)
         turned = Pose(control.x_m, control.y_m, heading_rad=toward_rad).ahead(-control_m)

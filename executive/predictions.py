@@ -16,9 +16,17 @@ from executive.commands import PLAN_LINK, Arrival, Command, DriveFor, Motion
 from executive.geometry import Pose
 from executive.goals import Context, Goal
 from executive.journey import Journey
+from executive.motion import SharedSolver
 from executive.notifications import Notifications
 from executive.plans import PlanNode
-from executive.preview import Preview, PreviewRun, Start, Ticked, unsupported
+from executive.preview import (
+    Preview,
+    PreviewRun,
+    Start,
+    Ticked,
+    plans_by_mpc,
+    unsupported,
+)
 from executive.reasons import PREDICTED, Figure, Refusal
 
 _LOG = logging.getLogger(__name__)
@@ -36,6 +44,7 @@ class _Work:
         start: where it begins.
         command: that of the motion; None for a plan.
         wanted: whether anybody waits for it still.
+        since_s: when it was asked for.
         run: what works it out, once it has begun.
     """
 
@@ -45,6 +54,7 @@ class _Work:
     journey: Journey
     command: Command | None
     wanted: Callable[[], bool]
+    since_s: float
     run: PreviewRun | None = None
 
 
@@ -58,6 +68,7 @@ class Predictions:
     Args:
         context: of the asset, from which values are copied.
         build_tree: makes the tree of a copy.
+        solver: plans for mpc, where the asset offers it.
     """
 
     def __init__(
@@ -65,27 +76,36 @@ class Predictions:
         context: Context,
         notifications: Notifications,
         build_tree: Callable[[Context], Ticked],
+        solver: SharedSolver | None = None,
     ) -> None:
         self._context = context
         self._notifications = notifications
         self._build_tree = build_tree
+        self._solver = solver
         self._waiting: deque[_Work] = deque()
 
     @property
     def pending(self) -> bool:
-        """Whether there is one to work out."""
-        return bool(self._waiting)
+        """Whether there is one to work on now."""
+        return bool(self._waiting) and self._ready(self._waiting[0])
 
-    def run(self, what: Motion | PlanNode, pose: Pose) -> PreviewRun | Refusal:
-        """Return what works out where a motion or a plan leads from a pose, or why nothing can."""
+    def run(self, what: Motion | PlanNode, pose: Pose, apart: bool = False) -> PreviewRun | Refusal:
+        """Return what works out where a motion or a plan leads from a pose, or why nothing can.
+
+        Args:
+            what: what is asked about.
+            pose: where it begins.
+            apart: whether that is no part of what the core does, and may be another thread's.
+        """
         context = self._context
         settings, status = context.settings, context.status
-        refusal = unsupported(what, settings)
+        refusal = unsupported(settings)
         if refusal is not None:
             return refusal
         speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)
+        solver = None if self._solver is None else self._solver.beside(apart)
         start = Start(pose, *speeds, context.files, status.obstacles)
-        return PreviewRun(what, start, settings, self._build_tree)
+        return PreviewRun(what, start, settings, self._build_tree, solver)
 
     def of_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
         """Have a motion that is to begin at a pose predicted, and what becomes of it noted."""
@@ -96,14 +116,23 @@ class Predictions:
             return
         name, life = f"{command.identity} {command.name}", goal.life
         self._waiting.append(
-            _Work(name, motion, start, journey, command, lambda: not life.stage.terminal)
+            _Work(
+                name,
+                motion,
+                start,
+                journey,
+                command,
+                lambda: not life.stage.terminal,
+                self._context.clock.now_s(),
+            )
         )
 
     def of_plan(self, plan_id: str, root: PlanNode, wanted: Callable[[], bool]) -> Journey:
         """Have a plan that begins here predicted; return what notes what becomes of it."""
         journey, start = self._journey(), self._context.status.pose
         journey.begin()
-        self._waiting.append(_Work(f"plan {plan_id}", root, start, journey, None, wanted))
+        now_s = self._context.clock.now_s()
+        self._waiting.append(_Work(f"plan {plan_id}", root, start, journey, None, wanted, now_s))
         return journey
 
     def _journey(self) -> Journey:
@@ -115,7 +144,7 @@ class Predictions:
         """Work for one slice; return whether something was told."""
         while self._waiting and not self._waiting[0].wanted():
             self._waiting.popleft()
-        if not self._waiting:
+        if not self.pending:
             return False
         work = self._waiting[0]
         try:
@@ -135,6 +164,17 @@ class Predictions:
             f"{work.name} predicted: {describe(result)}", work.journey.predicted, work.command
         )
         return True
+
+    def _ready(self, work: _Work) -> bool:
+        """Return whether a slice can be worked on.
+
+        What asks for a first plan waits for a tick, so that the motion itself has asked before.
+        """
+        if work.run is not None:
+            return not work.run.waits
+        settings, clock = self._context.settings, self._context.clock
+        waited = clock.now_s() >= work.since_s + settings.tick_s
+        return waited or not plans_by_mpc(work.what, settings)
 
     def _next_slice(self, work: _Work) -> Preview | Refusal | None:
         if work.run is None:

@@ -4,17 +4,18 @@ Nothing here touches the rover, its ledger, tree or goals. What is copied of the
 so that a preview may be worked out on any thread, in slices.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from math import ceil, hypot
+from math import ceil
 from typing import Final, Protocol, assert_never
 
 from executive.clock import ManualClock
 from executive.commands import (
     ABOARD_LINK,
     Command,
+    FollowPath,
     Motion,
+    MoveTo,
     SetRotateSpeed,
     SetTravelSpeed,
     controller_of,
@@ -22,9 +23,10 @@ from executive.commands import (
 from executive.commands.intake import ABOARD_PREFIX, check_arguments
 from executive.commands.lifecycle import Life
 from executive.controller import Controller
-from executive.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
+from executive.copied_rover import CopiedBase, FollowedPlans, KinematicBase, ModelledBase
+from executive.geometry import STANDING, Pose, wrap_rad
 from executive.goals import Context, Goals
-from executive.motion import Arbiter, make_locomotion
+from executive.motion import Arbiter, PlanSolver, make_locomotion
 from executive.path_check import check_request
 from executive.plans import (
     FallbackNode,
@@ -38,7 +40,7 @@ from executive.plans import (
     TimeoutNode,
     steps,
 )
-from executive.ports import CameraIntent
+from executive.prediction_settings import End, Way, curved_m
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.safety import Safety
@@ -123,63 +125,6 @@ class Ticked(Protocol):
         """Run every branch that is due once."""
 
 
-class KinematicBase:
-    """A base that has each velocity after the asset's latency, and turns about its control point.
-
-    Attributes:
-        pose: of base_link, by odometry that is always right.
-        velocity: what it does now.
-    """
-
-    def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
-        self._clock = clock
-        seen_late_s = settings.tick_s / 2  # odometry counts at ticks alone here
-        self._latency_s = max(0.0, settings.turn_drive.latency_s - seen_late_s)
-        self._control_m = settings.turn_drive.control_point_m
-        self._coming: deque[tuple[float, Velocity]] = deque()
-        self._at_s = clock.now_s()
-        self.pose = pose
-        self.velocity = STANDING
-
-    def drive(self, velocity: Velocity) -> None:
-        """Take a velocity."""
-        self._coming.append((self._clock.now_s() + self._latency_s, velocity))
-
-    def advance(self) -> None:
-        """Move on to the clock's time."""
-        now_s = self._clock.now_s()
-        while self._coming and self._coming[0][0] <= now_s:
-            due_s, velocity = self._coming.popleft()
-            self._move(due_s)
-            self.velocity = velocity
-        self._move(now_s)
-
-    def _move(self, until_s: float) -> None:
-        passed_s, self._at_s = until_s - self._at_s, until_s
-        if self.velocity == STANDING:
-            return
-        control = self.pose.ahead(self._control_m)
-        moved = on_arc(
-            replace(self.pose, x_m=control.x_m, y_m=control.y_m),
-            self.velocity.travel_mps * passed_s,
-            self.velocity.rotate_radps * passed_s,
-        )
-        place = moved.ahead(-self._control_m)
-        self.pose = replace(moved, x_m=place.x_m, y_m=place.y_m)
-
-    def emergency_stop(self) -> None:
-        """Do nothing: nobody stops a preview."""
-
-    def lock(self, held: bool) -> None:
-        """Do nothing: nobody else commands a copy."""
-
-    def point_camera(self, wanted: CameraIntent) -> None:
-        """Do nothing: a preview shows motion."""
-
-    def request_frame(self) -> None:
-        """Do nothing: a preview shows motion."""
-
-
 @dataclass(slots=True)
 class _Track:
     """What becomes of the copy: its way, and how near it comes to what is known."""
@@ -188,6 +133,7 @@ class _Track:
     poses: list[TimedPose]
     length_m: float = 0.0
     turned_rad: float = 0.0
+    curved_m: float = 0.0
     clearance: Clearance | None = None
     _radius_m: float = field(init=False)
 
@@ -201,8 +147,11 @@ class _Track:
         self.poses.append(TimedPose(time_s, pose))
         if pose == before:
             return
-        self.length_m += hypot(pose.x_m - before.x_m, pose.y_m - before.y_m)
-        self.turned_rad += abs(wrap_rad(pose.heading_rad - before.heading_rad))
+        length_m = pose.point.distance_m(before.point)
+        turned_rad = abs(wrap_rad(pose.heading_rad - before.heading_rad))
+        self.length_m += length_m
+        self.turned_rad += turned_rad
+        self.curved_m += curved_m(length_m, turned_rad)
         self._look(before, pose)
 
     def _look(self, before: Pose, pose: Pose) -> None:
@@ -228,27 +177,36 @@ class PreviewRun:
         start: Start,
         settings: Settings,
         build_tree: Callable[[Context], Ticked],
+        solver: PlanSolver | None = None,
     ) -> None:
         self._asked = asked
         self._start = start
-        self._settings = replace(
-            settings,
-            sensors=Sensors(),
-            zones=start.obstacles,
-            controller=Controller.TURN_DRIVE,
-            mpc=replace(settings.mpc, offered=False),
-        )
+        self._settings = replace(settings, sensors=Sensors(), zones=start.obstacles)
+        self._solver: FollowedPlans | None = None
+        if solver is not None and plans_by_mpc(asked, settings):
+            self._solver = FollowedPlans(solver)
+            exact = replace(settings.mpc, odometry_age_s=0.0, odometry_slip=None)
+            self._settings = replace(self._settings, mpc=exact)
+        else:
+            without = replace(settings.mpc, offered=False)
+            self._settings = replace(self._settings, controller=Controller.TURN_DRIVE, mpc=without)
         self._build_tree = build_tree
         self._steps = self._all_steps()
         self._life: Life | None = None
         self._step: Step | None = None
         self._began_s = 0.0
+        self._end = End.LINE
         self.result: Preview | Refusal | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether it cannot go on before a plan is there."""
+        return self._solver is not None and self._solver.busy
 
     def advance(self, ticks: int) -> bool:
         """Go on for some ticks of the copy, after `set_up`; return whether the result is there."""
         for _ in range(ticks):
-            if self.result is None:
+            if self.result is None and not self.waits:
                 self._tick()
         return self.result is not None
 
@@ -256,12 +214,15 @@ class PreviewRun:
         """Make the copy, and begin; called once."""
         clock, settings, start = ManualClock(), self._settings, self._start
         self._clock = clock
-        self._base = KinematicBase(clock, settings, start.pose)
+        if self._solver is None:
+            self._base: CopiedBase = KinematicBase(clock, settings, start.pose)
+        else:
+            self._base = ModelledBase(clock, settings, start.pose)
         status = Status(clock, settings)
         status.travel_speed_mps = start.travel_speed_mps
         status.rotate_speed_radps = start.rotate_speed_radps
         status.slow_ratio = start.slow_ratio
-        locomotion, mover = make_locomotion(self._base, clock, settings, status)
+        locomotion, mover = make_locomotion(self._base, clock, settings, status, self._solver)
         safety, goals = Safety(clock, settings), Goals(clock)
         self._track = _Track(settings, [TimedPose(0.0, start.pose)])
         self._arbiter = Arbiter(clock, settings, self._base, mover, lambda: False)
@@ -333,6 +294,7 @@ class PreviewRun:
             self.result = self._named(refusal)
             return
         self._began_s = self._clock.now_s()
+        self._end = end_of(request, settings)
         self._life = Life(Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None)
         self._life.accept()
         self._context.goals.motion.add(self._life)
@@ -383,6 +345,7 @@ class PreviewRun:
 
     def _made_up(self) -> Preview:
         track, prediction, duration_s = self._track, self._settings.prediction, self._clock.now_s()
+        way = Way(duration_s, track.length_m, track.turned_rad, track.curved_m, self._end)
         every = max(1, ceil((len(track.poses) - 1) / (MOST_POSES - 1)))
         path = track.poses[:-1:every]
         path.append(TimedPose(duration_s, track.poses[-1].pose))
@@ -391,23 +354,35 @@ class PreviewRun:
             track.length_m,
             track.turned_rad,
             tuple(path),
-            prediction.within_m(track.length_m, track.turned_rad),
-            prediction.within_rad(track.length_m, track.turned_rad),
-            prediction.energy_j(duration_s, track.length_m, track.turned_rad),
+            prediction.within_m(way),
+            prediction.within_rad(way),
+            prediction.energy_j(way),
             track.clearance,
         )
 
 
-def unsupported(what: Motion | PlanNode, settings: Settings) -> Refusal | None:
-    """Return why a motion or a plan of an asset cannot be previewed, or None."""
+def end_of(request: Motion, settings: Settings) -> End:
+    """Return how a motion of an asset ends."""
+    if not settings.offers_mpc or controller_of(request, settings.controller) is not Controller.MPC:
+        return End.LINE
+    match request:
+        case MoveTo(target=last) | FollowPath(waypoints=(*_, last)):
+            return End.FREE_CURVE if last.heading_rad is None else End.CURVE
+        case _:
+            return End.LINE
+
+
+def plans_by_mpc(what: Motion | PlanNode, settings: Settings) -> bool:
+    """Return whether a motion, or one of a plan, is driven by mpc."""
     requests = (what,) if isinstance(what, Motion) else (each.request for each in steps(what))
-    if settings.locomotion is not LocomotionKind.VELOCITY:
-        why = "carries out whole motions by itself"
-    elif settings.offers_mpc and any(
+    return settings.offers_mpc and any(
         controller_of(each, settings.controller) is Controller.MPC for each in requests
-    ):
-        why = "would be driven there by mpc"
-    else:
+    )
+
+
+def unsupported(settings: Settings) -> Refusal | None:
+    """Return why the motion of an asset cannot be previewed, or None."""
+    if settings.locomotion is LocomotionKind.VELOCITY:
         return None
-    text = f"{settings.asset} {why}: its motion cannot be previewed"
+    text = f"{settings.asset} carries out whole motions by itself: its motion cannot be previewed"
     return Refusal(Reason.NOT_SUPPORTED, text)

@@ -7,23 +7,21 @@ commands fail, and the executive goes on.
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import count
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Final, Protocol
 
 from executive.authority import Authority
 from executive.battery_check import check_battery
-from executive.clock import Clock
+from executive.clock import Clock, LatchedClock
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Stop
 from executive.commands.intake import not_located
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import Dispatcher, unwritten
 from executive.geometry import STANDING, Velocity
 from executive.goals import Context, Goals
+from executive.inbox import MOST_A_TURN, Inbox, Question, Submission
 from executive.link_loss import GroundMonitor
-from executive.motion import Arbiter, PlanSolver, make_locomotion
+from executive.motion import Arbiter, SharedSolver, make_locomotion
 from executive.notifications import Notifications
 from executive.path_check import expected_pose
 from executive.plans import PlanHost, Planner, check_plan
@@ -65,8 +63,6 @@ _DONE: Final = {
     LinkLossAction.STOP: "the rover is stopped",
     LinkLossAction.RETURN: "the rover returns to where it last was",
 }
-MOST_A_TURN: Final = 32
-"""Commands and questions of one turn, so that the ticks keep their time."""
 LONGEST_EVENT: Final = 4096
 """Characters of a text that others report by `Executive.event`; the rest is left out."""
 
@@ -89,27 +85,11 @@ class Tree(PlanHost, Protocol):
         """End every running leaf."""
 
 
-@dataclass(frozen=True, slots=True)
-class Submission:
-    """A command, and who to tell whether it was admitted.
-
-    Attributes:
-        arrival: counts the commands in the order in which they were submitted.
-        prepare: called before the command is looked at; what it writes is committed with it.
-    """
-
-    arrival: int
-    command: Command
-    reply: Callable[[SubmitResult], None]
-    prepare: Callable[[], None]
-
-
-Question = Callable[[], None]
-"""Something to read or do on the executive's thread, which owns what it touches."""
-
-
 class Executive:
     """One asset's executive.
+
+    Within each call of `observe`, `turn`, `tick`, `event`, `make_safe` and `close`, and while it is
+    made, time stands still: all that is decided there sees one reading of the clock.
 
     Its thread is the one that calls `observe`, `turn` and `tick`, and that owns all that is read
     here; other threads call `submit` and `ask`. A stop overtakes all that waits, and makes the
@@ -138,9 +118,11 @@ class Executive:
         downlinks: Sequence[Downlink],
         build_tree: Callable[[Context], Tree],
         video: Video | None = None,
-        solver: PlanSolver | None = None,
+        solver: SharedSolver | None = None,
+        inbox: Inbox | None = None,
     ) -> None:
         self.settings = settings
+        self._clock = clock = LatchedClock(clock)
         self.status = Status(clock, settings)
         self.safety = Safety(clock, settings)
         self.files = FileFolder(files, self._tell_of_file)
@@ -150,23 +132,20 @@ class Executive:
         self._context = Context(
             clock, settings, self.status, self.safety, Goals(clock), locomotion, self.files, video
         )
-        self._inbox: SimpleQueue[Submission | Question] = SimpleQueue()
-        self._stops: SimpleQueue[Submission] = SimpleQueue()
-        self._arrivals = count(1)
-        self._stopped_at = 0
+        self._inbox = inbox or Inbox()
         self._answers: list[tuple[Submission, SubmitResult]] = []
         self._inputs: dict[str, OtherInput] = {}
         self.ground = GroundMonitor(clock, settings.link_loss)
         self._ledger = ledger
         self._latch = _latch_beside(ledger)
         self._downlinks = downlinks
-        self._arbiter = Arbiter(clock, settings, rover, mover, lambda: not self._stops.empty())
+        self._arbiter = Arbiter(clock, settings, rover, mover, lambda: self._inbox.stop_waits)
         self._notifications = Notifications(clock, ledger, downlinks)
         self._telemetry = Telemetry(
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
         )
         self.tree = build_tree(self._context)
-        self._predictions = Predictions(self._context, self._notifications, build_tree)
+        self._predictions = Predictions(self._context, self._notifications, build_tree, solver)
         self._planner = Planner(
             clock,
             settings,
@@ -199,6 +178,7 @@ class Executive:
         self.files.tidy()
         self._dispatcher.take_over()
         self._notifications.flush()
+        self._clock.end()
 
     def submit(
         self,
@@ -216,20 +196,17 @@ class Executive:
         """
         if command.link in GROUND_LINKS:
             self.ground.hear()
-        submission = Submission(next(self._arrivals), command, reply, prepare)
+        self._inbox.put(command, reply, prepare)
         if isinstance(command.request, Stop):
-            self._stops.put(submission)
             try:
                 self._arbiter.emergency_stop()
             except Exception:
                 _LOG.exception("the emergency stop raised: the core's thread stops the rover")
-        else:
-            self._inbox.put(submission)
         self.wake()
 
     def ask(self, question: Question) -> None:
         """Have something read or done on the executive's thread, from any other."""
-        self._inbox.put(question)
+        self._inbox.ask(question)
         self.wake()
 
     def emergency_stop(self) -> None:
@@ -326,36 +303,41 @@ class Executive:
         what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
         if isinstance(what, Refusal):
             return what
-        refusal = unsupported(what, settings) or not_located(status, settings)
+        refusal = unsupported(settings) or not_located(status, settings)
         if refusal is not None:
             return refusal
         goals, clock = context.goals.motion, context.clock
         pose = expected_pose(goals, status.pose, clock, settings, status.obstacles)
-        return check_battery(what, pose, status, settings) or self._predictions.run(what, pose)
+        return check_battery(what, pose, status, settings) or self._predictions.run(
+            what, pose, apart=True
+        )
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
-        if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign:
-            others = ", ".join(fact.names)
-            self._notifications.event(
-                Severity.WARNING,
-                f"others may move the rover: {others}" if others else "nobody else moves the rover",
-            )
-        self.status.observe(fact)
-        jump = self.safety.history.jump
-        self.safety.observe(fact)
-        if self.safety.history.jump is not jump:
-            self.status.forget_seen()
-        if isinstance(fact, CommandEnded):
-            self._dispatcher.on_external_result(fact)
-        if isinstance(fact, Stopped):
-            self._dispatcher.on_external_stop(fact)
-        if isinstance(fact, AuthorityUsed):
-            self.ground.hear()
-            self.authority.used(fact.epoch)
-        if isinstance(fact, LaserScan):
-            self._watch()  # at once, whatever the tree is at
-        self._arbiter.guard()
+        with self._clock:
+            if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign:
+                others = ", ".join(fact.names)
+                self._notifications.event(
+                    Severity.WARNING,
+                    f"others may move the rover: {others}"
+                    if others
+                    else "nobody else moves the rover",
+                )
+            self.status.observe(fact)
+            jump = self.safety.history.jump
+            self.safety.observe(fact)
+            if self.safety.history.jump is not jump:
+                self.status.forget_seen()
+            if isinstance(fact, CommandEnded):
+                self._dispatcher.on_external_result(fact)
+            if isinstance(fact, Stopped):
+                self._dispatcher.on_external_stop(fact)
+            if isinstance(fact, AuthorityUsed):
+                self.ground.hear()
+                self.authority.used(fact.epoch)
+            if isinstance(fact, LaserScan):
+                self._watch()  # at once, whatever the tree is at
+            self._arbiter.guard()
 
     def event(
         self,
@@ -365,14 +347,16 @@ class Executive:
         kind: Kind = Kind.EVENT,
     ) -> None:
         """Report something that another component noticed, or a link."""
-        text = text[:LONGEST_EVENT]
-        figures = tuple(Figure(printable(f.name), f.value, printable(f.unit)) for f in figures)
-        self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
+        with self._clock:
+            text = text[:LONGEST_EVENT]
+            figures = tuple(Figure(printable(f.name), f.value, printable(f.unit)) for f in figures)
+            self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
 
     def make_safe(self, danger: Refusal) -> None:
         """Stand until resumed; nothing, if a hazard holds the rover already."""
-        if self._context.latches.hazard is None:
-            self._dispatcher.make_safe(danger)
+        with self._clock:
+            if self._context.latches.hazard is None:
+                self._dispatcher.make_safe(danger)
 
     def turn(self) -> None:
         """Serve what was submitted and asked; a command that was admitted is ticked at once.
@@ -381,19 +365,20 @@ class Executive:
         served before each of the others. Then predictions are worked on for a slice; where more
         is to be done, the executive wakes itself.
         """
-        self._serve()
-        self._predict()
+        with self._clock:
+            self._serve()
+            self._predict()
 
     def _serve(self) -> None:
         """Serve what was submitted and asked."""
         self._serve_stops()
         self._listen_for_ground()
-        for _ in range(min(self._inbox.qsize(), MOST_A_TURN)):
+        for _ in range(self._inbox.items_now):
             if len(self._answers) >= MOST_A_TURN:
                 break
-            item = self._inbox.get_nowait()
+            item = self._inbox.take()
             if isinstance(item, Submission):
-                overtaken = item.arrival < self._stopped_at
+                overtaken = self._inbox.overtaken(item)
                 item.prepare()
                 self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
             else:
@@ -407,42 +392,44 @@ class Executive:
         written = self._flush()
         for submission, admission in answers:
             submission.reply(admission if written else Refused(unwritten(submission.command)))
-        if not (self._inbox.empty() and self._stops.empty()):
+        if not self._inbox.empty:
             self.wake()
 
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
-        self._serve()
-        self._watch()
-        self._tell_of_inputs()
-        self._run_plan()
-        self._hold_plan()
-        self._run_tree()
-        self._telemetry.update()
-        self.authority.tick()
-        if self._flush():
-            try:
-                self.retention.tick()
-            except LedgerError as error:
-                self._endanger(error)
-        self._predict()
+        with self._clock:
+            self._serve()
+            self._watch()
+            self._tell_of_inputs()
+            self._run_plan()
+            self._hold_plan()
+            self._run_tree()
+            self._telemetry.update()
+            self.authority.tick()
+            if self._flush():
+                try:
+                    self.retention.tick()
+                except LedgerError as error:
+                    self._endanger(error)
+            self._predict()
 
     def close(self) -> None:
         """End everything: what moves stands, goals are cancelled, the ledger is closed.
 
         What a ledger that fails did not take is lost, as when the process is killed.
         """
-        if self.velocity != STANDING or self.moving:
-            self._arbiter.stop()
-        self.tree.stop()
-        self._dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
-        if not self._context.latches.held:
-            self._arbiter.release()
-        if self._flush():
-            self._ledger.close()
-        else:
-            self._ledger.abandon()
-        self._latch.close()
+        with self._clock:
+            if self.velocity != STANDING or self.moving:
+                self._arbiter.stop()
+            self.tree.stop()
+            self._dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
+            if not self._context.latches.held:
+                self._arbiter.release()
+            if self._flush():
+                self._ledger.close()
+            else:
+                self._ledger.abandon()
+            self._latch.close()
 
     def abandon(self) -> None:
         """End as `kill -9` would: nothing more is written."""
@@ -451,9 +438,8 @@ class Executive:
 
     def _serve_stops(self) -> None:
         """Hold the rover for the stops that have come, and see to their records and answers."""
-        for _ in range(min(self._stops.qsize(), MOST_A_TURN)):
-            stop = self._stops.get_nowait()
-            self._stopped_at = stop.arrival
+        for _ in range(self._inbox.stops_now):
+            stop = self._inbox.take_stop()
             self._dispatcher.stop(stop.command.identity)
             stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
@@ -577,7 +563,8 @@ class Executive:
 
     def _endanger(self, error: LedgerError) -> None:
         danger = Refusal(Reason.LEDGER_FAILED, str(error))
-        self.make_safe(danger)
+        if self._context.latches.hazard is None:
+            self._dispatcher.make_safe(danger)
         self._context.goals.camera.fail_all(danger)
         self._context.goals.instant.fail_all(danger)
 

@@ -435,11 +435,6 @@ class Settings:
                 f"{offers}: it is for rovers whose locomotion is velocity, not"
                 f" {self.locomotion.value}"
             )
-        if self.offers_mpc and self.zones.any:
-            raise ValueError(
-                f"{offers}: zones are checked along the straight lines of turn_drive, which"
-                " mpc does not keep to"
-            )
         if self.battery is not None and self.prediction.standing_w is None:
             raise ValueError(
                 "battery needs prediction.standing_w, travel_j_per_m and rotate_j_per_rad: without"

@@ -253,7 +253,10 @@ class Zones:
             apart_m: what must be left between it and all obstacles.
         """
         first: Encounter | None = None
+        middle, reach_m = _disc_of(path)
         for obstacle in self:
+            if obstacle.clearance_m(middle, middle) > reach_m + radius_m + apart_m:
+                continue
             found = _first_on(path, obstacle, radius_m + apart_m)
             if found is not None and (first is None or found[0] < first.way_m):
                 way_m, clearance_m = found
@@ -271,6 +274,13 @@ def check_name(name: str) -> None:
         raise ValueError(f"{name[:80]!r} is no name: 1 to 80 printable characters")
 
 
+def _disc_of(path: Sequence[Point]) -> tuple[Point, float]:
+    """Return the middle and the radius of a disc that a path lies within."""
+    xs_m, ys_m = [each.x_m for each in path], [each.y_m for each in path]
+    low, high = Point(min(xs_m), min(ys_m)), Point(max(xs_m), max(ys_m))
+    return _along(low, high, low.distance_m(high) / 2), low.distance_m(high) / 2
+
+
 def _first_on(
     path: Sequence[Point], obstacle: Obstacle, needed_m: float
 ) -> tuple[float, float] | None:
@@ -278,10 +288,17 @@ def _first_on(
     nearest_m = inf
     now_m = obstacle.clearance_m(path[0], path[0])
     leaving = now_m < needed_m
-    walked_m = 0.0
+    walked_m, spare_m = 0.0, now_m - needed_m
     for start, end in pairwise(path):
         length_m = start.distance_m(end)
         begin_m = 0.0
+        if not leaving:
+            if spare_m <= 0.0:
+                spare_m = obstacle.clearance_m(start, start) - needed_m
+            spare_m -= length_m
+            if spare_m > 0.0:
+                walked_m += length_m
+                continue
         if leaving:
             left_m = _way_out_m(start, end, obstacle, needed_m, (walked_m, now_m - FINEST_M))
             if left_m is None:

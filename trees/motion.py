@@ -17,7 +17,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands import Motion as CommandedMotion
-from executive.geometry import STANDING, Pose, on_arc, wrap_rad
+from executive.geometry import STANDING, Point, Pose, on_arc, wrap_rad
 from executive.goals import Context, Goal
 from executive.motion import (
     FUSED_NEAR_M,
@@ -29,6 +29,7 @@ from executive.motion import (
     Verification,
     Verified,
     leg_errors,
+    passes_by,
     plan_leg,
 )
 from executive.path_check import check_request, heeded, seen_ahead, way_to
@@ -158,13 +159,13 @@ class _MotionLeaf(GoalLeaf):
                 self._advance()
             self._passed = motion.passed
             if motion.abandoned:
-                goal.attempts += 1
+                self._abandon(motion)
                 return Status.FAILURE
         if motion is None or (motion.done if standing else motion.ending):
             return Status.SUCCESS
         if motion.fault is not None:
             return self.fail(motion.fault)
-        now_s = self.context.clock.now_s()
+        now_s, goal.led_at = self.context.clock.now_s(), self.context.status.pose.point
         if motion.renew(now_s) or self._elsewhere:
             self.allow(self._allow(motion.expected_s))
         self.context.intents.motion = motion.want(now_s)
@@ -174,12 +175,23 @@ class _MotionLeaf(GoalLeaf):
             goal.life.advance(goal.step, goal.step_count, motion.notice)
         return Status.RUNNING
 
+    def _abandon(self, motion: Motion) -> None:
+        """Note how the goal is to go on from where a motion left the rover."""
+        goal = self.goal
+        goal.off_path = True
+        if motion.again and not goal.leg.through and goal.evaded < MOST_EVADED:
+            goal.around += 1
+            goal.evaded += 1
+            return
+        goal.attempts += 1
+        goal.straight = not goal.leg.through
+
     def _advance(self) -> None:
         """Count a step of the goal, and report it unless it is the last."""
         goal = self.goal
         goal.step += 1
         goal.attempts = goal.evaded = 0
-        goal.off_path = False
+        goal.off_path = goal.straight = False
         if goal.step < goal.step_count:
             text = f"waypoint {goal.step} of {goal.step_count} reached"
             goal.life.advance(goal.step, goal.step_count, text)
@@ -211,6 +223,7 @@ class PlanLeg(_MotionLeaf):
         if verification is not None and not verification.ready(now_s - self._begun_s):
             self.feedback_message = "waits for a frame of the second odometry"
             return Status.RUNNING
+        self._note_passed()
         step, through = _next_step(self.goal, self.context.locomotion)
         way = self._way(step, through)
         if isinstance(way, Refusal):
@@ -219,35 +232,58 @@ class PlanLeg(_MotionLeaf):
         if uncharged is not None:
             return self.fail(uncharged)
         goal, status, settings = self.goal, self.context.status, self.context.settings
-        self._note_way(way)
-        goal.leg = plan_leg(way[0] if way else step, settings, status, through)
+        curves = self.context.locomotion.curves
+        in_one = isinstance(step, Waypoint) and not goal.straight and curves(goal.command, step)
+        self._note_way(way, in_one)
+        if goal.on_way:
+            leg = plan_leg(way[0], settings, status)
+        else:
+            around = tuple(Point(each.x_m, each.y_m) for each in way)
+            leg = plan_leg(step, settings, status, through, around)
+        goal.leg = replace(leg, straight=goal.straight or goal.on_way)
         goal.begun = status.pose
         return Status.SUCCESS
 
-    def _way(
-        self, step: Step, through: tuple[Waypoint, ...]
-    ) -> tuple[Waypoint, ...] | Refusal | None:
-        """Return where to stand on the way to the end of a step, or why it may not be begun.
+    def _note_passed(self) -> None:
+        """Count the waypoints that the rover passed since no motion led it: braking for a pause."""
+        goal, now = self.goal, self.context.status.pose.point
+        before, goal.led_at = goal.led_at, None
+        drive, law = self.context.settings.drive, self.context.settings.turn_drive
+        most_m = drive.travel_speed_mps**2 / drive.travel_acceleration_mps2
+        if before is None or goal.attempts or before.distance_m(now) > most_m:
+            return
+        _, through = _next_step(goal, self.context.locomotion)
+        for each in through:
+            near_m = each.tolerance_m or law.position_tolerance_m
+            if not passes_by(Point(each.x_m, each.y_m), near_m, before, now):
+                return
+            self._advance()
+
+    def _way(self, step: Step, through: tuple[Waypoint, ...]) -> tuple[Waypoint, ...] | Refusal:
+        """Return the corners of the way to the end of a step, or why it may not be begun.
 
         The straight lines of a path are kept to, but for what is seen across them.
         """
         goal, status, settings = self.goal, self.context.status, self.context.settings
         request = goal.command.request
-        obstacles = heeded(request, settings, status.obstacles)
+        obstacles = heeded(settings, status.obstacles)
         if not isinstance(step, Waypoint):
-            return check_request(step, status.pose, settings, obstacles)
+            return check_request(step, status.pose, settings, obstacles) or ()
         if isinstance(request, FollowPath) and not goal.off_path:
             path = replace(request, waypoints=(*through, step))
             blocked = check_request(path, status.pose, settings, obstacles)
             if blocked is not None or through or not obstacles.seen:
-                return blocked
+                return blocked or ()
         return way_to(step, status.pose, settings, obstacles)
 
-    def _note_way(self, way: tuple[Waypoint, ...] | None) -> None:
-        """Report which way around obstacles is taken, once, and after something came into view."""
+    def _note_way(self, way: tuple[Waypoint, ...], in_one: bool) -> None:
+        """Report which way around obstacles is taken, once, and after something came into view.
+
+        Where it is driven in one curve, it has no stops.
+        """
         goal = self.goal
-        goal.on_way = bool(way)
-        goal.off_path = goal.off_path or goal.on_way
+        goal.on_way = bool(way) and not in_one
+        goal.off_path = goal.off_path or bool(way)
         met, goal.met = goal.met, None
         if way and (met is not None or not (goal.around or goal.attempts)):
             what = "obstacles" if met is None else met.obstacle.title
@@ -276,7 +312,7 @@ class Turn(_MotionLeaf):
 
 
 class Drive(_MotionLeaf):
-    """Drives a straight line, until something that comes into view lies across it."""
+    """Drives a line, until something that comes into view lies across it."""
 
     def begin(self) -> float:
         """Begin the line, if the leg has one."""
@@ -300,12 +336,14 @@ class Drive(_MotionLeaf):
     def _met(self) -> Encounter | None:
         """Return what is seen across what is left of a line to a place, if something is."""
         goal, settings, status = self.goal, self.context.settings, self.context.status
-        leg = goal.leg
-        if leg.target is None or leg.toward_rad is None or leg.through or self._elsewhere:
+        leg, motion = goal.leg, self._motion
+        if leg.target is None or leg.toward_rad is None or self._elsewhere:
+            return None
+        if motion is None or motion.evades:
             return None
         end = Pose(leg.target.x_m, leg.target.y_m, heading_rad=leg.toward_rad)
         place = end.ahead(-settings.turn_drive.control_point_m)
-        obstacles = heeded(goal.command.request, settings, status.obstacles)
+        obstacles = heeded(settings, status.obstacles)
         return seen_ahead(status.pose.point, place, settings, obstacles)
 
 

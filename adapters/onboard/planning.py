@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
-from executive.motion import Plan, PlanSolver, Problem, make_solver
+from executive.motion import Plan, Problem, SharedSolver, make_solver
 from executive.settings import Settings
 
 _LOG = logging.getLogger(__name__)
@@ -18,13 +18,14 @@ class BackgroundSolver:
 
     Args:
         solver: answers in the call that asks.
+        thread: where it solves; one of its own unless given.
     """
 
     lead_ticks = 1
 
-    def __init__(self, solver: PlanSolver) -> None:
+    def __init__(self, solver: SharedSolver, thread: ThreadPoolExecutor | None = None) -> None:
         self._solver = solver
-        self._thread = ThreadPoolExecutor(1, "planning")
+        self._thread = thread or ThreadPoolExecutor(1, "planning")
         self._answer: Future[Plan | None] | None = None
 
     @property
@@ -43,6 +44,10 @@ class BackgroundSolver:
         answer, self._answer = self._answer, None
         return answer.result()
 
+    def beside(self, apart: bool = False) -> "BackgroundSolver":
+        """Return another that solves on the same thread, in turn with this one."""
+        return BackgroundSolver(self._solver.beside(apart), self._thread)
+
     def close(self) -> None:
         """End the thread, after the problem that it is at."""
         self._thread.shutdown()
@@ -57,7 +62,7 @@ class BackgroundSolver:
 
 
 @contextmanager
-def planning(settings: Settings) -> Iterator[PlanSolver | None]:
+def planning(settings: Settings) -> Iterator[SharedSolver | None]:
     """Yield what plans for an asset at real time; None where it needs no plans.
 
     Raises:

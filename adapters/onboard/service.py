@@ -42,7 +42,7 @@ from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
 from executive.clock import Clock
 from executive.goals import Context
-from executive.motion import PlanSolver
+from executive.motion import SharedSolver
 from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
 from executive.runner import Executive
@@ -156,7 +156,7 @@ def executive_on(
     build_tree: Callable[[Context], RoverTree] = RoverTree,
     video: Video | None = None,
     relayed: bool = False,
-    solver: PlanSolver | None = None,
+    solver: SharedSolver | None = None,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands."""
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)

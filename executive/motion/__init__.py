@@ -12,8 +12,10 @@ from executive.motion.locomotion import (
     plan_leg,
 )
 from executive.motion.minimum_time import MinimumTime
-from executive.motion.plan import Plan, PlanSolver, Problem
-from executive.motion.predictive_control import make_solver
+from executive.motion.motion_model import MotionState
+from executive.motion.plan import Plan, PlanSolver, Problem, SharedSolver, Target
+from executive.motion.predictive_control import make_solver, model_of
+from executive.motion.route import passes_by
 from executive.motion.velocity_control import VelocityLocomotion
 from executive.motion.verification import (
     FUSED_NEAR_M,
@@ -35,10 +37,13 @@ __all__ = [
     "Locomotion",
     "MinimumTime",
     "Motion",
+    "MotionState",
     "Plan",
     "PlanSolver",
     "Problem",
+    "SharedSolver",
     "Step",
+    "Target",
     "VelocityLocomotion",
     "Verification",
     "Verified",
@@ -46,5 +51,7 @@ __all__ = [
     "leg_errors",
     "make_locomotion",
     "make_solver",
+    "model_of",
+    "passes_by",
     "plan_leg",
 ]

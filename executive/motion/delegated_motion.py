@@ -35,6 +35,10 @@ class DelegatedLocomotion:
         self._status = status
         self._numbers = count(1)
 
+    def curves(self, _: Command, __: Waypoint) -> bool:
+        """Return False: it drives straight lines."""
+        return False
+
     def passes(self, _: Command, __: Waypoint) -> bool:
         """Return False: it stands at each."""
         return False

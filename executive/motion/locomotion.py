@@ -131,8 +131,9 @@ class Leg:
         tolerance_m: how near is near enough.
         turn_rad: signed angle to turn to that heading; None for the shorter way.
         aim: where the line ends, uphill of the target by what the last turn will slide.
-        through: waypoints to pass on the way without standing. Where there are some, and there is
-            no heading, the target is where base_link is to go.
+        through: waypoints to pass on the way without standing.
+        around: corners of a way around obstacles, where it is driven as a curve.
+        straight: whether it is to be driven by turns and lines, whatever drives the command.
     """
 
     toward_rad: float | None
@@ -143,11 +144,13 @@ class Leg:
     turn_rad: float | None = None
     aim: Point | None = None
     through: tuple[Waypoint, ...] = ()
+    around: tuple[Point, ...] = ()
+    straight: bool = False
 
     @property
     def free(self) -> bool:
         """Whether base_link is to stand at the target, at whatever heading."""
-        return bool(self.through) and self.heading_rad is None
+        return bool(self.through or self.around) and self.heading_rad is None
 
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
@@ -156,7 +159,11 @@ def turn_bounds(settings: Settings, status: Status) -> Bounds:
 
 
 def plan_leg(
-    step: Step, settings: Settings, status: Status, through: Sequence[Waypoint] = ()
+    step: Step,
+    settings: Settings,
+    status: Status,
+    through: Sequence[Waypoint] = (),
+    around: Sequence[Point] = (),
 ) -> Leg:
     """Return the leg that leads from the present pose through a step.
 
@@ -165,6 +172,7 @@ def plan_leg(
         settings: the asset.
         status: where the rover is, and how fast it may go.
         through: waypoints to pass before, without standing.
+        around: corners of a way around obstacles, without standing.
     """
     pose, law = status.pose, settings.turn_drive
     near_m = law.position_tolerance_m
@@ -178,20 +186,31 @@ def plan_leg(
             target = pose.ahead(law.control_point_m + distance_m)
             near_m = min(near_m, max(abs(distance_m) / 2, FINEST_M))
             return Leg(None, target, distance_m < 0, None, near_m)
-        case Waypoint() if through:
-            return _along_path(step, through, settings)
+        case Waypoint() if through or around:
+            return _along_path(step, through, around, settings)
         case Waypoint():
             return _to_waypoint(step, settings, status)
 
 
-def _along_path(waypoint: Waypoint, through: Sequence[Waypoint], settings: Settings) -> Leg:
+def _along_path(
+    waypoint: Waypoint, through: Sequence[Waypoint], around: Sequence[Point], settings: Settings
+) -> Leg:
     law, place = settings.turn_drive, Point(waypoint.x_m, waypoint.y_m)
-    toward_rad = Point(through[-1].x_m, through[-1].y_m).bearing_rad(place)
+    before = [*around, *(Point(each.x_m, each.y_m) for each in through)]
+    toward_rad = before[-1].bearing_rad(place)
     target, heading_rad = place, waypoint.heading_rad
     if heading_rad is not None:
         target = Pose(place.x_m, place.y_m, heading_rad=heading_rad).ahead(law.control_point_m)
     near_m = waypoint.tolerance_m or law.position_tolerance_m
-    return Leg(toward_rad, target, False, heading_rad, near_m, through=tuple(through))
+    return Leg(
+        toward_rad,
+        target,
+        False,
+        heading_rad,
+        near_m,
+        through=tuple(through),
+        around=tuple(around),
+    )
 
 
 def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
@@ -298,8 +317,18 @@ class Motion(ABC):
         return None
 
     @property
+    def evades(self) -> bool:
+        """Whether it keeps away itself from what comes into view."""
+        return False
+
+    @property
     def abandoned(self) -> bool:
-        """Whether the rover stands, and is to go on to the next waypoint by a leg of its own."""
+        """Whether the rover stands, and is to go on by another leg: to the next waypoint alone."""
+        return False
+
+    @property
+    def again(self) -> bool:
+        """Whether that leg may be a curve again; else it is driven by turns and lines."""
         return False
 
     @property
@@ -324,6 +353,9 @@ class Locomotion(Protocol):
     """
 
     alone: bool
+
+    def curves(self, command: Command, waypoint: Waypoint) -> bool:
+        """Return whether it drives to a waypoint in one curve, around what lies between."""
 
     def passes(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether it passes a waypoint of a path that goes on, without standing there."""

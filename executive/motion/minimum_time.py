@@ -1,31 +1,37 @@
 """The fastest motion from a state to rest at a place: from first guesses on."""
 
-from itertools import pairwise
+from collections.abc import Sequence
+from copy import copy
+from itertools import islice, pairwise
 from typing import Final
 
 from executive.geometry import Point, wrap_rad
 from executive.motion.locomotion import Bounds, duration_s
 from executive.motion.motion_model import MotionModel, MotionState
+from executive.motion.obstacles import Obstacles
 from executive.motion.plan import PASSED_AT_ONCE, SHORTEST_S, Plan, Problem, Target
-from executive.motion.polylines import polylines
+from executive.motion.polylines import Polyline, polylines
 from executive.motion.programme import Programme
 
 FASTEST_SHARE: Final = 0.6
 """Of the least time by what is commanded: a rover that drives turns faster than commanded."""
 STARTS: Final = 3
 """Guesses that are tried at most, where those before them end beyond the aim or nowhere."""
+LOOKS: Final = 2
+"""At what a plan comes near to."""
 NO_MISS: Final = 1e-3
 SLOW_MPS: Final = 0.01
 
 
 class MinimumTime:
-    """The programmes of one rover: a `PlanSolver` that answers in the call that asks.
+    """The programmes of one rover: a `SharedSolver` that answers in the call that asks.
 
     Args:
         model: the rover.
         travel: its greatest acceleration, m/s².
         rotate: its greatest acceleration of rotation, rad/s².
         steps: intervals of a plan.
+        obstacles: whether there may be some.
 
     Raises:
         SettingsError: casadi is not installed.
@@ -34,13 +40,20 @@ class MinimumTime:
     lead_ticks = 0
     busy = False
 
-    def __init__(self, model: MotionModel, travel: float, rotate: float, steps: int) -> None:
+    def __init__(
+        self,
+        model: MotionModel,
+        travel: float,
+        rotate: float,
+        steps: int,
+        obstacles: bool = False,
+    ) -> None:
         self._most = (travel, rotate)
         self._steps = steps
         self._plan: Plan | None = None
-        self._programmes = [
-            Programme(model, self._most, steps, passes) for passes in range(PASSED_AT_ONCE + 1)
-        ]
+        self._model = model
+        self._among_none = self._built(False)
+        self._among_obstacles = self._built(True) if obstacles else []
 
     def ask(self, problem: Problem) -> None:
         """Solve a problem."""
@@ -51,21 +64,62 @@ class MinimumTime:
         plan, self._plan = self._plan, None
         return plan
 
+    def beside(self, apart: bool = False) -> "MinimumTime":
+        """Return another that has the same programmes."""
+        return copy(self)
+
     def solve(self, problem: Problem) -> Plan | None:
-        """Return the plan of a problem, or None where none is found."""
-        programme = self._programmes[len(problem.through)]
+        """Return the plan of a problem, or None where none is found.
+
+        From a guess that leads into something that came into view, a way around that is tried.
+        """
+        programmes = self._among_none if problem.obstacles is None else self._among_obstacles
+        programme = programmes[len(problem.through)]
         if problem.guess is not None:
             least_s = (SHORTEST_S,) * len(problem.targets)
-            return programme.solve(problem, self._onward(problem, problem.guess), least_s)
+            plan = self._led(programme, problem, self._onward(problem, problem.guess), least_s)
+            if plan is not None or programme.leads(problem.guess, problem.obstacles):
+                return plan
+        most = STARTS if problem.guess is None else 1
+        first, around = problem.targets[0], self._around(problem)
         best: Plan | None = None
-        for guess in self._guesses(problem, problem.start, problem.targets[0])[:STARTS]:
+        for guess in self._guesses(problem, problem.start, first, around=around)[:most]:
             whole = self._onward(problem, guess)
-            plan = programme.solve(problem, whole, self._least_s(problem))
+            plan = self._led(programme, problem, whole, self._least_s(problem))
             if plan is not None and (best is None or plan.miss < best.miss):
                 best = plan
             if best is not None and best.miss <= NO_MISS:
                 break
         return best
+
+    @staticmethod
+    def _led(
+        programme: Programme, problem: Problem, guess: Plan, least_s: Sequence[float]
+    ) -> Plan | None:
+        """Return a plan that leads past all obstacles, or None where none is found.
+
+        Where the first one comes near to others than its guess did, it is the next guess.
+        """
+        for _ in range(LOOKS):
+            plan = programme.solve(problem, guess, least_s)
+            if plan is None or programme.leads(plan, problem.obstacles):
+                return plan
+            guess = plan
+        return None
+
+    def _built(self, obstacles: bool) -> list[Programme]:
+        """Return the programmes for each number of places that are passed."""
+        return [
+            Programme(self._model, self._most, self._steps, passes, obstacles)
+            for passes in range(PASSED_AT_ONCE + 1)
+        ]
+
+    def _around(self, problem: Problem) -> tuple[Point, ...]:
+        """Return the corners of a way around obstacles to the first place of a problem."""
+        if problem.around or problem.obstacles is None:
+            return problem.around
+        ahead_m, first = self._model.ahead_m, problem.targets[0]
+        return problem.obstacles.way(problem.start.behind(ahead_m), first.base(ahead_m))
 
     def _onward(self, problem: Problem, guess: Plan) -> Plan:
         """Return a guess that leads to all places of a problem, by polylines from its end."""
@@ -76,25 +130,38 @@ class MinimumTime:
         return guess
 
     def _guesses(
-        self, problem: Problem, start: MotionState, target: Target, along: float = 0.0
+        self,
+        problem: Problem,
+        start: MotionState,
+        target: Target,
+        along: float = 0.0,
+        around: tuple[Point, ...] = (),
     ) -> list[Plan]:
         """Return the fastest guesses from rest, for a rover that came forward or backward.
 
-        One that goes on the same way need not stand where it passes.
+        One that goes on the same way need not stand where it passes. Those that lead into
+        obstacles are left out, unless all do.
         """
         travel = Bounds(problem.travel_mps, self._most[0])
         rotate = Bounds(problem.rotate_radps, self._most[1])
         place, stop_s = Point(start.x_m, start.y_m), travel.speed / travel.acceleration
         guesses = []
         found = polylines(
-            place, start.heading_rad, target.point, target.polyline_rad, travel, rotate
+            place, start.heading_rad, target.point, target.polyline_rad, travel, rotate, around
         )
         found.sort(key=lambda each: each.duration_s + stop_s * (each.direction * along < 0.0))
-        for each in found[:STARTS]:
+        for each in self._free(found, problem.obstacles) or found[:STARTS]:
             times_s = (each.duration_s * index / self._steps for index in range(self._steps + 1))
             states = tuple(MotionState(*each.at(time_s, travel, rotate)) for time_s in times_s)
             guesses.append(Plan(each.duration_s, states, each.end_rad))
         return guesses or [Plan(SHORTEST_S, (start,) * (self._steps + 1), start.heading_rad)]
+
+    @staticmethod
+    def _free(found: list[Polyline], obstacles: Obstacles | None) -> list[Polyline]:
+        """Return the first polylines that lead into no obstacles."""
+        if obstacles is None:
+            return found[:STARTS]
+        return list(islice((each for each in found if obstacles.free(each.corners)), STARTS))
 
     def _least_s(self, problem: Problem) -> tuple[float, ...]:
         """Return times that no plan from rest is shorter than, so that none is of no length."""

@@ -1,11 +1,12 @@
 """How a rover that takes velocities answers to them: with numbers, or with expressions."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, exp, sin, sqrt, tanh
 from types import SimpleNamespace
 from typing import Any, Final
 
+from executive.geometry import Point, Pose, Velocity
 from executive.mpc_settings import Slip, YawResponse
 
 _GAUSS: Final = (0.5 - sqrt(3.0) / 6, 0.5 + sqrt(3.0) / 6)
@@ -37,6 +38,10 @@ class MotionState:
         """All of it, in its order."""
         speeds = (self.travel_mps, self.rotate_radps, self.lag_radps)
         return self.x_m, self.y_m, self.heading_rad, *speeds
+
+    def behind(self, way_m: float) -> Point:
+        """Return the point that lies so far behind the control point."""
+        return Pose(self.x_m, self.y_m, heading_rad=self.heading_rad).ahead(-way_m)
 
 
 _PLAIN: Final = SimpleNamespace(sin=sin, cos=cos, sqrt=sqrt, tanh=tanh, exp=exp)
@@ -90,6 +95,15 @@ class MotionModel:
             y = y + step / 2 * (along * sine + across * cosine)
         end = travel + travel_mps2 * step, rotate + rotate_radps2 * step
         return [x, y, heading + step * turning, *end, late + (lag - late) * decay]
+
+    def moved(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
+        """Return a state after a step at whose end another command is in effect."""
+        controls = (
+            (command.travel_mps - state.travel_mps) / step_s,
+            (command.rotate_radps - state.rotate_radps) / step_s,
+        )
+        after = MotionState(*self.advance(state.figures, controls, step_s))
+        return replace(after, travel_mps=command.travel_mps, rotate_radps=command.rotate_radps)
 
     def _late(self, travel: Any, rotate: Any, travel_mps2: Any, ops: Any) -> Any:
         """Return what the lag goes to."""

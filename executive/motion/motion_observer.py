@@ -1,6 +1,6 @@
 """How the rover moves, while commands come into effect late and odometry arrives late."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
 from typing import Final
@@ -77,15 +77,6 @@ class MotionObserver:
         )
         return self._roll(state, measured_s, self._knots[-1].time_s)
 
-    def next(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
-        """Return the state after a step at whose end another command is in effect."""
-        controls = (
-            (command.travel_mps - state.travel_mps) / step_s,
-            (command.rotate_radps - state.rotate_radps) / step_s,
-        )
-        after = MotionState(*self._model.advance(state.figures, controls, step_s))
-        return replace(after, travel_mps=command.travel_mps, rotate_radps=command.rotate_radps)
-
     @property
     def effect_s(self) -> float:
         """When the last command is in effect."""
@@ -113,11 +104,7 @@ class MotionObserver:
         for before, after in pairwise(self._knots):
             if time_s <= after.time_s:
                 part = (time_s - before.time_s) / (after.time_s - before.time_s)
-                low, high = before.velocity, after.velocity
-                return Velocity(
-                    low.travel_mps + part * (high.travel_mps - low.travel_mps),
-                    low.rotate_radps + part * (high.rotate_radps - low.rotate_radps),
-                )
+                return before.velocity.toward(after.velocity, part)
         return self._knots[-1].velocity
 
     def _roll(self, state: MotionState, from_s: float, to_s: float) -> MotionState:
@@ -125,7 +112,7 @@ class MotionObserver:
         times_s = [knot.time_s for knot in self._knots if from_s < knot.time_s < to_s]
         for before_s, after_s in pairwise([from_s, *times_s, to_s]):
             if after_s - before_s > FINEST_S:
-                state = self.next(state, self._commanded(after_s), after_s - before_s)
+                state = self._model.moved(state, self._commanded(after_s), after_s - before_s)
         return state
 
     def _learn(self, measured_s: float, odometry: Odometry | None) -> None:

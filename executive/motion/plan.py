@@ -7,8 +7,9 @@ from itertools import pairwise
 from math import pi
 from typing import Final, Protocol
 
-from executive.geometry import Point, Velocity
+from executive.geometry import Point, Pose, Velocity
 from executive.motion.motion_model import MotionState
+from executive.motion.obstacles import Obstacles
 
 SHORTEST_S: Final = 0.05
 PASSED_AT_ONCE: Final = 1
@@ -39,6 +40,11 @@ class Target:
     def point(self) -> Point:
         """The place."""
         return Point(self.x_m, self.y_m)
+
+    def base(self, ahead_m: float) -> Point:
+        """Return where base_link is there, so far behind the control point."""
+        pose = Pose(self.x_m, self.y_m, heading_rad=self.heading_rad)
+        return pose.ahead(self.behind_m - ahead_m)
 
     @property
     def polyline_rad(self) -> float | None:
@@ -132,6 +138,8 @@ class Problem:
         guess: a plan near the answer, to fewer places perhaps; None: from rest, where polylines
             are tried.
         through: places to pass before the target, of any heading: `PASSED_AT_ONCE` at most.
+        obstacles: what to keep away from; None where there is nothing.
+        around: corners of a way around that, to the first of the places: for the first guess.
     """
 
     start: MotionState
@@ -140,6 +148,8 @@ class Problem:
     rotate_radps: float
     guess: Plan | None
     through: tuple[Target, ...] = ()
+    obstacles: Obstacles | None = None
+    around: tuple[Point, ...] = ()
 
     @property
     def targets(self) -> tuple[Target, ...]:
@@ -165,3 +175,14 @@ class PlanSolver(Protocol):
 
     def answer(self) -> Plan | None:
         """Return the answer to the last question, once; None where there is none, or none yet."""
+
+
+class SharedSolver(PlanSolver, Protocol):
+    """A `PlanSolver` that others can use, too."""
+
+    def beside(self, apart: bool = False) -> "SharedSolver":
+        """Return another, for questions of somebody else.
+
+        Args:
+            apart: whether these are no part of what the core does, and may be another thread's.
+        """

@@ -47,6 +47,17 @@ class Polyline:
     end_rad: float
 
     @property
+    def corners(self) -> list[Point]:
+        """Where its parts begin, and where it ends."""
+        places = [part.place for part in self.parts]
+        match self.parts[-1]:
+            case Line(place, heading_rad, by_m):
+                places.append(_beside(place, heading_rad, by_m))
+            case Turn():
+                pass
+        return places
+
+    @property
     def direction(self) -> float:
         """Its first line's length: negative where it begins backward; 0 without a line."""
         return next((part.by_m for part in self.parts if isinstance(part, Line)), 0.0)
@@ -75,21 +86,22 @@ def polylines(
     end_rad: float | None,
     travel: Bounds,
     rotate: Bounds,
+    around: Sequence[Point] = (),
 ) -> list[Polyline]:
     """Return the polylines from one pose to another, the fastest first.
 
-    Without `end_rad` any heading will do at the end.
+    Without `end_rad` any heading will do at the end. All lead by the places `around`.
     """
     found = [
         _join(places, signs, other, start_rad, end_rad, travel, rotate)
-        for places, signs in _ways(start, start_rad, end, end_rad)
+        for places, signs in _ways(start, start_rad, end, end_rad, around)
         for other in (False, True)
     ]
     return sorted((each for each in found if each is not None), key=lambda each: each.duration_s)
 
 
 def _ways(
-    start: Point, start_rad: float, end: Point, end_rad: float | None
+    start: Point, start_rad: float, end: Point, end_rad: float | None, around: Sequence[Point]
 ) -> Iterator[tuple[list[Point], list[float]]]:
     """Yield corners, and 1 or -1 for each line between them: forward or backward."""
     offsets = [sign * offset_m for offset_m in OFFSETS_M for sign in (1.0, -1.0)]
@@ -99,7 +111,8 @@ def _ways(
         if first_m:
             places.append(_beside(start, start_rad, first_m))
             signs.append(copysign(1.0, first_m))
-        signs.append(sign)
+        places += around
+        signs += [sign] * (len(around) + 1)
         if last_m and end_rad is not None:
             places.append(_beside(end, end_rad, last_m))
             signs.append(copysign(1.0, -last_m))

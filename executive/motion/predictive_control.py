@@ -1,11 +1,10 @@
 """Model predictive control: drives a curve to a place in the least time, planned anew each tick.
 
 Where there is no plan in time, or none that leads there, the next sample of the plan before is
-commanded; where that lasts, the rover stands, and turn-then-drive goes on from there.
+commanded; where that lasts, the rover stands, and the motion is abandoned.
 """
 
 from dataclasses import dataclass, replace
-from enum import Enum, auto
 from itertools import pairwise
 from math import hypot
 from typing import Final
@@ -19,12 +18,12 @@ from executive.motion.locomotion import (
     Leg,
     Motion,
     duration_s,
-    plan_leg,
     turn_bounds,
 )
 from executive.motion.minimum_time import MinimumTime
 from executive.motion.motion_model import MotionModel, MotionState
 from executive.motion.motion_observer import FINEST_S, MotionObserver
+from executive.motion.obstacles import Obstacles
 from executive.motion.plan import ANY_RAD, Plan, PlanSolver, Problem, Target
 from executive.motion.route import AIM_SHARE, Route, aim_within_m
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
@@ -54,15 +53,6 @@ OFF_RAD: Final = 0.2
 """From where the plan had it now: beyond it the odometry jumped, or something moved the rover."""
 MISSED: Final = 0.05
 """Metres and radians beyond its aim by which a plan does not lead there."""
-
-
-class _Instead(Enum):
-    """What turn-then-drive is at, where it took over."""
-
-    BRAKE = auto()
-    TURN = auto()
-    DRIVE = auto()
-    DONE = auto()
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,27 +89,22 @@ class PredictiveLaw(Motion):
     """Drives the control point to where a leg ends, in the least time, through its waypoints.
 
     Where a waypoint is missed, or no plan leads on, the rover stands, and the motion is abandoned.
-
-    Args:
-        motions: makes the motions of turn-then-drive.
     """
 
     def __init__(
         self,
-        command: Command,
         leg: Leg,
         settings: Settings,
         status: Status,
         observer: MotionObserver,
+        model: MotionModel,
         solver: PlanSolver,
-        motions: VelocityLocomotion,
     ) -> None:
         if leg.target is None or leg.toward_rad is None:
             raise TypeError(f"{leg} has no line to a place")
-        self._command, self._leg, self._place = command, leg, leg.target
+        self._leg, self._place = leg, leg.target
         self._settings, self._status = settings, status
-        self._solver, self._motions = solver, motions
-        self._observer = observer
+        self._solver, self._observer, self._model = solver, observer, model
         self._near_m = leg.tolerance_m
         self._near_rad = settings.turn_drive.heading_tolerance_rad
         self._heading_rad = leg.toward_rad if leg.heading_rad is None else leg.heading_rad
@@ -142,33 +127,39 @@ class PredictiveLaw(Motion):
         self._misses = 0
         self._starts = 0
         self._braking = False
-        self._instead: _Instead | None = None
-        self._motion: Motion | None = None
-        self._waypoint = _waypoint(leg, self._place, self._heading_rad, observer.ahead_m)
+        self._obstacles: Obstacles | None = None
+        self._known = self._present_obstacles
         self._limits = self._present_limits
         self.notice: str | None = None
         self.expected_s = self._expected_s()
 
     @property
+    def evades(self) -> bool:
+        """True: what it keeps away from is looked up for each plan."""
+        return True
+
+    @property
     def abandoned(self) -> bool:
-        """Whether the rover stands, and is to go on to the next waypoint by a leg of its own."""
+        """Whether the rover stands, and is to go on by another leg."""
         return self._abandons and self._status.standing
+
+    @property
+    def again(self) -> bool:
+        """Whether it passes waypoints, or something came into view so that no plan leads on."""
+        seen = self._misses > MISSES and self._present_obstacles is not self._known
+        return bool(self._leg.through) or seen
 
     @property
     def done(self) -> bool:
         """Whether the rover stands where the leg ends, and has passed what is before."""
         if self._abandons or self.passed < self._route.end:
             return False
-        if self._instead is not None:
-            return self._instead is _Instead.DONE and self._status.standing
         return self._status.standing and self._within(*self._seen_off, 1.0)
 
     @property
     def left(self) -> str:
         """The distance left, and for how long by the plan."""
         left_m, _ = self._seen_off
-        if self._instead is not None:
-            return f"{left_m:.3f} m left, by turn-then-drive"
         if self._course is None:
             return f"{left_m:.3f} m left"
         return f"{left_m:.3f} m and {self._course.plan.duration_s:.1f} s left"
@@ -183,8 +174,6 @@ class PredictiveLaw(Motion):
 
     def want(self, now_s: float) -> Wanted:
         """Return the velocity to command."""
-        if self._instead is not None:
-            return self._turn_then_drive(now_s)
         missed = self._route.observe(self._status.pose.point, now_s)
         self.passed = self._route.passed
         if self._abandons:
@@ -198,26 +187,36 @@ class PredictiveLaw(Motion):
             self._ask(state, effect_s, now_s)
         self._take_answer(state, effect_s, now_s)
         if reason := self._hopeless(now_s):
-            self._give_up(reason)
+            self._abandon(reason)
             return STANDING
         command = STANDING
         if self._course is not None and not self._lands(self._course, state):
             command = self._course.plan.velocity(takes_effect_s - self._course.from_s)
         if self._solver.lead_ticks:
             step_s = max(takes_effect_s - effect_s, FINEST_S)
-            self._ask(self._observer.next(state, command, step_s), takes_effect_s, now_s)
+            self._ask(self._model.moved(state, command, step_s), takes_effect_s, now_s)
         return command
 
     @property
     def _present_limits(self) -> tuple[float, float]:
         return self._status.travel_limit_mps, self._status.rotate_limit_radps
 
+    @property
+    def _present_obstacles(self) -> Obstacles | None:
+        """What is kept away from now; the same until that changes."""
+        zones, footprint = self._status.obstacles, self._settings.footprint
+        if not zones.any or footprint is None:
+            return None
+        if self._obstacles is None or self._obstacles.zones is not zones:
+            self._obstacles = Obstacles(zones, footprint.radius_m)
+        return self._obstacles
+
     def _expected_s(self) -> float:
         """Return what turn-then-drive takes, at most."""
         pose, rotate = self._status.pose, turn_bounds(self._settings, self._status)
         travel = Bounds(self._limits[0], self._settings.drive.travel_acceleration_mps2)
         takes_s, place, heading_rad = 0.0, pose.ahead(self._observer.ahead_m), pose.heading_rad
-        *through, end = self._route.left
+        *through, end = *self._leg.around, *self._route.left
         towards = [before.bearing_rad(after) for before, after in pairwise((place, *through))]
         for after, toward_rad in zip(
             (*through, end), (*towards, self._leg.toward_rad or 0.0), strict=True
@@ -266,9 +265,13 @@ class PredictiveLaw(Motion):
             first = course.question.end - len(guess.passes_s)
         *through, target = route.plan_from(first, now_s)
         waits = guess is None and at_rest
-        self._question = _Question(now_s, from_s, first + len(through), waits)
         limits = self._present_limits
-        self._solver.ask(Problem(state, target, *limits, guess, tuple(through)))
+        around = self._leg.around if self._question is None else ()
+        self._question = _Question(now_s, from_s, first + len(through), waits)
+        problem = Problem(
+            state, target, *limits, guess, tuple(through), self._present_obstacles, around
+        )
+        self._solver.ask(problem)
 
     def _take_answer(self, state: MotionState, effect_s: float, now_s: float) -> None:
         """Go on with the answer to the last question, if there is one that leads there."""
@@ -318,49 +321,22 @@ class PredictiveLaw(Motion):
                 _toward_zero(state.travel_mps, drive.travel_acceleration_mps2 * tick_s),
                 _toward_zero(state.rotate_radps, drive.rotate_acceleration_radps2 * tick_s),
             )
-            state = self._observer.next(state, velocity, tick_s)
+            state = self._model.moved(state, velocity, tick_s)
         for _ in range(2):
-            state = self._observer.next(state, STANDING, tick_s)
+            state = self._model.moved(state, STANDING, tick_s)
         off_m, off_rad = self._off(Point(state.x_m, state.y_m), state.heading_rad)
         share = KEEP_BRAKING_SHARE if self._braking else BRAKE_SHARE
         self._braking = self._within(off_m, off_rad, share)
         return self._braking
 
-    def _give_up(self, reason: str) -> None:
-        if self._leg.through:
-            self._abandon(reason)
-            return
-        self.notice = f"mpc: {reason}; turn-then-drive takes over"
-        self._instead = _Instead.BRAKE
-        self._limits = (0.0, 0.0)
-
     def _abandon(self, reason: str) -> None:
-        self.notice = f"mpc: {reason}; the rover stands, and drives to the next waypoint alone"
+        goes_on = "turn-then-drive takes over"
+        if self._leg.through:
+            goes_on = "the rover stands, and drives to the next waypoint alone"
+        elif self.again:
+            goes_on = "the rover stands, and looks for another way"
+        self.notice = f"mpc: {reason}; {goes_on}"
         self._abandons = True
-
-    def _turn_then_drive(self, now_s: float) -> Wanted:
-        """Return the velocity to command once it has given up: stand, turn, drive."""
-        if self._instead is _Instead.BRAKE:
-            if not self._status.standing:
-                return STANDING
-            self._leg = plan_leg(self._waypoint, self._settings, self._status)
-            self._motion = self._motions.turn(self._command, self._leg, final=False)
-            self._instead = _Instead.TURN
-        if self._instead is _Instead.TURN and (self._motion is None or self._motion.done):
-            self._motion = self._motions.line(self._command, self._leg)
-            self._instead = _Instead.DRIVE
-        if self._motion is None or self._motion.done:
-            self._instead = _Instead.DONE
-        if self._motion is None or self._instead is _Instead.DONE:
-            return STANDING
-        self._motion.renew(now_s)
-        return self._motion.want(now_s)
-
-
-def _waypoint(leg: Leg, place: Point, heading_rad: float, ahead_m: float) -> Waypoint:
-    """Return what a leg was planned from."""
-    end = Pose(place.x_m, place.y_m, heading_rad=heading_rad).ahead(-ahead_m)
-    return Waypoint(end.x_m, end.y_m, leg.heading_rad, leg.tolerance_m)
 
 
 def _toward_zero(figure: float, step: float) -> float:
@@ -387,11 +363,13 @@ class PredictiveLocomotion(VelocityLocomotion):
         self._solver = solver
         self._model = model_of(settings)
 
+    def curves(self, command: Command, waypoint: Waypoint) -> bool:
+        """Return whether a waypoint asks for no more precision than usual."""
+        return not self._fine(waypoint.tolerance_m) and self._drives(command)
+
     def passes(self, command: Command, waypoint: Waypoint) -> bool:
         """Return whether a waypoint asks for no heading, and for no more precision than usual."""
-        usual_m = self._settings.turn_drive.position_tolerance_m
-        usual = waypoint.heading_rad is None and (waypoint.tolerance_m or usual_m) >= usual_m
-        return usual and self._drives(command)
+        return waypoint.heading_rad is None and self.curves(command, waypoint)
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
         """Return the last turn of a leg; the first is part of its curve."""
@@ -404,13 +382,12 @@ class PredictiveLocomotion(VelocityLocomotion):
         if not self._leads(command, leg):
             return super().line(command, leg)
         return PredictiveLaw(
-            command,
             leg,
             self._settings,
             self._status,
             MotionObserver(self._settings, self._status, self._model, self._mover),
+            self._model,
             self._solver,
-            VelocityLocomotion(self._clock, self._settings, self._status),
         )
 
     def _drives(self, command: Command) -> bool:
@@ -418,9 +395,14 @@ class PredictiveLocomotion(VelocityLocomotion):
 
     def _leads(self, command: Command, leg: Leg) -> bool:
         """Return whether a leg leads to a place by a curve."""
-        fine = leg.tolerance_m < self._settings.turn_drive.position_tolerance_m
-        leads = leg.target is not None and leg.toward_rad is not None
-        return leads and (bool(leg.through) or not fine) and self._drives(command)
+        leads = leg.target is not None and leg.toward_rad is not None and not leg.straight
+        usual = bool(leg.through) or not self._fine(leg.tolerance_m)
+        return leads and usual and self._drives(command)
+
+    def _fine(self, tolerance_m: float | None) -> bool:
+        """Return whether a tolerance asks for more precision than usual."""
+        usual_m = self._settings.turn_drive.position_tolerance_m
+        return (tolerance_m or usual_m) < usual_m
 
 
 def model_of(settings: Settings) -> MotionModel:
@@ -441,4 +423,5 @@ def make_solver(settings: Settings) -> MinimumTime:
         drive.travel_acceleration_mps2,
         drive.rotate_acceleration_radps2,
         settings.mpc.steps,
+        settings.zones.any or settings.sensors.laser is not None,
     )

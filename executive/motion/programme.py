@@ -8,11 +8,13 @@ without fatrop. casadi is the extra `mpc`, imported when a programme is built.
 
 from collections.abc import Sequence
 from importlib import import_module
-from itertools import accumulate, pairwise
+from itertools import accumulate, islice, pairwise
 from math import inf, isfinite
 from typing import Any, Final
 
+from executive.geometry import Point
 from executive.motion.motion_model import MotionModel, MotionState
+from executive.motion.obstacles import ROW, SLOTS, Obstacles
 from executive.motion.plan import Plan, Problem, sampled
 from executive.settings_files import SettingsError
 
@@ -29,10 +31,12 @@ FEWEST_BETWEEN: Final = 10
 _STATE: Final = 6
 _PASS: Final = 4
 """Parameters of a place that is passed: x, y, aim, and how far behind the control point."""
+_FIXED: Final = _STATE + 7
+"""Parameters before those of places that are passed: of the start, and of the end."""
 
 
 class Programme:
-    """The programme for a number of places that are passed.
+    """The programme for a number of places that are passed, among obstacles or on free ground.
 
     In each node there are a state, the durations to each place and to the end, and the miss; all
     but the state are the same in every node.
@@ -42,17 +46,24 @@ class Programme:
         most: its greatest accelerations, of travel in m/s² and of rotation in rad/s².
         steps: intervals of a plan that passes no place.
         passes: how many places are passed.
+        obstacles: whether its places keep away from some.
 
     Raises:
         SettingsError: casadi is not installed.
     """
 
     def __init__(
-        self, model: MotionModel, most: tuple[float, float], steps: int, passes: int
+        self,
+        model: MotionModel,
+        most: tuple[float, float],
+        steps: int,
+        passes: int,
+        obstacles: bool,
     ) -> None:
         self._model = model
         self._most = most
         self._passes = passes
+        self._obstacles = obstacles
         self._count = steps if not passes else max(steps // 2, FEWEST_BETWEEN)
         self._durations = slice(_STATE, _STATE + passes + 1)
         self._miss = _STATE + passes + 1
@@ -76,10 +87,14 @@ class Programme:
             for each in problem.through
             for figure in (each.x_m, each.y_m, each.aim_m, each.behind_m)
         ]
+        rows: list[float] = []
+        if problem.obstacles is not None:
+            halves = sampled(guess.at, guess.passes_s, guess.duration_s, 2 * self._count).states
+            rows = problem.obstacles.rows([each.behind(self._model.ahead_m) for each in halves])
         low, high = self._bounds(problem, least_s)
         found = self._solver(
             x0=self._vector(guess),
-            p=[*start.figures, *end, target.behind_m, fastest_radps, *passed],
+            p=[*start.figures, *end, target.behind_m, fastest_radps, *passed, *rows],
             lbx=low,
             ubx=high,
             lbg=self._lowest,
@@ -90,14 +105,21 @@ class Programme:
             return None
         return self._read(figures, guess.heading_rad)
 
+    def leads(self, plan: Plan, obstacles: Obstacles | None) -> bool:
+        """Return whether a plan leads past all obstacles."""
+        return obstacles is None or obstacles.free(self._path(plan))
+
     def _build(self, ca: Any) -> Any:
         """Return the solver of casadi."""
         count, steps = self._count, self._count * (self._passes + 1)
         nodes = [ca.SX.sym(f"x{index}", self._miss + 1) for index in range(steps + 1)]
         controls = [ca.SX.sym(f"u{index}", 2) for index in range(steps)]
-        asked = ca.SX.sym("p", _STATE + 7 + _PASS * self._passes)
+        first_row = _FIXED + _PASS * self._passes
+        row_count = 2 * steps * SLOTS if self._obstacles else 0
+        asked = ca.SX.sym("p", first_row + row_count * ROW)
+        away_rows = iter(ca.vertsplit(asked[first_row:], ROW)) if self._obstacles else iter(())
         x_m, y_m, heading_rad, aim_m, aim_rad, behind_m, fastest_radps = ca.vertsplit(
-            asked[_STATE : _STATE + 7]
+            asked[_STATE:_FIXED]
         )
         rows: list[Any] = []
         equal: list[bool] = []
@@ -112,6 +134,13 @@ class Programme:
             off_y_m = node[1] - behind_m * ca.sin(node[2]) - y_m
             return off_x_m**2 + off_y_m**2 - (aim_m + node[self._miss]) ** 2
 
+        def keep_away(at: tuple[Any, Any], miss: Any) -> None:
+            for row in islice(away_rows, SLOTS):
+                x_m, y_m, curvature, away_x, away_y, kept_m = ca.vertsplit(row)
+                off_x_m, off_y_m = at[0] - x_m, at[1] - y_m
+                gap_m = curvature * (off_x_m**2 + off_y_m**2) + away_x * off_x_m + away_y * off_y_m
+                require(False, kept_m - gap_m - miss)
+
         for index, node in enumerate(nodes):
             state, durations, miss = node[:_STATE], node[self._durations], node[self._miss]
             if index < steps:
@@ -124,8 +153,12 @@ class Programme:
             else:
                 turning = self._model.true_rotation(state[4], state[5], ca)
                 require(False, turning - fastest_radps, -turning - fastest_radps)
+                keep_away(self._base(ca, ca.vertsplit(state)), miss)
+            if index < steps:
+                midway = self._midway(ca, ca.vertsplit(state), moved, step_s)
+                keep_away(midway, miss)
             if 0 < index < steps and index % count == 0:
-                at = _STATE + 7 + _PASS * (index // count - 1)
+                at = _FIXED + _PASS * (index // count - 1)
                 place_x_m, place_y_m, near_m, back_m = ca.vertsplit(asked[at : at + _PASS])
                 require(False, beyond(node, place_x_m, place_y_m, back_m, near_m))
         end, miss = nodes[-1], nodes[-1][self._miss]
@@ -149,6 +182,39 @@ class Programme:
         }
         self._lowest = [0.0 if each else -inf for each in equal]
         return _nlpsol(ca, problem, equal)
+
+    def _base(self, ca: Any, state: Sequence[Any]) -> tuple[Any, Any]:
+        """Return where base_link is in a state."""
+        ahead_m = self._model.ahead_m
+        return state[0] - ahead_m * ca.cos(state[2]), state[1] - ahead_m * ca.sin(state[2])
+
+    def _midway(
+        self, ca: Any, state: Sequence[Any], after: Sequence[Any], step_s: Any
+    ) -> tuple[Any, Any]:
+        """Return where base_link is half a step later, by the speeds at both ends of the step."""
+        (x_m, y_m), (end_x_m, end_y_m) = self._base(ca, state), self._base(ca, after)
+        slower_x = state[3] * ca.cos(state[2]) - after[3] * ca.cos(after[2])
+        slower_y = state[3] * ca.sin(state[2]) - after[3] * ca.sin(after[2])
+        return (
+            (x_m + end_x_m) / 2 + step_s / 8 * slower_x,
+            (y_m + end_y_m) / 2 + step_s / 8 * slower_y,
+        )
+
+    def _path(self, plan: Plan) -> list[Point]:
+        """Return where base_link is led at each node and midway between them, by the model."""
+        edges_s = (0.0, *plan.passes_s, plan.duration_s)
+        ahead_m = self._model.ahead_m
+        path = [plan.states[0].behind(ahead_m)]
+        for index, (state, after) in enumerate(pairwise(plan.states)):
+            segment = index // self._count
+            step_s = (edges_s[segment + 1] - edges_s[segment]) / self._count
+            controls = (
+                (after.travel_mps - state.travel_mps) / step_s,
+                (after.rotate_radps - state.rotate_radps) / step_s,
+            )
+            midway = self._model.advance(state.figures, controls, step_s / 2)
+            path += [MotionState(*midway).behind(ahead_m), after.behind(ahead_m)]
+        return path
 
     def _bounds(
         self, problem: Problem, least_s: Sequence[float]

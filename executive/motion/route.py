@@ -70,7 +70,7 @@ class Route:
         before, self._seen = self._seen or point, point
         if self.passed < self.end:
             place = self._places[self.passed]
-            if _apart_m(place.target.point, before, point) <= place.tolerance_m:
+            if passes_by(place.target.point, place.tolerance_m, before, point):
                 self.passed += 1
         behind_s = self._behind_s[self.passed :]
         return bool(behind_s) and now_s - behind_s[0] > SEEN_S
@@ -82,10 +82,11 @@ class Route:
         return self._targets[index : index + PASSED_AT_ONCE + 1]
 
 
-def _apart_m(point: Point, one: Point, other: Point) -> float:
-    """Return the distance of a point from a line between two points."""
-    x_m, y_m = other.x_m - one.x_m, other.y_m - one.y_m
+def passes_by(place: Point, tolerance_m: float, before: Point, after: Point) -> bool:
+    """Return whether a straight line leads past a place, within a tolerance."""
+    x_m, y_m = after.x_m - before.x_m, after.y_m - before.y_m
     squared = x_m**2 + y_m**2
-    along = (point.x_m - one.x_m) * x_m + (point.y_m - one.y_m) * y_m
+    along = (place.x_m - before.x_m) * x_m + (place.y_m - before.y_m) * y_m
     part = min(max(along / squared, 0.0), 1.0) if squared else 0.0
-    return hypot(one.x_m + part * x_m - point.x_m, one.y_m + part * y_m - point.y_m)
+    off_x_m = before.x_m + part * x_m - place.x_m
+    return hypot(off_x_m, before.y_m + part * y_m - place.y_m) <= tolerance_m

@@ -223,6 +223,8 @@ SETTLE_S: Final = 5.0
 HELD_SLANT_RAD: Final = 0.08
 """Off the arc at most, so that its end is reached with nearly its heading."""
 HELD_PER_S: Final = 2.0
+HELD_TURN_RAD: Final = 0.5
+"""Turned on the spot at most, at the end of a velocity that was held: more than that is a fault."""
 
 
 class VelocityLocomotion:
@@ -234,6 +236,10 @@ class VelocityLocomotion:
         self._clock = clock
         self._settings = settings
         self._status = status
+
+    def curves(self, _: Command, __: Waypoint) -> bool:
+        """Return False: it drives straight lines."""
+        return False
 
     def passes(self, _: Command, __: Waypoint) -> bool:
         """Return False: it stands at each."""
@@ -274,7 +280,8 @@ class HoldLaw(Motion):
     """Holds a velocity for its time, then stands; `VelocityMover` limits the speed.
 
     The rotation is steered so that the rover keeps to the arc of the velocity: what comes of
-    a commanded rotation depends on speed, ground and load.
+    a commanded rotation depends on speed, ground and load. A rover that stands off the heading of
+    the arc's end, as after late odometry, turns to it on the spot.
     """
 
     def __init__(self, request: DriveFor, clock: Clock, settings: Settings, status: Status) -> None:
@@ -287,25 +294,44 @@ class HoldLaw(Motion):
         self._status = status
         self._from = self._last = status.pose
         self._way_m = self._turned_rad = 0.0
+        self._turn: TurnLaw | None = None
 
     @property
     def done(self) -> bool:
-        """Whether its time is over and the rover stands."""
-        return self._left_s <= 0.0 and self._status.standing
+        """Whether its time is over and the rover stands, with nothing left that it may turn."""
+        if self._left_s > 0.0 or not self._status.standing:
+            return False
+        if self._turn is not None:
+            return self._turn.done
+        tolerance_rad = self._settings.turn_drive.heading_tolerance_rad
+        return not tolerance_rad < abs(self._turn_left_rad) <= HELD_TURN_RAD
 
     @property
     def left(self) -> str:
         """The time left, for people."""
         return f"{max(self._left_s, 0.0):.2f} s left"
 
-    def want(self, _: float) -> Velocity:
-        """Return the velocity, or to stand once its time is over."""
+    def want(self, now_s: float) -> Velocity:
+        """Return the velocity; once its time is over, to stand, and then to turn."""
         travel_mps, goes_on = self._velocity.travel_mps, self._left_s > 0.0
-        if not goes_on and (not travel_mps or self._status.standing):
+        if self._turn is None and not goes_on and self._status.standing:
+            left_rad = self._turn_left_rad
+            heading_rad = self._status.pose.heading_rad + left_rad
+            self._turn = TurnLaw(heading_rad, self._settings, self._status, now_s, left_rad)
+        if self._turn is not None:
+            return self._turn.want(now_s)
+        if not goes_on and not travel_mps:
             return STANDING
         self._follow()
         rotate_radps = self._along_radps(goes_on) if travel_mps else self._in_place_radps()
         return Velocity(travel_mps if goes_on else 0.0, rotate_radps)
+
+    @property
+    def _turn_left_rad(self) -> float:
+        """The angle from the present heading to that of the arc's end."""
+        since_rad = wrap_rad(self._status.pose.heading_rad - self._last.heading_rad)
+        wanted_rad = self._velocity.rotate_radps * self._request.duration_s
+        return wanted_rad - self._turned_rad - since_rad
 
     def _follow(self) -> None:
         """Add up how far the rover went, and how far it turned."""

@@ -1,6 +1,6 @@
 """What the executive watches for, and when a fault begins and ends."""
 
-from executive.safety.camera_checks import frame_fault
+from executive.safety.camera_checks import END_WITHIN, frame_fault
 from executive.safety.channel import Channel
 from executive.safety.coverage import Unmonitored, summary, unmonitored
 from executive.safety.evidence import Evidence, Monitor
@@ -8,6 +8,7 @@ from executive.safety.history import History, Moved
 from executive.safety.safety import MONITORS, Changes, Fault, Safety
 
 __all__ = [
+    "END_WITHIN",
     "MONITORS",
     "Changes",
     "Channel",

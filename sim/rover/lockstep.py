@@ -14,7 +14,7 @@ from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load
 from executive.clock import Clock, ManualClock
 from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
-from executive.motion import PlanSolver, make_solver
+from executive.motion import SharedSolver, make_solver
 from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
 from executive.reports import PlanUpdate, Report
@@ -140,7 +140,7 @@ class LockStep:
         downlinks: Sequence[Downlink] = (),
         picture: PictureSettings | None = None,
         odometry: OdometrySettings | None = None,
-        solver: PlanSolver | None = None,
+        solver: SharedSolver | None = None,
     ) -> None:
         self.settings = settings
         if solver is None and settings.offers_mpc:

@@ -91,7 +91,7 @@ def _make_folder(folder: Path) -> None:
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
-    help="Keep a folder of each run there: map, timeline, reports, ledger.",
+    help="Keep a folder of each run there: map, timeline, reports, ledger, recording.",
 )
 def scenario(
     files: tuple[str, ...],

@@ -187,6 +187,27 @@ def hostile(count: int) -> "list[Figure]":
     return hostile.measure(count)
 
 
+@benchmark(
+    "previews --motions 20 --controller turn-drive",
+    count("--motions", 100),
+    click.option(
+        "--controller",
+        "names",
+        type=click.Choice(list(OWN)),
+        default=["turn-drive", "mpc"],
+        show_default=True,
+        multiple=True,
+        help="What drives to places; may be given several times.",
+    ),
+    SEED,
+)
+def previews(count: int, names: Sequence[str], seed: int) -> "list[Figure]":
+    """Preview random motions and drive them in lock step: duration, end and energy."""
+    from tests.benchmarks import previews
+
+    return previews.measure(count, dict.fromkeys(names), seed, _settings(), tell)
+
+
 @benchmark("lockstep")
 def lockstep() -> "list[Figure]":
     """Speed and repeatability of the lock step."""

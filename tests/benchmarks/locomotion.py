@@ -13,7 +13,7 @@ from executive.clock import ManualClock
 from executive.commands.catalogue import Command, MoveTo, Waypoint
 from executive.controller import Controller as Choice
 from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
-from executive.motion import Plan, Problem, make_solver
+from executive.motion import Plan, Problem, SharedSolver, make_solver
 from executive.motion.locomotion import Bounds
 from executive.motion.velocity_control import VelocityMover
 from executive.reports import Identity, Stage
@@ -131,6 +131,10 @@ class TimedSolver:
         plan = self._solver.answer()
         self.missed += plan is None
         return plan
+
+    def beside(self, apart: bool = False) -> SharedSolver:
+        """Return one that is not timed: for predictions."""
+        return self._solver.beside(apart)
 
 
 @dataclass(frozen=True, slots=True)

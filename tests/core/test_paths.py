@@ -68,6 +68,9 @@ class Wrapped:
     def answer(self) -> Plan | None:
         return self._plan(self._asked, self._solver.answer())
 
+    def beside(self, apart: bool = False) -> MinimumTime:
+        return self._solver.beside(apart)
+
 
 @pytest.fixture(scope="module")
 def solver() -> MinimumTime:
@@ -202,6 +205,24 @@ def test_a_fault_on_the_way_pauses_slows_down_or_ends_it(
             assert bench.last(1).reason is Reason.BATTERY_LOW
             return
         assert speed_mps == pytest.approx(0.3 if then is Then.SLOW_DOWN else 0.0, abs=0.01)
+        assert bench.finish(1) is Stage.EXECUTED
+        assert [step for step, _, _ in progress(bench)] == [1, 2]
+        assert min(each.travel_mps for each in bench.rover.sent) > -0.1
+
+
+def test_a_waypoint_that_is_passed_while_it_brakes_for_a_pause_is_passed(
+    tmp_path: Path, solver: MinimumTime
+) -> None:
+    with Bench(tmp_path, weak(Then.PAUSE), solver=solver) as bench:
+        bench.submit(STRAIGHT, 1)
+        while bench.rover.pose.x_m < 0.8:
+            bench.step()
+        bench.voltage_v = LOW_V
+        bench.run(1.5)
+        assert bench.rover.velocity == STANDING
+        assert bench.rover.pose.x_m > 1.1
+        assert progress(bench) == []
+        bench.voltage_v = FULL_V
         assert bench.finish(1) is Stage.EXECUTED
         assert [step for step, _, _ in progress(bench)] == [1, 2]
         assert min(each.travel_mps for each in bench.rover.sent) > -0.1

@@ -17,7 +17,7 @@ from executive.clock import ManualClock
 from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
 from executive.controller import Controller
 from executive.geometry import Pose, Velocity, wrap_rad
-from executive.motion import MinimumTime, Plan, PlanSolver, Problem, make_locomotion, make_solver
+from executive.motion import MinimumTime, Plan, Problem, SharedSolver, make_locomotion, make_solver
 from executive.motion.motion_model import MotionState
 from executive.motion.plan import Target
 from executive.motion.predictive_control import model_of
@@ -25,7 +25,6 @@ from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import load_settings
 from executive.settings_files import SettingsError
 from executive.state import Status
-from executive.zones import Footprint, KnownRock, Zones
 from sim.rover import World
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep
@@ -62,6 +61,9 @@ class Failing:
         if plan is None or not self._fails(self._asked):
             return plan
         return None if self._miss is None else replace(plan, miss=self._miss)
+
+    def beside(self, apart: bool = False) -> SharedSolver:
+        return self._solver.beside(apart)
 
 
 @settings(max_examples=15, deadline=None, derandomize=True)
@@ -210,13 +212,16 @@ class NextTick:
             Event().wait(0.001)
         return self._solver.answer()
 
+    def beside(self, apart: bool = False) -> "NextTick":
+        return NextTick(self._solver.beside(apart))
+
 
 def test_plans_from_another_thread_are_for_the_tick_after(
     solver: MinimumTime, tmp_path: Path
 ) -> None:
     times_s = []
     with closing(BackgroundSolver(solver)) as beside:
-        solvers: list[PlanSolver] = [solver, NextTick(beside)]
+        solvers: list[SharedSolver] = [solver, NextTick(beside)]
         for number, each in enumerate(solvers):
             lockstep = LockStep(JACKAL, World(), tmp_path / str(number), solver=each)
             assert drive(lockstep, MoveTo(ASIDE)) is Stage.EXECUTED
@@ -245,6 +250,9 @@ class Late:
 
     def answer(self) -> Plan | None:
         return self._solver.answer()
+
+    def beside(self, apart: bool = False) -> SharedSolver:
+        return self._solver.beside(apart)
 
 
 @pytest.mark.parametrize("late_s", [0.12, 0.37])
@@ -291,6 +299,9 @@ class Stuck:
 
     def answer(self) -> Plan | None:
         return None
+
+    def beside(self, apart: bool = False) -> "Stuck":
+        return self
 
 
 def test_a_solver_that_never_answers_delays_nothing_and_is_replaced(tmp_path: Path) -> None:
@@ -359,12 +370,6 @@ def test_an_executive_without_solver_and_rovers_that_move_by_themselves_are_refu
         make_locomotion(KinematicRover(), clock, JACKAL, Status(clock, JACKAL))
     with pytest.raises(ValueError, match="locomotion is velocity"):
         replace(load_settings("mocup"), controller=Controller.MPC)
-
-
-def test_an_asset_with_zones_is_refused() -> None:
-    zones = Zones(rocks=(KnownRock("boulder", 2.0, 1.0, 0.3),))
-    with pytest.raises(ValueError, match="controller is mpc: zones are checked"):
-        replace(JACKAL, zones=zones, footprint=Footprint(0.5, 0.4))
 
 
 def test_the_model_turns_as_the_simulated_rover_does() -> None:

@@ -12,13 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from executive import path_check
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
 from executive.geometry import Point, Pose
 from executive.path_check import check_request, planned_path
 from executive.reasons import Reason
 from executive.reports import Identity, Severity, Stage
 from executive.settings import load_settings
-from executive.way_around import find_way
+from executive.way_around import Way, find_way
 from executive.zones import KeepIn, KeepOut, KnownRock, Zones
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
@@ -92,6 +93,24 @@ def test_a_way_leads_past_zones_and_stays_within_the_yard(tmp_path: Path) -> Non
         assert gap_m > MARGIN_M - 0.02
         texts = [each.text for each in bench.heard.reports if each.stage is Stage.PROGRESS]
         assert texts[0].startswith("goes around obstacles, by (")
+
+
+def test_the_way_of_a_command_is_searched_once_until_it_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searches: list[Point] = []
+
+    def counted(start: Point, *rest: Any) -> Way:
+        searches.append(start)
+        return find_way(start, *rest)
+
+    monkeypatch.setattr(path_check, "find_way", counted)
+    zones = Zones(rocks=(KnownRock("searched once", 2.0, 0.1, 0.3),))
+    with Bench(tmp_path, replace(WATCHED, zones=zones)) as bench:
+        bench.submit(MoveTo(Waypoint(4.0, 0.0)), 1)
+        bench.run(0.2)
+        assert bench.rover.velocity.rotate_radps != 0.0
+        assert searches == [Point(0.0, 0.0)]
 
 
 def test_where_there_is_no_way_what_blocks_it_is_named() -> None:

@@ -138,10 +138,10 @@ def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
     for line, name in zip(stages, names, strict=True):
         assert re.match(rf"{STAMP}  {name} ", line)
     assert re.search(
-        r"predicted: 1\.5 s, 0\.5 m, 58 J, end \(0\.50, 0\.00, 0°\) ± 0\.02 m$", stages[-2]
+        r"predicted: 1\.5 s, 0\.5 m, 65 J, end \(0\.50, 0\.00, 0°\) ± 0\.02 m$", stages[-2]
     )
     assert re.search(
-        r"\[duration 1\.\d+ \(predicted 1\.45\), .*, predicted energy 58\.\d+\]$", stages[-1]
+        r"\[duration 1\.\d+ \(predicted 1\.45\), .*, predicted energy 65\.\d+\]$", stages[-1]
     )
 
 

@@ -1,4 +1,4 @@
-"""`controller: mpc` over real processes; the simulation runs at half the speed of real time.
+"""A command that chooses mpc, over real processes; the simulation runs at half of real time.
 
 Plans are late on a machine that has other things to do: what becomes of a motion then is shown in
 lock step (`tests/core/test_predictive_control.py`).
@@ -10,6 +10,7 @@ import pytest
 
 from adapters.mrs.ground import MrsClient
 from executive.commands import MoveTo, Waypoint
+from executive.controller import Controller
 from executive.settings_files import config_folder
 from tests.support.ground import ask, until_located
 from tests.support.probe import probing
@@ -21,14 +22,14 @@ SIMULATED = ("--ros-args", "-p", "use_sim_time:=true")
 
 
 async def submit(client: MrsClient) -> None:
-    await client.submit(client.command(MoveTo(Waypoint(1.2, 0.8))))
+    await client.submit(client.command(MoveTo(Waypoint(1.2, 0.8), Controller.MPC)))
 
 
 @pytest.mark.usefixtures("ros_domain")
 def test_it_drives_a_curve(tmp_path: Path) -> None:
     text = (config_folder() / "jackal.yaml").read_text(encoding="utf-8")
     asset = tmp_path / "jackal.yaml"
-    asset.write_text(text.replace("controller: turn_drive", "controller: mpc"), encoding="utf-8")
+    asset.write_text(text.replace("offered: false", "offered: true"), encoding="utf-8")
     with (
         simulation(tmp_path, "--speed", "0.5", "--camera", "off"),
         probing() as probe,
@@ -40,4 +41,5 @@ def test_it_drives_a_curve(tmp_path: Path) -> None:
             lambda: any(min(abs(v.linear.x), abs(v.angular.z)) > 0.2 for v in probe.velocities),
             "a curve",
         )
+        process.said("MoveTo predicted: ")
         process.said("EXECUTED MoveTo")

@@ -79,6 +79,19 @@ def test_a_velocity_that_is_held_leads_along_its_arc(
     assert outcome.figures.false_executed == 0
 
 
+@pytest.mark.parametrize("late_s", [0.15, 0.2])
+def test_a_velocity_that_is_held_ends_at_its_heading_though_odometry_came_late(
+    tmp_path: Path, late_s: float
+) -> None:
+    values = {"rotate": 1.0, "duration": 5}
+    changes = [(f"command.go.{name}", str(value)) for name, value in values.items()]
+    late = ("inject", f"{{odometry_late: {{by: {late_s}}}, at: 6.0, for: 0.3}}")
+    outcome = play(tmp_path, "motion_held", *changes, late, ("lasts", "10"))
+    assert outcome.figures.executed == 1
+    assert outcome.figures.true_error_rad is not None
+    assert outcome.figures.true_error_rad < 0.1
+
+
 PUSHED_LATE = (
     ("settings.sensors.second_odometry", "{rate_hz: 2}"),
     ("inject", "{pushed: {by: 0.245}, at: 3.193}"),

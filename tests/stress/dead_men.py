@@ -24,6 +24,7 @@ from executive.commands import (
     RotateBy,
     SetRotateSpeed,
     SetTravelSpeed,
+    Stop,
 )
 from executive.geometry import wrap_rad
 from sim.processes import HOST
@@ -139,7 +140,8 @@ async def _begin(client: MrsClient, asset: str, way: int, random: Random) -> Non
         RotateBy(way * 3.0),
         DriveFor(way * speed_mps, 0.2, 8.0),
     )
-    for request in (Resume(), SetTravelSpeed(speed_mps), SetRotateSpeed(0.5)):
+    # a stop first: what the last round left under way is over, and so is what comes of it
+    for request in (Stop(), Resume(), SetTravelSpeed(speed_mps), SetRotateSpeed(0.5)):
         await client.run(client.command(request))
     started = asyncio.Event()
     motion = asyncio.create_task(

@@ -12,7 +12,7 @@ from executive.commands.lifecycle import Refused, SubmitResult
 from executive.fault_declaration import Then
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
-from executive.motion import PlanSolver
+from executive.motion import SharedSolver
 from executive.ports import CameraIntent, Downlink
 from executive.reasons import Refusal
 from executive.record import Ledger, Synchronous
@@ -144,14 +144,15 @@ class Bench:
         settings: Settings | None = None,
         build_tree: Callable[[Context], Tree] = RoverTree,
         rover: KinematicRover | None = None,
-        solver: PlanSolver | None = None,
+        solver: SharedSolver | None = None,
+        clock: ManualClock | None = None,
     ) -> None:
         self.folder = folder
         asset = settings or load_settings("jackal")
         told = asset.sensors
         sensors = Sensors(laser=told.laser, second_odometry=told.second_odometry)
         self.settings = replace(asset, sensors=sensors)
-        self.clock = ManualClock()
+        self.clock = clock or ManualClock()
         self.rover = rover or KinematicRover()
         self.heard = Heard()
         self.video = VideoSwitch()

@@ -151,7 +151,9 @@ class Checksums:
         if key not in self._running:
             task = self._running[key] = asyncio.create_task(self._compute(path, stamp))
             task.add_done_callback(lambda ended: self._forget(key, ended))
-        return await asyncio.shield(self._running[key])
+        running = self._running[key]
+        await asyncio.wait((running,))  # leaves it running where whoever waits is cancelled
+        return running.result()
 
     async def begin_of(self, path: str, stamp: FileStamp, octets: int) -> int:
         """Return the checksum of the first octets of a file; raises as `read` does."""

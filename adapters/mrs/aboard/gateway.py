@@ -67,8 +67,7 @@ class Gateway:
         if self._pending >= MOST_PENDING:
             return _no_room(answer)
         self._executive.ask(partial(self._answer, answer, question))
-        answer.add_done_callback(_retrieve)
-        return asyncio.shield(self._limit(answer))
+        return _apart(self._limit(answer))
 
     def post(self, act: Callable[..., None], *arguments: object) -> None:
         """Have something done on the loop; from any thread, and nothing if the loop is closed."""
@@ -119,10 +118,24 @@ def _no_room(answer: asyncio.Future[T]) -> asyncio.Future[T]:
     return answer
 
 
-def _retrieve(answer: asyncio.Future[T]) -> None:
-    """Take the error of an answer whose asker may be gone, which asyncio would complain of."""
-    if not answer.cancelled():
-        answer.exception()
+def _apart(answer: asyncio.Future[T]) -> asyncio.Future[T]:
+    """Return a future that becomes what an answer becomes, and may be cancelled without it.
+
+    Unlike that of `asyncio.shield`, which since Python 3.14 logs what nobody waits for any more.
+    """
+    follower: asyncio.Future[T] = answer.get_loop().create_future()
+
+    def follow(_: asyncio.Future[T]) -> None:
+        error = answer.exception()
+        if follower.done():
+            return
+        if error is None:
+            follower.set_result(answer.result())
+        else:
+            follower.set_exception(error)
+
+    answer.add_done_callback(follow)
+    return follower
 
 
 def _succeed(answer: asyncio.Future[T], result: T) -> None:

@@ -1,0 +1,179 @@
+"""What stands for the rover in a preview: a base that moves by figures, plans that are followed."""
+
+from collections import deque
+from dataclasses import replace
+from math import inf
+from typing import Final
+
+from executive.clock import ManualClock
+from executive.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
+from executive.motion import MotionState, Plan, PlanSolver, Problem, model_of
+from executive.ports import CameraIntent
+from executive.settings import Settings
+
+FINEST_S: Final = 1e-9
+FOLLOWED_S: Final = 0.5
+"""For so long a plan is followed: between its states the model goes elsewhere by centimetres."""
+
+
+class CopiedBase:
+    """A base that takes velocities, and does nothing else; this one stands.
+
+    Attributes:
+        pose: of base_link, by odometry that is always right.
+        velocity: what it does now.
+    """
+
+    def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
+        self._clock = clock
+        self._settings = settings
+        self._at_s = clock.now_s()
+        self.pose = pose
+        self.velocity = STANDING
+
+    def drive(self, velocity: Velocity) -> None:
+        """Take a velocity."""
+
+    def advance(self) -> None:
+        """Move on to the clock's time."""
+
+    def emergency_stop(self) -> None:
+        """Do nothing: nobody stops a preview."""
+
+    def lock(self, held: bool) -> None:
+        """Do nothing: nobody else commands a copy."""
+
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Do nothing: a preview shows motion."""
+
+    def request_frame(self) -> None:
+        """Do nothing: a preview shows motion."""
+
+
+class KinematicBase(CopiedBase):
+    """A base that has each velocity after the latency, and turns about its control point."""
+
+    def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
+        super().__init__(clock, settings, pose)
+        seen_late_s = settings.tick_s / 2  # odometry counts at ticks alone here
+        self._latency_s = max(0.0, settings.turn_drive.latency_s - seen_late_s)
+        self._control_m = settings.turn_drive.control_point_m
+        self._coming: deque[tuple[float, Velocity]] = deque()
+
+    def drive(self, velocity: Velocity) -> None:
+        """Take a velocity."""
+        self._coming.append((self._clock.now_s() + self._latency_s, velocity))
+
+    def advance(self) -> None:
+        """Move on to the clock's time."""
+        now_s = self._clock.now_s()
+        while self._coming and self._coming[0][0] <= now_s:
+            due_s, velocity = self._coming.popleft()
+            self._move(due_s)
+            self.velocity = velocity
+        self._move(now_s)
+
+    def _move(self, until_s: float) -> None:
+        passed_s, self._at_s = until_s - self._at_s, until_s
+        if self.velocity == STANDING:
+            return
+        control = self.pose.ahead(self._control_m)
+        moved = on_arc(
+            replace(self.pose, x_m=control.x_m, y_m=control.y_m),
+            self.velocity.travel_mps * passed_s,
+            self.velocity.rotate_radps * passed_s,
+        )
+        place = moved.ahead(-self._control_m)
+        self.pose = replace(moved, x_m=place.x_m, y_m=place.y_m)
+
+
+class ModelledBase(CopiedBase):
+    """A base that answers to velocities as the model says by which mpc plans."""
+
+    def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
+        super().__init__(clock, settings, pose)
+        self._model = model_of(settings)
+        self._delay_s = settings.mpc.command_delay_s
+        control = pose.ahead(self._model.ahead_m)
+        self._state = MotionState(control.x_m, control.y_m, pose.heading_rad)
+        self._coming: deque[tuple[float, Velocity]] = deque()
+        self._last_s = -inf
+
+    def drive(self, velocity: Velocity) -> None:
+        """Take a velocity, which comes into effect in a ramp as long as a tick."""
+        due_s = self._clock.now_s() + self._delay_s
+        begins_s = due_s - self._settings.tick_s
+        if begins_s > self._last_s + FINEST_S:
+            last = self._coming[-1][1] if self._coming else self._commanded
+            self._coming.append((begins_s, last))
+        self._coming.append((due_s, velocity))
+        self._last_s = due_s
+
+    def advance(self) -> None:
+        """Move on to the clock's time."""
+        now_s = self._clock.now_s()
+        while self._coming and self._coming[0][0] <= now_s:
+            due_s, velocity = self._coming.popleft()
+            self._move(due_s, velocity)
+        if self._coming:
+            due_s, velocity = self._coming[0]
+            part = (now_s - self._at_s) / (due_s - self._at_s)
+            self._move(now_s, self._commanded.toward(velocity, part))
+        else:
+            self._move(now_s, self._commanded)
+        state, model = self._state, self._model
+        heading_rad = wrap_rad(state.heading_rad)
+        control = Pose(state.x_m, state.y_m, heading_rad=heading_rad)
+        place = control.ahead(-model.ahead_m)
+        self.pose = replace(self.pose, x_m=place.x_m, y_m=place.y_m, heading_rad=heading_rad)
+        turning_radps = model.true_rotation(state.rotate_radps, state.lag_radps)
+        self.velocity = Velocity(state.travel_mps, turning_radps)
+
+    @property
+    def _commanded(self) -> Velocity:
+        return Velocity(self._state.travel_mps, self._state.rotate_radps)
+
+    def _move(self, until_s: float, velocity: Velocity) -> None:
+        """Go on to a time at which a command is in effect."""
+        step_s, self._at_s = until_s - self._at_s, max(until_s, self._at_s)
+        if step_s > FINEST_S:
+            self._state = self._model.moved(self._state, velocity, step_s)
+
+
+class FollowedPlans:
+    """A `PlanSolver` for a copy, which goes where its plans lead: it is planned anew but rarely."""
+
+    def __init__(self, solver: PlanSolver) -> None:
+        self._solver = solver
+        self.lead_ticks = solver.lead_ticks
+        self._plan: Plan | None = None
+        self._rest: Plan | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a plan is worked out still."""
+        return self._rest is None and self._solver.busy
+
+    def ask(self, problem: Problem) -> None:
+        """Take what is left of the plan before, or have a problem solved."""
+        self._rest = self._left(problem)
+        if self._rest is None:
+            self._solver.ask(problem)
+
+    def _left(self, problem: Problem) -> Plan | None:
+        """Return what is left of the plan before; None where that is old, or no answer."""
+        plan, guess = self._plan, problem.guess
+        if plan is None or guess is None or len(guess.passes_s) < len(problem.through):
+            return None
+        driven_s = plan.duration_s - guess.duration_s
+        return plan.after(driven_s, len(guess.passes_s)) if driven_s < FOLLOWED_S else None
+
+    def answer(self) -> Plan | None:
+        """Return the answer to the last question, once."""
+        if self._rest is not None:
+            rest, self._rest = self._rest, None
+            return rest
+        plan = self._solver.answer()
+        if plan is not None:
+            self._plan = plan
+        return plan

@@ -1,0 +1,190 @@
+"""What a plan keeps away from: rows of its programme, for what is near to a guess."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import hypot
+from typing import Final
+
+from executive.geometry import Point
+from executive.way_around import find_way
+from executive.zones import KeepIn, KeepOut, Zones
+
+SLOTS: Final = 2
+"""Rows of each place: for so many obstacles, those that are nearest."""
+ROW: Final = 6
+"""Figures of a row: x, y, curvature, the normal's x and y, distance."""
+ROOM_M: Final = 0.012
+"""Beside the margin, for how exactly a rover keeps to its plans."""
+ROUGH_M: Final = 0.01
+"""Of the margin, that a plan may use up where the rover is beside the one before."""
+HEEDED_M: Final = 1.0
+"""Beyond the distance that is kept: what is farther away has no row."""
+LEAVES_SHARE: Final = 0.3
+"""Of its way, by which a rover that begins too near to something leaves it."""
+_NONE: Final = (0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+_FINEST_M: Final = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class _Edge:
+    """A side of a zone; or a rock, whose side has no length.
+
+    Attributes:
+        radius_m: of a rock; 0 of a side.
+    """
+
+    start: Point
+    end: Point
+    radius_m: float = 0.0
+
+    def beside(self, low: Point, high: Point, apart_m: float) -> bool:
+        """Return whether it lies farther away from a rectangle."""
+        reach_m = apart_m + self.radius_m
+        return (
+            max(self.start.x_m, self.end.x_m) < low.x_m - reach_m
+            or min(self.start.x_m, self.end.x_m) > high.x_m + reach_m
+            or max(self.start.y_m, self.end.y_m) < low.y_m - reach_m
+            or min(self.start.y_m, self.end.y_m) > high.y_m + reach_m
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Near:
+    """How near a place comes to an edge.
+
+    Attributes:
+        gap_m: to the edge; negative within what is not to be touched.
+        at: the nearest place of the edge.
+        away: a unit vector away from it.
+    """
+
+    edge: _Edge
+    gap_m: float
+    at: Point
+    away: tuple[float, float]
+
+    def row(self, kept_m: float) -> tuple[float, ...]:
+        """Return what keeps a place so far away: outside of a circle, or beyond a tangent."""
+        x_m, y_m = self.at.x_m, self.at.y_m
+        if not self.edge.radius_m:
+            return x_m, y_m, 0.0, *self.away, kept_m
+        kept_m += self.edge.radius_m
+        return x_m, y_m, 0.5 / kept_m, 0.0, 0.0, kept_m / 2
+
+
+class Obstacles:
+    """All that the disc of a rover keeps away from.
+
+    The rows of a place hold in their true geometry for rocks. Sides of zones are taken for
+    straight lines without end, so that what is beside them counts as forbidden; where the guess
+    of the next plan leads elsewhere, so do they.
+
+    Args:
+        zones: what it is.
+        radius_m: of the disc, about base_link.
+    """
+
+    def __init__(self, zones: Zones, radius_m: float) -> None:
+        self.zones = zones
+        self._radius_m = radius_m
+        self._rocks = [
+            _Edge(place, place, rock.radius_m)
+            for rock in zones.rocks
+            for place in (Point(rock.x_m, rock.y_m),)
+        ]
+        areas: list[KeepIn | KeepOut] = [*zones.keep_out, *zones.keep_in]
+        self._areas = [(area, [_Edge(*edge) for edge in area.edges]) for area in areas]
+
+    @property
+    def needed_m(self) -> float:
+        """How far the middle of the disc stays away at least."""
+        return self._radius_m + self.zones.margin_m
+
+    def free(self, path: Sequence[Point]) -> bool:
+        """Return whether the disc may follow straight lines."""
+        apart_m = max(self.zones.margin_m - ROUGH_M, 0.0)
+        return self.zones.encounter(path, self._radius_m, apart_m) is None
+
+    def way(self, start: Point, end: Point) -> tuple[Point, ...]:
+        """Return the corners of a way of straight lines; none where one line leads there.
+
+        None either where no way is found.
+        """
+        if self.free((start, end)):
+            return ()
+        kept_m = self.needed_m + ROOM_M
+        way = find_way(start, end, self.zones, kept_m, lambda place: self.free((start, place)))
+        return way.through if way.complete else ()
+
+    def rows(self, path: Sequence[Point]) -> list[float]:
+        """Return the rows of each place of a path but the first, one after the other."""
+        kept_m = self.needed_m + ROOM_M
+        low = Point(min(each.x_m for each in path), min(each.y_m for each in path))
+        high = Point(max(each.x_m for each in path), max(each.y_m for each in path))
+
+        def heeded(edges: Sequence[_Edge]) -> list[_Edge]:
+            return [each for each in edges if not each.beside(low, high, kept_m + HEEDED_M)]
+
+        rocks = heeded(self._rocks)
+        areas = [(area, heeded(edges)) for area, edges in self._areas]
+        within_m = kept_m + HEEDED_M
+        begun_m = {near.edge: near.gap_m for near in _all_near(path[0], rocks, areas, within_m)}
+        figures: list[float] = []
+        walked_m, before = 0.0, path[0]
+        for place in path[1:]:
+            walked_m += before.distance_m(place)
+            before = place
+            nearest = _nearest(_all_near(place, rocks, areas, within_m))
+            for near in nearest:
+                leaving_m = begun_m.get(near.edge, kept_m) + LEAVES_SHARE * walked_m
+                figures += near.row(min(kept_m, leaving_m))
+            figures += _NONE * (SLOTS - len(nearest))
+        return figures
+
+
+def _nearest(found: Iterator[_Near]) -> list[_Near]:
+    """Return the nearest, without those that meet where they are nearest: two sides at a corner."""
+    kept: list[_Near] = []
+    for near in sorted(found, key=lambda each: each.gap_m):
+        if len(kept) == SLOTS:
+            break
+        if all(near.at.distance_m(each.at) > _FINEST_M for each in kept):
+            kept.append(near)
+    return kept
+
+
+def _all_near(
+    place: Point,
+    rocks: Sequence[_Edge],
+    areas: Sequence[tuple[KeepIn | KeepOut, Sequence[_Edge]]],
+    within_m: float,
+) -> Iterator[_Near]:
+    """Yield how near a place comes to edges; where it lies within, or without, to the nearest."""
+    for rock in rocks:
+        if rock.start.distance_m(place) <= rock.radius_m + within_m:
+            yield _near(place, rock)
+    for area, edges in areas:
+        if edges and area.has(place) is isinstance(area, KeepOut):
+            near = min((_near(place, edge) for edge in edges), key=lambda each: each.gap_m)
+            inward = -near.away[0], -near.away[1]
+            yield _Near(near.edge, -near.gap_m, near.at, inward)
+        else:
+            found = (_near(place, edge) for edge in edges)
+            yield from (near for near in found if near.gap_m <= within_m)
+
+
+def _near(place: Point, edge: _Edge) -> _Near:
+    start, end = edge.start, edge.end
+    dx_m, dy_m = end.x_m - start.x_m, end.y_m - start.y_m
+    squared_m2 = dx_m * dx_m + dy_m * dy_m
+    part = 0.0
+    if squared_m2:
+        along_m2 = (place.x_m - start.x_m) * dx_m + (place.y_m - start.y_m) * dy_m
+        part = max(0.0, min(1.0, along_m2 / squared_m2))
+    at = Point(start.x_m + part * dx_m, start.y_m + part * dy_m)
+    x_m, y_m = place.x_m - at.x_m, place.y_m - at.y_m
+    apart_m = hypot(x_m, y_m)
+    if apart_m < _FINEST_M:
+        x_m, y_m = -dy_m, dx_m
+    length_m = hypot(x_m, y_m) or 1.0
+    return _Near(edge, apart_m - edge.radius_m, at, (x_m / length_m, y_m / length_m))
