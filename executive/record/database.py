@@ -96,6 +96,13 @@ class Database:
         self.failing = False
         self._pending.clear()
 
+    def image(self) -> bytes:
+        """Return the file of what was committed."""
+        try:
+            return self._db.serialize()
+        except sqlite3.Error as error:
+            raise self._error(error) from error
+
     def abandon(self) -> None:
         """Close the file as a crash would: what has gathered is lost."""
         self.discard()

@@ -18,7 +18,7 @@ from executive.settings_files import SettingsError
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.outcome import Figures, play_once
-from sim.scenario.playing import DATA
+from sim.scenario.playing import DATA, play_recorded
 from sim.scenario.reading import load_scenario
 
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
@@ -75,7 +75,7 @@ class Kept:
 
     Attributes:
         digest: of all that happened.
-        archive: map, timeline, reports, ledger and files aboard, as a zip file.
+        archive: map, timeline, reports, recording, ledger and files aboard, as a zip file.
     """
 
     run: int
@@ -119,7 +119,7 @@ def play_and_keep(job: Job) -> Kept | NotPlayed:
             folder = Path(scratch, "run")
             (folder / DATA).mkdir(parents=True)
             try:
-                outcome = play_once(job.scenario, scenario, folder / DATA)
+                outcome = play_recorded(job.scenario, scenario, folder)
             except _OF_THIS_MACHINE:
                 raise
             except Exception as error:

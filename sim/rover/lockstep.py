@@ -6,6 +6,7 @@ bit for bit and go many times faster than real time.
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import assert_never
 
@@ -17,6 +18,8 @@ from executive.commands.lifecycle import SubmitResult
 from executive.motion import SharedSolver, make_solver
 from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
+from executive.recorded_executive import RecordedExecutive, life_of
+from executive.recording import Tape
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings
@@ -124,6 +127,7 @@ class LockStep:
         picture: size and making of camera pictures.
         odometry: how good that of a Jackal is.
         solver: what plans where the settings offer mpc; made for them unless given.
+        tape: takes a recording of the executive; None for none.
 
     Attributes:
         rover: the simulation: a Jackal, or MOCUP where the settings say that it moves by itself.
@@ -141,11 +145,13 @@ class LockStep:
         picture: PictureSettings | None = None,
         odometry: OdometrySettings | None = None,
         solver: SharedSolver | None = None,
+        tape: Tape | None = None,
     ) -> None:
         self.settings = settings
         if solver is None and settings.offers_mpc:
             solver = make_solver(settings)
         self._solver = solver
+        self._tape = tape
         self.rover = _rover(settings, world, seed, picture, odometry)
         self.clock = ManualClock()
         self.heard = Recorder()
@@ -206,12 +212,18 @@ class LockStep:
 
     def _start(self) -> Executive:
         self._seen = self._seen_by_executive()
-        executive = Executive(
+        ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)
+        files = self._folder / "files"
+        make: Callable[..., Executive] = Executive
+        if self._tape is not None:
+            self._tape.put(life_of(self.settings, ledger, files, self._solver))
+            make = partial(RecordedExecutive, self._tape)
+        executive = make(
             settings=self.settings,
             clock=self.clock,
             rover=self._seen,
-            ledger=Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL),
-            files=self._folder / "files",
+            ledger=ledger,
+            files=files,
             downlinks=self._downlinks,
             build_tree=RoverTree,
             solver=self._solver,

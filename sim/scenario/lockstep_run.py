@@ -12,6 +12,7 @@ from zlib import crc32
 from executive.commands import Command
 from executive.commands.lifecycle import Admitted, Refused, Repeated
 from executive.reasons import Reason, Refusal
+from executive.recording import Tape
 from executive.settings_files import SettingsError
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import Fault, LinkLost, fault_declaration
@@ -76,8 +77,8 @@ class DownlinkLog:
         record.plans += said.plans[len(record.plans) :]
 
 
-def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
-    """Play a scenario and return what was seen.
+def run_in_lock_step(scenario: Scenario, folder: Path, tape: Tape | None = None) -> Record:
+    """Play a scenario and return what was seen; a tape takes a recording of the executive.
 
     Raises:
         SettingsError: MuJoCo refuses the world.
@@ -92,6 +93,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path) -> Record:
             scenario.seed,
             picture=picture,
             odometry=scenario.odometry,
+            tape=tape,
         )
     except ValueError as error:
         raise SettingsError(f"world: {error}") from error

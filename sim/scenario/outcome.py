@@ -10,6 +10,7 @@ from typing import Final
 
 from executive.commands import Mode
 from executive.reasons import Reason
+from executive.recording import Tape
 from executive.reports import Kind, Report, Severity, Stage
 from executive.settings_files import SettingsError
 from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
@@ -78,19 +79,20 @@ class Outcome:
     record: Record = field(repr=False, compare=False)
 
 
-def play_once(name: str, scenario: Scenario, folder: Path) -> Outcome:
+def play_once(name: str, scenario: Scenario, folder: Path, tape: Tape | None = None) -> Outcome:
     """Play a scenario in lock step, and judge it.
 
     Args:
         name: of the scenario, for errors.
         scenario: that `load_scenario` read for the lock step.
         folder: an empty one for ledger and files.
+        tape: takes a recording of the executive; None for none.
 
     Raises:
         SettingsError: the world cannot be simulated.
     """
     try:
-        record = run_in_lock_step(scenario, folder)
+        record = run_in_lock_step(scenario, folder, tape)
     except SettingsError as error:
         raise SettingsError(f"{name}: {error}") from error
     return outcome_of(scenario, record)

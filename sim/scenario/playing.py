@@ -1,6 +1,7 @@
 """Plays a scenario one way or the other, in a folder of its own, and says what came of it."""
 
 import tempfile
+from contextlib import closing
 from itertools import chain, count
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,7 @@ from sim.scenario.record import Record
 
 DATA: Final = "data"
 """What a run leaves aboard, and what its processes logged, below the folder that is kept of it."""
+RECORDING: Final = "run.mcap"
 
 
 def show(console: Console, scenario: Scenario, outcome: Outcome, verbose: bool) -> None:
@@ -68,8 +70,8 @@ def play(
         scenario: to play.
         mode: how.
         speed: simulated seconds per second of a live run.
-        out: below which the run gets a folder of its own, with map, timeline, reports and all
-            that it left aboard; None keeps nothing.
+        out: below which the run gets a folder of its own, with map, timeline, reports, all that
+            it left aboard and, of a run in lock step, the recording; None keeps nothing.
 
     Raises:
         ConnectionError, TimeoutError: the rover of a live run cannot be reached.
@@ -82,9 +84,29 @@ def play(
     from sim.scenario.pictures import write_run
 
     kept = _new_folder(out, Path(name).stem)
-    outcome = _play(name, scenario, mode, speed, kept / DATA)
+    if mode is PlayMode.LOCK_STEP:
+        outcome = play_recorded(name, scenario, kept)
+    else:
+        outcome = _play(name, scenario, mode, speed, kept / DATA)
     write_run(kept, scenario, outcome.record)
     return outcome
+
+
+def play_recorded(name: str, scenario: Scenario, kept: Path) -> Outcome:
+    """Play a scenario in lock step, as `play_once` does, with its recording in a folder.
+
+    Args:
+        name: of the scenario, for errors.
+        scenario: that `load_scenario` read for the lock step.
+        kept: the folder; in it the empty one that it leaves aboard in.
+
+    Raises:
+        SettingsError: the world cannot be simulated.
+    """
+    from adapters.recording import RunFile
+
+    with closing(RunFile(kept / RECORDING)) as tape:
+        return play_once(name, scenario, kept / DATA, tape)
 
 
 def _new_folder(out: Path, name: str) -> Path:

@@ -1,11 +1,12 @@
 """What failed runs leave is kept, once, and is that of the run."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from adapters.recording.replay import replay
 from executive.settings_files import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
@@ -18,10 +19,12 @@ from sim.campaign.verdict import judge
 from sim.campaign.worker import Job, Kept, NotPlayed, play_and_keep, play_job
 from sim.scenario.model import Scenario
 from sim.scenario.outcome import Outcome, play_once
+from sim.scenario.playing import play_recorded
 from tests.campaign.conftest import Write
 from tests.campaign.test_session import Watcher
 
 OUT = Path("out")
+Play = Callable[[str, Scenario, Path], Outcome]
 
 
 class Keeper:
@@ -58,7 +61,9 @@ def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: Runs) -> 
     assert keep_failed(campaign, runs, here, OUT, 2, first) == []
     assert (first.total, first.done) == (2, 2)
     kept = OUT / FOLDER / f"run-{failed[0]:06d}"
-    assert {"map.png", "timeline.png", "reports.jsonl"} <= {path.name for path in kept.iterdir()}
+    left = {"map.png", "timeline.png", "reports.jsonl", "run.mcap"}
+    assert left <= {path.name for path in kept.iterdir()}
+    assert replay(kept / "run.mcap").difference is None
     assert any("ledger" in path.name for path in kept.rglob("*"))
     again = Keeper()
     keep_failed(campaign, runs, here, OUT, 100, again)
@@ -70,11 +75,11 @@ def test_the_report_shows_what_is_kept_and_plays_only_what_is_not(
 ) -> None:
     played = []
 
-    def count(name: str, scenario: Scenario, folder: Path) -> Outcome:
-        played.append(folder.parent.name)
-        return play_once(name, scenario, folder)
+    def count(name: str, scenario: Scenario, kept: Path) -> Outcome:
+        played.append(kept.name)
+        return play_recorded(name, scenario, kept)
 
-    monkeypatch.setattr("sim.campaign.report.failures.play_once", count)
+    monkeypatch.setattr("sim.campaign.report.failures.play_recorded", count)
     write_report(OUT, campaign, runs, judge(campaign, runs))
     shown = sorted(played)
     once_more = (OUT / "report.html").read_text()
@@ -110,14 +115,18 @@ def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: Runs) -> Non
 def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(name: str, scenario: Scenario, folder: Path) -> Outcome:
-        if scenario.seed == seed:
-            raise ZeroDivisionError("by\nnothing")
-        return play_once(name, scenario, folder)
+    def broken(play: Play) -> Play:
+        def once(name: str, scenario: Scenario, folder: Path) -> Outcome:
+            if scenario.seed == seed:
+                raise ZeroDivisionError("by\nnothing")
+            return play(name, scenario, folder)
+
+        return once
 
     seed = int(draw(campaign, 1).changes[-2].value)
+    monkeypatch.setattr("sim.campaign.worker.play_once", broken(play_once))
     for place in ("sim.campaign.worker", "sim.campaign.report.failures"):
-        monkeypatch.setattr(f"{place}.play_once", broken)
+        monkeypatch.setattr(f"{place}.play_recorded", broken(play_recorded))
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
     Session(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
     assert found.numbers() == [0, 1, 2]
@@ -139,7 +148,8 @@ def test_an_error_of_the_machine_is_no_failed_run(
     def full(*_: object) -> Outcome:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("sim.campaign.worker.play_once", full)
+    for way in ("play_once", "play_recorded"):
+        monkeypatch.setattr(f"sim.campaign.worker.{way}", full)
     job = job_of(draw(campaign, 0))
     for told in (play_job(job), play_and_keep(job)):
         assert isinstance(told, NotPlayed)

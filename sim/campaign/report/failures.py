@@ -14,9 +14,8 @@ from sim.campaign.session import folder_of, is_kept
 from sim.campaign.where import Term, Where
 from sim.campaign.worker import ERROR
 from sim.scenario.model import PlayMode
-from sim.scenario.outcome import play_once
 from sim.scenario.pictures import write_run
-from sim.scenario.playing import DATA
+from sim.scenario.playing import DATA, play_recorded
 from sim.scenario.reading import load_scenario
 
 FOLDER: Final = "worst"
@@ -122,7 +121,6 @@ def replay(
     """
     for run, why in chosen:
         place = folder / FOLDER / f"run-{run.run:06d}"
-        aboard = place / DATA
         kept = folder_of(folder, run.run)
         if is_kept(folder, run) and not (kept / ERROR).exists():
             copytree(kept, place)
@@ -131,8 +129,8 @@ def replay(
         given = draw(campaign, run.run)
         try:
             scenario = load_scenario(given.scenario, PlayMode.LOCK_STEP, given.changes)
-            aboard.mkdir(parents=True)
-            outcome = play_once(given.scenario, scenario, aboard)
+            (place / DATA).mkdir(parents=True)
+            outcome = play_recorded(given.scenario, scenario, place)
         except SettingsError as error:
             yield WorstRun(run, why, place, False, f"It cannot be played here: {error}")
             continue

@@ -1,0 +1,177 @@
+"""Items of a recording as messages: a topic, a JSON schema and a JSON text each.
+
+Numbers come back as they were, to the last bit; what is not finite is a text ("inf", "-inf",
+"nan"). Names stand for enums. Of camera pictures the length is kept, and the end, by which the core
+tells whether they are whole.
+"""
+
+import base64
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum, EnumMeta
+from functools import cache
+from math import isfinite
+from types import NoneType, UnionType
+from typing import Any, Final, Union, get_args, get_origin, get_type_hints
+
+from cattrs import Converter
+from cattrs.preconf.json import make_converter
+from cattrs.strategies import configure_tagged_union
+
+from executive.commands import Request
+from executive.recording import Call, Called, Decision, Entry, Input, Item, Life, Observed
+from executive.safety import END_WITHIN
+from executive.settings import Settings
+from executive.settings_files import structure, unstructure
+from executive.state import Fact, Frame
+
+LIFE: Final = "/life"
+DECISIONS: Final = "/out/"
+KIND: Final = "kind"
+"""The key that says of which of several kinds an object is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic, and what its messages hold.
+
+    Attributes:
+        kind: of the items; of an `Observed` that of its fact.
+    """
+
+    name: str
+    kind: type
+
+
+def _snake(kind: type) -> str:
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower()
+
+
+_ENTRIES: Final = tuple(kind for kind in get_args(Entry) if kind not in {Called, Observed})
+TOPICS: Final[Mapping[str, Topic]] = {
+    topic.name: topic
+    for topic in (
+        Topic(LIFE, Life),
+        *(Topic(f"/in/{call.value}", Called) for call in Call),
+        *(Topic(f"/in/{_snake(fact)}", fact) for fact in get_args(Fact)),
+        *(Topic(f"/in/{_snake(kind)}", kind) for kind in (*_ENTRIES, *get_args(Input))),
+        *(Topic(f"{DECISIONS}{_snake(kind)}", kind) for kind in get_args(Decision)),
+    )
+}
+"""All topics by their names."""
+
+
+def topic_of(item: Item) -> Topic:
+    """Return the topic that an item belongs to."""
+    return TOPICS[_topic_name(item)]
+
+
+def _topic_name(item: Item) -> str:
+    if isinstance(item, Called):
+        return f"/in/{item.call.value}"
+    if isinstance(item, Observed):
+        return f"/in/{_snake(type(item.fact))}"
+    if isinstance(item, Life):
+        return LIFE
+    folder = DECISIONS if isinstance(item, Decision) else "/in/"
+    return f"{folder}{_snake(type(item))}"
+
+
+def encode(item: Item) -> bytes:
+    """Return the text of an item."""
+    plain = _converter().unstructure(item)
+    return json.dumps(plain, allow_nan=False, separators=(",", ":")).encode()
+
+
+def decode(topic: Topic, data: bytes) -> Any:
+    """Return the item that a message of a topic holds.
+
+    Raises:
+        Exception: it holds no such item.
+    """
+    kind = Observed if topic.kind in get_args(Fact) else topic.kind
+    return _converter().structure(json.loads(data), kind)
+
+
+@cache
+def _converter() -> Converter:
+    converter = make_converter()
+    converter.register_unstructure_hook(float, _plain)
+    converter.register_structure_hook(float, _number)
+    is_enum = EnumMeta.__instancecheck__
+    converter.register_unstructure_hook_func(
+        lambda kind: is_enum(EnumMeta, kind), lambda each: each.name
+    )
+    converter.register_structure_hook_func(
+        lambda kind: is_enum(EnumMeta, kind), lambda name, kind: kind[name]
+    )
+    converter.register_unstructure_hook(Frame, _without_picture)
+    converter.register_structure_hook(Frame, _with_black_picture)
+    converter.register_unstructure_hook(Settings, unstructure)
+    converter.register_structure_hook(
+        Settings, lambda raw, _: structure(raw, Settings, "settings of the recording")
+    )
+    for union in (Fact, Request):
+        configure_tagged_union(union, converter, tag_name=KIND)
+    return converter
+
+
+def _plain(value: float) -> float | str:
+    return value if isfinite(value) else str(value)
+
+
+def _number(raw: float | str, _: type) -> float:
+    """Return a number as it was, whole ones as such: texts show the difference."""
+    return float(raw) if isinstance(raw, str) else raw
+
+
+def _without_picture(frame: Frame) -> dict[str, object]:
+    end = base64.b64encode(frame.data[-END_WITHIN:]).decode()
+    head = {"stamp_s": frame.stamp_s, "format": frame.format}
+    return {**head, "length": len(frame.data), "end": end}
+
+
+def _with_black_picture(raw: Mapping[str, Any], _: type) -> Frame:
+    end = base64.b64decode(raw["end"])
+    return Frame(raw["stamp_s"], raw["format"], bytes(raw["length"] - len(end)) + end)
+
+
+def schema_of(topic: Topic) -> dict[str, object]:
+    """Return the JSON schema of the messages of a topic."""
+    schema = _schema(Observed if topic.kind in get_args(Fact) else topic.kind)
+    if topic.kind in get_args(Fact):
+        properties = dict(_properties(Observed))
+        properties["fact"] = _schema(topic.kind)
+        schema["properties"] = properties
+    return schema
+
+
+def _properties(kind: Any) -> dict[str, object]:
+    hints = get_type_hints(kind)
+    return {field.name: _schema(hints[field.name]) for field in fields(kind)}
+
+
+def _schema(kind: Any) -> dict[str, Any]:
+    """Return the schema of values of a kind."""
+    if kind is Settings or kind is Any:
+        return {"type": "object"}
+    if kind is Frame:
+        kinds = {"stamp_s": "number", "format": "string", "length": "integer", "end": "string"}
+        return {
+            "type": "object",
+            "properties": {name: {"type": each} for name, each in kinds.items()},
+        }
+    if is_dataclass(kind):
+        return {"type": "object", "properties": _properties(kind)}
+    if get_origin(kind) in {Union, UnionType}:
+        choices = [each for each in get_args(kind) if each is not NoneType]
+        return _schema(choices[0]) if len(choices) == 1 else {"type": "object"}
+    if get_origin(kind) is tuple:
+        first = get_args(kind)[0]
+        return {"type": "array", "items": _schema(first)}
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return {"type": "string", "enum": [each.name for each in kind]}
+    names = {bool: "boolean", int: "integer", float: "number", str: "string", bytes: "string"}
+    return {"type": names.get(kind, "object")}

@@ -1,0 +1,170 @@
+"""A recording as an MCAP file: chunks that zstd packs, a topic for each kind of item."""
+
+import json
+import logging
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from adapters.recording.messages import LIFE, TOPICS, Topic, encode, schema_of, topic_of
+from executive.recording import Entry, Item
+
+_LOG = logging.getLogger(__name__)
+
+PROFILE: Final = "rover-run-1"
+"""Of the files that are written and read here: what their messages are."""
+LIBRARY: Final = "rover-executive"
+LARGEST_RECORD: Final = 1 << 30
+"""Octets of a part of a file; what claims more is damaged."""
+LIFE_TOPIC: Final = TOPICS[LIFE]
+
+
+class RecordingError(Exception):
+    """A file cannot be used as a recording; the text says why."""
+
+
+class RunFile:
+    """The file that a run is recorded in, complete once it is closed.
+
+    Where it can no longer be written, as on a full disk, the recording ends and the run goes on.
+
+    Args:
+        path: the file, which is made anew.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from mcap.writer import Writer
+
+        self._file = path.open("wb")
+        self._writer = Writer(self._file)
+        self._writer.start(PROFILE, LIBRARY)
+        self._channels: dict[str, int] = {}
+        self._entries = 0
+        self._time_ns = 0
+        self._ended = False
+
+    def put(self, item: Item) -> None:
+        """Write the next item."""
+        if not self._ended:
+            self._or_end(lambda: self._write(item))
+
+    def close(self) -> None:
+        """Write what is left, and the index."""
+        if not self._ended:
+            self._or_end(self._finish)
+        with suppress(OSError):  # of what is left in its buffer once the recording has ended
+            self._file.close()
+
+    def _or_end(self, step: Callable[[], object]) -> None:
+        """Take a step; end the recording if the file cannot be written."""
+        try:
+            step()
+        except OSError as error:
+            self._ended = True
+            _LOG.warning("recording %s ends: %s", self._file.name, error.strerror)
+
+    def _finish(self) -> None:
+        self._writer.finish()
+        self._file.flush()
+
+    def _write(self, item: Item) -> None:
+        topic = topic_of(item)
+        if isinstance(item, Entry):
+            self._entries += 1
+            self._time_ns = round(item.utc_s * 1e9)
+        self._writer.add_message(
+            channel_id=self._channel(topic),
+            log_time=self._time_ns,
+            publish_time=self._time_ns,
+            sequence=self._entries,
+            data=encode(item),
+        )
+
+    def _channel(self, topic: Topic) -> int:
+        known = self._channels.get(topic.name)
+        if known is None:
+            schema = self._writer.register_schema(
+                topic.kind.__name__, "jsonschema", json.dumps(schema_of(topic)).encode()
+            )
+            known = self._channels[topic.name] = self._writer.register_channel(
+                topic.name, "json", schema
+            )
+        return known
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMessage:
+    """A message of a recording.
+
+    Attributes:
+        data: JSON.
+    """
+
+    topic: Topic
+    data: bytes
+
+
+class RunReader:
+    """Reads a recording.
+
+    Attributes:
+        whole: whether the file was closed; known at its end.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.whole = False
+
+    def messages(self) -> Iterator[RecordedMessage]:
+        """Yield the messages in the order in which they were written.
+
+        Raises:
+            RecordingError: the file cannot be read, or is no recording.
+        """
+        try:
+            with self._path.open("rb") as file:
+                yield from self._messages(file)
+        except OSError as error:
+            raise RecordingError(f"{self._path}: cannot be read ({error.strerror})") from error
+
+    def _messages(self, file: Any) -> Iterator[RecordedMessage]:
+        from mcap.exceptions import InvalidMagic, McapError
+        from mcap.records import Channel, Footer, Header, Message
+        from mcap.stream_reader import StreamReader
+        from zstandard import ZstdError
+
+        topics: dict[int, Topic] = {}
+        try:
+            stream = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+            for record in stream.records:
+                match record:
+                    case Header(profile=profile) if profile != PROFILE:
+                        raise RecordingError(
+                            f"{self._path}: is no recording of this version ({PROFILE}), but"
+                            f" MCAP of profile {profile!r}"
+                        )
+                    case Channel(id=number, topic=name) if name in TOPICS:
+                        topics[number] = TOPICS[name]
+                    case Message(channel_id=number, data=data) if number in topics:
+                        yield RecordedMessage(topics[number], data)
+                    case Footer():
+                        self.whole = True
+                    case _:
+                        pass
+        except (
+            McapError,
+            ZstdError,
+            struct.error,
+            ValueError,
+            OverflowError,
+            MemoryError,
+        ) as error:
+            if not isinstance(error, InvalidMagic) and not file.read(1):
+                return  # it breaks off
+            raise RecordingError(f"{self._path}: is no MCAP file, or damaged ({error})") from error

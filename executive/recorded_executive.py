@@ -1,0 +1,340 @@
+"""An executive that is recorded: its entries, what the world answers, and what it decides."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from enum import Enum
+from pathlib import Path
+from typing import Protocol
+
+from executive.clock import Clock, LatchedClock
+from executive.commands.lifecycle import Refused, SubmitResult
+from executive.geometry import Velocity
+from executive.goals import Context
+from executive.inbox import Inbox, Question, Submission
+from executive.motion import Plan, Problem, SharedSolver
+from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover, WholeMotion
+from executive.reasons import Figure, Refusal
+from executive.record import Ledger
+from executive.recording import (
+    Answered,
+    AskedSolver,
+    Call,
+    Called,
+    CarriedOut,
+    Drove,
+    GroundHeard,
+    Halted,
+    KeptFile,
+    Life,
+    Locked,
+    MadeSafe,
+    ModeChanged,
+    NodeState,
+    Noticed,
+    Observed,
+    PointedCamera,
+    Reported,
+    RequestedFrame,
+    Served,
+    SolverAnswered,
+    SolverBusy,
+    Tape,
+    ToldFile,
+    ToldParameters,
+    ToldPlan,
+    TreeChanged,
+)
+from executive.reports import Kind, PlanUpdate, Report, Severity
+from executive.runner import Executive, Tree
+from executive.settings import LocomotionKind, Settings
+from executive.state import Fact, FileEvent, FileFolder, ParameterValue
+
+
+class SeenNode(Protocol):
+    """A node of the tree, as of the last tick."""
+
+    @property
+    def path(self) -> str:
+        """Names from the root."""
+
+    @property
+    def status(self) -> Enum:
+        """What it did."""
+
+    @property
+    def message(self) -> str:
+        """What it says of itself."""
+
+
+class SeenTree(Tree, Protocol):
+    """A tree whose nodes can be recorded."""
+
+    def nodes(self) -> Sequence[SeenNode]:
+        """Return all nodes as of the last tick."""
+
+
+def life_of(
+    settings: Settings, ledger: Ledger, files: Path, solver: SharedSolver | None = None
+) -> Life:
+    """Return what an executive begins with, to be recorded before it is made."""
+    latch = Path(ledger.path).with_suffix(".stop")
+    kept = sorted(FileFolder(files, lambda _: None).entries())
+    return Life(
+        settings,
+        ledger.image(),
+        latch.read_bytes() if latch.exists() else b"",
+        tuple(KeptFile(path, stamp.size_octets) for path, stamp in kept),
+        None if solver is None else solver.lead_ticks,
+    )
+
+
+class RecordedExecutive(Executive):
+    """An executive whose entries, inputs and decisions are put on a tape.
+
+    Recorded are neither questions of other threads, nor faults of the ledger and of the folder of
+    files, nor the video stream: runs in which they decide something cannot be replayed.
+
+    Args:
+        tape: takes the recording.
+        inbox: what other threads hand over; one of its own unless given.
+    """
+
+    tree: SeenTree
+
+    def __init__(
+        self,
+        tape: Tape,
+        *,
+        settings: Settings,
+        clock: Clock,
+        rover: VelocityRover | MotionRover,
+        ledger: Ledger,
+        files: Path,
+        downlinks: Sequence[Downlink],
+        build_tree: Callable[[Context], SeenTree],
+        solver: SharedSolver | None = None,
+        inbox: Inbox | None = None,
+    ) -> None:
+        self._tape = tape
+        self._nodes: dict[str, NodeState] = {}
+        self._last_mode: ModeChanged | None = None
+        self._time = LatchedClock(clock)
+        self._call(Call.START)
+        super().__init__(
+            settings=settings,
+            clock=self._time,
+            rover=_recorded(rover, settings, tape),
+            ledger=ledger,
+            files=files,
+            downlinks=[*downlinks, _RecordedDownlink(tape)],
+            build_tree=build_tree,
+            solver=None if solver is None else _RecordedSolver(solver, tape),
+            inbox=RecordedInbox(tape) if inbox is None else inbox,
+        )
+        self._time.end()
+
+    def observe(self, fact: Fact) -> None:
+        """Take in a fact."""
+        with self._time:
+            self._tape.put(Observed(self._time.now_s(), self._time.utc_s(), fact))
+            super().observe(fact)
+
+    def event(
+        self,
+        severity: Severity,
+        text: str,
+        figures: tuple[Figure, ...] = (),
+        kind: Kind = Kind.EVENT,
+    ) -> None:
+        """Report something that another component noticed, or a link."""
+        with self._time:
+            now_s, utc_s = self._time.now_s(), self._time.utc_s()
+            self._tape.put(Noticed(now_s, utc_s, severity, text, figures, kind))
+            super().event(severity, text, figures, kind)
+
+    def make_safe(self, danger: Refusal) -> None:
+        """Stand until resumed; nothing, if a hazard holds the rover already."""
+        with self._time:
+            self._tape.put(MadeSafe(self._time.now_s(), self._time.utc_s(), danger))
+            super().make_safe(danger)
+
+    def turn(self) -> None:
+        """Serve what was submitted and asked."""
+        with self._time:
+            self._call(Call.TURN)
+            super().turn()
+            self._tell_changes()
+
+    def tick(self) -> None:
+        """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
+        with self._time:
+            self._call(Call.TICK)
+            super().tick()
+            self._tell_changes()
+
+    def close(self) -> None:
+        """End everything."""
+        with self._time:
+            self._call(Call.CLOSE)
+            super().close()
+
+    def _listen_for_ground(self) -> None:
+        super()._listen_for_ground()
+        if self.ground.heard:
+            self._tape.put(GroundHeard())
+
+    def _call(self, call: Call) -> None:
+        self._tape.put(Called(self._time.now_s(), self._time.utc_s(), call))
+
+    def _tell_changes(self) -> None:
+        """Record what is other than before of the tree, the mode and the command under way."""
+        states = {
+            each.path: NodeState(each.path, each.status.name, each.message)
+            for each in self.tree.nodes()
+        }
+        before, self._nodes = self._nodes, states
+        changed = tuple(each for path, each in states.items() if before.get(path) != each)
+        gone = tuple(path for path in before if path not in states)
+        if changed or gone:
+            self._tape.put(TreeChanged(changed, gone))
+        last, mode, active = self._last_mode, self.mode, self.active_command
+        if last is None or (last.mode, last.active) != (mode, active):
+            self._last_mode = ModeChanged(mode, active, self.why)
+            self._tape.put(self._last_mode)
+
+
+class RecordedInbox(Inbox):
+    """Records the commands that are taken, and what their senders are told."""
+
+    def __init__(self, tape: Tape) -> None:
+        super().__init__()
+        self._tape = tape
+
+    def take_stop(self) -> Submission:
+        """Return the next stop."""
+        return self._recorded(super().take_stop())
+
+    def take(self) -> Submission | Question:
+        """Return the next command that is no stop, or the next question."""
+        item = super().take()
+        return self._recorded(item) if isinstance(item, Submission) else item
+
+    def _recorded(self, submission: Submission) -> Submission:
+        self._tape.put(Served(submission.command, self.overtaken(submission)))
+        return with_recorded_answer(submission, self._tape)
+
+
+def with_recorded_answer(submission: Submission, tape: Tape) -> Submission:
+    """Return a submission whose answer is recorded."""
+
+    def reply(result: SubmitResult) -> None:
+        refusal = result.refusal if isinstance(result, Refused) else None
+        tape.put(Answered(submission.command.identity, type(result).__name__, refusal))
+        submission.reply(result)
+
+    return replace(submission, reply=reply)
+
+
+def _recorded(
+    rover: VelocityRover | MotionRover, settings: Settings, tape: Tape
+) -> VelocityRover | MotionRover:
+    """Return a rover whose commands are recorded; itself, if it does not fit the settings."""
+    if settings.locomotion is LocomotionKind.VELOCITY and isinstance(rover, VelocityRover):
+        return _RecordedVelocityRover(rover, tape)
+    if settings.locomotion is LocomotionKind.WHOLE_MOTION and isinstance(rover, MotionRover):
+        return _RecordedMotionRover(rover, tape)
+    return rover
+
+
+class _RecordedRover:
+    def __init__(self, rover: VelocityRover | MotionRover, tape: Tape) -> None:
+        self._any = rover
+        self._tape = tape
+        self._held: bool | None = None
+
+    def point_camera(self, wanted: CameraIntent) -> None:
+        self._tape.put(PointedCamera(wanted))
+        self._any.point_camera(wanted)
+
+    def request_frame(self) -> None:
+        self._tape.put(RequestedFrame())
+        self._any.request_frame()
+
+    def emergency_stop(self) -> None:
+        self._any.emergency_stop()
+
+    def lock(self, held: bool) -> None:
+        if held is not self._held:
+            self._held = held
+            self._tape.put(Locked(held))
+        self._any.lock(held)
+
+
+class _RecordedVelocityRover(_RecordedRover):
+    def __init__(self, rover: VelocityRover, tape: Tape) -> None:
+        super().__init__(rover, tape)
+        self._rover = rover
+
+    def drive(self, velocity: Velocity) -> None:
+        self._tape.put(Drove(velocity))
+        self._rover.drive(velocity)
+
+
+class _RecordedMotionRover(_RecordedRover):
+    def __init__(self, rover: MotionRover, tape: Tape) -> None:
+        super().__init__(rover, tape)
+        self._rover = rover
+
+    def carry_out(self, motion: WholeMotion) -> None:
+        self._tape.put(CarriedOut(motion))
+        self._rover.carry_out(motion)
+
+    def halt(self) -> None:
+        self._tape.put(Halted())
+        self._rover.halt()
+
+
+class _RecordedDownlink:
+    def __init__(self, tape: Tape) -> None:
+        self._tape = tape
+
+    def report(self, reports: Sequence[Report]) -> None:
+        for report in reports:
+            self._tape.put(Reported(report))
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        self._tape.put(ToldParameters(tuple(values)))
+
+    def file(self, event: FileEvent) -> None:
+        self._tape.put(ToldFile(event))
+
+    def plan(self, update: PlanUpdate) -> None:
+        self._tape.put(ToldPlan(update))
+
+
+class _RecordedSolver:
+    def __init__(self, solver: SharedSolver, tape: Tape) -> None:
+        self._solver = solver
+        self._tape = tape
+        self.lead_ticks = solver.lead_ticks
+
+    @property
+    def busy(self) -> bool:
+        busy = self._solver.busy
+        self._tape.put(SolverBusy(busy))
+        return busy
+
+    def ask(self, problem: Problem) -> None:
+        digest = hashlib.sha256(repr(problem).encode()).hexdigest()
+        self._tape.put(AskedSolver(problem.start, problem.target, digest))
+        self._solver.ask(problem)
+
+    def answer(self) -> Plan | None:
+        plan = self._solver.answer()
+        self._tape.put(SolverAnswered(plan))
+        return plan
+
+    def beside(self, apart: bool = False) -> SharedSolver:
+        solver = self._solver.beside(apart)
+        return solver if apart else _RecordedSolver(solver, self._tape)

@@ -1,0 +1,281 @@
+"""What a recording of a run holds: all that enters the core, in its order, and what it decides.
+
+Fed with the same inputs, the core decides the same. A recording is a sequence of items: a `Life`
+for each start of the executive, then its entries, each of which is followed by what else came in
+during it, and by what was decided in it. Within an entry time stands still.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, unique
+from typing import Protocol
+
+from executive.commands import Command, Mode
+from executive.geometry import Velocity
+from executive.motion import MotionState, Plan, Target
+from executive.ports import CameraIntent, WholeMotion
+from executive.reasons import Figure, Refusal
+from executive.reports import Identity, Kind, PlanUpdate, Report, Severity
+from executive.settings import Settings
+from executive.state import Fact, FileEvent, ParameterValue
+
+
+@dataclass(frozen=True, slots=True)
+class KeptFile:
+    """A file that lies in the folder of the rover; its content decides nothing."""
+
+    path: str
+    size_octets: int
+
+
+@dataclass(frozen=True, slots=True)
+class Life:
+    """What the executive of one process begins with.
+
+    Attributes:
+        ledger: the file of the ledger, as it was before.
+        latch: the file of the stop latch; empty if there was none.
+        files: what lies in the folder of files.
+        solver_lead_ticks: that of what plans motion; None where nothing does.
+    """
+
+    settings: Settings
+    ledger: bytes
+    latch: bytes
+    files: tuple[KeptFile, ...]
+    solver_lead_ticks: int | None
+
+
+@unique
+class Call(Enum):
+    """A call of the core that brings nothing but the time."""
+
+    START = "start"
+    TURN = "turn"
+    TICK = "tick"
+    CLOSE = "close"
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """An entry that brings the time; `START` is the first of a life.
+
+    Attributes:
+        now_s: the monotonic clock that all within sees.
+        utc_s: the wall clock that all within sees, seconds since 1970-01-01 UTC.
+    """
+
+    now_s: float
+    utc_s: float
+    call: Call
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """An entry that brings a fact."""
+
+    now_s: float
+    utc_s: float
+    fact: Fact
+
+
+@dataclass(frozen=True, slots=True)
+class Noticed:
+    """An entry that has something reported that another component noticed."""
+
+    now_s: float
+    utc_s: float
+    severity: Severity
+    text: str
+    figures: tuple[Figure, ...]
+    kind: Kind
+
+
+@dataclass(frozen=True, slots=True)
+class MadeSafe:
+    """An entry that has the rover stand until resumed."""
+
+    now_s: float
+    utc_s: float
+    danger: Refusal
+
+
+Entry = Called | Observed | Noticed | MadeSafe
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """A command that was taken from the queue.
+
+    Attributes:
+        overtaken: whether a stop was taken before that had come after it.
+    """
+
+    command: Command
+    overtaken: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GroundHeard:
+    """There was a sign of the ground since the last entry that looked for one."""
+
+
+@dataclass(frozen=True, slots=True)
+class SolverAnswered:
+    """What the solver of motion plans answered when it was asked for an answer."""
+
+    plan: Plan | None
+
+
+@dataclass(frozen=True, slots=True)
+class SolverBusy:
+    """Whether the solver of motion plans was at a question, when that was asked."""
+
+    busy: bool
+
+
+Input = Served | GroundHeard | SolverAnswered | SolverBusy
+"""What comes in during an entry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drove:
+    """The velocity that the rover was commanded."""
+
+    velocity: Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedOut:
+    """The whole motion that the rover was to carry out."""
+
+    motion: WholeMotion
+
+
+@dataclass(frozen=True, slots=True)
+class Halted:
+    """The rover was to stand."""
+
+
+@dataclass(frozen=True, slots=True)
+class Locked:
+    """The lock of the mux was taken, or released; recorded when that changes."""
+
+    held: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PointedCamera:
+    """The camera was to point there."""
+
+    wanted: CameraIntent
+
+
+@dataclass(frozen=True, slots=True)
+class RequestedFrame:
+    """A picture was asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskedSolver:
+    """A motion plan was asked for; the digest is of all that the solver was told."""
+
+    start: MotionState
+    target: Target
+    digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reported:
+    """A report left, once it was written down."""
+
+    report: Report
+
+
+@dataclass(frozen=True, slots=True)
+class ToldParameters:
+    """Parameters were sent."""
+
+    values: tuple[ParameterValue, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ToldFile:
+    """What happened to a file was sent."""
+
+    event: FileEvent
+
+
+@dataclass(frozen=True, slots=True)
+class ToldPlan:
+    """How far a plan has come was sent."""
+
+    update: PlanUpdate
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """Who submitted a command was told what became of it.
+
+    Attributes:
+        result: Admitted, Refused or Repeated.
+    """
+
+    identity: Identity
+    result: str
+    refusal: Refusal | None
+
+
+@dataclass(frozen=True, slots=True)
+class NodeState:
+    """What a node of the tree did in the last tick, and what it says of itself."""
+
+    path: str
+    status: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class TreeChanged:
+    """The nodes that are other than before, those that are new among them, and those that went."""
+
+    nodes: tuple[NodeState, ...]
+    gone: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ModeChanged:
+    """The mode or the command under way is another than before.
+
+    Attributes:
+        why: one line on why the rover stands, or what moves it.
+    """
+
+    mode: Mode
+    active: Identity | None
+    why: str
+
+
+Decision = (
+    Drove
+    | CarriedOut
+    | Halted
+    | Locked
+    | PointedCamera
+    | RequestedFrame
+    | AskedSolver
+    | Reported
+    | ToldParameters
+    | ToldFile
+    | ToldPlan
+    | Answered
+    | TreeChanged
+    | ModeChanged
+)
+Item = Life | Entry | Input | Decision
+
+
+class Tape(Protocol):
+    """Takes a recording. Called on the core's thread: must neither block nor raise."""
+
+    def put(self, item: Item) -> None:
+        """Record the next item."""

@@ -1,0 +1,322 @@
+"""A recorded run is replayed equally, a changed rule is noticed, and a bad file is told."""
+
+import json
+import random
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from adapters.recording import RecordingError, RunFile
+from adapters.recording.commands import BAD_FILE, DIFFERS
+from adapters.recording.commands import replay as replay_command
+from adapters.recording.messages import TOPICS
+from adapters.recording.replay import replay
+from adapters.recording.run_file import RunReader
+from executive.clock import ManualClock
+from executive.commands import Command, DriveFor, MoveForward, Request, Resume, Stop
+from executive.goals import GoalQueue
+from executive.motion import Arbiter
+from executive.motion.velocity_control import DriveLaw
+from executive.reasons import Reason, Refusal
+from executive.record import Ledger, Synchronous
+from executive.recorded_executive import RecordedExecutive, life_of
+from executive.reports import Identity, Severity
+from executive.settings import load_settings
+from executive.state import Odometry
+from sim.scenario.changes import Change
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import PlayMode
+from sim.scenario.outcome import digest_of
+from sim.scenario.reading import load_scenario
+from tests.support.kinematic import STEP_S, KinematicRover
+from trees import RoverTree
+
+
+def recorded(name: str, folder: Path, *changes: str) -> Path:
+    """Play a scenario and return its recording."""
+    path = folder / f"{name}.mcap"
+    made = tuple(Change.parse(each) for each in changes)
+    scenario = load_scenario(name, PlayMode.LOCK_STEP, made)
+    with closing(RunFile(path)) as tape:
+        run_in_lock_step(scenario, folder / name, tape)
+    return path
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the recording of a drive with turns and a picture."""
+    return recorded("drive3m_turn_picture", tmp_path_factory.mktemp("drive"))
+
+
+def typed(*files: Path) -> Result:
+    return CliRunner().invoke(replay_command, list(map(str, files)), catch_exceptions=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "lives"),
+    [
+        ("killed", 2),  # kill -9 within a drive, and another start on the same ledger
+        ("takeover", 1),  # stops, a resume
+        ("files", 1),  # pictures that are stored, moved and deleted
+        ("replaced", 1),  # velocities that replace each other
+        ("mocup_picture", 1),  # a rover that moves by itself
+    ],
+)
+def test_a_scenario_is_replayed_equally(name: str, lives: int, tmp_path: Path) -> None:
+    replayed = replay(recorded(name, tmp_path))
+    assert replayed.difference is None
+    assert replayed.whole
+    assert replayed.lives == lives
+    assert replayed.ticks > 100
+    assert replayed.decisions > 30
+
+
+def test_the_answers_of_the_solver_are_replayed(tmp_path: Path) -> None:
+    pytest.importorskip("casadi")
+    path = recorded("to_a_goal", tmp_path, "settings.controller=mpc", "lasts=8")
+    with path.open("rb") as file:
+        topics = [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
+    assert topics.count("/in/solver_answered") > 10
+    assert replay(path).difference is None
+
+
+def test_the_recorded_run_is_the_same_as_one_that_is_not(tmp_path: Path) -> None:
+    scenario = load_scenario("mocup_picture", PlayMode.LOCK_STEP)
+    with closing(RunFile(tmp_path / "run.mcap")) as tape:
+        with_tape = run_in_lock_step(scenario, tmp_path / "with", tape)
+    assert digest_of(with_tape) == digest_of(run_in_lock_step(scenario, tmp_path / "without"))
+
+
+def _other_gain(patch: pytest.MonkeyPatch) -> None:
+    steer = DriveLaw._steer
+    patch.setattr(DriveLaw, "_steer", lambda *of: 0.99 * steer(*of))
+
+
+def _no_latch(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Arbiter, "stop", Arbiter.stand)
+
+
+def _other_mode(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(GoalQueue, "__len__", lambda self: self.waiting)
+
+
+MUTANTS = [_other_gain, _no_latch, _other_mode]
+
+
+def test_a_changed_rule_is_noticed(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = recorded("takeover", tmp_path)
+    for mutate in MUTANTS:
+        with monkeypatch.context() as patch:
+            mutate(patch)
+            found = [replay(path).difference for path in (drive, held)]
+        assert any(found), mutate.__name__
+    assert [replay(path).difference for path in (drive, held)] == [None, None]
+
+
+def test_the_first_difference_is_shown(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert typed(drive).output.startswith(f"{drive}: 27")
+    _other_gain(monkeypatch)
+    told = typed(drive)
+    assert told.exit_code == DIFFERS
+    first, part = told.output.splitlines()
+    assert "another decision after 0.55 s, in entry " in first
+    assert part.startswith("  /out/drove velocity.rotate_radps: recorded -0.00017")
+    assert ", replayed -0.00017" in part
+
+
+def test_a_decision_that_is_lacking_is_shown(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Arbiter, "commit", lambda *_: None)
+    _, then, now = typed(drive).output.splitlines()
+    assert then.startswith("  recorded: /out/")
+    assert now.startswith("  replayed: ")
+    assert now[12:] != then[12:]
+
+
+@pytest.mark.parametrize("part", [0.3, 0.8, 0.99])
+def test_what_was_written_before_a_crash_is_replayed(
+    drive: Path, part: float, tmp_path: Path
+) -> None:
+    octets = drive.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(octets[: round(len(octets) * part)])
+    told = typed(cut)
+    assert told.exit_code in (0, BAD_FILE)
+    if told.exit_code == 0:
+        assert told.output.endswith("the recording breaks off there\n")
+        assert replay(cut).ticks < replay(drive).ticks
+    else:
+        assert "holds no run" in told.output
+
+
+def test_damage_is_told(drive: Path, tmp_path: Path) -> None:
+    octets, at = drive.read_bytes(), random.Random(1)
+    damaged = tmp_path / "damaged.mcap"
+    for _ in range(20):
+        place = at.randrange(len(octets) // 10, len(octets) // 2)
+        changed = bytes([octets[place] ^ 0x10])
+        damaged.write_bytes(octets[:place] + changed + octets[place + 1 :])
+        with pytest.raises(RecordingError, match="is no MCAP file, or damaged"):
+            list(RunReader(damaged).messages())
+
+
+def _other_profile(path: Path) -> None:
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "another")
+        writer.finish()
+
+
+def _with_message(topic: str, data: bytes) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        with path.open("wb") as file:
+            writer = Writer(file)
+            writer.start("rover-run-1", "rover-executive")
+            channel = writer.register_channel(topic, "json", 0)
+            writer.add_message(channel, 0, data, 0, 1)
+            writer.finish()
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda _: None, "cannot be read (No such file or directory)"),
+        (lambda path: path.mkdir(), "cannot be read (Is a directory)"),
+        (lambda path: path.write_bytes(b""), "holds no run"),
+        (lambda path: path.write_bytes(b"text, and no recording"), "is no MCAP file"),
+        (
+            _other_profile,
+            "is no recording of this version (rover-run-1), but MCAP of profile 'ros2'",
+        ),
+        (_with_message("/life", b"{}"), "a message of /life cannot be read"),
+        (_with_message("/in/tick", b"[]"), "a message of /in/tick cannot be read"),
+        (
+            _with_message("/in/tick", b'{"now_s":1.0,"utc_s":1.0,"call":"TICK"}'),
+            "begins in the middle, without /life",
+        ),
+    ],
+)
+def test_a_file_that_is_no_recording_is_told(
+    make: Callable[[Path], None], told: str, tmp_path: Path, drive: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    make(path)
+    result = typed(path, drive)
+    assert result.exit_code == BAD_FILE
+    first, second = result.output.splitlines()
+    assert first.startswith(f"Error: {path}: ")
+    assert told in first
+    assert "are the same" in second
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_run(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    scenario = load_scenario("mocup_picture", PlayMode.LOCK_STEP)
+    with closing(RunFile(Path("/dev/full"))) as tape:
+        record = run_in_lock_step(scenario, tmp_path, tape)
+    assert record.simulated_s == scenario.lasts_s
+    warnings = [each.getMessage() for each in caplog.records if "recording" in each.getMessage()]
+    assert warnings == ["recording /dev/full ends: No space left on device"]
+
+
+def test_each_message_has_what_its_schema_says(drive: Path) -> None:
+    seen = set()
+    with drive.open("rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            seen.add(channel.topic)
+            properties = json.loads(schema.data)["properties"]
+            told = json.loads(message.data, parse_constant=pytest.fail)
+            assert set(told) == set(properties), channel.topic
+    assert seen <= set(TOPICS)
+    assert {"/life", "/in/odometry", "/in/served", "/out/drove", "/out/tree_changed"} <= seen
+
+
+class Recording:
+    """An executive over a rover without physics, recorded in a file."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "run.mcap"
+        self.tape = RunFile(self.path)
+        self.clock = ManualClock()
+        self.rover = KinematicRover()
+        settings, files = load_settings("jackal"), folder / "files"
+        ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
+        self.tape.put(life_of(settings, ledger, files))
+        self.executive = RecordedExecutive(
+            self.tape,
+            settings=settings,
+            clock=self.clock,
+            rover=self.rover,
+            ledger=ledger,
+            files=files,
+            downlinks=[],
+            build_tree=RoverTree,
+        )
+
+    def submit(self, number: int, request: Request) -> None:
+        command = Command(Identity("MOE", number), request, "direct")
+        self.executive.submit(command, lambda _: None)
+
+    def step(self) -> None:
+        self.clock.advance(STEP_S)
+        self.rover.advance(STEP_S)
+        fact = Odometry(self.clock.now_s(), self.rover.pose, self.rover.velocity)
+        self.executive.observe(fact)
+        self.executive.tick()
+
+
+def test_stops_that_overtake_and_what_others_notice_are_replayed(tmp_path: Path) -> None:
+    made = Recording(tmp_path)
+    made.step()
+    made.submit(1, MoveForward(1.0))
+    made.submit(2, Resume())
+    made.submit(3, Stop())
+    made.submit(4, DriveFor(0.1, 0.0, 1.0))
+    made.submit(3, Stop())
+    for _ in range(10):
+        made.step()
+    made.executive.event(Severity.WARNING, "a link\nis slow")
+    made.submit(5, Resume())
+    made.executive.turn()
+    made.submit(6, MoveForward(1.0))
+    made.step()
+    made.executive.make_safe(Refusal(Reason.CORE_HUNG, "it hung"))
+    made.step()
+    made.executive.close()
+    made.tape.close()
+    replayed = replay(made.path)
+    assert replayed.difference is None
+    assert (replayed.ticks, replayed.entries) == (13, 13 + 13 + 5)
+
+
+def test_a_recording_that_lacks_its_start_is_told(tmp_path: Path) -> None:
+    made = Recording(tmp_path)
+    made.step()
+    made.tape.close()
+    with made.path.open("rb") as file:
+        messages = [
+            (channel.topic, message.data)
+            for _, channel, message in make_reader(file).iter_messages(log_time_order=False)
+            if channel.topic != "/in/start"
+        ]
+    path = tmp_path / "headless.mcap"
+    with path.open("wb") as target:
+        writer = Writer(target)
+        writer.start("rover-run-1", "rover-executive")
+        channels = {topic: writer.register_channel(topic, "json", 0) for topic, _ in messages}
+        for topic, data in messages:
+            writer.add_message(channels[topic], 0, data, 0, 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match="stands before /in/start"):
+        replay(path)
