@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -76,7 +77,7 @@ class Child:
         return pattern.search(self.log.read_text(encoding="utf-8", errors="replace"))
 
     def end(self) -> None:
-        """Ask it to end, and make it after `PATIENCE_S`."""
+        """Ask it to end, and make it after `PATIENCE_S`; then end what it has left behind."""
         self._ending = True
         self._process.terminate()
         try:
@@ -84,6 +85,8 @@ class Child:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        with suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)  # the guard of an executive that was killed
 
     def kill(self) -> None:
         """End it as kill -9 does: at once, without a last word."""

@@ -100,7 +100,8 @@ def test_a_process_that_dies_is_named_with_its_log(demo: Demo) -> None:
     assert "Error: the executive process ended by SIGKILL" in output
     assert "STARTED MoveTo" in output, "the tail of its log"
     assert "Traceback" not in output
-    assert demo.others() == []
+    _, alive = psutil.wait_procs(demo.others(), timeout=END_S)
+    assert alive == []
 
 
 def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
