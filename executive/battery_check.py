@@ -25,7 +25,7 @@ from executive.commands import (
 from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.motion import Bounds, duration_s
 from executive.path_check import heeded, way_around
-from executive.plans import PlanNode, expected_requests
+from executive.plans import PlanNode, Step, expected_course
 from executive.prediction_settings import Way, curved_m
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
@@ -140,7 +140,8 @@ def check_battery(
         requests: Iterable[object] = (what,)
         zones = status.obstacles
     else:
-        requests, zones = expected_requests(what), Zones()
+        course, zones = expected_course(what), Zones()
+        requests = (each.request for each in course if isinstance(each, Step))
     reckoning = _Reckoning(pose, speeds, settings, zones)
     for request in _motions(requests, reckoning):
         reckoning.add(request)

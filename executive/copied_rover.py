@@ -7,9 +7,10 @@ from typing import Final
 
 from executive.clock import ManualClock
 from executive.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
-from executive.motion import MotionState, Plan, PlanSolver, Problem, model_of
-from executive.ports import CameraIntent
+from executive.motion import MotionState, Plan, PlanSolver, Problem, model_of, profile_of
+from executive.ports import CameraIntent, Hold, WholeMotion
 from executive.settings import Settings
+from executive.state import Fact, MotionEnded, Odometry
 
 FINEST_S: Final = 1e-9
 FOLLOWED_S: Final = 0.5
@@ -17,7 +18,7 @@ FOLLOWED_S: Final = 0.5
 
 
 class CopiedBase:
-    """A base that takes velocities, and does nothing else; this one stands.
+    """A base that moves, and does nothing else; this one stands.
 
     Attributes:
         pose: of base_link, by odometry that is always right.
@@ -31,11 +32,12 @@ class CopiedBase:
         self.pose = pose
         self.velocity = STANDING
 
-    def drive(self, velocity: Velocity) -> None:
-        """Take a velocity."""
-
     def advance(self) -> None:
         """Move on to the clock's time."""
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Return what is seen of it now."""
+        return (Odometry(self._clock.now_s(), self.pose, self.velocity),)
 
     def emergency_stop(self) -> None:
         """Do nothing: nobody stops a preview."""
@@ -85,6 +87,50 @@ class KinematicBase(CopiedBase):
         )
         place = moved.ahead(-self._control_m)
         self.pose = replace(moved, x_m=place.x_m, y_m=place.y_m)
+
+
+class DelegatedBase(CopiedBase):
+    """A base that carries out whole motions one after the other, evenly and exactly.
+
+    Before it begins it takes a speed and a motion, or a velocity to hold; then it tells of the end.
+    Each of these messages takes half of the latency.
+    """
+
+    def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
+        super().__init__(clock, settings, pose)
+        self._message_s = settings.turn_drive.latency_s / 2
+        self._motion: WholeMotion | None = None
+        self._from = pose
+        self._begins_s = 0.0
+        self._ended: MotionEnded | None = None
+
+    def carry_out(self, motion: WholeMotion) -> None:
+        """Take a motion."""
+        self._motion, self._from = motion, self.pose
+        messages = 1 if isinstance(motion.what, Hold) else 2
+        self._begins_s = self._clock.now_s() + messages * self._message_s
+
+    def halt(self) -> None:
+        """Stand at once."""
+        self._motion, self.velocity = None, STANDING
+
+    def advance(self) -> None:
+        """Move on to the clock's time."""
+        if self._motion is None:
+            return
+        profile = profile_of(self._motion.what, self._settings.drive)
+        since_s = self._clock.now_s() - self._begins_s
+        held_s, whole = profile.held_s(since_s), profile.velocity
+        self.pose = on_arc(self._from, whole.travel_mps * held_s, whole.rotate_radps * held_s)
+        self.velocity = whole if 0.0 < since_s < profile.duration_s else STANDING
+        if since_s >= profile.duration_s + self._message_s:
+            self._ended = MotionEnded(self._motion.number, executed=True)
+            self._motion = None
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Return what is seen of it now, and the end of a motion once."""
+        ended, self._ended = self._ended, None
+        return super().facts() if ended is None else (ended, *super().facts())
 
 
 class ModelledBase(CopiedBase):

@@ -25,7 +25,6 @@ from executive.preview import (
     Start,
     Ticked,
     plans_by_mpc,
-    unsupported,
 )
 from executive.reasons import PREDICTED, Figure, Refusal
 
@@ -61,9 +60,9 @@ class _Work:
 class Predictions:
     """Works out a prediction of each motion that is accepted, and of each plan that begins.
 
-    There is none where the asset's motion cannot be previewed, where it is longer than a preview
-    may be, of a velocity that replaces another, as a joystick gives them, of the single steps of a
-    plan, and where the sender of a command wants no progress reported.
+    There is none of a motion that is longer than a preview may be, of a velocity that replaces
+    another, as a joystick gives them, of the single steps of a plan, and where the sender of a
+    command wants no progress reported.
 
     Args:
         context: of the asset, from which values are copied.
@@ -89,8 +88,8 @@ class Predictions:
         """Whether there is one to work on now."""
         return bool(self._waiting) and self._ready(self._waiting[0])
 
-    def run(self, what: Motion | PlanNode, pose: Pose, apart: bool = False) -> PreviewRun | Refusal:
-        """Return what works out where a motion or a plan leads from a pose, or why nothing can.
+    def run(self, what: Motion | PlanNode, pose: Pose, apart: bool = False) -> PreviewRun:
+        """Return what works out where a motion or a plan leads from a pose.
 
         Args:
             what: what is asked about.
@@ -99,9 +98,6 @@ class Predictions:
         """
         context = self._context
         settings, status = context.settings, context.status
-        refusal = unsupported(settings)
-        if refusal is not None:
-            return refusal
         speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)
         solver = None if self._solver is None else self._solver.beside(apart)
         start = Start(pose, *speeds, context.files, status.obstacles)
@@ -178,11 +174,8 @@ class Predictions:
 
     def _next_slice(self, work: _Work) -> Preview | Refusal | None:
         if work.run is None:
-            begun = self.run(work.what, work.start)
-            if isinstance(begun, Refusal):
-                return begun
-            begun.set_up()
-            work.run = begun
+            work.run = self.run(work.what, work.start)
+            work.run.set_up()
         else:
             work.run.advance(SLICE_TICKS)
         return work.run.result

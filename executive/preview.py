@@ -4,7 +4,7 @@ Nothing here touches the rover, its ledger, tree or goals. What is copied of the
 so that a preview may be worked out on any thread, in slices.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Final, Protocol, assert_never
@@ -16,6 +16,7 @@ from executive.commands import (
     FollowPath,
     Motion,
     MoveTo,
+    Request,
     SetRotateSpeed,
     SetTravelSpeed,
     controller_of,
@@ -23,29 +24,18 @@ from executive.commands import (
 from executive.commands.intake import ABOARD_PREFIX, check_arguments
 from executive.commands.lifecycle import Life
 from executive.controller import Controller
-from executive.copied_rover import CopiedBase, FollowedPlans, KinematicBase, ModelledBase
+from executive.copied_rover import DelegatedBase, FollowedPlans, KinematicBase, ModelledBase
 from executive.geometry import STANDING, Pose, wrap_rad
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, PlanSolver, make_locomotion
 from executive.path_check import check_request
-from executive.plans import (
-    FallbackNode,
-    InverterNode,
-    LoopNode,
-    ParallelNode,
-    PlanNode,
-    RepeatOn,
-    SequenceNode,
-    Step,
-    TimeoutNode,
-    steps,
-)
+from executive.plans import PlanNode, Step, TimeoutEnd, TimeoutNode, expected_course, steps
 from executive.prediction_settings import End, Way, curved_m
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.safety import Safety
 from executive.settings import LocomotionKind, Sensors, Settings
-from executive.state import FileFolder, Odometry, Status
+from executive.state import FileFolder, Status
 from executive.zones import Zones
 
 LONGEST_S: Final = 300.0
@@ -191,7 +181,8 @@ class PreviewRun:
             without = replace(settings.mpc, offered=False)
             self._settings = replace(self._settings, controller=Controller.TURN_DRIVE, mpc=without)
         self._build_tree = build_tree
-        self._steps = self._all_steps()
+        self._course = iter(()) if isinstance(asked, Motion) else expected_course(asked)
+        self._timeouts_s: list[float] = []
         self._life: Life | None = None
         self._step: Step | None = None
         self._began_s = 0.0
@@ -214,10 +205,7 @@ class PreviewRun:
         """Make the copy, and begin; called once."""
         clock, settings, start = ManualClock(), self._settings, self._start
         self._clock = clock
-        if self._solver is None:
-            self._base: CopiedBase = KinematicBase(clock, settings, start.pose)
-        else:
-            self._base = ModelledBase(clock, settings, start.pose)
+        self._base = self._copied_base(clock)
         status = Status(clock, settings)
         status.travel_speed_mps = start.travel_speed_mps
         status.rotate_speed_radps = start.rotate_speed_radps
@@ -229,7 +217,22 @@ class PreviewRun:
         self._context = Context(clock, settings, status, safety, goals, locomotion, start.files)
         self._tree = self._build_tree(self._context)
         self._observe()
-        self._begin_next()
+        if isinstance(self._asked, Motion):
+            self._begin(self._asked)
+        else:
+            self._begin_next()
+
+    def _copied_base(self, clock: ManualClock) -> KinematicBase | ModelledBase | DelegatedBase:
+        settings, pose = self._settings, self._start.pose
+        match settings.locomotion:
+            case LocomotionKind.WHOLE_MOTION:
+                return DelegatedBase(clock, settings, pose)
+            case LocomotionKind.VELOCITY if self._solver is None:
+                return KinematicBase(clock, settings, pose)
+            case LocomotionKind.VELOCITY:
+                return ModelledBase(clock, settings, pose)
+            case _:
+                assert_never(settings.locomotion)
 
     def _tick(self) -> None:
         context, intents = self._context, self._context.intents
@@ -239,7 +242,8 @@ class PreviewRun:
             intents.motion = STANDING
         self._arbiter.commit(intents)
         if self._life is not None and self._life.stage.terminal:
-            self._end_step(self._life)
+            life, self._life = self._life, None
+            self._end_step(life)
         if self.result is not None:
             return
         self._clock.advance(self._settings.tick_s)
@@ -250,11 +254,12 @@ class PreviewRun:
             self.result = Refusal(Reason.NOT_SUPPORTED, text)
 
     def _observe(self) -> None:
-        fact = Odometry(self._clock.now_s(), self._base.pose, self._base.velocity)
-        self._context.status.observe(fact)
-        self._context.safety.observe(fact)
-        if fact.stamp_s > 0.0:
-            self._track.add(fact.stamp_s, fact.pose)
+        for fact in self._base.facts():
+            self._context.status.observe(fact)
+            self._context.safety.observe(fact)
+        now_s = self._clock.now_s()
+        if now_s > 0.0:
+            self._track.add(now_s, self._base.pose)
 
     def _end_step(self, life: Life) -> None:
         if life.refusal is not None:
@@ -269,21 +274,31 @@ class PreviewRun:
 
     def _begin_next(self) -> None:
         """Begin the next motion, or make up the preview after the last."""
-        for request in self._steps:
-            match request:
-                case SetTravelSpeed(speed_mps):
-                    self._context.status.travel_speed_mps = speed_mps
-                case SetRotateSpeed(speed_radps):
-                    self._context.status.rotate_speed_radps = speed_radps
-                case _ if isinstance(request, Motion):
-                    self._begin(request)
-                    return
-                case _:
-                    pass
-            if self.result is not None:
+        for each in self._course:
+            match each:
+                case TimeoutNode():
+                    self._timeouts_s.append(self._clock.now_s())
+                case TimeoutEnd(node=node):
+                    took_s = self._clock.now_s() - self._timeouts_s.pop()
+                    if took_s > node.duration_s:
+                        self.result = self._late(node.place.path, took_s, node.duration_s)
+                case Step(request=request):
+                    self._step = each
+                    self._set_or_begin(request)
+            if self._life is not None or self.result is not None:
                 return
-        if self.result is None:
-            self.result = self._made_up()
+        self.result = self._made_up()
+
+    def _set_or_begin(self, request: Request) -> None:
+        match request:
+            case SetTravelSpeed(speed_mps):
+                self._context.status.travel_speed_mps = speed_mps
+            case SetRotateSpeed(speed_radps):
+                self._context.status.rotate_speed_radps = speed_radps
+            case _ if isinstance(request, Motion):
+                self._begin(request)
+            case _:
+                pass
 
     def _begin(self, request: Motion) -> None:
         pose, settings = self._context.status.pose, self._settings
@@ -298,39 +313,6 @@ class PreviewRun:
         self._life = Life(Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None)
         self._life.accept()
         self._context.goals.motion.add(self._life)
-
-    def _all_steps(self) -> Iterator[object]:
-        """Yield the requests in their order; whoever takes the next has done the one before."""
-        if isinstance(self._asked, Motion):
-            yield self._asked
-        else:
-            yield from self._steps_of(self._asked)
-
-    def _steps_of(self, node: PlanNode) -> Iterator[object]:
-        match node:
-            case Step(request=request):
-                self._step = node
-                yield request
-            case SequenceNode(children=children) | ParallelNode(children=children):
-                for child in children:
-                    yield from self._steps_of(child)
-            case FallbackNode(children=(first, *_)):
-                yield from self._steps_of(first)
-            case LoopNode(repeat_on=repeat_on, times=times, child=child):
-                for _ in range(times if repeat_on is RepeatOn.SUCCESS else 1):
-                    yield from self._steps_of(child)
-            case TimeoutNode(place=place, duration_s=duration_s, child=child):
-                began_s = self._clock.now_s()
-                yield from self._steps_of(child)
-                took_s = self._clock.now_s() - began_s
-                if took_s > duration_s and self.result is None:
-                    self.result = self._late(place.path, took_s, duration_s)
-            case InverterNode(child=child):
-                yield from self._steps_of(child)
-            case FallbackNode():
-                pass
-            case _:
-                assert_never(node)
 
     def _named(self, refusal: Refusal) -> Refusal:
         """Return a refusal with the step of the plan that it is of."""
@@ -378,11 +360,3 @@ def plans_by_mpc(what: Motion | PlanNode, settings: Settings) -> bool:
     return settings.offers_mpc and any(
         controller_of(each, settings.controller) is Controller.MPC for each in requests
     )
-
-
-def unsupported(settings: Settings) -> Refusal | None:
-    """Return why the motion of an asset cannot be previewed, or None."""
-    if settings.locomotion is LocomotionKind.VELOCITY:
-        return None
-    text = f"{settings.asset} carries out whole motions by itself: its motion cannot be previewed"
-    return Refusal(Reason.NOT_SUPPORTED, text)

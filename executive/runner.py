@@ -27,7 +27,7 @@ from executive.path_check import expected_pose
 from executive.plans import PlanHost, Planner, check_plan
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.predictions import Predictions
-from executive.preview import PreviewRun, unsupported
+from executive.preview import PreviewRun
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import (
     AuthorityRecord,
@@ -303,7 +303,7 @@ class Executive:
         what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
         if isinstance(what, Refusal):
             return what
-        refusal = unsupported(settings) or not_located(status, settings)
+        refusal = not_located(status, settings)
         if refusal is not None:
             return refusal
         goals, clock = context.goals.motion, context.clock

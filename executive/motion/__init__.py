@@ -1,6 +1,7 @@
 """How motion goals become commands of the actuators."""
 
 from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
+from executive.motion.delegated_motion import MotionProfile, profile_of
 from executive.motion.locomotion import (
     Bounds,
     Leg,
@@ -37,6 +38,7 @@ __all__ = [
     "Locomotion",
     "MinimumTime",
     "Motion",
+    "MotionProfile",
     "MotionState",
     "Plan",
     "PlanSolver",
@@ -54,4 +56,5 @@ __all__ = [
     "model_of",
     "passes_by",
     "plan_leg",
+    "profile_of",
 ]

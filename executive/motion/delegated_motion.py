@@ -1,6 +1,6 @@
 """Motion of a rover that carries out whole motions by itself, as MOCUP's brick (thesis 6.1)."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 from math import copysign
 from typing import Final, assert_never
@@ -72,7 +72,7 @@ class DelegatedLocomotion:
         The way is then that of the velocity in its time, as of a rover that takes velocities.
         """
         what = Hold(Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
-        gain_s, _ = _times_s(what, self._settings.drive)
+        gain_s = profile_of(what, self._settings.drive).gain_s
         what = replace(what, duration_s=request.duration_s + gain_s)
         return self._awaited(command, what, what.duration_s)
 
@@ -160,7 +160,7 @@ class DelegatedMover:
         if motion is None or not own or self._status.elsewhere == motion.command:
             fastest = Velocity(drive.travel_speed_mps, drive.rotate_speed_radps)
             return Velocity(-fastest.travel_mps, -fastest.rotate_radps), fastest
-        full = _velocity(motion.what)
+        full = profile_of(motion.what, drive).velocity
         return full if self._steady(motion) else STANDING, full
 
     def _steady(self, motion: WholeMotion) -> bool:
@@ -173,10 +173,11 @@ class DelegatedMover:
         if started is not None and started.number == motion.number:
             earliest_s, latest_s = self._status.motion_started_at_s, 0.0
         since_s = self._clock.now_s() - earliest_s
-        gain_s, total_s = _times_s(motion.what, self._settings.drive)
-        margin_s = gain_s + STEADY_WITHIN_S
-        in_time = latest_s + margin_s <= since_s <= total_s - margin_s
-        return in_time and not self._near_end(motion.what, since_s, gain_s / 2 + TOLD_EVERY_S)
+        profile = profile_of(motion.what, self._settings.drive)
+        margin_s = profile.gain_s + STEADY_WITHIN_S
+        in_time = latest_s + margin_s <= since_s <= profile.duration_s - margin_s
+        before_s = profile.gain_s / 2 + TOLD_EVERY_S
+        return in_time and not self._near_end(motion.what, since_s, before_s)
 
     def _near_end(self, what: TurnBy | Advance | Hold, since_s: float, before_s: float) -> bool:
         """Return whether odometry shows that less is left than what the speed does in a time.
@@ -242,31 +243,50 @@ class DelegatedMover:
         return ended is None or ended.number != self._motion.number
 
 
-def _velocity(what: TurnBy | Advance | Hold) -> Velocity:
-    """Return the velocity of a motion between gaining and losing it."""
-    match what:
-        case TurnBy(angle_rad, speed_radps):
-            return Velocity(0.0, copysign(speed_radps, angle_rad))
-        case Advance(distance_m, speed_mps):
-            return Velocity(copysign(speed_mps, distance_m), 0.0)
-        case Hold(velocity):
-            return velocity
-        case _:
-            assert_never(what)
+@dataclass(frozen=True, slots=True)
+class MotionProfile:
+    """The velocity of a whole motion over time: gained evenly, held, and lost as evenly.
+
+    Attributes:
+        velocity: what is gained.
+        gain_s: how long it takes to gain it.
+        duration_s: from standing to standing; what is shorter than gaining and losing peaks below.
+    """
+
+    velocity: Velocity
+    gain_s: float
+    duration_s: float
+
+    def held_s(self, since_s: float) -> float:
+        """Return in what time the full velocity leads as far as the motion since its beginning."""
+        ramp_s = min(self.gain_s, self.duration_s / 2)
+        if ramp_s == 0.0:
+            return min(max(since_s, 0.0), self.duration_s)
+        gained_s = min(max(since_s, 0.0), ramp_s)
+        even_s = min(max(since_s - ramp_s, 0.0), self.duration_s - 2 * ramp_s)
+        left_s = min(max(self.duration_s - since_s, 0.0), ramp_s)
+        full = ramp_s / self.gain_s
+        return full * (even_s + (gained_s**2 + ramp_s**2 - left_s**2) / (2 * ramp_s))
 
 
-def _times_s(what: TurnBy | Advance | Hold, drive: DriveLimits) -> tuple[float, float]:
-    """Return for how long a motion gains its speed, and as long loses it, and its duration."""
+def profile_of(what: TurnBy | Advance | Hold, drive: DriveLimits) -> MotionProfile:
+    """Return how a rover with these accelerations carries out a motion."""
     match what:
         case TurnBy(angle_rad, speed_radps):
             bounds = Bounds(speed_radps, drive.rotate_acceleration_radps2)
-            return bounds.speed / bounds.acceleration, duration_s(angle_rad, bounds)
+            velocity = Velocity(0.0, copysign(speed_radps, angle_rad))
+            return _profile(velocity, bounds, angle_rad)
         case Advance(distance_m, speed_mps):
             bounds = Bounds(speed_mps, drive.travel_acceleration_mps2)
-            return bounds.speed / bounds.acceleration, duration_s(distance_m, bounds)
+            velocity = Velocity(copysign(speed_mps, distance_m), 0.0)
+            return _profile(velocity, bounds, distance_m)
         case Hold(velocity, held_s):
             gain_s = abs(velocity.travel_mps) / drive.travel_acceleration_mps2
             gain_s += abs(velocity.rotate_radps) / drive.rotate_acceleration_radps2
-            return gain_s, held_s
+            return MotionProfile(velocity, gain_s, held_s)
         case _:
             assert_never(what)
+
+
+def _profile(velocity: Velocity, bounds: Bounds, way: float) -> MotionProfile:
+    return MotionProfile(velocity, bounds.speed / bounds.acceleration, duration_s(way, bounds))

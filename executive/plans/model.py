@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum, unique
-from typing import Final
+from typing import Final, assert_never
 
 from executive.commands import Argument, Family, Request, Waypoint, declared
 
@@ -136,23 +136,37 @@ def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
             return ()
 
 
-def expected_requests(node: PlanNode) -> Iterator[Request]:
-    """Yield what a plan commands if each of its steps does what it should.
+@dataclass(frozen=True, slots=True)
+class TimeoutEnd:
+    """What a timeout limits is done."""
 
-    Of a fallback the first child, of a retry one attempt.
+    node: TimeoutNode
+
+
+def expected_course(node: PlanNode) -> Iterator[Step | TimeoutNode | TimeoutEnd]:
+    """Yield the steps of a plan in their order, if each does what it should.
+
+    Of a fallback the first child, of a retry one attempt. What a timeout limits stands between it
+    and its end.
     """
     match node:
-        case Step(request=request):
-            yield request
+        case Step():
+            yield node
         case FallbackNode():
             for child in node.children[:1]:
-                yield from expected_requests(child)
+                yield from expected_course(child)
         case LoopNode(repeat_on=repeat_on, times=times, child=child):
             for _ in range(times if repeat_on is RepeatOn.SUCCESS else 1):
-                yield from expected_requests(child)
-        case _:
+                yield from expected_course(child)
+        case TimeoutNode(child=child):
+            yield node
+            yield from expected_course(child)
+            yield TimeoutEnd(node)
+        case SequenceNode() | ParallelNode() | InverterNode():
             for child in children_of(node):
-                yield from expected_requests(child)
+                yield from expected_course(child)
+        case _:
+            assert_never(node)
 
 
 def steps(root: PlanNode) -> tuple[Step, ...]:

@@ -193,11 +193,11 @@ def hostile(count: int) -> "list[Figure]":
     click.option(
         "--controller",
         "names",
-        type=click.Choice(list(OWN)),
-        default=["turn-drive", "mpc"],
+        type=click.Choice([*OWN, "brick"]),
+        default=["turn-drive", "mpc", "brick"],
         show_default=True,
         multiple=True,
-        help="What drives to places; may be given several times.",
+        help="What drives; brick: MOCUP's. May be given several times.",
     ),
     SEED,
 )

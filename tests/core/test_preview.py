@@ -30,6 +30,7 @@ from executive.prediction_settings import PredictionSettings
 from executive.preview import MOST_POSES, Preview, PreviewRun
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Stage
+from executive.runner import Executive
 from executive.settings import load_settings
 from executive.settings_files import SettingsError, structure
 from executive.zones import KeepOut, KnownRock, Zones
@@ -43,8 +44,8 @@ ROCK = KnownRock("boulder", 3.0, 0.0, 0.5)
 ASIDE = Waypoint(1.0, 1.0, pi / 2)
 
 
-def worked_out(bench: Bench, asked: Motion | PlanDefinition) -> Preview | Refusal:
-    run = bench.executive.preview(asked)
+def worked_out(executive: Executive, asked: Motion | PlanDefinition) -> Preview | Refusal:
+    run = executive.preview(asked)
     if isinstance(run, Refusal):
         return run
     run.set_up()
@@ -55,13 +56,13 @@ def worked_out(bench: Bench, asked: Motion | PlanDefinition) -> Preview | Refusa
 
 
 def previewed(bench: Bench, asked: Motion | PlanDefinition) -> Preview:
-    found = worked_out(bench, asked)
+    found = worked_out(bench.executive, asked)
     assert isinstance(found, Preview), found
     return found
 
 
 def refused(bench: Bench, asked: Motion | PlanDefinition) -> Refusal:
-    found = worked_out(bench, asked)
+    found = worked_out(bench.executive, asked)
     assert isinstance(found, Refusal), found
     return found
 
@@ -216,8 +217,38 @@ def test_a_plan_that_would_not_do_is_refused_by_its_step(
 
 def test_what_cannot_be_previewed_is_said(bench: Bench) -> None:
     assert "does not offer it" in refused(bench, MoveTo(ASIDE, Controller.MPC)).text
-    bench.executive.settings = load_settings("mocup")
-    assert refused(bench, MoveForward(1.0)).reason is Reason.NOT_SUPPORTED
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        MoveForward(-0.4),
+        RotateBy(2.0),
+        DriveFor(0.15, 0.3, 3.0),
+        MoveTo(Waypoint(0.5, 0.4, 1.0)),
+        FollowPath((Waypoint(0.4, 0.0), Waypoint(0.4, 0.4))),
+    ],
+)
+def test_what_mocup_carries_out_by_itself_takes_what_was_previewed(
+    tmp_path: Path, motion: Motion
+) -> None:
+    settings = load_settings("mocup")
+    lockstep = LockStep(settings, World(), tmp_path)
+    lockstep.run(0.5)
+    told = worked_out(lockstep.executive, motion)
+    assert isinstance(told, Preview)
+    lockstep.submit(Command(Identity("MOE", 1), motion, "direct"))
+    lockstep.run_until(lambda: lockstep.executive.active_command is not None, 1.0)
+    lockstep.run_until(lambda: lockstep.executive.active_command is None, 60.0)
+    last = lockstep.heard.reports[-1]
+    assert last.stage is Stage.EXECUTED
+    ended = {figure.name: figure.value for figure in last.figures}
+    assert ended["predicted duration"] == pytest.approx(told.duration_s)
+    assert ended["duration"] == pytest.approx(told.duration_s, rel=0.07)
+    seen = lockstep.executive.status.pose
+    assert seen.point.distance_m(told.end.point) < 0.03
+    assert abs(wrap_rad(seen.heading_rad - told.end.heading_rad)) < 0.05
+    lockstep.executive.abandon()
 
 
 SMOOTH = replace(JACKAL, mpc=replace(JACKAL.mpc, offered=True))
