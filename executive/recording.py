@@ -10,7 +10,7 @@ from enum import Enum, unique
 from typing import Protocol
 
 from executive.commands import Command, Mode
-from executive.geometry import Velocity
+from executive.geometry import Pose, Velocity
 from executive.motion import MotionState, Plan, Target
 from executive.ports import CameraIntent, WholeMotion
 from executive.reasons import Figure, Refusal
@@ -271,7 +271,21 @@ Decision = (
     | TreeChanged
     | ModeChanged
 )
-Item = Life | Entry | Input | Decision
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where the rover truly was, as only a simulation knows; the core never learns of it.
+
+    Attributes:
+        time_s: on the monotonic clock of the core.
+    """
+
+    time_s: float
+    pose: Pose
+
+
+Item = Life | Entry | Input | Decision | Truth
 
 
 class Tape(Protocol):

@@ -21,7 +21,17 @@ from cattrs.preconf.json import make_converter
 from cattrs.strategies import configure_tagged_union
 
 from executive.commands import Request
-from executive.recording import Call, Called, Decision, Entry, Input, Item, Life, Observed
+from executive.recording import (
+    Call,
+    Called,
+    Decision,
+    Entry,
+    Input,
+    Item,
+    Life,
+    Observed,
+    Truth,
+)
 from executive.safety import END_WITHIN
 from executive.settings import Settings
 from executive.settings_files import structure, unstructure
@@ -29,6 +39,7 @@ from executive.state import Fact, Frame
 
 LIFE: Final = "/life"
 DECISIONS: Final = "/out/"
+TRUTH: Final = "/truth/pose"
 KIND: Final = "kind"
 """The key that says of which of several kinds an object is."""
 
@@ -58,6 +69,7 @@ TOPICS: Final[Mapping[str, Topic]] = {
         *(Topic(f"/in/{_snake(fact)}", fact) for fact in get_args(Fact)),
         *(Topic(f"/in/{_snake(kind)}", kind) for kind in (*_ENTRIES, *get_args(Input))),
         *(Topic(f"{DECISIONS}{_snake(kind)}", kind) for kind in get_args(Decision)),
+        Topic(TRUTH, Truth),
     )
 }
 """All topics by their names."""
@@ -75,6 +87,8 @@ def _topic_name(item: Item) -> str:
         return f"/in/{_snake(type(item.fact))}"
     if isinstance(item, Life):
         return LIFE
+    if isinstance(item, Truth):
+        return TRUTH
     folder = DECISIONS if isinstance(item, Decision) else "/in/"
     return f"{folder}{_snake(type(item))}"
 

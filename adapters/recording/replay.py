@@ -8,7 +8,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
-from adapters.recording.messages import DECISIONS, LIFE, decode, encode, topic_of
+from adapters.recording.messages import DECISIONS, LIFE, TRUTH, decode, encode, topic_of
 from adapters.recording.run_file import RecordedMessage, RecordingError, RunReader
 from executive.geometry import Velocity
 from executive.inbox import Inbox, Question, Submission
@@ -162,6 +162,8 @@ def _entries(reader: RunReader, path: Path) -> Iterator[Life | RecordedEntry]:
     """Yield lives and entries; the last entry of a file that was not closed may lack its end."""
     current: RecordedEntry | None = None
     for message in reader.messages():
+        if message.topic.name == TRUTH:
+            continue
         if message.topic.name.startswith(DECISIONS):
             if current is not None:
                 current.decisions.append(message)

@@ -19,7 +19,7 @@ from executive.motion import SharedSolver, make_solver
 from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
 from executive.recorded_executive import RecordedExecutive, life_of
-from executive.recording import Tape
+from executive.recording import Tape, Truth
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings
@@ -247,6 +247,8 @@ class LockStep:
         for fact in facts:
             self.executive.observe(fact)
         if self._steps % self._tick_steps == 0:
+            if self._tape is not None:
+                self._tape.put(Truth(self.time_s, self.rover.true_pose))
             self.executive.tick()
             self._serve_while_woken()
 

@@ -1,0 +1,89 @@
+"""New figures in the YAML of an asset, whose comments and layout stay."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import yaml
+
+from executive.settings_files import SettingsError
+
+Tree = dict[str, "float | Tree"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Edit:
+    """A piece of the text that is to be another."""
+
+    begin: int
+    end: int
+    text: str
+
+
+def with_figures(text: str, figures: Mapping[str, float]) -> str:
+    """Return the text of a YAML file with other figures; those that it lacks are added.
+
+    Args:
+        text: of the file.
+        figures: by their dotted keys.
+
+    Raises:
+        SettingsError: it is no YAML of an asset, or has something else in the place of a figure.
+    """
+    root = yaml.compose(text)
+    if not isinstance(root, yaml.MappingNode):
+        raise SettingsError("is no YAML of an asset")
+    edits = sorted(_edits(text, root, _tree(figures)), key=lambda edit: edit.begin, reverse=True)
+    for edit in edits:
+        text = text[: edit.begin] + edit.text + text[edit.end :]
+    return text
+
+
+def _tree(figures: Mapping[str, float]) -> Tree:
+    root: Tree = {}
+    for key, value in figures.items():
+        *path, last = key.split(".")
+        inner = root
+        for name in path:
+            deeper = inner.setdefault(name, {})
+            assert isinstance(deeper, dict)
+            inner = deeper
+        inner[last] = value
+    return root
+
+
+def _edits(text: str, node: yaml.MappingNode, wanted: Tree) -> list[_Edit]:
+    there = {key.value: value for key, value in node.value}
+    edits: list[_Edit] = []
+    added: list[str] = []
+    for name, value in wanted.items():
+        match there.get(name):
+            case None:
+                added.append(f"{name}: {_flow(value)}")
+            case yaml.MappingNode() as inner if isinstance(value, dict):
+                edits += _edits(text, inner, value)
+            case yaml.ScalarNode() as scalar if not isinstance(value, dict):
+                begin, end = scalar.start_mark.index, scalar.end_mark.index
+                edits.append(_Edit(begin, end, _flow(value)))
+            case _:
+                raise SettingsError(f"has something else at {name} than its figures")
+    if added:
+        edits.append(_addition(text, node, added))
+    return edits
+
+
+def _addition(text: str, node: yaml.MappingNode, lines: list[str]) -> _Edit:
+    """Return the edit that adds lines at the end of a section."""
+    if node.flow_style:
+        at = node.end_mark.index - 1
+        return _Edit(at, at, "".join(f", {line}" for line in lines))
+    last = node.value[-1][1].end_mark.index
+    end_of_line = text.find("\n", len(text[:last].rstrip()))
+    at = len(text) if end_of_line < 0 else end_of_line
+    indent = "\n" + " " * node.value[0][0].start_mark.column
+    return _Edit(at, at, "".join(indent + line for line in lines))
+
+
+def _flow(value: float | Tree) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name}: {_flow(each)}" for name, each in value.items()) + "}"
+    return f"{value:g}"

@@ -1,0 +1,153 @@
+"""What a recording tells of a drive: commands, odometry, and where the rover truly was."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adapters.recording import RecordingError, RunReader, decode
+from executive.geometry import Pose
+from executive.recording import Called, Drove, Halted, Life, Observed, Truth
+from executive.settings import Settings
+from executive.state import Joints, Odometry, SecondOdometry
+
+Series = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """Velocities, each from when it was commanded on."""
+
+    time_s: Series
+    travel_mps: Series
+    rotate_radps: Series
+
+
+@dataclass(frozen=True, slots=True)
+class Poses:
+    """Poses over time; headings are not wrapped."""
+
+    time_s: Series
+    x_m: Series
+    y_m: Series
+    heading_rad: Series
+
+
+@dataclass(frozen=True, slots=True)
+class Wheels:
+    """How fast the wheels of each side turn, on average."""
+
+    time_s: Series
+    left_radps: Series
+    right_radps: Series
+
+
+@dataclass(frozen=True, slots=True)
+class DriveLog:
+    """A drive, on the clock of the executive.
+
+    Attributes:
+        odometry: by when it was measured; the velocities beside it.
+        reference: where the rover truly was: of a simulation, else by its second odometry; None
+            where nothing tells.
+        wheels: None where the rover does not tell of them.
+    """
+
+    settings: Settings
+    commands: Commands
+    odometry: Poses
+    travel_mps: Series
+    rotate_radps: Series
+    reference: Poses | None
+    wheels: Wheels | None
+
+
+def read_drive(path: Path) -> DriveLog:
+    """Return the drive in a recording; of several starts of the executive the last.
+
+    Raises:
+        RecordingError: the file cannot be used, or holds no drive of a rover by velocities.
+    """
+    reader = _Reader()
+    for message in RunReader(path).messages():
+        reader.take(decode(message.topic, message.data))
+    return reader.log(path)
+
+
+class _Reader:
+    def __init__(self) -> None:
+        self._settings: Settings | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._now_s = 0.0
+        self._drove: list[tuple[float, ...]] = []
+        self._odometry: list[tuple[float, Odometry]] = []
+        self._joints: list[Joints] = []
+        self._second: list[tuple[float, Pose]] = []
+        self._truth: list[tuple[float, Pose]] = []
+
+    def take(self, item: Any) -> None:
+        match item:
+            case Life():
+                self._settings = item.settings
+                self._begin()
+            case Called():
+                self._now_s = item.now_s
+            case Observed(now_s=now_s, fact=fact):
+                self._now_s = now_s
+                match fact:
+                    case Odometry():
+                        self._odometry.append((now_s, fact))
+                    case SecondOdometry():
+                        self._second.append((fact.stamp_s, fact.pose))
+                    case Joints():
+                        self._joints.append(fact)
+                    case _:
+                        pass
+            case Drove(velocity=velocity):
+                self._drove.append((self._now_s, velocity.travel_mps, velocity.rotate_radps))
+            case Halted():
+                self._drove.append((self._now_s, 0.0, 0.0))
+            case Truth():
+                self._truth.append((item.time_s, item.pose))
+            case _:
+                pass
+
+    def log(self, path: Path) -> DriveLog:
+        if self._settings is None or not self._drove or len(self._odometry) < 2:
+            raise RecordingError(f"{path}: holds no drive of a rover that takes velocities")
+        stamps_s = np.array([fact.stamp_s for _, fact in self._odometry])
+        arrived_s = np.array([now_s for now_s, _ in self._odometry])
+        # What came fastest took as long as the settings say.
+        apart_s = float(np.min(arrived_s - stamps_s)) - self._settings.mpc.odometry_age_s
+        measured = [(fact.stamp_s + apart_s, fact.pose) for _, fact in self._odometry]
+        second = [(stamp_s + apart_s, pose) for stamp_s, pose in self._second]
+        reference = self._truth or second
+        velocities = [fact.velocity for _, fact in self._odometry]
+        return DriveLog(
+            self._settings,
+            Commands(*np.array(self._drove).T),
+            _poses(measured),
+            np.array([each.travel_mps for each in velocities]),
+            np.array([each.rotate_radps for each in velocities]),
+            _poses(reference) if len(reference) > 1 else None,
+            self._wheels(apart_s),
+        )
+
+    def _wheels(self, apart_s: float) -> Wheels | None:
+        told = [each for each in self._joints if each.left_radps and each.right_radps]
+        if not told:
+            return None
+        rows = [
+            (each.stamp_s + apart_s, np.mean(each.left_radps), np.mean(each.right_radps))
+            for each in told
+        ]
+        return Wheels(*np.array(rows).T)
+
+
+def _poses(rows: list[tuple[float, Pose]]) -> Poses:
+    table = np.array([(time_s, pose.x_m, pose.y_m, pose.heading_rad) for time_s, pose in rows])
+    return Poses(table[:, 0], table[:, 1], table[:, 2], np.unwrap(table[:, 3]))

@@ -1,0 +1,371 @@
+"""Fits what `mpc` and `sensors.joints` of an asset's settings say to a drive of the rover.
+
+Least squares throughout. What the drive does not tell stays as it was: a weak pull towards the
+settings decides where nothing else does.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import least_squares, minimize_scalar
+from scipy.signal import lfilter
+
+from adapters.calibration.drive_log import Commands, DriveLog, Poses, Series
+from executive.mpc_settings import Slip, YawResponse
+
+GRID_S: Final = 0.01
+"""Of the time over which the model is integrated."""
+FEWEST_TURNED_RAD: Final = 6.0
+FEWEST_DRIVEN_M: Final = 5.0
+"""Less tells too little."""
+PULL: Final = 0.01
+"""How much the settings count beside the drive, in parts of a deviation."""
+_SETTLED: Final = ("offset_m", "gain_m")
+"""What odometry that allows for slip takes it for."""
+LONGEST_LAG_S: Final = 0.3
+TURNING_RADPS: Final = 0.2
+SPINNING_MPS: Final = 0.05
+WINDOW_S: Final = 0.5
+"""Over which wheels are compared with the turn."""
+DIGITS: Final = 3
+
+
+class CalibrationError(Exception):
+    """A drive tells too little; the text says of what."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A figure of the settings.
+
+    Attributes:
+        key: dotted, as in the asset's YAML.
+    """
+
+    key: str
+    before: float | None
+    after: float
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """How far the drive is from what the settings say, root mean square."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What a drive tells of a rover.
+
+    Attributes:
+        travel_scale: true way over that of the odometry; None where nothing tells the true one.
+    """
+
+    figures: tuple[Fitted, ...]
+    residuals: tuple[Residual, ...]
+    travel_scale: float | None
+
+    @property
+    def settings(self) -> Mapping[str, float]:
+        """The new figures, by their keys."""
+        return {each.key: each.after for each in self.figures}
+
+
+def calibrate(log: DriveLog) -> Calibration:
+    """Return what a drive tells of the figures in the settings that it was driven with.
+
+    The slip of the rover is found only where something tells where it truly was; what its odometry
+    takes that for is found in any case.
+
+    Raises:
+        CalibrationError: it is too short.
+    """
+    turned_rad = float(np.sum(np.abs(np.diff(log.odometry.heading_rad))))
+    driven_m = float(np.sum(np.hypot(np.diff(log.odometry.x_m), np.diff(log.odometry.y_m))))
+    if turned_rad < FEWEST_TURNED_RAD or driven_m < FEWEST_DRIVEN_M:
+        raise CalibrationError(
+            f"the rover drove {driven_m:.1f} m and turned by {turned_rad:.1f} rad:"
+            f" {FEWEST_DRIVEN_M:g} m and {FEWEST_TURNED_RAD:g} rad are needed at least;"
+            " `rover calibrate --plan` has a pattern"
+        )
+    mpc = log.settings.mpc
+    figures, residuals = _answer(log)
+    known, known_residual, _ = _slip(log, log.odometry, mpc.odometry_slip or Slip(), settled=True)
+    parts: list[tuple[str, Slip | None, Slip]] = [("odometry_slip", mpc.odometry_slip, known)]
+    residuals.append(replace(known_residual, name="slip as odometry takes it"))
+    scale = None
+    if log.reference is not None:
+        slip, residual, scale = _slip(log, log.reference, mpc.slip)
+        parts.insert(0, ("slip", mpc.slip, slip))
+        residuals.append(residual)
+    for name, before, after in parts:
+        fitted = _SETTLED if name == "odometry_slip" else tuple(each.name for each in fields(Slip))
+        figures += _differences(f"mpc.{name}", fitted, before, after)
+    figures += _track(log)
+    return Calibration(tuple(figures), tuple(residuals), scale)
+
+
+def _differences(
+    prefix: str, names: tuple[str, ...], before: object, after: Slip | YawResponse
+) -> list[Fitted]:
+    return [
+        Fitted(
+            f"{prefix}.{name}",
+            None if before is None else getattr(before, name),
+            _rounded(getattr(after, name)),
+        )
+        for name in names
+    ]
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _rms(residuals: Series) -> float:
+    return float(np.sqrt(np.mean(residuals**2)))
+
+
+class _Commanded:
+    """Velocities that are commanded, in ramps as long as a tick, on a grid of time."""
+
+    def __init__(self, commands: Commands, tick_s: float, grid_s: Series) -> None:
+        self._grid_s = grid_s
+        times_s: list[float] = []
+        travel: list[float] = []
+        rotate: list[float] = []
+        rows = zip(commands.time_s, commands.travel_mps, commands.rotate_radps, strict=True)
+        last = (0.0, 0.0)
+        for time_s, *velocity in rows:
+            for at_s, (travel_mps, rotate_radps) in ((time_s - tick_s, last), (time_s, velocity)):
+                times_s.append(max(at_s, times_s[-1]) if times_s else at_s)
+                travel.append(travel_mps)
+                rotate.append(rotate_radps)
+            last = (velocity[0], velocity[1])
+        self._knots = np.array(times_s), np.array(travel), np.array(rotate)
+
+    def after(self, delay_s: float) -> tuple[Series, Series]:
+        """Return travel and rotation that are in effect with a delay."""
+        times_s, travel, rotate = self._knots
+        at_s = self._grid_s - delay_s
+        return np.interp(at_s, times_s, travel), np.interp(at_s, times_s, rotate)
+
+
+def _lagging(signal: Series, step_s: float, lag_s: float) -> Series:
+    """Return what follows a signal with a time constant."""
+    if lag_s <= 0.0:
+        return signal
+    share = 1.0 - np.exp(-step_s / lag_s)
+    followed: Series = lfilter([share], [1.0, share - 1.0], signal)
+    return followed
+
+
+def _true_rotation(yaw: YawResponse, travel: Series, rotate: Series) -> Series:
+    """Return how fast the rover turns by `YawResponse`, on the grid."""
+    travel_mps2 = np.gradient(travel, GRID_S)
+    of_turning = (
+        yaw.travel * travel
+        + yaw.travel_squared * travel**2
+        + yaw.speed * np.abs(travel)
+        - (yaw.acceleration + yaw.acceleration_travel * travel) * travel_mps2
+    )
+    late = rotate * np.abs(rotate) * of_turning - yaw.load * travel_mps2 * rotate
+    at_once = yaw.gain * rotate - yaw.drag_radps * np.tanh(rotate / yaw.drag_at_radps)
+    rotation: Series = at_once + _lagging(late, GRID_S, yaw.lag_s)
+    return rotation
+
+
+_FITTED: Final = tuple(each.name for each in fields(YawResponse) if each.name != "drag_at_radps")
+_DELAY_SCALE_S: Final = 0.02
+_SCALE: Final = 0.1
+"""By how much figures of the turn may differ from one rover to another."""
+
+
+def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
+    """Return when and how the rover answers to velocities."""
+    settings, odometry = log.settings, log.odometry
+    grid_s = np.arange(odometry.time_s[0], odometry.time_s[-1] + GRID_S, GRID_S)
+    commanded = _Commanded(log.commands, settings.tick_s, grid_s)
+    passed_s = np.diff(odometry.time_s)
+    turned = np.diff(odometry.heading_rad) / passed_s
+    midway = (odometry.heading_rad[1:] + odometry.heading_rad[:-1]) / 2
+    driven = np.diff(odometry.x_m) * np.cos(midway) + np.diff(odometry.y_m) * np.sin(midway)
+    before = settings.mpc
+
+    def mean(rate: Series) -> Series:
+        """Return the mean of a rate between one odometry and the next."""
+        way = np.cumsum(rate) * GRID_S
+        means: Series = np.diff(np.interp(odometry.time_s, grid_s + GRID_S / 2, way)) / passed_s
+        return means
+
+    def apart(delay_s: float, yaw: YawResponse) -> tuple[Series, Series]:
+        travel, rotate = commanded.after(delay_s)
+        rotation = _true_rotation(yaw, travel, rotate)
+        return turned - mean(rotation), driven / passed_s - mean(travel)
+
+    start = np.array([before.command_delay_s, *(getattr(before.yaw, n) for n in _FITTED)])
+    scales = np.array([_DELAY_SCALE_S, *(_SCALE for _ in _FITTED)])
+    sigma = [max(_rms(each), 1e-3) for each in apart(before.command_delay_s, before.yaw)]
+    weight = PULL * np.sqrt(len(turned))
+
+    def yaw_of(figures: Series) -> YawResponse:
+        named = dict(zip(_FITTED, map(float, figures[1:]), strict=True))
+        return replace(before.yaw, **named)
+
+    def residuals(scaled: Series) -> Series:
+        figures = start + scaled * scales
+        both = zip(apart(figures[0], yaw_of(figures)), sigma, strict=True)
+        return np.concatenate([*(off / one for off, one in both), weight * scaled])
+
+    lowest = np.full(len(start), -np.inf)
+    highest = np.full(len(start), np.inf)
+    for at, (low, high) in {
+        0: (0.0, 0.5),
+        1: (0.1, 3.0),
+        1 + _FITTED.index("lag_s"): (0.02, 1.0),
+    }.items():
+        lowest[at], highest[at] = ((bound - start[at]) / scales[at] for bound in (low, high))
+    found = least_squares(residuals, np.zeros(len(start)), bounds=(lowest, highest))
+    figures = start + found.x * scales
+    delay_s, yaw = _rounded(figures[0]), yaw_of(figures)
+    old, new = apart(before.command_delay_s, before.yaw), apart(delay_s, yaw)
+    units = (("rate of turn", "rad/s"), ("speed", "m/s"))
+    told = [
+        Residual(name, unit, _rms(then), _rms(now))
+        for (name, unit), then, now in zip(units, old, new, strict=True)
+    ]
+    delay = Fitted("mpc.command_delay_s", before.command_delay_s, delay_s)
+    return [delay, *_differences("mpc.yaw", _FITTED, before.yaw, yaw)], told
+
+
+def _slip(
+    log: DriveLog, reference: Poses, before: Slip, settled: bool = False
+) -> tuple[Slip, Residual, float]:
+    """Return how a rover slips by a reference, and how many metres each of its odometry is.
+
+    Args:
+        log: of the drive.
+        reference: where it was.
+        before: what the settings say.
+        settled: whether the reference is that of a law without acceleration and lag.
+    """
+    columns = _Columns(log, reference)
+    old = np.array([1.0, before.offset_m, before.gain_m, before.acceleration_s2, before.creep_s2])
+    free = np.array([True, True, True, not settled, not settled])
+
+    def solved(lag_s: float) -> tuple[Series, Series]:
+        rows, wanted = columns.at(lag_s)
+        pull = PULL * np.linalg.norm(rows, axis=0)[free] + 1e-9
+        left = wanted - rows @ old
+        change, *_ = np.linalg.lstsq(
+            np.vstack([rows[:, free], np.diag(pull)]),
+            np.append(left, np.zeros(free.sum())),
+            rcond=None,
+        )
+        figures = old.copy()
+        figures[free] += change
+        return figures, wanted - rows @ figures
+
+    def cost(lag_s: float) -> float:
+        return float(np.sum(solved(lag_s)[1] ** 2))
+
+    lag_s = 0.0
+    if not settled:
+        bounds = (0.0, LONGEST_LAG_S)
+        lag_s = float(minimize_scalar(cost, bounds=bounds, method="bounded").x)
+    figures, left = solved(lag_s)
+    rows, wanted = columns.at(before.lag_s)
+    passed_s = columns.passed_s
+    residual = Residual(
+        "slip", "m/s", _rms((wanted - rows @ old) / passed_s), _rms(left / passed_s)
+    )
+    scale, offset_m, gain_m, acceleration_s2, creep_s2 = map(float, figures)
+    return Slip(offset_m, gain_m, acceleration_s2, creep_s2, _rounded(lag_s)), residual, scale
+
+
+class _Columns:
+    """How far each term of a law of slip leads between two poses of a reference, ahead and left."""
+
+    def __init__(self, log: DriveLog, reference: Poses) -> None:
+        times_s = log.odometry.time_s
+        inside = (reference.time_s >= times_s[0]) & (reference.time_s <= times_s[-1])
+        self._at_s = reference.time_s[inside]
+        self._times_s, self._heading = times_s, log.odometry.heading_rad
+        self._steps_s = np.diff(times_s, prepend=times_s[0])
+        self._travel, self._rotate = log.travel_mps, log.rotate_radps
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gained = np.diff(log.travel_mps, prepend=log.travel_mps[0]) / self._steps_s
+        self._gained = np.where(self._steps_s > 0.0, gained, 0.0)
+        believed = np.interp(self._at_s, times_s, self._heading)
+        self._midway = (believed[1:] + believed[:-1]) / 2
+        frame = reference.heading_rad[inside][:-1] - believed[:-1]
+        dx, dy = np.diff(reference.x_m[inside]), np.diff(reference.y_m[inside])
+        self._moved = (
+            dx * np.cos(frame) + dy * np.sin(frame),
+            dy * np.cos(frame) - dx * np.sin(frame),
+        )
+        self.passed_s = np.tile(np.diff(self._at_s), 2)
+
+    def at(self, lag_s: float) -> tuple[Series, Series]:
+        """Return the columns, a lag given, and the way that was moved: rows ahead, then left."""
+        step_s = float(np.median(self._steps_s[1:]))
+        travel, rotate, gained = self._travel, self._rotate, self._gained
+        none = np.zeros_like(travel)
+        root = np.copysign(np.sqrt(np.abs(travel * rotate)), travel)
+        terms = (
+            (travel, none),
+            (none, -rotate),
+            (none, -_lagging(root * rotate, step_s, lag_s)),
+            (none, _lagging(gained * rotate, step_s, lag_s)),
+            (-_lagging(gained * np.abs(rotate), step_s, lag_s), none),
+        )
+        columns = [np.concatenate(self._led(ahead, left)) for ahead, left in terms]
+        return np.array(columns).T, np.concatenate(self._in_body(*self._moved))
+
+    def _led(self, ahead_mps: Series, left_mps: Series) -> tuple[Series, Series]:
+        """Return where velocities of the body lead between two poses."""
+        before = np.roll(self._heading, 1)
+        before[0] = self._heading[0]
+        midway = (before + self._heading) / 2
+        cosine, sine = np.cos(midway), np.sin(midway)
+        ways = (
+            np.cumsum(self._steps_s * (ahead_mps * cosine - left_mps * sine)),
+            np.cumsum(self._steps_s * (ahead_mps * sine + left_mps * cosine)),
+        )
+        moved = [np.diff(np.interp(self._at_s, self._times_s, way)) for way in ways]
+        return self._in_body(moved[0], moved[1])
+
+    def _in_body(self, x_m: Series, y_m: Series) -> tuple[Series, Series]:
+        cosine, sine = np.cos(self._midway), np.sin(self._midway)
+        return x_m * cosine + y_m * sine, y_m * cosine - x_m * sine
+
+
+def _track(log: DriveLog) -> list[Fitted]:
+    """Return the effective track of skid steering, by wheels and odometry in spins."""
+    joints, wheels = log.settings.sensors.joints, log.wheels
+    if joints is None or wheels is None:
+        return []
+    rims = (wheels.right_radps - wheels.left_radps) * joints.wheel_radius_m
+    ways = np.append(0.0, np.cumsum((rims[1:] + rims[:-1]) / 2 * np.diff(wheels.time_s)))
+    at_s = np.arange(wheels.time_s[0], wheels.time_s[-1], WINDOW_S)
+    rolled = np.diff(np.interp(at_s, wheels.time_s, ways))
+    turned = np.diff(np.interp(at_s, log.odometry.time_s, log.odometry.heading_rad))
+    travel = np.abs(np.diff(np.interp(at_s, log.odometry.time_s, _summed(log)))) / WINDOW_S
+    spins = (np.abs(turned) > TURNING_RADPS * WINDOW_S) & (travel < SPINNING_MPS)
+    if not spins.any():
+        return []
+    track_m = float(np.sum(rolled[spins] * turned[spins]) / np.sum(turned[spins] ** 2))
+    return [Fitted("sensors.joints.track_m", joints.track_m, _rounded(track_m))]
+
+
+def _summed(log: DriveLog) -> Series:
+    """Return the way driven so far, by the speed of the odometry, without sign."""
+    steps_s = np.diff(log.odometry.time_s, prepend=log.odometry.time_s[0])
+    ways: Series = np.cumsum(np.abs(log.travel_mps) * steps_s)
+    return ways

@@ -1,0 +1,1 @@
+"""Calibration of a rover, simulated or by its recordings."""

@@ -1,0 +1,157 @@
+"""The command `rover calibrate`: how a rover answers to velocities, and how it slips."""
+
+import json
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from adapters.calibration import Calibration
+    from executive.settings import Settings
+
+
+@click.command()
+@click.argument("recording", required=False, metavar="[RUN.mcap]", type=click.Path(path_type=Path))
+@click.option(
+    "--asset",
+    default="jackal",
+    show_default=True,
+    help="Which rover, or the path of its YAML file.",
+)
+@click.option(
+    "--cargo", "cargo_kg", type=click.FloatRange(0.0), default=0.0, help="In simulation: kg aboard."
+)
+@click.option("--seed", type=click.IntRange(0), default=1, help="Of the simulated sensors' noise.")
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), help="A YAML to write.")
+@click.option("--write", is_flag=True, help="Write the new figures into the asset's own YAML.")
+@click.option("--plan", is_flag=True, help="Print the pattern as a plan for the rover, only that.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document, nothing else.")
+def calibrate(
+    recording: Path | None,
+    asset: str,
+    cargo_kg: float,
+    seed: int,
+    out: Path | None,
+    write: bool,
+    plan: bool,
+    as_json: bool,
+) -> None:
+    """Fit what the settings say of how a rover moves to a drive of it.
+
+    Without a recording the rover is simulated, and drives a pattern of spins, lines and arcs. A
+    real one drives the same as a plan (--plan), recorded. Found are the latency, how it turns, how
+    it slips beside what its odometry takes that for, and the effective track, with what is left
+    over before and after. Nothing is written without --out or --write; comments in the YAML stay.
+
+    \b
+    Examples:
+      rover calibrate
+      rover calibrate --cargo 20 --out jackal-loaded.yaml
+      rover calibrate runs/field/run.mcap --asset config/scout.yaml --write
+      rover calibrate --asset scout --plan > calibration.xml
+
+    \b
+    Exit status:
+      0  done
+      1  the drive tells too little
+      2  something asked for makes no sense
+    """
+    from adapters.calibration import plan_xml
+    from executive.settings import LocomotionKind, load_settings
+    from executive.settings_files import SettingsError
+
+    try:
+        settings = load_settings(asset)
+    except SettingsError as error:
+        raise click.UsageError(str(error)) from error
+    if settings.locomotion is not LocomotionKind.VELOCITY:
+        raise click.UsageError(
+            f"{settings.asset} takes no velocities: there is nothing to calibrate"
+        )
+    if plan:
+        click.echo(plan_xml(settings.drive), nl=False)
+        return
+    if out is not None and write:
+        raise click.UsageError("--out and --write: choose one")
+    found = _found(recording, settings, cargo_kg, seed)
+    target = _write(asset, found, out, write)
+    if as_json:
+        click.echo(json.dumps(asdict(found)))
+        return
+    _show(found)
+    click.echo(
+        "nothing is written: --out FILE or --write does"
+        if target is None
+        else f"{target} has the new figures"
+    )
+
+
+def _found(
+    recording: Path | None, settings: "Settings", cargo_kg: float, seed: int
+) -> "Calibration":
+    from adapters.calibration import CalibrationError, read_drive
+    from adapters.calibration import calibrate as fit
+    from adapters.recording import RecordingError
+    from executive.settings_files import SettingsError
+    from sim.calibration.drive import drive_pattern
+
+    try:
+        if recording is not None:
+            return fit(read_drive(recording))
+        with tempfile.TemporaryDirectory(prefix="rover-calibrate-") as folder:
+            path = Path(folder, "run.mcap")
+            drive_pattern(settings, path, cargo_kg, seed)
+            return fit(read_drive(path))
+    except (RecordingError, SettingsError, ValueError) as error:
+        raise click.UsageError(str(error)) from error
+    except (CalibrationError, RuntimeError) as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _write(asset: str, found: "Calibration", out: Path | None, write: bool) -> Path | None:
+    """Write the asset's YAML with the new figures, and return where; None if it is not wanted."""
+    from adapters.calibration import with_figures
+    from executive.settings_files import SettingsError, config_folder
+
+    own = Path(asset) if asset.endswith((".yaml", ".yml")) else config_folder() / f"{asset}.yaml"
+    target = own if write else out
+    if target is None:
+        return None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(with_figures(own.read_text(encoding="utf-8"), found.settings))
+    except SettingsError as error:
+        raise click.UsageError(f"{own}: {error}") from error
+    except OSError as error:
+        raise click.UsageError(f"{target} cannot be written: {error.strerror}") from error
+    return target
+
+
+def _show(found: "Calibration") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    figures = Table("figure", "before", "after", box=None, pad_edge=False, header_style="dim")
+    for each in found.figures:
+        before = "–" if each.before is None else f"{each.before:g}"
+        figures.add_row(each.key, before, f"{each.after:g}")
+    console.print(figures)
+    left = Table(
+        "left over (rms)", "before", "after", "", box=None, pad_edge=False, header_style="dim"
+    )
+    for rest in found.residuals:
+        left.add_row(rest.name, f"{rest.before:.4f}", f"{rest.after:.4f}", rest.unit)
+    console.print()
+    console.print(left)
+    if found.travel_scale is None:
+        console.print(
+            "\nslip is not found: neither the simulation nor a second odometry told where the"
+            " rover truly was"
+        )
+    else:
+        console.print(f"\ntrue way over that of the odometry: {found.travel_scale:.4f}")
+    console.print()
