@@ -2,5 +2,6 @@
 
 from adapters.recording.messages import decode
 from adapters.recording.run_file import PROFILE, RecordingError, RunFile, RunReader
+from adapters.recording.timed import Timed, read_timed
 
-__all__ = ["PROFILE", "RecordingError", "RunFile", "RunReader", "decode"]
+__all__ = ["PROFILE", "RecordingError", "RunFile", "RunReader", "Timed", "decode", "read_timed"]

@@ -134,7 +134,7 @@ def draw_map(drive: Drive) -> Figure:
         axes.xaxis.set_major_locator(MultipleLocator(scale))
         axes.yaxis.set_major_locator(MultipleLocator(scale))
         _draw_ground(axes, drive.world)
-        _draw_zones(axes, drive.zones)
+        draw_zones(axes, drive.zones)
         for each in drive.seen:
             axes.add_patch(Circle((each.x_m, each.y_m), each.radius_m, zorder=2.3, **_SEEN))
         for pose in drive.views:
@@ -146,12 +146,12 @@ def draw_map(drive: Drive) -> Figure:
         _draw_line(axes, [start, *goals], color=PLANNED, linewidth=POINT, linestyle=_DOTTED)
         _draw_line(axes, driven, color=MOTION, linewidth=2 * POINT)
         for pose, colour in ((drive.true[0], FAINT), (drive.true[-1], INK)):
-            _draw_rover(axes, pose, scale, colour)
+            draw_rover(axes, pose, scale, colour)
         for number, place in enumerate(drive.planned, 1):
             _draw_waypoint(axes, place, scale, number)
         for pose in drive.stops:
             _draw_stop(axes, pose, scale, goals)
-        _draw_incidents(axes, drive.incidents)
+        draw_incidents(axes, drive.incidents)
         _add_legend(figure, axes, drive)
         _add_scale(figure, 1 - (_RIGHT - 20) / width, box[1], pixels_per_m / width)
     return figure
@@ -204,7 +204,7 @@ def _draw_ground(axes: Axes, world: World) -> None:
             axes.add_patch(Polygon(outline, facecolor=ROCK, edgecolor=ROCK_LINE, linewidth=1.0))
 
 
-def _draw_zones(axes: Axes, zones: Zones) -> None:
+def draw_zones(axes: Axes, zones: Zones) -> None:
     """Draw zones and known rocks, each with its name."""
     low_m, high_m = axes.get_ylim()[0], axes.get_xlim()[1]
     polygons: list[tuple[KeepIn | KeepOut, dict[str, Any]]] = [
@@ -261,7 +261,7 @@ def _draw_view(axes: Axes, pose: Pose, scale: float) -> None:
     axes.plot(pose.x_m, pose.y_m, "o", color=DONE, markersize=7, markeredgecolor="white")
 
 
-def _draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
+def draw_rover(axes: Axes, pose: Pose, scale: float, colour: str) -> None:
     """Draw the outline of the rover, its front marked."""
     half_m = (scale * HALF_LENGTH_M, scale * HALF_WIDTH_M)
     for corners, style in ((_HULL, {"fill": False, "linewidth": 1.5}), (_FRONT, {"linewidth": 0})):
@@ -297,7 +297,7 @@ def _draw_stop(axes: Axes, pose: Pose, scale: float, waypoints: Sequence[Point])
     axes.plot(*sign, label="stop", zorder=5, **_STOP)
 
 
-def _draw_incidents(axes: Axes, incidents: Sequence[Incident]) -> None:
+def draw_incidents(axes: Axes, incidents: Sequence[Incident]) -> None:
     """Draw a mark where something went wrong; what happened in one place is listed beside it."""
     (west_m, east_m), low_m = axes.get_xlim(), axes.get_ylim()[0]
     below: dict[tuple[float, float], int] = {}

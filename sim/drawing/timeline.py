@@ -33,7 +33,7 @@ from sim.drawing.style import DONE, FAINT, GRID, INK, MOTION, POINT, WARNED, WRO
 SHORT_S: Final = 0.2
 """What waits for less aboard does not wait."""
 _TOP, _BOTTOM = 84, 52
-_LANE, _ROW, _GAP, _SPEED = 40, 26, 12, 96
+LANE_PX, ROW_PX, _GAP, _SPEED = 40, 26, 12, 96
 _TITLE: Final = 30
 _ENDS: Final = {
     None: FAINT,
@@ -53,7 +53,7 @@ _MODES: Final = {
     Mode.SAFE: "#e58a7a",
 }
 _DARK: Final = "#dde1ed"
-_EVENT: Final = mark("D", 9, WARNED)
+EVENT: Final = mark("D", 9, WARNED)
 _FAULT: Final = line(WRONG, 9, alpha=0.75)
 
 
@@ -75,6 +75,7 @@ class CommandLane:
         received_s, started_s, ended_s: the reports of these stages, as far as there were any.
         last: the stage that was reported last.
         words: what is to be said of its end.
+        figures: what is written beside its end.
     """
 
     title: str
@@ -84,6 +85,7 @@ class CommandLane:
     ended_s: float | None = None
     last: Stage | None = None
     words: str = ""
+    figures: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +115,7 @@ def draw_timeline(timeline: RunTimeline) -> Figure:
     """Return the picture: a row each, y in pixels below the first; below them the speed."""
     names = list(dict.fromkeys(fault.name for fault in timeline.faults))
     rows = len(names) + len(timeline.events) + 1
-    rows_px = max(1, len(timeline.commands)) * _LANE + _GAP + rows * _ROW + _GAP
+    rows_px = max(1, len(timeline.commands)) * LANE_PX + _GAP + rows * ROW_PX + _GAP
     height = _TOP + rows_px + _SPEED + _BOTTOM
     with sheet(WIDTH_PX, height, timeline.title) as figure:
         place = {
@@ -137,38 +139,39 @@ def draw_timeline(timeline: RunTimeline) -> Figure:
         above.yaxis.set_visible(False)
         for eclipse in timeline.eclipses:
             above.text(mean(eclipse), -6, "no contact", color=FAINT, ha="center")
-        top = _draw_commands(above, timeline.commands) + _GAP
+        top = draw_commands(above, timeline.commands) + _GAP
         for name in names:
-            _name(above, top, name, WRONG)
+            name_row(above, top, name, WRONG)
             for fault in timeline.faults:
                 if fault.name == name:
-                    above.plot([fault.begin_s, fault.end_s], [top + _ROW / 2] * 2, **_FAULT)
-            top += _ROW
+                    above.plot([fault.begin_s, fault.end_s], [top + ROW_PX / 2] * 2, **_FAULT)
+            top += ROW_PX
         for name, times_s in timeline.events:
-            _name(above, top, name, WARNED)
-            above.plot(times_s, [top + _ROW / 2] * len(times_s), **_EVENT)
-            top += _ROW
-        _draw_modes(above, timeline, top)
+            name_row(above, top, name, WARNED)
+            above.plot(times_s, [top + ROW_PX / 2] * len(times_s), **EVENT)
+            top += ROW_PX
+        draw_modes(above, timeline.modes, top)
         _draw_speeds(below, timeline.speeds)
         below.set_xlabel("seconds after the start")
         _add_legend(figure, timeline)
     return figure
 
 
-def _name(axes: Axes, top: float, name: str, colour: str) -> None:
-    write_beside(axes, 46, top + _ROW / 2 + 5, _cut(name), color=colour)
+def name_row(axes: Axes, top: float, name: str, colour: str) -> None:
+    """Write the name of a row, cut to the room there is."""
+    write_beside(axes, 46, top + ROW_PX / 2 + 5, _cut(name), color=colour)
 
 
 def _cut(words: str) -> str:
     return words if len(words) <= _TITLE else f"{words[: _TITLE - 1].rstrip('-., ')}…"
 
 
-def _draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
+def draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
     """Draw each command below the other, and return where the last ends."""
     if not lanes:
         write_beside(axes, 46, 25, "no command was sent", color=FAINT)
     for number, lane in enumerate(lanes, 1):
-        top = (number - 1) * _LANE
+        top = (number - 1) * LANE_PX
         middle = top + 24
         draw_rule(axes, top)
         write_beside(axes, 36, top + 19, str(number), color=FAINT, ha="right")
@@ -178,7 +181,7 @@ def _draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
         colour = _ENDS.get(lane.last, FAINT)
         write_beside(axes, 46, top + 34, words, color=colour, fontsize=11 * POINT)
         _draw_life(axes, lane, middle)
-    bottom = max(1, len(lanes)) * _LANE
+    bottom = max(1, len(lanes)) * LANE_PX
     draw_rule(axes, bottom)
     return float(bottom)
 
@@ -203,19 +206,33 @@ def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
     elif received_s is not None and started_s is None:
         axes.plot(received_s, middle, **RECEIVED)
     axes.plot(lane.sent_s, [middle] * len(lane.sent_s), **SENT)
+    if lane.figures and ended_s is not None:
+        late = ended_s > axes.get_xlim()[1] / 2
+        place = min([*lane.sent_s, ended_s]) if late else ended_s
+        axes.annotate(
+            lane.figures,
+            (place, middle),
+            (-12 if late else 12, 0),
+            textcoords="offset points",
+            ha="right" if late else "left",
+            va="center_baseline",
+            fontsize=11 * POINT,
+            color=_ENDS.get(lane.last, FAINT),
+        )
 
 
-def _draw_modes(axes: Axes, timeline: RunTimeline, top: float) -> None:
-    write_beside(axes, 46, top + _ROW / 2 + 5, "mode", color=INK)
+def draw_modes(axes: Axes, modes: Sequence[tuple[Mode, float, float]], top: float) -> None:
+    """Draw a row of modes, each named where there is room."""
+    write_beside(axes, 46, top + ROW_PX / 2 + 5, "mode", color=INK)
     px_per_s = (WIDTH_PX - LEFT_PX - RIGHT_PX) / axes.get_xlim()[1]
-    for mode, begin_s, end_s in timeline.modes:
+    for mode, begin_s, end_s in modes:
         axes.broken_barh(
-            [(begin_s, end_s - begin_s)], (top + 4, _ROW - 8), color=_MODES[mode], zorder=2
+            [(begin_s, end_s - begin_s)], (top + 4, ROW_PX - 8), color=_MODES[mode], zorder=2
         )
         if px_per_s * (end_s - begin_s) > 9 * len(mode.name):
             axes.text(
                 (begin_s + end_s) / 2,
-                top + _ROW / 2,
+                top + ROW_PX / 2,
                 mode.name,
                 ha="center",
                 va="center_baseline",
@@ -245,5 +262,5 @@ def _add_legend(figure: Figure, timeline: RunTimeline) -> None:
     if timeline.faults:
         entries["fault or cargo"] = [_FAULT]
     if timeline.events:
-        entries["event aboard"] = [_EVENT]
+        entries["event aboard"] = [EVENT]
     add_legend_row(figure, 48, entries)

@@ -17,6 +17,7 @@ from sim.scenario.record import Record
 DATA: Final = "data"
 """What a run leaves aboard, and what its processes logged, below the folder that is kept of it."""
 RECORDING: Final = "run.mcap"
+PLOT: Final = "plot.png"
 
 
 def show(console: Console, scenario: Scenario, outcome: Outcome, verbose: bool) -> None:
@@ -93,7 +94,7 @@ def play(
 
 
 def play_recorded(name: str, scenario: Scenario, kept: Path) -> Outcome:
-    """Play a scenario in lock step, as `play_once` does, with its recording in a folder.
+    """Play a scenario in lock step, as `play_once` does, and keep its recording and plot.
 
     Args:
         name: of the scenario, for errors.
@@ -104,9 +105,12 @@ def play_recorded(name: str, scenario: Scenario, kept: Path) -> Outcome:
         SettingsError: the world cannot be simulated.
     """
     from adapters.recording import RunFile
+    from sim.plot import write_plot
 
     with closing(RunFile(kept / RECORDING)) as tape:
-        return play_once(name, scenario, kept / DATA, tape)
+        outcome = play_once(name, scenario, kept / DATA, tape)
+    write_plot(kept / RECORDING, kept / PLOT)
+    return outcome
 
 
 def _new_folder(out: Path, name: str) -> Path:

@@ -61,7 +61,7 @@ def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: Runs) -> 
     assert keep_failed(campaign, runs, here, OUT, 2, first) == []
     assert (first.total, first.done) == (2, 2)
     kept = OUT / FOLDER / f"run-{failed[0]:06d}"
-    left = {"map.png", "timeline.png", "reports.jsonl", "run.mcap"}
+    left = {"map.png", "timeline.png", "reports.jsonl", "run.mcap", "plot.png"}
     assert left <= {path.name for path in kept.iterdir()}
     assert replay(kept / "run.mcap").difference is None
     assert any("ledger" in path.name for path in kept.rglob("*"))

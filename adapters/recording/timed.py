@@ -1,0 +1,66 @@
+"""A recording read for people: its items with the time since its beginning."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, get_args
+
+from adapters.recording.messages import decode
+from adapters.recording.run_file import RecordingError, RunReader
+from executive.recording import Entry, Item, Life, Truth
+
+_ALWAYS: Final = frozenset({Life, *get_args(Entry)})
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """An item, and when it came.
+
+    Attributes:
+        time_s: since the first entry, by the wall clock aboard.
+        utc_s: the same, seconds since 1970-01-01 UTC.
+    """
+
+    time_s: float
+    utc_s: float
+    item: Item
+
+
+def read_timed(path: Path, kinds: Collection[type]) -> Iterator[Timed]:
+    """Yield the items of some kinds in their order, and all starts and calls.
+
+    Facts are named by their own kinds; the others are skipped unread.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording, or holds no run.
+    """
+    wanted = _ALWAYS | frozenset(kinds)
+    began_s: float | None = None
+    utc_s = apart_s = 0.0
+    life: Life | None = None
+    for message in RunReader(path).messages():
+        if message.topic.kind not in wanted:
+            continue
+        try:
+            item: Item = decode(message.topic, message.data)
+        except (ValueError, KeyError, TypeError, ExceptionGroup) as error:
+            raise RecordingError(f"{path}: holds what cannot be read ({error})") from error
+        if isinstance(item, Life):
+            life = item
+            continue  # its time is that of the entry after it
+        at_s = utc_s
+        if isinstance(item, Entry):
+            at_s = utc_s = item.utc_s
+            apart_s = item.utc_s - item.now_s
+        elif isinstance(item, Truth):
+            at_s = item.time_s + apart_s if began_s is not None else 0.0
+        if began_s is None:
+            if not isinstance(item, Entry):
+                continue
+            began_s = utc_s
+        if life is not None:
+            yield Timed(utc_s - began_s, utc_s, life)
+            life = None
+        yield Timed(at_s - began_s, at_s, item)
+    if began_s is None:
+        raise RecordingError(f"{path}: holds no run")

@@ -1,0 +1,5 @@
+"""Plots of recorded runs."""
+
+from sim.plot.recorded import plot_of, write_plot
+
+__all__ = ["plot_of", "write_plot"]

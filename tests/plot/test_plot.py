@@ -1,0 +1,92 @@
+"""The plot of a recording shows what happened, when and where, and bad input is told."""
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from adapters.recording import RunFile
+from executive.commands import Mode
+from executive.reports import Stage
+from sim.drawing import COMMANDED, ODOMETRY, TRUTH, WHEELS, draw_run
+from sim.plot import plot_of
+from sim.plot.commands import plot
+from sim.scenario.changes import Change
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import PlayMode
+from sim.scenario.reading import load_scenario
+from tests.drawing.pictures import words
+
+
+def recorded(name: str, folder: Path, lasts_s: int) -> Path:
+    path = folder / "run.mcap"
+    scenario = load_scenario(name, PlayMode.LOCK_STEP, (Change.parse(f"lasts={lasts_s}"),))
+    with closing(RunFile(path)) as tape:
+        run_in_lock_step(scenario, folder / "data", tape)
+    return path
+
+
+@pytest.fixture(scope="module")
+def stuck(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded("side_stuck", tmp_path_factory.mktemp("stuck"), 8)
+
+
+def typed(*arguments: object) -> Result:
+    return CliRunner().invoke(plot, list(map(str, arguments)), catch_exceptions=False)
+
+
+def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> None:
+    shown = plot_of(stuck)
+    first, *others = shown.commands
+    assert (first.title, first.last) == ("moveForward MOE:1", Stage.FAILED)
+    assert first.words == "WHEELS_OFF_COMMAND"
+    assert first.figures.startswith("commanded 1 m/s, wheels 0.3")
+    assert ", bound 0.3" in first.figures
+    assert {each.last for each in others} == {Stage.EXECUTED}
+    (incident,) = shown.incidents
+    assert (incident.words, round(incident.pose.x_m, 1)) == ("WHEELS_OFF_COMMAND", 0.7)
+    assert [name for name, _ in shown.events] == ["WHEELS_OFF_COMMAND"]
+    assert Mode.STOPPED in {mode for mode, _, _ in shown.modes}
+    speed, turn = shown.panels
+    assert {each.source for each in speed.series} == {COMMANDED, WHEELS, ODOMETRY, TRUTH}
+    for each in speed.series:
+        assert 0.9 < max(each.values) < 1.1, each.source
+    assert {"speed, m/s", "turn rate, rad/s", first.figures} <= words(draw_run(shown))
+    assert turn.unit == "rad/s"
+
+
+def test_no_line_leads_over_the_time_without_an_executive(tmp_path: Path) -> None:
+    shown = plot_of(recorded("killed", tmp_path, 18))
+    ((gone_s, again_s),) = shown.gone
+    assert (round(gone_s), round(again_s)) == (3, 5)
+    assert "2 starts of the executive" in shown.figures
+    assert not [mode for mode, begin_s, end_s in shown.modes if begin_s < 4 < end_s]
+    first = shown.commands[0]
+    assert first.ended_s is not None
+    assert first.ended_s < 6, "when it was reported first, not when that was repeated"
+    assert len(shown.incidents) == 1
+    assert "no executive" in words(draw_run(shown))
+
+
+def test_the_picture_is_written_where_it_is_asked_for(stuck: Path, tmp_path: Path) -> None:
+    assert typed(stuck).exit_code == 0
+    with Image.open(stuck.with_name("plot.png")) as picture:
+        assert picture.width == 1240
+    assert typed(stuck, "--out", tmp_path / "drive.svg").exit_code == 0
+    assert (tmp_path / "drive.svg").read_text().startswith("<svg")
+
+
+def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
+    none = tmp_path / "none.mcap"
+    none.write_bytes(b"no recording")
+    for arguments, told in (
+        ((none,), "is no MCAP file"),
+        ((tmp_path / "absent.mcap",), "cannot be read"),
+        ((stuck, "--out", tmp_path / "drive.gif"), "name a file that ends in .png or .svg"),
+        ((stuck, "--out", tmp_path / "no" / "drive.png"), "cannot be written"),
+    ):
+        result = typed(*arguments)
+        assert result.exit_code == 2
+        assert told in result.output
