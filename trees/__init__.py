@@ -1,6 +1,30 @@
 """The behaviour tree of the rover. py_trees lives only here."""
 
-from trees.rover import RoverTree
-from trees.snapshot import Node, NodeStatus, Snapshot, as_svg, branches, line
+from trees.rover import RoverTree, preview
+from trees.snapshot import (
+    COLOURS,
+    Look,
+    Node,
+    NodeKind,
+    NodeStatus,
+    Snapshot,
+    as_svg,
+    branches,
+    line,
+    looks,
+)
 
-__all__ = ["Node", "NodeStatus", "RoverTree", "Snapshot", "as_svg", "branches", "line"]
+__all__ = [
+    "COLOURS",
+    "Look",
+    "Node",
+    "NodeKind",
+    "NodeStatus",
+    "RoverTree",
+    "Snapshot",
+    "as_svg",
+    "branches",
+    "line",
+    "looks",
+    "preview",
+]

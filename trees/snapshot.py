@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
+from typing import Final
 from xml.sax.saxutils import escape
 
 from py_trees import composites
@@ -10,20 +11,22 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
-from trees.leaf import Condition
+from trees.leaf import Condition, TakeGoal
 from trees.plan import ParallelBranch
 
 
 @unique
 class NodeKind(Enum):
-    """What a node is."""
+    """What a node is: TAKE takes a goal of a queue; PLANNED is of a plan, its kind unknown."""
 
     SELECTOR = "selector"
     SEQUENCE = "sequence"
     PARALLEL = "parallel"
     DECORATOR = "decorator"
     CONDITION = "condition"
+    TAKE = "take"
     LEAF = "leaf"
+    PLANNED = "planned"
 
 
 @unique
@@ -34,6 +37,17 @@ class NodeStatus(Enum):
     RUNNING = "running"
     SUCCESS = "success"
     FAILURE = "failure"
+
+
+@unique
+class Look(Enum):
+    """How a node is drawn: as its status, but DECLINED where it failed because nothing was due."""
+
+    IDLE = "not ticked"
+    RUNNING = "running"
+    SUCCESS = "success"
+    DECLINED = "nothing to do"
+    FAILURE = "failed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +120,8 @@ def _kind(node: Behaviour) -> NodeKind:
             return NodeKind.DECORATOR
         case Condition():
             return NodeKind.CONDITION
+        case TakeGoal():
+            return NodeKind.TAKE
         case _:
             return NodeKind.LEAF
 
@@ -116,33 +132,72 @@ _MARK = {
     NodeKind.PARALLEL: "⇉",
     NodeKind.DECORATOR: "◆",
     NodeKind.CONDITION: "◇",
+    NodeKind.TAKE: "▸",
     NodeKind.LEAF: "▸",
+    NodeKind.PLANNED: "·",
 }
+_BRANCHES: Final = {
+    NodeKind.SELECTOR,
+    NodeKind.SEQUENCE,
+    NodeKind.PARALLEL,
+    NodeKind.DECORATOR,
+}
+_GUARDS: Final = {NodeKind.CONDITION, NodeKind.TAKE}
 _SIGN = {
-    NodeStatus.IDLE: " ",
-    NodeStatus.RUNNING: "●",
-    NodeStatus.SUCCESS: "✓",
-    NodeStatus.FAILURE: "✕",
+    Look.IDLE: " ",
+    Look.RUNNING: "●",
+    Look.SUCCESS: "✓",
+    Look.DECLINED: "–",
+    Look.FAILURE: "✕",
 }
-_COLOUR = {
-    NodeStatus.IDLE: ("#f4f4f2", "#9a9a94"),
-    NodeStatus.RUNNING: ("#dbe9ff", "#1d5fc4"),
-    NodeStatus.SUCCESS: ("#dff3e0", "#2b7a36"),
-    NodeStatus.FAILURE: ("#f7e3e0", "#a3422f"),
+COLOURS: Final = {
+    Look.IDLE: ("#f4f4f2", "#9a9a94"),
+    Look.RUNNING: ("#dbe9ff", "#1d5fc4"),
+    Look.SUCCESS: ("#dff3e0", "#2b7a36"),
+    Look.DECLINED: ("#ececf2", "#77778a"),
+    Look.FAILURE: ("#f7e3e0", "#a3422f"),
 }
+"""Fill and edge."""
 _ROW, _INDENT, _BOX_HEIGHT, _CHARACTER = 34, 34, 26, 7.6
 
 
-def line(node: Node) -> str:
-    """Return a node without its place in the tree: its mark, its name, its status."""
+def looks(nodes: Sequence[Node]) -> tuple[Look, ...]:
+    """Return how each node is drawn.
+
+    A condition that does not hold and a queue without a goal are no failures, nor is a branch that
+    failed because of them; a leaf that gave up is one, and so are the branches above it.
+    """
+    found = [
+        Look.DECLINED
+        if node.status is NodeStatus.FAILURE and node.kind in _GUARDS
+        else Look[node.status.name]
+        for node in nodes
+    ]
+    for index, node in enumerate(nodes):
+        if found[index] is not Look.FAILURE or node.kind not in _BRANCHES:
+            continue
+        leaves = set()
+        for below, look in zip(nodes[index + 1 :], found[index + 1 :], strict=True):
+            if below.depth <= node.depth:
+                break
+            if below.kind not in _BRANCHES:
+                leaves.add(look)
+        if Look.FAILURE not in leaves and Look.DECLINED in leaves:
+            found[index] = Look.DECLINED
+    return tuple(found)
+
+
+def line(node: Node, look: Look) -> str:
+    """Return a node without its place in the tree: its mark, its name, how it looks."""
     message = f"  {node.message}" if node.message and node.status is NodeStatus.RUNNING else ""
-    return f"{_MARK[node.kind]} {node.name} {_SIGN[node.status]}{message}".rstrip()
+    return f"{_MARK[node.kind]} {node.name} {_SIGN[look]}{message}".rstrip()
 
 
 def as_text(nodes: Sequence[Node]) -> str:
     """Return the tree drawn with box characters, a node a line."""
     return "\n".join(
-        branch + line(node) for branch, node in zip(branches(nodes), nodes, strict=True)
+        branch + line(node, look)
+        for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
     )
 
 
@@ -168,27 +223,32 @@ def as_mermaid(nodes: Sequence[Node]) -> str:
     """Return a Mermaid flowchart."""
     lines = ["flowchart TD"]
     parents: list[int] = []
-    for index, node in enumerate(nodes):
+    for index, (node, look) in enumerate(zip(nodes, looks(nodes), strict=True)):
         del parents[node.depth :]
         label = f"{_MARK[node.kind]} {node.name}".replace('"', "'")
-        lines.append(f'    n{index}["{label}"]:::{node.status.value}')
+        lines.append(f'    n{index}["{label}"]:::{look.name.lower()}')
         if parents:
             lines.append(f"    n{parents[-1]} --> n{index}")
         parents.append(index)
-    for status, (fill, stroke) in _COLOUR.items():
-        lines.append(f"    classDef {status.value} fill:{fill},stroke:{stroke}")
+    for look, (fill, stroke) in COLOURS.items():
+        lines.append(f"    classDef {look.name.lower()} fill:{fill},stroke:{stroke}")
     return "\n".join(lines) + "\n"
 
 
 def as_svg(nodes: Sequence[Node], title: str = "") -> str:
-    """Return a picture of the tree, a node a row, coloured by status."""
+    """Return a picture of the tree, a node a row, coloured by its look, with a legend if it ran."""
     top = 44 if title else 12
-    widths = [len(line(node)) * _CHARACTER + 20 for node in nodes]
+    seen = looks(nodes)
+    lines = [line(node, look) for node, look in zip(nodes, seen, strict=True)]
+    widths = [len(each) * _CHARACTER + 20 for each in lines]
+    legend = list(Look) if {*seen} != {Look.IDLE} else []
+    across = [len(f"{_SIGN[look]} {look.value}") * _CHARACTER + 20 for look in legend]
     width = max(
         [12 + node.depth * _INDENT + box + 12 for node, box in zip(nodes, widths, strict=True)]
-        + [len(title) * _CHARACTER + 24]
+        + [len(title) * _CHARACTER + 24, sum(across) + 8 * len(across) + 24]
     )
-    height = top + len(nodes) * _ROW + 8
+    bottom = top + len(nodes) * _ROW + 8
+    height = bottom + (_ROW + 4 if legend else 0)
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height}"'
         f' viewBox="0 0 {width:.0f} {height}" font-family="DejaVu Sans Mono, monospace"'
@@ -198,7 +258,7 @@ def as_svg(nodes: Sequence[Node], title: str = "") -> str:
     if title:
         parts.append(f'<text x="12" y="26" fill="#333333">{escape(title)}</text>')
     rows: list[int] = []
-    for index, (node, box) in enumerate(zip(nodes, widths, strict=True)):
+    for index, (node, box, words) in enumerate(zip(nodes, widths, lines, strict=True)):
         x, y = 12 + node.depth * _INDENT, top + index * _ROW
         del rows[node.depth :]
         if rows:
@@ -208,10 +268,17 @@ def as_svg(nodes: Sequence[Node], title: str = "") -> str:
                 ' fill="none" stroke="#b8b8b2"/>'
             )
         rows.append(y)
-        fill, stroke = _COLOUR[node.status]
-        parts.append(
-            f'<rect x="{x}" y="{y}" width="{box:.0f}" height="{_BOX_HEIGHT}" rx="5"'
-            f' fill="{fill}" stroke="{stroke}"/>'
-            f'<text x="{x + 10}" y="{y + 17}" fill="#222222">{escape(line(node))}</text>'
-        )
+        parts += _box(x, y, box, words, seen[index])
+    for at, (look, box) in enumerate(zip(legend, across, strict=True)):
+        left = 12 + sum(across[:at]) + 8 * at
+        parts += _box(left, bottom, box, f"{_SIGN[look]} {look.value}", look)
     return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def _box(x: float, y: float, width: float, words: str, look: Look) -> tuple[str, str]:
+    fill, stroke = COLOURS[look]
+    return (
+        f'<rect x="{x:.0f}" y="{y}" width="{width:.0f}" height="{_BOX_HEIGHT}" rx="5"'
+        f' fill="{fill}" stroke="{stroke}"/>',
+        f'<text x="{x + 10:.0f}" y="{y + 17}" fill="#222222">{escape(words)}</text>',
+    )

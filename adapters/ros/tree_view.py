@@ -1,33 +1,25 @@
-"""Hears the snapshots of an executive's tree and draws them."""
+"""Hears the snapshots of an executive's tree and shows them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from time import monotonic
 from typing import Final
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy
-from rich.console import Console, Group, RenderableType
+from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 from std_msgs.msg import String
 
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.tree_topic import from_json, tree_qos
-from trees import Node, NodeStatus, Snapshot, branches, line
+from trees import Snapshot
+from trees.screen import drawn
 
 PATIENCE_S: Final = 5.0
 LOOK_S: Final = 0.2
 """How long a Ctrl-C may wait."""
-_STYLE: Final = {
-    NodeStatus.IDLE: "dim",
-    NodeStatus.RUNNING: "bold cyan",
-    NodeStatus.SUCCESS: "green",
-    NodeStatus.FAILURE: "red",
-}
-_HEAD_LINES: Final = 3
-_MODE_STYLE: Final = {"SAFE": "bold white on red", "STOPPED": "bold black on yellow"}
 
 
 class Listener:
@@ -90,46 +82,6 @@ def show_live(asset: str, domain_id: int) -> None:
         with Live(drawn(asset, first, console.height), console=console, auto_refresh=False) as live:
             while True:
                 live.update(drawn(asset, listener.next(), console.height), refresh=True)
-
-
-def drawn(asset: str, snapshot: Snapshot, height: int | None = None) -> RenderableType:
-    """Return a snapshot for the terminal: a head line, the reason, faults, the tree.
-
-    Args:
-        asset: its name.
-        snapshot: what to draw.
-        height: lines there are; where they are too few, branches that came to nothing are folded.
-    """
-    nodes, told = snapshot.nodes, list(snapshot.faults)
-    if snapshot.unmonitored:
-        told.append(f"not monitored: {snapshot.unmonitored}")
-    if height is not None and len(nodes) + len(told) + _HEAD_LINES >= height:
-        nodes = folded(nodes)
-    at = datetime.fromtimestamp(snapshot.utc_s, UTC)
-    head = Text.assemble(
-        (asset, "bold"),
-        "  ",
-        (f" {snapshot.mode} ", _MODE_STYLE.get(snapshot.mode, "bold black on white")),
-        (f"  tick {snapshot.tick}  {at:%H:%M:%S} UTC", "dim"),
-    )
-    rows = [
-        Text.assemble((branch, "dim"), (line(node), _STYLE[node.status]))
-        for branch, node in zip(branches(nodes), nodes, strict=True)
-    ]
-    return Group(head, *map(Text, (snapshot.why, *told)), Text(), *rows)
-
-
-def folded(nodes: Sequence[Node]) -> tuple[Node, ...]:
-    """Return the nodes without those below a node that failed or was not ticked."""
-    seen: list[Node] = []
-    fold_depth: int | None = None
-    for node in nodes:
-        if fold_depth is not None and node.depth > fold_depth:
-            continue
-        nothing = node.status in {NodeStatus.IDLE, NodeStatus.FAILURE}
-        fold_depth = node.depth if nothing else None
-        seen.append(node)
-    return tuple(seen)
 
 
 @contextmanager

@@ -22,12 +22,12 @@ from adapters.ros.conversions import quaternion
 from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
-from adapters.ros.tree_view import drawn, folded
 from executive.geometry import Pose, Velocity
 from executive.settings import load_settings
 from executive.settings_files import config_folder
 from executive.state import Odometry
 from trees.rover import preview
+from trees.screen import drawn, folded
 from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot
 
 

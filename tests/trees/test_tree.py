@@ -10,7 +10,7 @@ from executive.reports import Stage
 from executive.settings import load_settings
 from tests.support.kinematic import Bench
 from tests.support.requests import GOOD
-from trees import Node, NodeStatus, RoverTree, as_svg
+from trees import Look, Node, NodeKind, NodeStatus, RoverTree, as_svg, looks
 from trees.cli import tree
 from trees.motion import Turn
 from trees.rover import preview
@@ -109,8 +109,29 @@ def test_mermaid_and_svg_have_every_node_and_edge(bench: Bench) -> None:
     svg = ET.fromstring(as_svg(found, title="a < b"))
     texts = [element.text or "" for element in svg.iter("{http://www.w3.org/2000/svg}text")]
     assert texts[0] == "a < b"
-    for node, text in zip(found, texts[1:], strict=True):
+    for node, text in zip(found, texts[1:], strict=False):  # the legend follows
         assert node.name in text
+
+
+def _node(path: str, kind: NodeKind, status: NodeStatus) -> Node:
+    return Node(path, path.rpartition("/")[2], path.count("/"), kind, status, "")
+
+
+def test_a_guard_that_finds_nothing_is_no_failure_but_a_leaf_that_gave_up_is() -> None:
+    fails = NodeStatus.FAILURE
+    seen = looks(
+        [
+            _node("a", NodeKind.SELECTOR, fails),
+            _node("a/stop", NodeKind.SEQUENCE, fails),
+            _node("a/stop/stopping?", NodeKind.CONDITION, fails),
+            _node("a/stop/act", NodeKind.LEAF, NodeStatus.IDLE),
+            _node("a/go", NodeKind.SEQUENCE, fails),
+            _node("a/go/take", NodeKind.TAKE, NodeStatus.SUCCESS),
+            _node("a/go/drive", NodeKind.LEAF, fails),
+        ]
+    )
+    wrong, nothing = Look.FAILURE, Look.DECLINED
+    assert seen == (wrong, nothing, nothing, Look.IDLE, wrong, Look.SUCCESS, wrong)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,72 @@
+"""The tree of a moment in the terminal, with the mode, the reason and the faults above it."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from trees.snapshot import Look, Node, NodeStatus, Snapshot, branches, line, looks
+
+STYLES: Final = {
+    Look.IDLE: "dim",
+    Look.RUNNING: "bold cyan",
+    Look.SUCCESS: "green",
+    Look.DECLINED: "bright_black",
+    Look.FAILURE: "red",
+}
+_HEAD_LINES: Final = 3
+_MODE_STYLE: Final = {"SAFE": "bold white on red", "STOPPED": "bold black on yellow"}
+_NONE: Final[Mapping[str, str]] = MappingProxyType({})
+
+
+def drawn(
+    asset: str, snapshot: Snapshot, height: int | None = None, notes: Mapping[str, str] = _NONE
+) -> RenderableType:
+    """Return a snapshot for the terminal: a head line, the reason, faults, the tree.
+
+    Args:
+        asset: its name.
+        snapshot: what to draw.
+        height: lines there are; where they are too few, branches that came to nothing are folded.
+        notes: what is written behind nodes, by their paths.
+    """
+    nodes, told = snapshot.nodes, list(snapshot.faults)
+    if snapshot.unmonitored:
+        told.append(f"not monitored: {snapshot.unmonitored}")
+    if height is not None and len(nodes) + len(told) + _HEAD_LINES >= height:
+        nodes = folded(nodes)
+    minutes, second = divmod(int(snapshot.utc_s) % 86400, 60)
+    at = f"{minutes // 60:02}:{minutes % 60:02}:{second:02}"
+    head = Text.assemble(
+        (asset, "bold"),
+        "  ",
+        (f" {snapshot.mode} ", _MODE_STYLE.get(snapshot.mode, "bold black on white")),
+        (f"  tick {snapshot.tick}  {at} UTC", "dim"),
+    )
+    rows = [
+        Text.assemble(
+            (branch, "dim"), (line(node, look), STYLES[look]), (_note(node, notes), "dim")
+        )
+        for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
+    ]
+    return Group(head, *map(Text, (snapshot.why, *told)), Text(), *rows)
+
+
+def _note(node: Node, notes: Mapping[str, str]) -> str:
+    note = notes.get(node.path, "")
+    return f"  {note}" if note else ""
+
+
+def folded(nodes: Sequence[Node]) -> tuple[Node, ...]:
+    """Return the nodes without those below a node that failed or was not ticked."""
+    seen: list[Node] = []
+    fold_depth: int | None = None
+    for node in nodes:
+        if fold_depth is not None and node.depth > fold_depth:
+            continue
+        nothing = node.status in {NodeStatus.IDLE, NodeStatus.FAILURE}
+        fold_depth = node.depth if nothing else None
+        seen.append(node)
+    return tuple(seen)
