@@ -1,4 +1,7 @@
-"""`rover watch`: the behaviour tree of a running executive, live in the terminal."""
+"""`rover watch`: the behaviour tree of a running executive, or of a recorded run."""
+
+import sys
+from pathlib import Path
 
 import click
 
@@ -17,22 +20,62 @@ from adapters.process import asset_option
     help="ROS domain of the executive.",
 )
 @click.option("--once", is_flag=True, help="Print one snapshot and exit.")
-def watch(asset: str, domain_id: int, once: bool) -> None:
+@click.option(
+    "--file",
+    "recording",
+    metavar="RUN.mcap",
+    type=click.Path(path_type=Path),
+    help="Show a recorded run instead: keys rewind, step, and go from report to report.",
+)
+@click.option(
+    "--at",
+    metavar="MOMENT",
+    help="With --file, print one moment: seconds, a command's SOURCE:NUMBER, or a reason's name.",
+)
+def watch(asset: str, domain_id: int, once: bool, recording: Path | None, at: str | None) -> None:
     """Show the behaviour tree, the mode, and why the rover stands or moves.
 
-    Ends with Ctrl-C. Where no executive is heard within a few seconds, or none any more, the exit
-    status is 3.
+    Ends with Ctrl-C, or of a recorded run with q. Where no executive is heard within a few
+    seconds, or none any more, the exit status is 3.
 
     \b
     Examples:
       rover watch
       rover watch --once
       rover watch --asset rover1 --domain-id 7
+      rover watch --file run.mcap
+      rover watch --file run.mcap --at 12.5
+      rover watch --file run.mcap --at MOE:3
+      rover watch --file run.mcap --at WHEELS_OFF_COMMAND
     """
+    if recording is not None:
+        if once:
+            raise click.UsageError(
+                "--once is for a rover that runs: give --at a moment with --file"
+            )
+        _watch_file(recording, at)
+        return
+    if at is not None:
+        raise click.UsageError("--at needs --file RUN.mcap")
     from adapters.ros import ParameterError
     from adapters.ros.tree_view import show_live, show_once
 
     try:
         (show_once if once else show_live)(asset, domain_id)
     except ParameterError as error:
+        raise click.UsageError(str(error)) from error
+
+
+def _watch_file(recording: Path, at: str | None) -> None:
+    from adapters.cli.watch_file import browse, show_moment
+    from adapters.recording import RecordingError
+
+    try:
+        if at is not None:
+            show_moment(recording, at)
+        elif sys.stdin.isatty() and sys.stdout.isatty():
+            browse(recording, "0")
+        else:
+            raise click.UsageError("without a terminal, name one moment: --at 12.5")
+    except RecordingError as error:
         raise click.UsageError(str(error)) from error

@@ -1,7 +1,18 @@
 """Recordings of runs as MCAP files: written, read, and replayed through the core."""
 
+from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
 from adapters.recording.run_file import PROFILE, RecordingError, RunFile, RunReader
 from adapters.recording.timed import Timed, read_timed
 
-__all__ = ["PROFILE", "RecordingError", "RunFile", "RunReader", "Timed", "decode", "read_timed"]
+__all__ = [
+    "PROFILE",
+    "History",
+    "Moment",
+    "RecordingError",
+    "RunFile",
+    "RunReader",
+    "Timed",
+    "decode",
+    "read_timed",
+]

@@ -97,7 +97,7 @@ class Desk:
 
 def _stays(text: str) -> str | None:
     """Return what a command says once it is ready, if it stays."""
-    if "--once" in text:
+    if "--once" in text or "--file" in text:
         return None
     return next((ready for start, ready in STAYS.items() if text.startswith(start)), None)
 

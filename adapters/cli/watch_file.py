@@ -1,0 +1,99 @@
+"""Shows a recorded run moment by moment in the terminal: one, or all by the keys."""
+
+from math import degrees
+from pathlib import Path
+from typing import Final
+
+import click
+from rich.console import Console, Group, RenderableType
+from rich.text import Text
+
+from adapters.recording import History, Moment
+from trees import Look
+from trees.screen import STYLES, drawn
+
+KEYS: Final = "→ ← a tick   ↓ ↑ a report   > < a second   g G the ends   q ends"
+_SIGNS: Final = "legend: ● running  ✓ success  – nothing to do  ✕ failed"
+_STEPS: Final = {"\x1b[C": 1, "\x1b[D": -1, "l": 1, "h": -1}
+_EVENTS: Final = {"\x1b[B": 1, "\x1b[A": -1, "j": 1, "k": -1}
+_SECONDS: Final = {">": 1.0, "<": -1.0}
+_LONGEST: Final = 6
+"""Commands that are listed: the last ones."""
+
+
+def show_moment(path: Path, at: str) -> None:
+    """Print a moment.
+
+    Args:
+        path: of the recording.
+        at: seconds since its beginning, a command as `SOURCE:NUMBER`, or the name of a reason.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording.
+        click.UsageError: there is no such moment.
+    """
+    history = History(path)
+    moment = history.moments[_index(history, path, at)]
+    Console(highlight=False).print(_shown(history, moment, None))
+
+
+def browse(path: Path, at: str) -> None:
+    """Show the run from a moment on, as the keys ask.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording.
+        click.UsageError: there is no such moment.
+    """
+    history = History(path)
+    index = _index(history, path, at)
+    console = Console(highlight=False)
+    last = len(history.moments) - 1
+    with console.screen() as screen:
+        while True:
+            shown = _shown(history, history.moments[index], console.height - _LONGEST - 8)
+            screen.update(Group(shown, Text(), Text(KEYS, "dim")))
+            key = click.getchar()
+            if key == "q":
+                return
+            if key in _STEPS:
+                index = min(max(index + _STEPS[key], 0), last)
+            elif key in _EVENTS:
+                index = history.next_event(index, _EVENTS[key])
+            elif key in _SECONDS:
+                index = history.index_at(history.moments[index].time_s + _SECONDS[key])
+            elif key in "gG":
+                index = 0 if key == "g" else last
+
+
+def _index(history: History, path: Path, at: str) -> int:
+    try:
+        return history.index_at(float(at))
+    except ValueError:
+        index = history.index_of(at)
+    if index is None:
+        raise click.UsageError(
+            f"--at {at}: {path} has no such command and no such reason; give seconds since its"
+            " beginning, SOURCE:NUMBER, or the name of a reason as WHEELS_OFF_COMMAND"
+        )
+    return index
+
+
+def _shown(history: History, moment: Moment, height: int | None) -> RenderableType:
+    notes = {path: f"since {since_s:.2f} s" for path, since_s in moment.since_s.items()}
+    place = "no odometry"
+    if moment.pose is not None:
+        turned = degrees(moment.pose.heading_rad)
+        place = f"x {moment.pose.x_m:z.2f} y {moment.pose.y_m:z.2f} m, {turned:z.0f}°"
+    end_s = history.moments[-1].time_s
+    lines = [Text(f"{moment.time_s:.2f} of {end_s:.2f} s   {place}", "bold")]
+    lines += [
+        Text(f"{each.identity}  {each.stage.name if each.stage else ''}  {each.text}")
+        for each in moment.commands[-_LONGEST:]
+    ]
+    lines += [
+        Text(f"now: {each.text}", STYLES[Look.RUNNING])
+        for each in moment.told
+        if each not in moment.commands
+    ]
+    tree = drawn(history.asset, moment.snapshot, height, notes)
+    return Group(*lines, Text(), tree, Text(_SIGNS, "dim"))

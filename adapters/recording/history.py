@@ -1,0 +1,180 @@
+"""A recording as moments: the tree, the mode, the place and the commands at any time of a run."""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from pathlib import Path
+
+from adapters.recording.run_file import RecordingError
+from adapters.recording.timed import read_timed
+from executive.geometry import Pose
+from executive.recording import (
+    Call,
+    Called,
+    Life,
+    ModeChanged,
+    NodeState,
+    Observed,
+    Reported,
+    TreeChanged,
+)
+from executive.reports import Kind, Report
+from executive.state import Odometry
+from trees import Node, NodeKind, NodeStatus, Snapshot, preview
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A tick of a run.
+
+    Attributes:
+        time_s: since the beginning of the recording.
+        snapshot: the tree, and why the rover stood or moved when its mode changed last.
+        since_s: by the path of each node, when it changed last.
+        pose: by odometry; None before the first.
+        commands: the last report of each command, in the order of their arrival.
+        told: what was reported in this tick.
+    """
+
+    time_s: float
+    snapshot: Snapshot
+    since_s: dict[str, float]
+    pose: Pose | None
+    commands: tuple[Report, ...]
+    told: tuple[Report, ...]
+
+
+class History:
+    """All moments of a recording.
+
+    Args:
+        path: of the recording.
+
+    Attributes:
+        asset: whose run it is.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording, or holds no tick.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.asset = ""
+        self.moments: list[Moment] = []
+        self._read(path)
+        self._times_s = [each.time_s for each in self.moments]
+
+    def index_at(self, time_s: float) -> int:
+        """Return the number of the last moment that is not after a time; 0 before the first."""
+        return max(0, bisect_right(self._times_s, time_s + 1e-6) - 1)
+
+    def index_of(self, name: str) -> int | None:
+        """Return the first moment that reports a reason, or the last report of a command.
+
+        Args:
+            name: of the reason, or of the command as `SOURCE:NUMBER`; None where there is none.
+        """
+        found = None
+        for index, moment in enumerate(self.moments):
+            for report in moment.told:
+                if report.reason is not None and report.reason.name == name:
+                    return index
+                if report.kind is Kind.COMMAND and str(report.identity) == name:
+                    found = index
+        return found
+
+    def next_event(self, index: int, step: int) -> int:
+        """Return the nearest moment with reports after (step 1) or before (-1) one, else itself."""
+        at = index + step
+        while 0 <= at < len(self.moments):
+            if self.moments[at].told:
+                return at
+            at += step
+        return index
+
+    def _read(self, path: Path) -> None:
+        static: tuple[Node, ...] = ()
+        states: dict[str, NodeState] = {}
+        since_s: dict[str, float] = {}
+        mode, why, pose, ticks = "", "", None, 0
+        commands: dict[str, Report] = {}
+        told: list[Report] = []
+        current: tuple[float, float] | None = None
+
+        def end() -> None:
+            nonlocal current, told
+            if current is not None:
+                nodes = _tree(static, states)
+                snapshot = Snapshot(ticks, current[1], mode, why, nodes)
+                self.moments.append(
+                    Moment(
+                        current[0],
+                        snapshot,
+                        dict(since_s),
+                        pose,
+                        tuple(commands.values()),
+                        tuple(told),
+                    )
+                )
+                told = []
+            current = None
+
+        for timed in read_timed(path, {Odometry, ModeChanged, TreeChanged, Reported}):
+            match timed.item:
+                case Life(settings=settings):
+                    end()
+                    self.asset, static = settings.asset, preview(settings)
+                    states.clear()
+                    ticks = 0
+                case Called(call=Call.TICK):
+                    end()
+                    current = timed.time_s, timed.utc_s
+                    ticks += 1
+                case Called() | Observed():
+                    end()
+                    if isinstance(timed.item, Observed) and isinstance(timed.item.fact, Odometry):
+                        pose = timed.item.fact.pose
+                case TreeChanged(nodes=changed, gone=gone):
+                    for each in changed:
+                        before = states.get(each.path)
+                        if before is None or before.status != each.status:
+                            since_s[each.path] = timed.time_s
+                        states[each.path] = each
+                    for lost in gone:
+                        states.pop(lost, None)
+                case ModeChanged():
+                    mode = timed.item.mode.name
+                    why = f"{timed.item.why} (as of {timed.time_s:.2f} s)"
+                case Reported(report=report):
+                    told.append(report)
+                    if report.kind is Kind.COMMAND:
+                        commands[str(report.identity)] = report
+                case _:
+                    pass
+        end()
+        if not self.moments:
+            raise RecordingError(f"{path}: holds no tick")
+
+
+def _tree(static: tuple[Node, ...], states: dict[str, NodeState]) -> tuple[Node, ...]:
+    """Return the nodes with their states; those of a plan stand first below the root."""
+    known = {node.path for node in static}
+    planned = tuple(
+        Node(
+            state.path,
+            state.path.rpartition("/")[2],
+            1 + state.path.count("/"),
+            NodeKind.PLANNED,
+            NodeStatus[state.status],
+            state.message,
+        )
+        for state in states.values()
+        if state.path not in known
+    )
+    others = tuple(_with(node, states.get(node.path)) for node in static)
+    return (*others[:1], *planned, *others[1:])
+
+
+def _with(node: Node, state: NodeState | None) -> Node:
+    if state is None:
+        return node
+    status = NodeStatus[state.status]
+    return Node(node.path, node.name, node.depth, node.kind, status, state.message)

@@ -1,0 +1,98 @@
+"""A recorded run is looked at moment by moment, and bad input is told."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli import watch_file
+from adapters.cli.watch import watch
+from adapters.recording import History, Moment, RunFile
+from sim.scenario.changes import Change
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import PlayMode
+from sim.scenario.reading import load_scenario
+from trees import Look, looks
+
+
+@pytest.fixture(scope="module")
+def stuck(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("stuck")
+    scenario = load_scenario("side_stuck", PlayMode.LOCK_STEP, (Change.parse("lasts=8"),))
+    with closing(RunFile(folder / "run.mcap")) as tape:
+        run_in_lock_step(scenario, folder / "data", tape)
+    return folder / "run.mcap"
+
+
+def typed(*arguments: object) -> Result:
+    return CliRunner().invoke(watch, list(map(str, arguments)), catch_exceptions=False)
+
+
+def test_a_moment_has_its_tree_its_place_and_its_commands(stuck: Path) -> None:
+    history = History(stuck)
+    moment = history.moments[history.index_at(1.5)]
+    assert round(moment.time_s, 2) == 1.5
+    seen = dict(
+        zip([n.name for n in moment.snapshot.nodes], looks(moment.snapshot.nodes), strict=True)
+    )
+    assert seen["drive"] is seen["rover"] is Look.RUNNING
+    assert seen["stopping?"] is seen["priority stop"] is Look.DECLINED, "that is healthy"
+    assert Look.FAILURE not in seen.values()
+    drive = next(n.path for n in moment.snapshot.nodes if n.name == "drive")
+    assert 0.9 < moment.since_s[drive] < 1.2
+    assert moment.snapshot.mode == "MOVING"
+    assert moment.pose is not None
+    assert 0.05 < moment.pose.x_m < 0.3
+    assert [str(each.identity) for each in moment.commands] == ["MOE:1", "MOE:2"]
+
+
+@pytest.mark.parametrize(
+    ("at", "told"),
+    [
+        ("1.5", "1.50 of 8.00 s"),
+        ("99", "8.00 of 8.00 s"),
+        ("MOE:1", "2.25 of 8.00 s"),
+        ("WHEELS_OFF_COMMAND", "2.25 of 8.00 s"),
+    ],
+)
+def test_a_moment_is_found_by_time_command_and_reason(stuck: Path, at: str, told: str) -> None:
+    result = typed("--file", stuck, "--at", at)
+    assert result.exit_code == 0
+    assert told in result.output
+    assert "nothing to do" in result.output
+
+
+def test_keys_step_and_go_to_reports(stuck: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keys: Iterator[str] = iter(["l", "h", "j", "j", "k", ">", "<", "G", "g", "?", "q"])
+    shown: list[float] = []
+    monkeypatch.setattr(click, "getchar", lambda: next(keys))
+    look = watch_file._shown
+
+    def keep(history: History, moment: Moment, height: int | None) -> object:
+        shown.append(round(moment.time_s, 2))
+        return look(history, moment, height)
+
+    monkeypatch.setattr(watch_file, "_shown", keep)
+    watch_file.browse(stuck, "0.5")
+    assert shown[:3] == [0.5, 0.55, 0.5]
+    first, second, back = shown[3:6]
+    assert 0.5 < first == back < second
+    assert shown[6:8] == [round(back + 1, 2), back]
+    assert shown[8] == 8.0
+    assert shown[9] == shown[10] < 0.1
+
+
+def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
+    for arguments, told in (
+        (("--file", stuck, "--at", "MOE:9"), "no such command"),
+        (("--file", stuck), "name one moment"),
+        (("--file", stuck, "--once"), "--once is for a rover that runs"),
+        (("--at", "3"), "--at needs --file"),
+        (("--file", tmp_path / "none.mcap", "--at", "3"), "cannot be read"),
+    ):
+        result = typed(*arguments)
+        assert result.exit_code == 2, result.output
+        assert told in result.output
