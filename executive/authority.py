@@ -8,7 +8,8 @@ the fencing token that commands carry, by which those of a former holder are ref
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from enum import Enum, unique
+from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands import OWN_LINKS, RELAY_LINK, Command
@@ -40,6 +41,32 @@ class AuthorityState:
     lease_s: float
     asked_by: str | None
     needed: bool
+
+
+@unique
+class AuthorityAct(Enum):
+    """What may be asked of the authority."""
+
+    REQUEST = "request"
+    TAKE = "take"
+    HAND_OVER = "hand_over"
+    RELEASE = "release"
+
+
+@dataclass(frozen=True, slots=True)
+class AuthorityAsked:
+    """What is asked of the authority: a method of `Authority`, and its arguments.
+
+    Attributes:
+        epoch: of the grant that is handed over or released.
+        to, lease_s: of `HAND_OVER`.
+    """
+
+    act: AuthorityAct
+    source: str
+    epoch: int = 0
+    to: str = ""
+    lease_s: float | None = None
 
 
 class Authority:
@@ -87,6 +114,20 @@ class Authority:
     @property
     def _holder(self) -> str | None:
         return self._grant.holder if self._clock.now_s() < self._end_s else None
+
+    def perform(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
+        """Do what is asked."""
+        match asked.act:
+            case AuthorityAct.REQUEST:
+                return self.request(asked.source)
+            case AuthorityAct.TAKE:
+                return self.take(asked.source)
+            case AuthorityAct.HAND_OVER:
+                return self.hand_over(asked.source, asked.epoch, asked.to, asked.lease_s)
+            case AuthorityAct.RELEASE:
+                return self.release(asked.source, asked.epoch)
+            case _:
+                assert_never(asked.act)
 
     def request(self, source: str) -> AuthorityState | Refusal:
         """Grant it where nobody holds it, renew the lease of its holder, or tell the holder."""

@@ -37,6 +37,11 @@ class LatchedClock:
         self._depth = 0
         self.begin()
 
+    @property
+    def held(self) -> bool:
+        """Whether time stands still."""
+        return self._depth > 0
+
     def begin(self) -> None:
         """Have time stand still until the matching `end`."""
         if self._depth == 0:

@@ -7,13 +7,21 @@ from enum import Enum
 from pathlib import Path
 from typing import Protocol
 
+from executive.authority import AuthorityAsked, AuthorityState
 from executive.clock import Clock, LatchedClock
 from executive.commands.lifecycle import Refused, SubmitResult
 from executive.geometry import Velocity
 from executive.goals import Context
 from executive.inbox import Inbox, Question, Submission
 from executive.motion import Plan, Problem, SharedSolver
-from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover, WholeMotion
+from executive.ports import (
+    CameraIntent,
+    Downlink,
+    MotionRover,
+    VelocityRover,
+    Video,
+    WholeMotion,
+)
 from executive.reasons import Figure, Refusal
 from executive.record import Ledger
 from executive.recording import (
@@ -23,6 +31,7 @@ from executive.recording import (
     Called,
     CarriedOut,
     Drove,
+    Entry,
     GroundHeard,
     Halted,
     KeptFile,
@@ -39,11 +48,13 @@ from executive.recording import (
     Served,
     SolverAnswered,
     SolverBusy,
+    StopWaited,
     Tape,
     ToldFile,
     ToldParameters,
     ToldPlan,
     TreeChanged,
+    is_within,
 )
 from executive.reports import Kind, PlanUpdate, Report, Severity
 from executive.runner import Executive, Tree
@@ -92,8 +103,9 @@ def life_of(
 class RecordedExecutive(Executive):
     """An executive whose entries, inputs and decisions are put on a tape.
 
-    Recorded are neither questions of other threads, nor faults of the ledger and of the folder of
-    files, nor the video stream: runs in which they decide something cannot be replayed.
+    Of questions of other threads what they have reported or decided is recorded. Faults of the
+    ledger, of the folder of files and of the video stream are not: runs in which they decide
+    something cannot be replayed.
 
     Args:
         tape: takes the recording.
@@ -113,10 +125,12 @@ class RecordedExecutive(Executive):
         files: Path,
         downlinks: Sequence[Downlink],
         build_tree: Callable[[Context], SeenTree],
+        video: Video | None = None,
         solver: SharedSolver | None = None,
-        inbox: Inbox | None = None,
+        inbox: "RecordedInbox | None" = None,
     ) -> None:
         self._tape = tape
+        self._box = RecordedInbox(tape) if inbox is None else inbox
         self._nodes: dict[str, NodeState] = {}
         self._last_mode: ModeChanged | None = None
         self._time = LatchedClock(clock)
@@ -129,15 +143,16 @@ class RecordedExecutive(Executive):
             files=files,
             downlinks=[*downlinks, _RecordedDownlink(tape)],
             build_tree=build_tree,
+            video=video,
             solver=None if solver is None else _RecordedSolver(solver, tape),
-            inbox=RecordedInbox(tape) if inbox is None else inbox,
+            inbox=self._box,
         )
         self._time.end()
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
         with self._time:
-            self._tape.put(Observed(self._time.now_s(), self._time.utc_s(), fact))
+            self._begin(Observed(self._time.now_s(), self._time.utc_s(), fact))
             super().observe(fact)
 
     def event(
@@ -148,16 +163,23 @@ class RecordedExecutive(Executive):
         kind: Kind = Kind.EVENT,
     ) -> None:
         """Report something that another component noticed, or a link."""
+        within = self._time.held
         with self._time:
             now_s, utc_s = self._time.now_s(), self._time.utc_s()
-            self._tape.put(Noticed(now_s, utc_s, severity, text, figures, kind))
+            self._begin(Noticed(now_s, utc_s, severity, text, figures, kind, within))
             super().event(severity, text, figures, kind)
 
     def make_safe(self, danger: Refusal) -> None:
         """Stand until resumed; nothing, if a hazard holds the rover already."""
+        within = self._time.held
         with self._time:
-            self._tape.put(MadeSafe(self._time.now_s(), self._time.utc_s(), danger))
+            self._begin(MadeSafe(self._time.now_s(), self._time.utc_s(), danger, within))
             super().make_safe(danger)
+
+    def ask_authority(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
+        """Request, take, hand over or release the authority."""
+        self._tape.put(asked)
+        return super().ask_authority(asked)
 
     def turn(self) -> None:
         """Serve what was submitted and asked."""
@@ -185,7 +207,12 @@ class RecordedExecutive(Executive):
             self._tape.put(GroundHeard())
 
     def _call(self, call: Call) -> None:
-        self._tape.put(Called(self._time.now_s(), self._time.utc_s(), call))
+        self._begin(Called(self._time.now_s(), self._time.utc_s(), call))
+
+    def _begin(self, entry: Entry) -> None:
+        if not is_within(entry):
+            self._box.looks = 0
+        self._tape.put(entry)
 
     def _tell_changes(self) -> None:
         """Record what is other than before of the tree, the mode and the command under way."""
@@ -205,11 +232,25 @@ class RecordedExecutive(Executive):
 
 
 class RecordedInbox(Inbox):
-    """Records the commands that are taken, and what their senders are told."""
+    """Records the commands that are taken, what their senders are told, and stops that wait.
+
+    Attributes:
+        looks: how often was looked for a stop in the present entry.
+    """
 
     def __init__(self, tape: Tape) -> None:
         super().__init__()
         self._tape = tape
+        self.looks = 0
+
+    @property
+    def stop_waits(self) -> bool:
+        """Whether a stop has come that was not taken."""
+        waits = super().stop_waits
+        if waits:
+            self._tape.put(StopWaited(self.looks))
+        self.looks += 1
+        return waits
 
     def take_stop(self) -> Submission:
         """Return the next stop."""

@@ -7,8 +7,9 @@ during it, and by what was decided in it. Within an entry time stands still.
 
 from dataclasses import dataclass
 from enum import Enum, unique
-from typing import Protocol
+from typing import Protocol, TypeGuard
 
+from executive.authority import AuthorityAsked
 from executive.commands import Command, Mode
 from executive.geometry import Pose, Velocity
 from executive.motion import MotionState, Plan, Target
@@ -80,7 +81,11 @@ class Observed:
 
 @dataclass(frozen=True, slots=True)
 class Noticed:
-    """An entry that has something reported that another component noticed."""
+    """An entry that has something reported that another component noticed.
+
+    Attributes:
+        within: whether it is a part of the call before: a question of another thread reported it.
+    """
 
     now_s: float
     utc_s: float
@@ -88,18 +93,29 @@ class Noticed:
     text: str
     figures: tuple[Figure, ...]
     kind: Kind
+    within: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class MadeSafe:
-    """An entry that has the rover stand until resumed."""
+    """An entry that has the rover stand until resumed.
+
+    Attributes:
+        within: as of `Noticed`.
+    """
 
     now_s: float
     utc_s: float
     danger: Refusal
+    within: bool = False
 
 
 Entry = Called | Observed | Noticed | MadeSafe
+
+
+def is_within(item: object) -> TypeGuard[Noticed | MadeSafe]:
+    """Return whether an item is a part of the call before, though others of its kind are calls."""
+    return isinstance(item, Noticed | MadeSafe) and item.within
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +149,18 @@ class SolverBusy:
     busy: bool
 
 
-Input = Served | GroundHeard | SolverAnswered | SolverBusy
+@dataclass(frozen=True, slots=True)
+class StopWaited:
+    """A stop came while the core was at work.
+
+    Attributes:
+        looks: how often the core had looked for one in this entry before.
+    """
+
+    looks: int
+
+
+Input = Served | GroundHeard | SolverAnswered | SolverBusy | StopWaited | AuthorityAsked
 """What comes in during an entry."""
 
 

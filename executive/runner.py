@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
-from executive.authority import Authority
+from executive.authority import Authority, AuthorityAsked, AuthorityState
 from executive.battery_check import check_battery
 from executive.clock import Clock, LatchedClock
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Stop
@@ -338,6 +338,10 @@ class Executive:
             if isinstance(fact, LaserScan):
                 self._watch()  # at once, whatever the tree is at
             self._arbiter.guard()
+
+    def ask_authority(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
+        """Request, take, hand over or release the authority; on the executive's thread."""
+        return self.authority.perform(asked)
 
     def event(
         self,

@@ -22,6 +22,7 @@ from executive.zones import Footprint, Zones
 
 HIGHEST_PORT: Final = 65535
 HIGHEST_PRIORITY: Final = 255
+FEWEST_MB: Final = 10.0
 FEWEST_REPORTS: Final = 1000
 
 
@@ -373,6 +374,27 @@ class MuxSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordingSettings:
+    """What is kept of what the executive does, to be replayed.
+
+    Attributes:
+        on: whether anything is.
+        most_mb: of all recordings, beyond which the oldest are deleted, in 10⁶ octets.
+        most_days: how old they get.
+    """
+
+    on: bool = True
+    most_mb: float = 1000.0
+    most_days: float = 7.0
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where nothing could be kept."""
+        if not FEWEST_MB <= self.most_mb <= HIGHEST_FIGURE:
+            raise ValueError(f"most_mb is {self.most_mb:g}: at least {FEWEST_MB:g}")
+        require_above_zero(self, "most_days")
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """One asset.
 
@@ -395,6 +417,7 @@ class Settings:
         mux: None where the base takes velocities from one topic, whoever publishes there.
         prediction: how exactly previews foretell its motion.
         battery: what its battery may give; None where nothing is refused for its sake.
+        recording: what `rover-executive` keeps of what it does.
     """
 
     asset: str
@@ -424,6 +447,7 @@ class Settings:
     mpc: Mpc = field(default_factory=Mpc)
     prediction: PredictionSettings = field(default_factory=PredictionSettings)
     battery: BatterySettings | None = None
+    recording: RecordingSettings = field(default_factory=RecordingSettings)
 
     def __post_init__(self) -> None:
         """Raise ValueError where settings do not fit each other, or their bounds."""

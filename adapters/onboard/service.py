@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +24,7 @@ from adapters.onboard.guard import guarded
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive
+from adapters.recording import BackgroundTape
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.ros import (
     RosAsset,
@@ -45,6 +47,8 @@ from executive.goals import Context
 from executive.motion import SharedSolver
 from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
+from executive.recorded_executive import RecordedExecutive, life_of
+from executive.reports import Severity
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings
 from executive.settings_files import SettingsError
@@ -132,6 +136,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 video,
                 options.relay,
                 solver,
+                options.data / "recordings",
             ) as executive,
             watched(node, executive) as watchdog,
         ):
@@ -157,8 +162,23 @@ def executive_on(
     video: Video | None = None,
     relayed: bool = False,
     solver: SharedSolver | None = None,
+    recordings: Path | None = None,
 ) -> Iterator[Executive]:
-    """Yield an executive that a ROS node serves; at the end the rover stands."""
+    """Yield an executive that a ROS node serves; at the end the rover stands.
+
+    Args:
+        node: serves it.
+        settings: of the asset.
+        ledger: its record.
+        files: its folder of files.
+        downlinks: the ways out beside the rover's own.
+        build_tree: makes the tree.
+        video: forwards its video stream.
+        relayed: whether the relay link is served, too.
+        solver: plans for mpc.
+        recordings: the folder that its recordings are kept in, if the settings want any; None for
+            none.
+    """
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
     settings = replace(settings, sensors=sensors.without_topicless(settings.sensors))
     clock = clock_of(node)
@@ -171,28 +191,57 @@ def executive_on(
         )
         name = settings.asset.upper()
         relay = ExecutiveRelayLink(node, stops, commands, ledger, load_dictionary(), name)
-    executive = Executive(
-        settings=settings,
-        clock=clock,
-        rover=rover,
-        ledger=ledger,
-        files=files,
-        downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else [])],
-        build_tree=build_tree,
-        video=video,
-        solver=solver,
-    )
-    assert isinstance(executive.tree, RoverTree)
-    served = ExecutiveNode(node, topics, sensors, rover, executive, executive.tree)
-    if relay is not None:
-        relay.serve(executive.submit, served, lambda: executive.mode)
-    try:
-        yield executive
-    finally:
-        served.close()
-        executive.close()
-        if not _stop_until_acknowledged(rover):
-            _LOG.warning("the last stop was not acknowledged")
+    with recorded(settings, recordings) as tape:
+        make: Callable[..., Executive] = Executive
+        if tape is not None:
+            tape.put(life_of(settings, ledger, files, solver))
+            make = partial(RecordedExecutive, tape)
+        executive = make(
+            settings=settings,
+            clock=clock,
+            rover=rover,
+            ledger=ledger,
+            files=files,
+            downlinks=[*downlinks, *rover.downlinks(ledger), *([relay] if relay else [])],
+            build_tree=build_tree,
+            video=video,
+            solver=solver,
+        )
+        if tape is not None:
+            tape.tell = partial(_tell_of_recording, executive)
+        assert isinstance(executive.tree, RoverTree)
+        served = ExecutiveNode(node, topics, sensors, rover, executive, executive.tree)
+        if relay is not None:
+            relay.serve(executive.submit, served, lambda: executive.mode)
+        try:
+            yield executive
+        finally:
+            served.close()
+            executive.close()
+            if not _stop_until_acknowledged(rover):
+                _LOG.warning("the last stop was not acknowledged")
+
+
+@contextmanager
+def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundTape | None]:
+    """Yield what takes the recording of an executive; None where there is to be none, or cannot be.
+
+    Args:
+        settings: of the asset.
+        folder: of its recordings.
+    """
+    tape = None
+    if folder is not None and settings.recording.on:
+        try:
+            tape = BackgroundTape(folder, settings.recording)
+        except OSError as error:
+            _LOG.warning("nothing is recorded: %s: %s", folder, error.strerror)
+    with closing(tape) if tape is not None else nullcontext():
+        yield tape
+
+
+def _tell_of_recording(executive: Executive, text: str) -> None:
+    executive.ask(partial(executive.event, Severity.WARNING, text))
 
 
 @contextmanager

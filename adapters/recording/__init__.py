@@ -1,5 +1,6 @@
 """Recordings of runs as MCAP files: written, read, and replayed through the core."""
 
+from adapters.recording.background import BackgroundTape
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
 from adapters.recording.run_file import PROFILE, RecordingError, RunFile, RunReader
@@ -7,6 +8,7 @@ from adapters.recording.timed import Timed, read_timed
 
 __all__ = [
     "PROFILE",
+    "BackgroundTape",
     "History",
     "Moment",
     "RecordingError",

@@ -4,18 +4,22 @@ import json
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import zip_longest
+from math import inf
 from pathlib import Path
-from typing import Final
+from typing import Final, assert_never
 
 from adapters.recording.messages import DECISIONS, LIFE, TRUTH, decode, encode, topic_of
 from adapters.recording.run_file import RecordedMessage, RecordingError, RunReader
+from executive.authority import AuthorityAsked
+from executive.commands import Stop
 from executive.geometry import Velocity
-from executive.inbox import Inbox, Question, Submission
+from executive.inbox import Question, Submission
 from executive.motion import Plan, Problem, SharedSolver
 from executive.ports import CameraIntent, MotionRover, VelocityRover, WholeMotion
 from executive.record import Ledger, Synchronous
-from executive.recorded_executive import RecordedExecutive, with_recorded_answer
+from executive.recorded_executive import RecordedExecutive, RecordedInbox, with_recorded_answer
 from executive.recording import (
     Call,
     Called,
@@ -30,6 +34,8 @@ from executive.recording import (
     Served,
     SolverAnswered,
     SolverBusy,
+    StopWaited,
+    is_within,
 )
 from executive.settings import LocomotionKind
 from trees import RoverTree
@@ -44,7 +50,7 @@ class RecordedEntry:
     """An entry of the core, with what came in during it and what was decided in it."""
 
     entry: Entry
-    inputs: list[Input] = field(default_factory=list)
+    inputs: list[Input | Entry] = field(default_factory=list)
     decisions: list[RecordedMessage] = field(default_factory=list)
 
 
@@ -169,7 +175,7 @@ def _entries(reader: RunReader, path: Path) -> Iterator[Life | RecordedEntry]:
                 current.decisions.append(message)
             continue
         item = _decoded(message, path)
-        if isinstance(item, Input):
+        if isinstance(item, Input) or is_within(item):
             if current is not None:
                 current.inputs.append(item)
             continue
@@ -218,47 +224,80 @@ class _Tape:
             self.decisions.append(RecordedMessage(topic, encode(item)))
 
 
-class _ScriptedInbox(Inbox):
-    """Hands over the commands of the recording, in its order."""
+Scripted = Served | AuthorityAsked | Noticed | MadeSafe
+"""What is taken from the inbox: commands, and what questions of other threads did."""
+
+
+class _ScriptedInbox(RecordedInbox):
+    """Hands over the commands and the questions of the recording, in its order.
+
+    Attributes:
+        core: whom the questions ask.
+    """
 
     def __init__(self, tape: _Tape) -> None:
-        super().__init__()
-        self._tape = tape
-        self._script: list[tuple[Served, bool]] = []
+        super().__init__(tape)
+        self._decisions = tape
+        self._script: list[Scripted] = []
         self._overtaken: set[int] = set()
         self._taken = 0
+        self._stop_came = inf
+        self.core: RecordedExecutive | None = None
 
-    def load(self, inputs: Sequence[Input]) -> None:
-        """Take the commands that are served in the next entry."""
-        from executive.commands import Stop
+    def load(self, inputs: Sequence[Input | Entry]) -> None:
+        """Take what comes in during the next entry."""
+        self._script = [each for each in inputs if isinstance(each, Scripted)]
+        came = (each.looks for each in inputs if isinstance(each, StopWaited))
+        self._stop_came = next(came, inf)
 
-        served = [each for each in inputs if isinstance(each, Served)]
-        self._script = [(each, isinstance(each.command.request, Stop)) for each in served]
+    @property
+    def stop_waits(self) -> bool:
+        self.looks += 1
+        return self.looks > self._stop_came
 
     @property
     def stops_now(self) -> int:
-        return next((n for n, (_, stop) in enumerate(self._script) if not stop), len(self._script))
+        flags = [
+            isinstance(e, Served) and isinstance(e.command.request, Stop) for e in self._script
+        ]
+        return flags.index(False) if False in flags else len(flags)
 
     @property
     def items_now(self) -> int:
-        return sum(not stop for _, stop in self._script)
+        return len(self._script) - self.stops_now
 
     def take_stop(self) -> Submission:
-        return self._submission()
+        return self._submission(self._script.pop(0))
 
     def take(self) -> Submission | Question:
-        return self._submission()
+        item = self._script.pop(0)
+        return self._submission(item) if isinstance(item, Served) else partial(self._ask, item)
 
     def overtaken(self, submission: Submission) -> bool:
         return submission.arrival in self._overtaken
 
-    def _submission(self) -> Submission:
-        served, _ = self._script.pop(0)
+    def _ask(self, item: Scripted) -> None:
+        core = self.core
+        assert core is not None
+        match item:
+            case AuthorityAsked():
+                core.ask_authority(item)
+            case Noticed(severity=severity, text=text, figures=figures, kind=kind):
+                core.event(severity, text, figures, kind)
+            case MadeSafe(danger=danger):
+                core.make_safe(danger)
+            case Served():
+                raise AssertionError(item)
+            case _:
+                assert_never(item)
+
+    def _submission(self, served: Scripted) -> Submission:
+        assert isinstance(served, Served)
         self._taken += 1
         if served.overtaken:
             self._overtaken.add(self._taken)
         submission = Submission(self._taken, served.command, lambda _: None, lambda: None)
-        return with_recorded_answer(submission, self._tape)
+        return with_recorded_answer(submission, self._decisions)
 
 
 class _ScriptedSolver:
@@ -269,7 +308,7 @@ class _ScriptedSolver:
         self._plans: list[Plan | None] = []
         self._busy: list[bool] = []
 
-    def load(self, inputs: Sequence[Input]) -> None:
+    def load(self, inputs: Sequence[Input | Entry]) -> None:
         """Take what is answered in the next entry."""
         self._plans = [each.plan for each in inputs if isinstance(each, SolverAnswered)]
         self._busy = [each.busy for each in inputs if isinstance(each, SolverBusy)]
@@ -287,6 +326,14 @@ class _ScriptedSolver:
     def beside(self, apart: bool = False) -> "_ScriptedSolver":
         """Return itself: what all were answered is recorded in one order."""
         return self
+
+
+class _StillVideo:
+    def __init__(self) -> None:
+        self.on = False
+
+    def switch(self, on: bool) -> None:
+        self.on = on
 
 
 class _StillRover:
@@ -383,7 +430,7 @@ class _Core:
             _StillVelocityRover() if by_velocity else _StillMotionRover()
         )
         solver: SharedSolver | None = self._solver
-        return RecordedExecutive(
+        executive = RecordedExecutive(
             self._tape,
             settings=settings,
             clock=self._clock,
@@ -392,6 +439,9 @@ class _Core:
             files=self._folder / "files",
             downlinks=[],
             build_tree=RoverTree,
+            video=None if settings.video is None else _StillVideo(),
             solver=solver,
             inbox=self._inbox,
         )
+        self._inbox.core = executive
+        return executive

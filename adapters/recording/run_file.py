@@ -6,11 +6,12 @@ import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain, count, takewhile
 from pathlib import Path
 from typing import Any, Final
 
 from adapters.recording.messages import LIFE, TOPICS, Topic, encode, schema_of, topic_of
-from executive.recording import Entry, Item
+from executive.recording import Entry, Item, is_within
 
 _LOG = logging.getLogger(__name__)
 
@@ -20,6 +21,14 @@ LIBRARY: Final = "rover-executive"
 LARGEST_RECORD: Final = 1 << 30
 """Octets of a part of a file; what claims more is damaged."""
 LIFE_TOPIC: Final = TOPICS[LIFE]
+
+
+SUFFIX: Final = ".mcap"
+
+
+def part_of(path: Path, number: int) -> Path:
+    """Return the file in which a recording goes on: 2 is the first of them."""
+    return path if number == 1 else path.with_suffix(f".{number}{SUFFIX}")
 
 
 class RecordingError(Exception):
@@ -54,6 +63,36 @@ class RunFile:
         if not self._ended:
             self._or_end(lambda: self._write(item))
 
+    @property
+    def ended(self) -> bool:
+        """Whether it can no longer be written."""
+        return self._ended
+
+    @property
+    def size_octets(self) -> int:
+        """How much is in the file; what was put since the last flush may come on top."""
+        return self._file.tell()
+
+    def flush(self) -> None:
+        """Hand what was put to the system, so that the end of this process does not lose it."""
+        if not self._ended:
+            self._or_end(self._writer.flush)
+
+    def continued(self, path: Path) -> "RunFile":
+        """Close it, and return the file in which the recording goes on.
+
+        Where that cannot be made, the recording ends.
+        """
+        self.close()
+        try:
+            following = RunFile(path)
+        except OSError as error:
+            self._ended = True
+            _LOG.warning("recording %s ends: %s", path, error.strerror)
+            return self
+        following._entries, following._time_ns = self._entries, self._time_ns
+        return following
+
     def close(self) -> None:
         """Write what is left, and the index."""
         if not self._ended:
@@ -75,7 +114,7 @@ class RunFile:
 
     def _write(self, item: Item) -> None:
         topic = topic_of(item)
-        if isinstance(item, Entry):
+        if isinstance(item, Entry) and not is_within(item):
             self._entries += 1
             self._time_ns = round(item.utc_s * 1e9)
         self._writer.add_message(
@@ -111,10 +150,10 @@ class RecordedMessage:
 
 
 class RunReader:
-    """Reads a recording.
+    """Reads a recording, with the files in which it goes on.
 
     Attributes:
-        whole: whether the file was closed; known at its end.
+        whole: whether the last file was closed; known at its end.
     """
 
     def __init__(self, path: Path) -> None:
@@ -127,11 +166,14 @@ class RunReader:
         Raises:
             RecordingError: the file cannot be read, or is no recording.
         """
-        try:
-            with self._path.open("rb") as file:
-                yield from self._messages(file)
-        except OSError as error:
-            raise RecordingError(f"{self._path}: cannot be read ({error.strerror})") from error
+        following = (part_of(self._path, number) for number in count(2))
+        for path in chain([self._path], takewhile(Path.exists, following)):
+            self.whole = False
+            try:
+                with path.open("rb") as file:
+                    yield from self._messages(file)
+            except OSError as error:
+                raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
 
     def _messages(self, file: Any) -> Iterator[RecordedMessage]:
         from mcap.exceptions import InvalidMagic, McapError

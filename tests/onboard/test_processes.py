@@ -10,11 +10,13 @@ from geometry_msgs.msg import Twist
 from adapters.mal import MalUri
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec.types import Notification, PlanStatus, Stage
+from adapters.recording.replay import replay
 from adapters.ros import ros_node, steady_timer
 from adapters.ros.context import SpunNode
 from executive.commands.catalogue import (
     ActivatePlan,
     DriveFor,
+    MoveForward,
     Request,
     Resume,
     ResumePlan,
@@ -73,7 +75,7 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     probe.standing()
     stood = probe.fresh_truth().pose.pose.position
-    with executive(tmp_path) as (_, again):
+    with executive(tmp_path) as (successor, again):
         until_located(again)
         life = [n for n in notifications(again) if n.commandId == drive]
         assert life[-1].stage is Stage.FAILED
@@ -82,6 +84,12 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
         assert sequences == list(range(1, len(sequences) + 1))
         stands = probe.fresh_truth().pose.pose.position
         assert (stands.x, stands.y) == pytest.approx((stood.x, stood.y), abs=0.005)
+        carry_out(again, MoveForward(0.3))
+        assert successor.end(signal.SIGTERM) == 0
+    killed, ended = (replay(path) for path in sorted((tmp_path / "data/recordings").iterdir()))
+    assert (killed.difference, ended.difference) == (None, None), "both decide as they did"
+    assert (killed.whole, ended.whole) == (False, True)
+    assert killed.decisions > 5, "what was done before the kill is there, but for a second"
 
 
 def test_sigterm_while_driving_stops_the_rover_and_exits_0(

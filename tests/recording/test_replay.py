@@ -17,8 +17,18 @@ from adapters.recording.commands import replay as replay_command
 from adapters.recording.messages import TOPICS
 from adapters.recording.replay import replay
 from adapters.recording.run_file import RunReader
+from executive.authority import AuthorityAct, AuthorityAsked, AuthorityState
 from executive.clock import ManualClock
-from executive.commands import Command, DriveFor, MoveForward, Request, Resume, Stop
+from executive.commands import (
+    Command,
+    DriveFor,
+    MoveForward,
+    Request,
+    Resume,
+    SetTravelSpeed,
+    Stop,
+)
+from executive.geometry import STANDING, Velocity
 from executive.goals import GoalQueue
 from executive.motion import Arbiter
 from executive.motion.velocity_control import DriveLaw
@@ -245,11 +255,11 @@ def test_each_message_has_what_its_schema_says(drive: Path) -> None:
 class Recording:
     """An executive over a rover without physics, recorded in a file."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, rover: KinematicRover | None = None) -> None:
         self.path = folder / "run.mcap"
         self.tape = RunFile(self.path)
         self.clock = ManualClock()
-        self.rover = KinematicRover()
+        self.rover = rover or KinematicRover()
         settings, files = load_settings("jackal"), folder / "files"
         ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
         self.tape.put(life_of(settings, ledger, files))
@@ -264,8 +274,8 @@ class Recording:
             build_tree=RoverTree,
         )
 
-    def submit(self, number: int, request: Request) -> None:
-        command = Command(Identity("MOE", number), request, "direct")
+    def submit(self, number: int, request: Request, authority: int | None = None) -> None:
+        command = Command(Identity("MOE", number), request, "direct", authority=authority)
         self.executive.submit(command, lambda _: None)
 
     def step(self) -> None:
@@ -298,6 +308,61 @@ def test_stops_that_overtake_and_what_others_notice_are_replayed(tmp_path: Path)
     replayed = replay(made.path)
     assert replayed.difference is None
     assert (replayed.ticks, replayed.entries) == (13, 13 + 13 + 5)
+
+
+def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_path: Path) -> None:
+    made = Recording(tmp_path)
+    core, granted = made.executive, []
+    made.step()
+    made.submit(1, MoveForward(1.0))
+    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAct.REQUEST, "MOE"))))
+    core.ask(lambda: core.event(Severity.WARNING, "a link is slow"))
+    made.submit(2, MoveForward(1.0))
+    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAct.RELEASE, "MOE", 1))))
+    made.submit(3, SetTravelSpeed(0.2), authority=1)
+    made.step()
+    core.ask(lambda: core.make_safe(Refusal(Reason.CORE_HUNG, "it hung")))
+    made.submit(4, MoveForward(1.0))
+    made.step()
+    assert [isinstance(each, AuthorityState) for each in granted] == [True, True]
+    core.close()
+    made.tape.close()
+    replayed = replay(made.path)
+    assert replayed.difference is None
+    assert (replayed.ticks, replayed.entries) == (3, 3 + 3 + 2)
+
+
+def asked(act: AuthorityAct, source: str, epoch: int = 0) -> AuthorityAsked:
+    return AuthorityAsked(act, source, epoch)
+
+
+class StopsInBetween(KinematicRover):
+    """Another thread submits a stop, just as the core commands a velocity."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stop: Callable[[], None] | None = None
+
+    def drive(self, velocity: Velocity) -> None:
+        super().drive(velocity)
+        if self.stop is not None and velocity != STANDING:
+            stop, self.stop = self.stop, None
+            stop()
+
+
+def test_a_stop_that_comes_while_the_core_is_at_work_is_replayed(tmp_path: Path) -> None:
+    rover = StopsInBetween()
+    made = Recording(tmp_path, rover)
+    made.step()
+    made.submit(1, MoveForward(1.0))
+    rover.stop = lambda: made.submit(2, Stop())
+    for _ in range(5):
+        made.step()
+    made.executive.close()
+    made.tape.close()
+    replayed = replay(made.path)
+    assert replayed.difference is None
+    assert replayed.ticks == 6
 
 
 def test_a_recording_that_lacks_its_start_is_told(tmp_path: Path) -> None:

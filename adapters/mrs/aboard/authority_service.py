@@ -10,9 +10,12 @@ from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.peer_rate import PeerRate
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import AreaError, AuthorityStatus, refused, with_text
-from executive.authority import Authority, AuthorityState
+from executive.authority import AuthorityAct, AuthorityAsked, AuthorityState
 from executive.reasons import Refusal
 from executive.reports import Identity
+from executive.runner import Executive
+
+Act = Callable[[Executive], AuthorityState | Refusal]
 
 REQUESTS_HZ: Final = 10
 """Requests of each peer a second: each change of holder is written down and told to all."""
@@ -32,24 +35,29 @@ def serve_authority(served: ServedOperations, gateway: Gateway) -> None:
             if status.holder == asked_as[0]:
                 served.recognise(connection)
 
-    def serve(operation: str, act: Callable[..., AuthorityState | Refusal]) -> None:
+    def serve(operation: str, act: Callable[..., Act]) -> None:
         def handler(call: Call, *parts: Any) -> Any:
             if parts:
                 rate.admit(call.peer_name or call.connection.peer_host)
                 _require_name(parts[0], call.peer_name)
             answer = gateway.ask(
-                lambda executive: (_status(act(executive.authority, *parts), call.peer_name),)
+                lambda executive: (_status(act(*parts)(executive), call.peer_name),)
             )
             answer.add_done_callback(partial(recognise, call.connection, parts[:1]))
             return answer
 
         served.serve("Authority", operation, handler)
 
-    serve("getAuthority", lambda authority: authority.state)
-    serve("requestAuthority", Authority.request)
-    serve("handOver", Authority.hand_over)
-    serve("takeAuthority", Authority.take)
-    serve("releaseAuthority", Authority.release)
+    serve("getAuthority", lambda: lambda executive: executive.authority.state)
+    serve("requestAuthority", partial(_asking, AuthorityAct.REQUEST))
+    serve("handOver", partial(_asking, AuthorityAct.HAND_OVER))
+    serve("takeAuthority", partial(_asking, AuthorityAct.TAKE))
+    serve("releaseAuthority", partial(_asking, AuthorityAct.RELEASE))
+
+
+def _asking(act: AuthorityAct, *parts: Any) -> Act:
+    asked = AuthorityAsked(act, *parts)
+    return lambda executive: executive.ask_authority(asked)
 
 
 def _require_name(source: str, peer_name: str | None) -> None:

@@ -1,0 +1,145 @@
+"""Recordings of a process that works at real time: written by a thread of their own, bounded.
+
+The core's thread only hands references over. Each recording is a file of its own in a folder, which
+goes on in a second file, a third and so on; the oldest files are deleted. What is older than
+`FLUSH_S` is in the system's hands, and survives the end of the process, however that comes.
+"""
+
+import logging
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import chain, count
+from math import inf
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Event, Thread
+from typing import Final
+
+from adapters.recording.run_file import SUFFIX, RunFile, part_of
+from executive.recording import Entry, Item, is_within
+from executive.settings import RecordingSettings
+
+_LOG: Final = logging.getLogger(__name__)
+
+PAUSE_S: Final = 0.1
+"""Between two looks for what was handed over: short bursts of work hold up no tick."""
+FLUSH_S: Final = 0.9
+MOST_WAITING: Final = 200_000
+"""Items that wait to be written; more are a disk that stands still, and end the recording."""
+PARTS: Final = 10
+"""Files that the recordings may fill together."""
+MEGA: Final = 1_000_000
+DAY_S: Final = 86_400.0
+
+
+class BackgroundTape:
+    """Takes a recording on any thread, and writes it on its own.
+
+    Args:
+        folder: of all recordings of the asset; this one is named after the time.
+        bounds: of what is kept.
+
+    Attributes:
+        tell: called with one line, on the writing thread, where the recording ends early.
+
+    Raises:
+        OSError: nothing can be written there.
+    """
+
+    def __init__(self, folder: Path, bounds: RecordingSettings) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.tell: Callable[[str], None] = lambda _: None
+        self._folder = folder
+        self._first = _new_file(folder)
+        self._bounds = bounds
+        self._part = 1
+        self._file = RunFile(self._first)
+        self._ended = False
+        self._items: SimpleQueue[Item] = SimpleQueue()
+        self._closing = Event()
+        self._thread = Thread(target=self._write, name="recording", daemon=True)
+        self._thread.start()
+
+    def put(self, item: Item) -> None:
+        """Record the next item."""
+        if not self._ended:
+            self._items.put(item)
+
+    def close(self) -> None:
+        """Write what is left, and end the thread."""
+        self._closing.set()
+        self._thread.join()
+
+    def _write(self) -> None:
+        try:
+            self._prune()
+            flushed_s = -inf
+            while not self._closing.wait(PAUSE_S):
+                self._drain()
+                if time.monotonic() - flushed_s >= FLUSH_S:
+                    flushed_s = time.monotonic()
+                    self._file.flush()
+                self._look()
+                if self._ended:
+                    return
+            self._drain()
+        except Exception as error:
+            _LOG.exception("the recording raised")
+            self._end(f"it raised {error!r}")
+        finally:
+            self._file.close()
+
+    def _drain(self) -> None:
+        with suppress(Empty):
+            while True:
+                item = self._items.get_nowait()
+                if isinstance(item, Entry) and not is_within(item):
+                    self._turn_over()
+                self._file.put(item)
+
+    def _turn_over(self) -> None:
+        """Begin another file where this one is full."""
+        if self._file.size_octets < self._bounds.most_mb * MEGA / PARTS:
+            return
+        self._part += 1
+        self._file = self._file.continued(part_of(self._first, self._part))
+        self._prune()
+
+    def _look(self) -> None:
+        if self._file.ended:
+            self._end("it cannot be written")
+        elif self._items.qsize() > MOST_WAITING:
+            self._end("the disk is too slow")
+
+    def _end(self, why: str) -> None:
+        self._ended = True
+        self._items = SimpleQueue()
+        text = f"the recording {self._first.name} ends: {why}; the rover goes on"
+        _LOG.warning(text)
+        self.tell(text)
+
+    def _prune(self) -> None:
+        """Delete the oldest files, but none of this recording's that begins or ends it."""
+        found = []
+        for path in self._folder.glob(f"*{SUFFIX}"):
+            with suppress(FileNotFoundError):
+                status = path.stat()
+                found.append((status.st_mtime, status.st_size, path))
+        found.sort()
+        left = sum(size for _, size, _ in found)
+        room = self._bounds.most_mb * MEGA * (PARTS - 1) / PARTS  # for the file that grows
+        oldest_s = time.time() - self._bounds.most_days * DAY_S
+        own = {self._first, part_of(self._first, self._part)}
+        for changed_s, size, path in found:
+            if path not in own and (left > room or changed_s < oldest_s):
+                path.unlink(missing_ok=True)
+                left -= size
+
+
+def _new_file(folder: Path) -> Path:
+    """Return the name of a file that is not there, by the time."""
+    began = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+    names = (f"{began}-{number}" for number in count(2))
+    paths = (folder / f"{name}{SUFFIX}" for name in chain([began], names))
+    return next(path for path in paths if not path.exists())
