@@ -378,12 +378,12 @@ class RecordingSettings:
     """What is kept of what the executive does, to be replayed.
 
     Attributes:
-        on: whether anything is.
+        enabled: whether anything is.
         most_mb: of all recordings, beyond which the oldest are deleted, in 10⁶ octets.
         most_days: how old they get.
     """
 
-    on: bool = True
+    enabled: bool = True
     most_mb: float = 1000.0
     most_days: float = 7.0
 

@@ -231,7 +231,7 @@ def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundTape
         folder: of its recordings.
     """
     tape = None
-    if folder is not None and settings.recording.on:
+    if folder is not None and settings.recording.enabled:
         try:
             tape = BackgroundTape(folder, settings.recording)
         except OSError as error:
