@@ -73,6 +73,8 @@ def _converter() -> Converter:
 class _Loader(yaml.CSafeLoader):
     """Refuses a key that is said twice, where YAML would forget the first; takes 1e-5 for a number.
 
+    A key such as on, which YAML takes for true, is refused, too.
+
     YAML 1.1, which PyYAML reads, wants a point and a sign: 1.0e-5.
     """
 
@@ -83,6 +85,10 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
         if key.tag == _MERGE:
             continue
         name = loader.construct_object(key, deep=True)
+        if isinstance(name, bool):
+            raise yaml.constructor.ConstructorError(
+                None, None, f"key {key.value} means {name} in YAML: quote it", key.start_mark
+            )
         if name in seen:
             raise yaml.constructor.ConstructorError(
                 None, None, f"key {name!r} is said twice", key.start_mark
