@@ -62,10 +62,14 @@ class Desk:
             keys = self.folder / "runs" / "keys"  # a bare machine does not have openssl
             authority_for(keys, "rover", "moe")
             return
+        environment = dict(os.environ)
+        if self.ports and line.text.startswith(NO_ROVER):  # the rover that runs here is patient
+            environment["ROVER_CONFIG"] = str(CHECKOUT / "config")
         done = subprocess.run(
             self.here(line.text),
             shell=True,
             cwd=self.folder,
+            env=environment,
             capture_output=True,
             text=True,
             timeout=LIMIT_S,

@@ -21,6 +21,16 @@ UNTIMED: Final = (
     "wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered",
 )  # fmt: skip
 """Faults that a process which gets no processor shows, though nothing is wrong with the rover."""
+BY_ARRIVAL: Final = {
+    "mocup": (
+        "odometry_off_twist",
+        "odometry_heading_off_twist",
+        "odometry_drifts",
+        "odometry_jumped",
+        "odometry_turned",
+    )
+}
+"""What is shown, too, by a rover whose odometry is stamped when it comes."""
 
 
 def patient_config(folder: Path) -> Path:
@@ -29,12 +39,12 @@ def patient_config(folder: Path) -> Path:
     shutil.copytree(CONFIG, copy)
     for name in names_in(copy):
         path = copy / f"{name}.yaml"
-        path.write_text(_patient(path.read_text()))
+        path.write_text(_patient(path.read_text(), UNTIMED + BY_ARRIVAL.get(name, ())))
     return copy
 
 
-def _patient(asset: str) -> str:
-    rows = [STALE, *(f"{name}: {{then: ignore}}" for name in UNTIMED)]
+def _patient(asset: str, untimed: tuple[str, ...]) -> str:
+    rows = [STALE, *(f"{name}: {{then: ignore}}" for name in untimed)]
     for row in rows:
         asset = re.sub(rf"(?m)^  {row.partition(':')[0]}:.*\n", "", asset)
     instead = {
