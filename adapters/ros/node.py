@@ -17,7 +17,14 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from adapters.ros.context import SpunNode
-from adapters.ros.conversions import MessageError, battery_fact, finite, frame_fact, odometry_fact
+from adapters.ros.conversions import (
+    MessageError,
+    battery_fact,
+    finite,
+    frame_fact,
+    measured,
+    odometry_fact,
+)
 from adapters.ros.diagnostics import TickMonitor, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
 from adapters.ros.rover import RosAsset, foreign_publishers
@@ -166,11 +173,11 @@ class ExecutiveNode:
         self._observe(battery_fact(message))
 
     def _on_pan(self, message: Float64) -> None:
-        self._pan_rad = finite(message.data, "camera pan")
+        self._pan_rad = measured(finite(message.data, "camera pan"))
         self._observe_camera()
 
     def _on_tilt(self, message: Float64) -> None:
-        self._tilt_rad = finite(message.data, "camera tilt")
+        self._tilt_rad = measured(finite(message.data, "camera tilt"))
         self._observe_camera()
 
     def _observe_camera(self) -> None:

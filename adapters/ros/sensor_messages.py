@@ -18,7 +18,9 @@ from adapters.ros.conversions import (
     BASE_LINK,
     MessageError,
     angles,
+    measured,
     pose_covariance,
+    pose_of,
     pose_sd,
     quaternion,
     stamp_s,
@@ -58,7 +60,7 @@ def imu_fact(message: ImuMessage) -> Imu:
     figures = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
     if not all(map(isfinite, figures)):
         raise MessageError(f"the IMU's rates and accelerations are {figures}")
-    return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *figures)
+    return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *map(measured, figures))
 
 
 def joints_fact(message: JointState, joints: WheelJoints) -> Joints | None:
@@ -94,7 +96,7 @@ def joints_fact(message: JointState, joints: WheelJoints) -> Joints | None:
 
 
 def _at(values: Sequence[float], places: Sequence[int]) -> tuple[float, ...]:
-    return tuple(values[place] for place in places)
+    return tuple(measured(values[place]) for place in places)
 
 
 def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
@@ -103,9 +105,7 @@ def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
     Raises:
         MessageError: a figure is not finite, or the orientation is no rotation.
     """
-    place = message.pose.pose.position
-    roll_rad, pitch_rad, heading_rad = angles(message.pose.pose.orientation)
-    pose = Pose(place.x, place.y, place.z, heading_rad, roll_rad, pitch_rad)
+    pose = pose_of(message.pose.pose)
     if not pose.finite:
         raise MessageError(f"second odometry is not finite: {pose}")
     return SecondOdometry(stamp_s(message.header.stamp), pose, *pose_sd(message.pose.covariance))
@@ -127,7 +127,7 @@ def laser_fact(message: LaserScanMessage) -> LaserScan:
         stamp_s(message.header.stamp),
         *figures,
         tuple(
-            each if least_m <= each <= most_m else least_m if each == -inf else inf
+            measured(each) if least_m <= each <= most_m else least_m if each == -inf else inf
             for each in message.ranges
         ),
     )
