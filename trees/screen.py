@@ -45,13 +45,19 @@ def drawn(
         (f" {snapshot.mode} ", _MODE_STYLE.get(snapshot.mode, "bold black on white")),
         (f"  tick {snapshot.tick}  {at} UTC", "dim"),
     )
-    rows = [
-        Text.assemble(
-            (branch, "dim"), (line(node, look), STYLES[look]), (_note(node, notes), "dim")
+    return Group(head, *map(Text, (snapshot.why, *told)), Text(), drawn_nodes(nodes, notes))
+
+
+def drawn_nodes(nodes: Sequence[Node], notes: Mapping[str, str] = _NONE) -> RenderableType:
+    """Return nodes for the terminal, a line each, with the notes behind them."""
+    return Group(
+        *(
+            Text.assemble(
+                (branch, "dim"), (line(node, look), STYLES[look]), (_note(node, notes), "dim")
+            )
+            for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
         )
-        for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
-    ]
-    return Group(head, *map(Text, (snapshot.why, *told)), Text(), *rows)
+    )
 
 
 def _note(node: Node, notes: Mapping[str, str]) -> str:

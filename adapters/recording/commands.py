@@ -6,28 +6,38 @@ from typing import TYPE_CHECKING, Final
 import click
 
 if TYPE_CHECKING:
-    from adapters.recording.replay import Replayed
+    from adapters.recording.replay import Difference, OtherReport, Replayed
 
+SAME: Final = 0
 DIFFERS: Final = 1
 BAD_FILE: Final = 2
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="RUN.mcap...", type=click.Path())
-def replay(files: tuple[str, ...]) -> None:
+@click.option(
+    "--with",
+    "settings",
+    metavar="ASSET",
+    help="Replay with the settings of this asset or YAML file, and list the reports that differ.",
+)
+def replay(files: tuple[str, ...], settings: str | None) -> None:
     """Replay recorded runs through the core, and compare what it decides.
 
     The core gets what it got in the run, at the same times: settings, ledger, facts, commands. Each
     velocity, report and answer, each change of the tree, the mode and the parameters that were sent
-    must be the same, to the last bit. The first that is not is shown.
+    must be the same, to the last bit. The first that is not is shown, and the tree, where a node is
+    another than in the recording.
 
     `rover scenario FILE --out DIR` records runs. Replay them after a change of the code: what
-    differs is what the change does to them.
+    differs is what the change does to them. Of a folder all recordings in it are replayed.
 
     \b
     Examples:
       rover replay runs/motion_forward/run.mcap
-      rover replay runs/*/run.mcap
+      rover replay runs
+      rover replay run.mcap --with jackal
+      rover replay run.mcap --with changed.yaml
 
     \b
     Exit status:
@@ -37,19 +47,48 @@ def replay(files: tuple[str, ...]) -> None:
     """
     from adapters.recording.replay import replay as play
     from adapters.recording.run_file import RecordingError
+    from executive.settings import load_settings
+    from executive.settings_files import SettingsError
 
-    troubles = set()
-    for file in files:
+    try:
+        others = None if settings is None else load_settings(settings)
+    except SettingsError as error:
+        raise click.UsageError(str(error)) from error
+    statuses = []
+    for path in _recordings(files):
         try:
-            replayed = play(Path(file))
+            replayed = play(path, others)
         except RecordingError as error:
             click.echo(f"Error: {error}", err=True)
-            troubles.add(BAD_FILE)
+            statuses.append(BAD_FILE)
             continue
-        click.echo(f"{file}: {_told(replayed)}")
-        if replayed.difference is not None:
-            troubles.add(DIFFERS)
-    raise SystemExit(max(troubles, default=0))
+        click.echo(f"{path}: {_told(replayed)}")
+        if replayed.difference is None:
+            statuses.append(SAME)
+        else:
+            _show(replayed.difference)
+            statuses.append(DIFFERS)
+        _list(replayed.reports)
+    if len(statuses) > 1:
+        click.echo(f"{statuses.count(SAME)} of {len(statuses)} recordings decide the same")
+    raise SystemExit(max(statuses))
+
+
+def _recordings(files: tuple[str, ...]) -> list[Path]:
+    """Return the recordings that are named or lie in folders, without the files they go on in.
+
+    Raises:
+        click.UsageError: a folder holds none.
+    """
+    from adapters.recording.run_file import first_parts
+
+    found: list[Path] = []
+    for path in map(Path, files):
+        inside = first_parts(path) if path.is_dir() else [path]
+        if not inside:
+            raise click.UsageError(f"{path}: holds no recording (*.mcap)")
+        found += inside
+    return found
 
 
 def _told(replayed: "Replayed") -> str:
@@ -64,3 +103,21 @@ def _told(replayed: "Replayed") -> str:
     place = f"in entry {found.number} ({found.entry})"
     lines = [f"another decision after {found.time_s:.2f} s, {place}", *found.lines]
     return "\n  ".join(lines)
+
+
+def _show(difference: "Difference") -> None:
+    if difference.then:
+        from rich.console import Console
+
+        from trees.screen import drawn_nodes
+
+        Console(highlight=False).print(drawn_nodes(difference.tree, difference.then))
+
+
+def _list(reports: "tuple[OtherReport, ...]") -> None:
+    for each in reports:
+        report = each.report
+        stage = report.severity.name if report.stage is None else report.stage.name
+        when = "recorded" if each.recorded else "replayed"
+        about = [str(report.identity or ""), stage, report.text]
+        click.echo(f"  {when} at {each.time_s:.2f} s: {'  '.join(filter(None, about))}")

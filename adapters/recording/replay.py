@@ -2,43 +2,43 @@
 
 import json
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+import traceback
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
-from math import inf
 from pathlib import Path
-from typing import Final, assert_never
+from typing import Final
 
-from adapters.recording.messages import DECISIONS, LIFE, TRUTH, decode, encode, topic_of
+from adapters.recording.messages import DECISIONS, LIFE, TRUTH, decode, topic_of
 from adapters.recording.run_file import RecordedMessage, RecordingError, RunReader
-from executive.authority import AuthorityAsked
-from executive.commands import Stop
-from executive.geometry import Velocity
-from executive.inbox import Question, Submission
-from executive.motion import Plan, Problem, SharedSolver
-from executive.ports import CameraIntent, MotionRover, VelocityRover, WholeMotion
+from adapters.recording.scripted import (
+    Decisions,
+    RecordedClock,
+    ScriptedInbox,
+    ScriptedSolver,
+    StillRover,
+    StillVideo,
+)
 from executive.record import Ledger, Synchronous
-from executive.recorded_executive import RecordedExecutive, RecordedInbox, with_recorded_answer
+from executive.recorded_executive import RecordedExecutive
 from executive.recording import (
     Call,
     Called,
     Entry,
     GroundHeard,
     Input,
-    Item,
     Life,
     MadeSafe,
+    NodeState,
     Noticed,
     Observed,
-    Served,
-    SolverAnswered,
-    SolverBusy,
-    StopWaited,
+    Reported,
+    TreeChanged,
     is_within,
 )
-from executive.settings import LocomotionKind
-from trees import RoverTree
+from executive.reports import Report
+from executive.settings import Settings
+from trees import Node, RoverTree
 
 NOTHING: Final = "nothing"
 LONGEST: Final = 200
@@ -63,6 +63,9 @@ class Difference:
         entry: its topic.
         time_s: of the entry, since the first.
         recorded, replayed: the decision; None where there is none.
+        raised: what the core raised instead; empty if it did not.
+        tree: as replayed, after the entry.
+        then: what nodes of it were in the recording, by their paths; of those that differ.
     """
 
     number: int
@@ -70,11 +73,16 @@ class Difference:
     time_s: float
     recorded: RecordedMessage | None
     replayed: RecordedMessage | None
+    raised: str
+    tree: tuple[Node, ...]
+    then: Mapping[str, str]
 
     @property
     def lines(self) -> tuple[str, ...]:
         """Both decisions, a line each; of two of one kind, a line for each part that differs."""
         then, now = self.recorded, self.replayed
+        if self.raised:
+            return f"recorded: {_told(then)}", f"replayed: {self.raised}"
         if then is not None and now is not None and then.topic == now.topic:
             before, after = dict(_parts(json.loads(then.data))), dict(_parts(json.loads(now.data)))
             return tuple(
@@ -107,6 +115,20 @@ def _short(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class OtherReport:
+    """A report that is only in the recording, or only in its replay.
+
+    Attributes:
+        time_s: since the first entry.
+        recorded: whether it is in the recording.
+    """
+
+    time_s: float
+    recorded: bool
+    report: Report
+
+
+@dataclass(frozen=True, slots=True)
 class Replayed:
     """What a replay came to.
 
@@ -116,6 +138,7 @@ class Replayed:
         duration_s: from the first entry to the last.
         whole: whether the recording was closed in good order.
         difference: the first; None where there is none.
+        reports: those that differ, with other settings.
     """
 
     lives: int
@@ -125,25 +148,31 @@ class Replayed:
     duration_s: float
     whole: bool
     difference: Difference | None
+    reports: tuple[OtherReport, ...]
 
 
-def replay(path: Path) -> Replayed:
+def replay(path: Path, settings: Settings | None = None) -> Replayed:
     """Replay a recording up to the first difference.
 
+    Args:
+        path: of the recording.
+        settings: other than those of the run. Then it is replayed to its end, though the recorded
+            sensors do not answer to what the rover is commanded from the first difference on.
+
     Raises:
-        RecordingError: the file cannot be used as a recording.
+        RecordingError: the file cannot be used as a recording, or is of another asset.
     """
     reader = RunReader(path)
     lives = entries = ticks = decisions = 0
     began_s = time_s = 0.0
     difference = None
+    reports: list[OtherReport] = []
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
         for each in _entries(reader, path):
             if isinstance(each, Life):
                 lives += 1
-                place = Path(folder, str(lives))
-                core = _Core(each, place)
+                core = _Core(_with(each, settings, path), Path(folder, str(lives)))
                 continue
             if core is None:
                 raise RecordingError(f"{path}: begins in the middle, without {LIFE}")
@@ -152,16 +181,43 @@ def replay(path: Path) -> Replayed:
             entries += 1
             ticks += isinstance(each.entry, Called) and each.entry.call is Call.TICK
             decisions += len(each.decisions)
-            found = core.differs(each)
-            if found is not None:
-                name = topic_of(each.entry).name
-                difference = Difference(entries, name, time_s, *found)
+            core.enter(each)
+            if settings is not None:
+                reports += _other_reports(each.decisions, core.decisions, time_s)
+            if difference is None:
+                difference = core.difference(each, entries, time_s)
+            if core.raised or (difference is not None and settings is None):
                 break
         if core is not None:
             core.end()
     if lives == 0:
         raise RecordingError(f"{path}: holds no run")
-    return Replayed(lives, entries, ticks, decisions, time_s, reader.whole, difference)
+    return Replayed(
+        lives, entries, ticks, decisions, time_s, reader.whole, difference, tuple(reports)
+    )
+
+
+def _with(life: Life, settings: Settings | None, path: Path) -> Life:
+    if settings is None:
+        return life
+    if settings.asset != life.settings.asset:
+        raise RecordingError(f"{path}: is of {life.settings.asset}, not of {settings.asset}")
+    return replace(life, settings=settings)
+
+
+def _other_reports(
+    recorded: Sequence[RecordedMessage], replayed: Sequence[RecordedMessage], time_s: float
+) -> Iterator[OtherReport]:
+    then, now = _reports(recorded), _reports(replayed)
+    yield from (OtherReport(time_s, True, then[told]) for told in then if told not in now)
+    yield from (OtherReport(time_s, False, now[told]) for told in now if told not in then)
+
+
+def _reports(decisions: Sequence[RecordedMessage]) -> dict[tuple[object, ...], Report]:
+    """Return the reports by what they say; neither their numbers nor their figures count."""
+    found = (decode(each.topic, each.data) for each in decisions if each.topic.kind is Reported)
+    reports = (each.report for each in found)
+    return {(each.identity, each.stage, each.reason, each.text): each for each in reports}
 
 
 def _entries(reader: RunReader, path: Path) -> Iterator[Life | RecordedEntry]:
@@ -199,179 +255,26 @@ def _decoded(message: RecordedMessage, path: Path) -> Life | Entry | Input:
     return item
 
 
-class _Clock:
-    """Shows the time of the recording."""
-
-    def __init__(self) -> None:
-        self.entry: Entry = Called(0.0, 0.0, Call.START)
-
-    def now_s(self) -> float:
-        return self.entry.now_s
-
-    def utc_s(self) -> float:
-        return self.entry.utc_s
-
-
-class _Tape:
-    """Keeps the decisions of the entry under way."""
-
-    def __init__(self) -> None:
-        self.decisions: list[RecordedMessage] = []
-
-    def put(self, item: Item) -> None:
-        topic = topic_of(item)
-        if topic.name.startswith(DECISIONS):
-            self.decisions.append(RecordedMessage(topic, encode(item)))
-
-
-Scripted = Served | AuthorityAsked | Noticed | MadeSafe
-"""What is taken from the inbox: commands, and what questions of other threads did."""
-
-
-class _ScriptedInbox(RecordedInbox):
-    """Hands over the commands and the questions of the recording, in its order.
+class _Core:
+    """The executive of one life, in a folder of its own.
 
     Attributes:
-        core: whom the questions ask.
+        decisions: of the last entry.
+        raised: what it raised; empty if it did not.
     """
 
-    def __init__(self, tape: _Tape) -> None:
-        super().__init__(tape)
-        self._decisions = tape
-        self._script: list[Scripted] = []
-        self._overtaken: set[int] = set()
-        self._taken = 0
-        self._stop_came = inf
-        self.core: RecordedExecutive | None = None
-
-    def load(self, inputs: Sequence[Input | Entry]) -> None:
-        """Take what comes in during the next entry."""
-        self._script = [each for each in inputs if isinstance(each, Scripted)]
-        came = (each.looks for each in inputs if isinstance(each, StopWaited))
-        self._stop_came = next(came, inf)
-
-    @property
-    def stop_waits(self) -> bool:
-        self.looks += 1
-        return self.looks > self._stop_came
-
-    @property
-    def stops_now(self) -> int:
-        flags = [
-            isinstance(e, Served) and isinstance(e.command.request, Stop) for e in self._script
-        ]
-        return flags.index(False) if False in flags else len(flags)
-
-    @property
-    def items_now(self) -> int:
-        return len(self._script) - self.stops_now
-
-    def take_stop(self) -> Submission:
-        return self._submission(self._script.pop(0))
-
-    def take(self) -> Submission | Question:
-        item = self._script.pop(0)
-        return self._submission(item) if isinstance(item, Served) else partial(self._ask, item)
-
-    def overtaken(self, submission: Submission) -> bool:
-        return submission.arrival in self._overtaken
-
-    def _ask(self, item: Scripted) -> None:
-        core = self.core
-        assert core is not None
-        match item:
-            case AuthorityAsked():
-                core.ask_authority(item)
-            case Noticed(severity=severity, text=text, figures=figures, kind=kind):
-                core.event(severity, text, figures, kind)
-            case MadeSafe(danger=danger):
-                core.make_safe(danger)
-            case Served():
-                raise AssertionError(item)
-            case _:
-                assert_never(item)
-
-    def _submission(self, served: Scripted) -> Submission:
-        assert isinstance(served, Served)
-        self._taken += 1
-        if served.overtaken:
-            self._overtaken.add(self._taken)
-        submission = Submission(self._taken, served.command, lambda _: None, lambda: None)
-        return with_recorded_answer(submission, self._decisions)
-
-
-class _ScriptedSolver:
-    """Answers as in the recording."""
-
-    def __init__(self, lead_ticks: int) -> None:
-        self.lead_ticks = lead_ticks
-        self._plans: list[Plan | None] = []
-        self._busy: list[bool] = []
-
-    def load(self, inputs: Sequence[Input | Entry]) -> None:
-        """Take what is answered in the next entry."""
-        self._plans = [each.plan for each in inputs if isinstance(each, SolverAnswered)]
-        self._busy = [each.busy for each in inputs if isinstance(each, SolverBusy)]
-
-    @property
-    def busy(self) -> bool:
-        return self._busy.pop(0) if self._busy else False
-
-    def ask(self, problem: Problem) -> None:
-        """Leave it to the recording."""
-
-    def answer(self) -> Plan | None:
-        return self._plans.pop(0) if self._plans else None
-
-    def beside(self, apart: bool = False) -> "_ScriptedSolver":
-        """Return itself: what all were answered is recorded in one order."""
-        return self
-
-
-class _StillVideo:
-    def __init__(self) -> None:
-        self.on = False
-
-    def switch(self, on: bool) -> None:
-        self.on = on
-
-
-class _StillRover:
-    def point_camera(self, wanted: CameraIntent) -> None: ...
-
-    def request_frame(self) -> None: ...
-
-    def emergency_stop(self) -> None: ...
-
-    def lock(self, held: bool) -> None: ...
-
-
-class _StillVelocityRover(_StillRover):
-    def drive(self, velocity: Velocity) -> None: ...
-
-
-class _StillMotionRover(_StillRover):
-    def carry_out(self, motion: WholeMotion) -> None: ...
-
-    def halt(self) -> None: ...
-
-
-Pair = tuple[RecordedMessage | None, RecordedMessage | None]
-
-
-class _Core:
-    """The executive of one life, in a folder of its own."""
-
     def __init__(self, life: Life, folder: Path) -> None:
+        self.raised = ""
         self._life = life
         self._folder = folder
-        self._clock = _Clock()
-        self._tape = _Tape()
-        self._inbox = _ScriptedInbox(self._tape)
-        self._solver: _ScriptedSolver | None = None
+        self._clock = RecordedClock()
+        self._tape = Decisions()
+        self._inbox = ScriptedInbox(self._tape)
+        self._solver: ScriptedSolver | None = None
         if life.solver_lead_ticks is not None:
-            self._solver = _ScriptedSolver(life.solver_lead_ticks)
+            self._solver = ScriptedSolver(life.solver_lead_ticks)
         self._executive: RecordedExecutive | None = None
+        self._states: dict[str, NodeState] = {}
         (folder / "files").mkdir(parents=True)
         (folder / "ledger.sqlite").write_bytes(life.ledger)
         if life.latch:
@@ -382,16 +285,53 @@ class _Core:
             with place.open("wb") as file:
                 file.truncate(each.size_octets)
 
-    def differs(self, recorded: RecordedEntry) -> Pair | None:
-        """Run an entry; return the first decision that is another one, as recorded and now."""
+    @property
+    def decisions(self) -> Sequence[RecordedMessage]:
+        return self._tape.decisions
+
+    def enter(self, recorded: RecordedEntry) -> None:
+        """Run an entry."""
         self._clock.entry = recorded.entry
         self._tape.decisions = []
         self._inbox.load(recorded.inputs)
         if self._solver is not None:
             self._solver.load(recorded.inputs)
-        self._enter(recorded)
-        pairs = zip_longest(recorded.decisions, self._tape.decisions)
-        return next((pair for pair in pairs if pair[0] != pair[1]), None)
+        try:
+            self._enter(recorded)
+        except RecordingError:
+            raise
+        except Exception as error:  # of code that was changed
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            self.raised = f"{type(error).__name__}: {error} (line {at.lineno} of {at.filename})"
+        for message in recorded.decisions:
+            if message.topic.kind is TreeChanged:
+                changed: TreeChanged = decode(message.topic, message.data)
+                self._states |= {each.path: each for each in changed.nodes}
+                for path in changed.gone:
+                    self._states.pop(path, None)
+
+    def difference(self, recorded: RecordedEntry, number: int, time_s: float) -> Difference | None:
+        """Return the first decision of the entry that is another one."""
+        pairs = zip_longest(recorded.decisions, self.decisions)
+        then, now = next((pair for pair in pairs if pair[0] != pair[1]), (None, None))
+        if then is None and now is None and not self.raised:
+            return None
+        tree: tuple[Node, ...] = ()
+        if self._executive is not None and isinstance(self._executive.tree, RoverTree):
+            tree = self._executive.tree.nodes()
+        name = topic_of(recorded.entry).name
+        return Difference(number, name, time_s, then, now, self.raised, tree, self._then(tree))
+
+    def _then(self, tree: Sequence[Node]) -> dict[str, str]:
+        """Return what each node was in the recording, of those that were something else."""
+        told: dict[str, str] = {}
+        for node in tree if self._states else ():
+            state = self._states.get(node.path)
+            if state is None:
+                told[node.path] = "not in the recording"
+            elif (state.status, state.message) != (node.status.name, node.message):
+                told[node.path] = f"recorded: {state.status} {state.message}".rstrip()
+        return told
 
     def end(self) -> None:
         """End it as a crash would."""
@@ -425,22 +365,17 @@ class _Core:
 
     def _start(self) -> RecordedExecutive:
         settings = self._life.settings
-        by_velocity = settings.locomotion is LocomotionKind.VELOCITY
-        rover: VelocityRover | MotionRover = (
-            _StillVelocityRover() if by_velocity else _StillMotionRover()
-        )
-        solver: SharedSolver | None = self._solver
         executive = RecordedExecutive(
             self._tape,
             settings=settings,
             clock=self._clock,
-            rover=rover,
+            rover=StillRover(),
             ledger=Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL),
             files=self._folder / "files",
             downlinks=[],
             build_tree=RoverTree,
-            video=None if settings.video is None else _StillVideo(),
-            solver=solver,
+            video=None if settings.video is None else StillVideo(),
+            solver=self._solver,
             inbox=self._inbox,
         )
         self._inbox.core = executive

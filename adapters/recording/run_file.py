@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -29,6 +30,12 @@ SUFFIX: Final = ".mcap"
 def part_of(path: Path, number: int) -> Path:
     """Return the file in which a recording goes on: 2 is the first of them."""
     return path if number == 1 else path.with_suffix(f".{number}{SUFFIX}")
+
+
+def first_parts(folder: Path) -> list[Path]:
+    """Return the recordings in a folder and those below it, each by the file it begins in."""
+    found = sorted(folder.rglob(f"*{SUFFIX}"))
+    return [path for path in found if not re.search(rf"\.\d+\{SUFFIX}$", path.name)]
 
 
 class RecordingError(Exception):

@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from adapters.recording import RecordingError, RunFile
-from adapters.recording.commands import BAD_FILE, DIFFERS
+from adapters.recording.commands import BAD_FILE, DIFFERS, SAME
 from adapters.recording.commands import replay as replay_command
 from adapters.recording.messages import TOPICS
 from adapters.recording.replay import replay
@@ -37,6 +38,7 @@ from executive.record import Ledger, Synchronous
 from executive.recorded_executive import RecordedExecutive, life_of
 from executive.reports import Identity, Severity
 from executive.settings import load_settings
+from executive.settings_files import config_folder
 from executive.state import Odometry
 from sim.scenario.changes import Change
 from sim.scenario.lockstep_run import run_in_lock_step
@@ -141,6 +143,53 @@ def test_the_first_difference_is_shown(drive: Path, monkeypatch: pytest.MonkeyPa
     assert ", replayed -0.00017" in part
 
 
+def test_the_tree_is_shown_where_it_is_another_one(
+    drive: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(DriveLaw, "done", property(lambda _: True))
+    told = typed(drive)
+    assert told.exit_code == DIFFERS
+    assert re.search(r"drive .*recorded: RUNNING", told.output), told.output
+
+
+def test_a_core_that_raises_is_told(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Arbiter, "commit", lambda *_: 1 / 0)
+    told = typed(drive)
+    assert told.exit_code == DIFFERS
+    assert "  replayed: ZeroDivisionError: division by zero (line " in told.output
+
+
+def test_other_settings_are_tried(tmp_path: Path) -> None:
+    path = recorded("side_stuck", tmp_path)
+    ignoring = tmp_path / "ignoring.yaml"
+    jackal = (config_folder() / "jackal.yaml").read_text()
+    ignoring.write_text(
+        jackal.replace("\nfaults:\n", "\nfaults:\n  wheels_off_command: {then: ignore}\n")
+    )
+    told = CliRunner().invoke(replay_command, [str(path), "--with", str(ignoring)]).output
+    assert "another decision after" in told
+    assert "recorded at 2.25 s: MOE:1  FAILED  the left wheels do not follow" in told
+    assert "replayed at 2.35 s: MOE:1  FAILED  the left wheels do not follow" in told
+    assert "predicted" not in told, "says the same"
+    for bad, why in (("mocup", "is of jackal, not of mocup"), ("none", "no asset")):
+        refused = CliRunner().invoke(replay_command, [str(path), "--with", bad])
+        assert refused.exit_code == BAD_FILE
+        assert why in refused.output
+
+
+def test_all_recordings_in_a_folder_are_replayed(drive: Path, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.mcap").write_bytes(drive.read_bytes())
+    told = typed(tmp_path)
+    assert told.exit_code == SAME
+    assert told.output.endswith("2 of 2 recordings decide the same\n")
+    (tmp_path / "empty").mkdir()
+    refused = typed(tmp_path / "empty")
+    assert refused.exit_code == BAD_FILE
+    assert "holds no recording" in refused.output
+
+
 def test_a_decision_that_is_lacking_is_shown(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Arbiter, "commit", lambda *_: None)
     _, then, now = typed(drive).output.splitlines()
@@ -199,7 +248,6 @@ def _with_message(topic: str, data: bytes) -> Callable[[Path], None]:
     ("make", "told"),
     [
         (lambda _: None, "cannot be read (No such file or directory)"),
-        (lambda path: path.mkdir(), "cannot be read (Is a directory)"),
         (lambda path: path.write_bytes(b""), "holds no run"),
         (lambda path: path.write_bytes(b"text, and no recording"), "is no MCAP file"),
         (
@@ -221,10 +269,11 @@ def test_a_file_that_is_no_recording_is_told(
     make(path)
     result = typed(path, drive)
     assert result.exit_code == BAD_FILE
-    first, second = result.output.splitlines()
+    first, second, summary = result.output.splitlines()
     assert first.startswith(f"Error: {path}: ")
     assert told in first
     assert "are the same" in second
+    assert summary == "1 of 2 recordings decide the same"
 
 
 def test_a_full_disk_ends_the_recording_and_not_the_run(

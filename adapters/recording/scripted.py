@@ -1,0 +1,205 @@
+"""The world of a recorded run, which plays again what it did then: commands, answers, the time."""
+
+from collections.abc import Sequence
+from functools import partial
+from math import inf
+from typing import assert_never
+
+from adapters.recording.messages import DECISIONS, encode, topic_of
+from adapters.recording.run_file import RecordedMessage
+from executive.authority import AuthorityAsked
+from executive.commands import Stop
+from executive.geometry import Velocity
+from executive.inbox import Question, Submission
+from executive.motion import Plan, Problem
+from executive.ports import CameraIntent, WholeMotion
+from executive.recorded_executive import RecordedExecutive, RecordedInbox, with_recorded_answer
+from executive.recording import (
+    Call,
+    Called,
+    Entry,
+    Input,
+    Item,
+    MadeSafe,
+    Noticed,
+    Served,
+    SolverAnswered,
+    SolverBusy,
+    StopWaited,
+)
+
+
+class RecordedClock:
+    """Shows the time of the recording."""
+
+    def __init__(self) -> None:
+        self.entry: Entry = Called(0.0, 0.0, Call.START)
+
+    def now_s(self) -> float:
+        """Return the monotonic time of the entry under way."""
+        return self.entry.now_s
+
+    def utc_s(self) -> float:
+        """Return the wall clock's time of the entry under way."""
+        return self.entry.utc_s
+
+
+class Decisions:
+    """Keeps the decisions of the entry under way."""
+
+    def __init__(self) -> None:
+        self.decisions: list[RecordedMessage] = []
+
+    def put(self, item: Item) -> None:
+        """Keep a decision."""
+        topic = topic_of(item)
+        if topic.name.startswith(DECISIONS):
+            self.decisions.append(RecordedMessage(topic, encode(item)))
+
+
+Scripted = Served | AuthorityAsked | Noticed | MadeSafe
+"""What is taken from the inbox: commands, and what questions of other threads did."""
+
+
+class ScriptedInbox(RecordedInbox):
+    """Hands over the commands and the questions of the recording, in its order.
+
+    Attributes:
+        core: whom the questions ask.
+    """
+
+    def __init__(self, tape: Decisions) -> None:
+        super().__init__(tape)
+        self._decisions = tape
+        self._script: list[Scripted] = []
+        self._overtaken: set[int] = set()
+        self._taken = 0
+        self._stop_came = inf
+        self.core: RecordedExecutive | None = None
+
+    def load(self, inputs: Sequence[Input | Entry]) -> None:
+        """Take what comes in during the next entry."""
+        self._script = [each for each in inputs if isinstance(each, Scripted)]
+        came = (each.looks for each in inputs if isinstance(each, StopWaited))
+        self._stop_came = next(came, inf)
+
+    @property
+    def stop_waits(self) -> bool:
+        """Whether a stop had come at this look."""
+        self.looks += 1
+        return self.looks > self._stop_came
+
+    @property
+    def stops_now(self) -> int:
+        """How many stops are first in the script."""
+        flags = [
+            isinstance(e, Served) and isinstance(e.command.request, Stop) for e in self._script
+        ]
+        return flags.index(False) if False in flags else len(flags)
+
+    @property
+    def items_now(self) -> int:
+        """How many others are behind them."""
+        return len(self._script) - self.stops_now
+
+    def take_stop(self) -> Submission:
+        """Return the next stop."""
+        return self._submission(self._script.pop(0))
+
+    def take(self) -> Submission | Question:
+        """Return the next command, or what a question did."""
+        item = self._script.pop(0)
+        return self._submission(item) if isinstance(item, Served) else partial(self._ask, item)
+
+    def overtaken(self, submission: Submission) -> bool:
+        """Return whether a stop had overtaken it."""
+        return submission.arrival in self._overtaken
+
+    def _ask(self, item: Scripted) -> None:
+        core = self.core
+        assert core is not None
+        match item:
+            case AuthorityAsked():
+                core.ask_authority(item)
+            case Noticed(severity=severity, text=text, figures=figures, kind=kind):
+                core.event(severity, text, figures, kind)
+            case MadeSafe(danger=danger):
+                core.make_safe(danger)
+            case Served():
+                raise AssertionError(item)
+            case _:
+                assert_never(item)
+
+    def _submission(self, served: Scripted) -> Submission:
+        assert isinstance(served, Served)
+        self._taken += 1
+        if served.overtaken:
+            self._overtaken.add(self._taken)
+        submission = Submission(self._taken, served.command, lambda _: None, lambda: None)
+        return with_recorded_answer(submission, self._decisions)
+
+
+class ScriptedSolver:
+    """Answers as in the recording."""
+
+    def __init__(self, lead_ticks: int) -> None:
+        self.lead_ticks = lead_ticks
+        self._plans: list[Plan | None] = []
+        self._busy: list[bool] = []
+
+    def load(self, inputs: Sequence[Input | Entry]) -> None:
+        """Take what is answered in the next entry."""
+        self._plans = [each.plan for each in inputs if isinstance(each, SolverAnswered)]
+        self._busy = [each.busy for each in inputs if isinstance(each, SolverBusy)]
+
+    @property
+    def busy(self) -> bool:
+        """Whether it was at a question at this look."""
+        return self._busy.pop(0) if self._busy else False
+
+    def ask(self, problem: Problem) -> None:
+        """Leave it to the recording."""
+
+    def answer(self) -> Plan | None:
+        """Return the next answer of the recording."""
+        return self._plans.pop(0) if self._plans else None
+
+    def beside(self, apart: bool = False) -> "ScriptedSolver":
+        """Return itself: what all were answered is recorded in one order."""
+        return self
+
+
+class StillVideo:
+    """A video stream that nobody sees."""
+
+    def __init__(self) -> None:
+        self.on = False
+
+    def switch(self, on: bool) -> None:
+        """Note whether it is on."""
+        self.on = on
+
+
+class StillRover:
+    """A rover that does nothing: the facts of the recording say what it did."""
+
+    def drive(self, velocity: Velocity) -> None:
+        """Do nothing."""
+
+    def carry_out(self, motion: WholeMotion) -> None:
+        """Do nothing."""
+
+    def halt(self) -> None:
+        """Do nothing."""
+
+    def point_camera(self, wanted: CameraIntent) -> None:
+        """Do nothing."""
+
+    def request_frame(self) -> None:
+        """Do nothing."""
+
+    def emergency_stop(self) -> None:
+        """Do nothing."""
+
+    def lock(self, held: bool) -> None:
+        """Do nothing."""
