@@ -98,6 +98,17 @@ async def test_only_so_many_are_worked_out_at_once(consumer: Consumer) -> None:
     await consumer.request("MotionControl", "preview", "moveForward", None, (1.0,), None)
 
 
+async def test_one_that_takes_too_long_is_given_up(
+    client: MrsClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(preview_service, "LONGEST_S", 0.0)
+        with pytest.raises(MalError, match="was not worked out within 0 s") as refused:
+            await client.preview(MoveForward(1.0))
+    assert refused.value.number == AreaError.BUSY.value
+    assert (await client.preview(MoveForward(1.0))).length == pytest.approx(1.0, abs=0.05)
+
+
 def test_as_typed(aboard: Aboard, tmp_path: Path) -> None:
     told = typed("moveTo", "3", "2", "--heading", "90deg", to=aboard)
     assert told.exit_code == 0, told.output

@@ -19,6 +19,8 @@ from executive.reasons import Refusal
 SLICE_TICKS: Final = 2
 PAUSE_S: Final = 0.0005
 MOST_AT_ONCE: Final = 2
+LONGEST_S: Final = 60.0
+"""A preview that waits for a solver of motion plans which does not answer ends then."""
 
 
 class PreviewService:
@@ -65,9 +67,14 @@ class PreviewService:
 
 async def _slice_by_slice(run: PreviewRun) -> Preview | Refusal:
     run.set_up()
-    while run.result is None:
-        await asyncio.sleep(PAUSE_S)
-        run.advance(SLICE_TICKS)
+    try:
+        async with asyncio.timeout(LONGEST_S):
+            while run.result is None:
+                await asyncio.sleep(PAUSE_S)
+                run.advance(SLICE_TICKS)
+    except TimeoutError:
+        text = f"the preview was not worked out within {LONGEST_S:g} s: preview it in parts"
+        raise with_text(AreaError.BUSY, text) from None
     return run.result
 
 
