@@ -1,6 +1,7 @@
 """Recordings of runs as MCAP files: written, read, and replayed through the core."""
 
 from adapters.recording.background import BackgroundTape
+from adapters.recording.frames import frames
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
 from adapters.recording.run_file import PROFILE, RecordingError, RunFile, RunReader
@@ -16,5 +17,6 @@ __all__ = [
     "RunReader",
     "Timed",
     "decode",
+    "frames",
     "read_timed",
 ]

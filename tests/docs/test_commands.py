@@ -166,7 +166,7 @@ def test_commands_do_what_the_page_says(page: Path, desk: Desk) -> None:
 def printed(script: str, desk: Desk) -> str:
     """Return what a piece of Python prints."""
     program = (sys.executable, "-c", desk.here(script))
-    ran = run_to_end(*program, cwd=CHECKOUT, PYTHONPATH=str(CHECKOUT))
+    ran = run_to_end(*program, cwd=desk.folder, PYTHONPATH=str(CHECKOUT))
     assert ran.returncode == 0, ran.stderr
     return ran.stdout
 
@@ -177,6 +177,16 @@ def test_python_commands_a_rover(desk: Desk) -> None:
     told = printed(script, desk)
     assert told.count("Stage.EXECUTED") == 1
     assert "Pose(frame='odom'" in told
+
+
+@pytest.mark.ros
+def test_python_of_a_notebook(desk: Desk) -> None:
+    page = CHECKOUT / "docs" / "notebook.md"
+    commanding, reading = blocks(page, "python")
+    assert "\nTrue\n" in printed(commanding, desk)
+    for line in lines(page):
+        desk.run(line)
+    assert re.search("FAILED +the left wheels do not follow", printed(reading, desk))
 
 
 @pytest.mark.ros

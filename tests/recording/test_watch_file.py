@@ -1,7 +1,6 @@
 """A recorded run is looked at moment by moment, and bad input is told."""
 
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import click
@@ -10,21 +9,8 @@ from click.testing import CliRunner, Result
 
 from adapters.cli import watch_file
 from adapters.cli.watch import watch
-from adapters.recording import History, Moment, RunFile
-from sim.scenario.changes import Change
-from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode
-from sim.scenario.reading import load_scenario
+from adapters.recording import History, Moment
 from trees import Look, looks
-
-
-@pytest.fixture(scope="module")
-def stuck(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("stuck")
-    scenario = load_scenario("side_stuck", PlayMode.LOCK_STEP, (Change.parse("lasts=8"),))
-    with closing(RunFile(folder / "run.mcap")) as tape:
-        run_in_lock_step(scenario, folder / "data", tape)
-    return folder / "run.mcap"
 
 
 def typed(*arguments: object) -> Result:

@@ -1,5 +1,6 @@
 """The client of the MRS: commands a rover and hears what it reports."""
 
+from adapters.mrs.ground.blocking import BlockingClient
 from adapters.mrs.ground.client import SOURCE, MrsClient
 from adapters.mrs.ground.file_retrieval import FileNews, TransferError
 from adapters.mrs.ground.notification_stream import Stream
@@ -25,6 +26,7 @@ __all__ = [
     "OVERRIDE",
     "SOURCE",
     "TERMINAL",
+    "BlockingClient",
     "Dialer",
     "FileNews",
     "MrsClient",

@@ -1,0 +1,73 @@
+"""The client for scripts and notebooks, in which nothing is awaited."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from threading import Thread
+from typing import Any, TypeVar
+
+from adapters.mrs.ground.client import MrsClient
+from adapters.mrs.ground.outcome import OnNotification, Outcome
+from adapters.mrs.terms import CLEAR, Terms
+from executive.commands import Request
+
+T = TypeVar("T")
+
+
+class BlockingClient:
+    """An `MrsClient` whose session runs on a thread of its own; each call waits for its end.
+
+    Args:
+        to: `maltcp://host:port/MRS`, `host:port` or `host`.
+        source: as of `MrsClient.connect`, whose errors it raises.
+        terms: the encoding and the certificates agreed on with the rover.
+    """
+
+    def __init__(self, to: str, source: str | None = None, terms: Terms = CLEAR) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = Thread(target=self._loop.run_forever, name="mrs session", daemon=True)
+        self._thread.start()
+        try:
+            self._client = self._wait(MrsClient.connect(to, source, terms=terms))
+        except BaseException:
+            self._end_thread()
+            raise
+
+    def __enter__(self) -> "BlockingClient":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Hang up."""
+        try:
+            self._wait(self._client.close())
+        finally:
+            self._end_thread()
+
+    def run(self, request: Request, on_notification: OnNotification = lambda _: None) -> Outcome:
+        """Command the rover, and return when the command has ended.
+
+        Args:
+            request: what is commanded.
+            on_notification: called with each notification of its life, as it comes, on the thread
+                of the session.
+        """
+        return self.ask(lambda client: client.run(client.command(request), on_notification))
+
+    def ask(self, method: Callable[[MrsClient], Coroutine[Any, Any, T]]) -> T:
+        """Return what a method of the client returns, as in `ask(MrsClient.get_pose)`."""
+        return self._wait(method(self._client))
+
+    def _wait(self, work: Coroutine[Any, Any, T]) -> T:
+        future = asyncio.run_coroutine_threadsafe(work, self._loop)
+        try:
+            return future.result()
+        except BaseException:  # as when a person interrupts it
+            future.cancel()
+            raise
+
+    def _end_thread(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()

@@ -1,0 +1,73 @@
+"""A recording as tables of pandas."""
+
+import json
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from adapters.recording.messages import KIND, LIFE, TOPICS, TRUTH
+from adapters.recording.run_file import RecordingError, RunReader
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+_NOT_FINITE: Final = {text: float(text) for text in ("inf", "-inf", "nan")}
+_TIMES: Final = ("now_s", "utc_s", "time_s")
+
+
+def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, DataFrame]":
+    """Return a table for each topic that has messages, but for `/life`.
+
+    The index is the time in seconds since the first call of the core. The columns are the parts of
+    the messages, as `pose.x_m`; of a list of numbers each has its own, as `left_radps.0`. Other
+    lists are left as they are. `attrs["began_utc_s"]` says when it began.
+
+    Args:
+        path: of the recording.
+        topics: those that are wanted.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording, or holds no run.
+    """
+    from pandas import DataFrame, Index
+
+    rows: dict[str, list[dict[str, Any]]] = {}
+    times_s: dict[str, list[float]] = {}
+    began_s: float | None = None
+    utc_s = apart_s = 0.0
+    for message in RunReader(Path(path)).messages():
+        name = message.topic.name
+        if name == LIFE:
+            continue
+        raw = json.loads(message.data)
+        if "utc_s" in raw:
+            utc_s, apart_s = raw["utc_s"], raw["utc_s"] - raw["now_s"]
+            began_s = utc_s if began_s is None else began_s
+        if name not in topics or began_s is None:
+            continue
+        at_s = raw["time_s"] + apart_s if name == TRUTH else utc_s
+        times_s.setdefault(name, []).append(at_s - began_s)
+        rows.setdefault(name, []).append(dict(_columns(raw)))
+    if began_s is None:
+        raise RecordingError(f"{path}: holds no run")
+    made = {}
+    for name, each in rows.items():
+        table = DataFrame(each, index=Index(times_s[name], name="time_s"))
+        table.attrs["began_utc_s"] = began_s
+        made[name] = table
+    return made
+
+
+def _columns(raw: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in raw.items():
+        name = f"{above}{key}"
+        if isinstance(value, dict):
+            yield from _columns(value, "" if name == "fact" else f"{name}.")
+        elif isinstance(value, list) and all(map(_is_number, value)):
+            yield from _columns({str(place): each for place, each in enumerate(value)}, f"{name}.")
+        elif name not in {*_TIMES, KIND}:
+            yield name, _NOT_FINITE.get(value, value) if isinstance(value, str) else value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) or (isinstance(value, str) and value in _NOT_FINITE)
