@@ -32,7 +32,21 @@ from adapters.process import asset_option
     metavar="MOMENT",
     help="With --file, print one moment: seconds, a command's SOURCE:NUMBER, or a reason's name.",
 )
-def watch(asset: str, domain_id: int, once: bool, recording: Path | None, at: str | None) -> None:
+@click.option(
+    "--html",
+    "page",
+    metavar="PAGE.html",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="With --file, write one page with a time slider, which needs no network.",
+)
+def watch(
+    asset: str,
+    domain_id: int,
+    once: bool,
+    recording: Path | None,
+    at: str | None,
+    page: Path | None,
+) -> None:
     """Show the behaviour tree, the mode, and why the rover stands or moves.
 
     Ends with Ctrl-C, or of a recorded run with q. Where no executive is heard within a few
@@ -47,16 +61,19 @@ def watch(asset: str, domain_id: int, once: bool, recording: Path | None, at: st
       rover watch --file run.mcap --at 12.5
       rover watch --file run.mcap --at MOE:3
       rover watch --file run.mcap --at WHEELS_OFF_COMMAND
+      rover watch --file run.mcap --html run.html
     """
     if recording is not None:
         if once:
             raise click.UsageError(
                 "--once is for a rover that runs: give --at a moment with --file"
             )
-        _watch_file(recording, at)
+        if at is not None and page is not None:
+            raise click.UsageError("--at and --html: choose one")
+        _watch_file(recording, at, page)
         return
-    if at is not None:
-        raise click.UsageError("--at needs --file RUN.mcap")
+    if at is not None or page is not None:
+        raise click.UsageError("--at and --html need --file RUN.mcap")
     from adapters.ros import ParameterError
     from adapters.ros.tree_view import show_live, show_once
 
@@ -66,12 +83,16 @@ def watch(asset: str, domain_id: int, once: bool, recording: Path | None, at: st
         raise click.UsageError(str(error)) from error
 
 
-def _watch_file(recording: Path, at: str | None) -> None:
+def _watch_file(recording: Path, at: str | None, page: Path | None) -> None:
     from adapters.cli.watch_file import browse, show_moment
+    from adapters.cli.watch_page import write_page
     from adapters.recording import RecordingError
 
     try:
-        if at is not None:
+        if page is not None:
+            write_page(recording, page)
+            click.echo(page)
+        elif at is not None:
             show_moment(recording, at)
         elif sys.stdin.isatty() and sys.stdout.isatty():
             browse(recording, "0")
@@ -79,3 +100,5 @@ def _watch_file(recording: Path, at: str | None) -> None:
             raise click.UsageError("without a terminal, name one moment: --at 12.5")
     except RecordingError as error:
         raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.UsageError(f"{page} cannot be written: {error.strerror}") from error

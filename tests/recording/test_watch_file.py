@@ -1,5 +1,7 @@
 """A recorded run is looked at moment by moment, and bad input is told."""
 
+import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +12,7 @@ from click.testing import CliRunner, Result
 from adapters.cli import watch_file
 from adapters.cli.watch import watch
 from adapters.recording import History, Moment
+from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
 from trees import Look, looks
 
 
@@ -71,12 +74,40 @@ def test_keys_step_and_go_to_reports(stuck: Path, monkeypatch: pytest.MonkeyPatc
     assert shown[9] == shown[10] < 0.1
 
 
+def test_the_page_holds_the_whole_run_and_needs_no_network(stuck: Path, tmp_path: Path) -> None:
+    page = tmp_path / "run.html"
+    assert typed("--file", stuck, "--html", page).exit_code == 0
+    text = page.read_text()
+    begin = text.index('id="run">') + len('id="run">')
+    run = json.loads(text[begin : text.index("</script>", begin)])
+    history = History(stuck)
+    assert [each["time_s"] for each in run["moments"]] == [
+        round(each.time_s, 3) for each in history.moments
+    ]
+    assert all(len(run["trees"][each["tree"]]) > 30 for each in run["moments"])
+    ended = run["commands"][run["moments"][-1]["commands"]]
+    assert ended[0][:2] == ["MOE:1", "FAILED"]
+    assert not re.search(r"(src|href)=|url\(|@import|fetch\(", text)
+
+
+@pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium")
+def test_the_page_shows_a_moment_in_a_browser(stuck: Path, tmp_path: Path) -> None:
+    page = tmp_path / "run.html"
+    assert typed("--file", stuck, "--html", page).exit_code == 0
+    opened = open_page(page, tmp_path, (1300, 1000), ARTIFACTS / "recorded-run.png")
+    assert (opened.console, opened.requests) == ([], [])
+    assert "of 8.00 s</b>" in opened.document
+    assert "priority stop" in opened.document
+    assert "<polyline" in opened.document
+
+
 def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
     for arguments, told in (
         (("--file", stuck, "--at", "MOE:9"), "no such command"),
         (("--file", stuck), "name one moment"),
         (("--file", stuck, "--once"), "--once is for a rover that runs"),
-        (("--at", "3"), "--at needs --file"),
+        (("--at", "3"), "need --file"),
+        (("--file", stuck, "--html", tmp_path / "no" / "run.html"), "cannot be written"),
         (("--file", tmp_path / "none.mcap", "--at", "3"), "cannot be read"),
     ):
         result = typed(*arguments)

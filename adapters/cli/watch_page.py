@@ -1,0 +1,70 @@
+"""A recorded run as one page with a time slider, which needs no network."""
+
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import TypeVar
+
+from adapters.recording import History, Moment
+from executive.reports import Report
+from trees import COLOURS, branches, line, looks
+
+Row = tuple[str, str, str, float | None]
+"""Of a tree: the branch, the node, its look, since when."""
+_Value = TypeVar("_Value")
+
+
+def write_page(recording: Path, page: Path) -> None:
+    """Write the page of a recording.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording.
+        OSError: the page cannot be written.
+    """
+    history = History(recording)
+    trees: list[list[Row]] = []
+    commands: list[list[tuple[str, ...]]] = []
+    moments = []
+    for moment in history.moments:
+        pose = moment.pose
+        moments.append(
+            {
+                "time_s": round(moment.time_s, 3),
+                "mode": moment.snapshot.mode,
+                "why": moment.snapshot.why,
+                "pose": pose and [round(x, 3) for x in (pose.x_m, pose.y_m, pose.heading_rad)],
+                "tree": _kept(trees, _rows(moment)),
+                "commands": _kept(commands, [_told(each) for each in moment.commands]),
+                "told": [_told(each) for each in moment.told],
+            }
+        )
+    run = {
+        "title": f"{history.asset}: {recording.absolute().parent.name}/{recording.name}",
+        "looks": {look.value: edge for look, (_, edge) in COLOURS.items()},
+        "trees": trees,
+        "commands": commands,
+        "moments": moments,
+    }
+    text = json.dumps(run, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    frame = files("adapters.cli").joinpath("watch_page.html").read_text(encoding="utf-8")
+    page.write_text(frame.replace("@RUN@", text), encoding="utf-8")
+
+
+def _kept(known: list[_Value], value: _Value) -> int:
+    """Return the number of a value that is kept once while it stays the same."""
+    if not known or known[-1] != value:
+        known.append(value)
+    return len(known) - 1
+
+
+def _rows(moment: Moment) -> list[Row]:
+    nodes = moment.snapshot.nodes
+    return [
+        (branch, line(node, look), look.value, moment.since_s.get(node.path))
+        for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
+    ]
+
+
+def _told(report: Report) -> tuple[str, ...]:
+    stage = report.stage.name if report.stage is not None else report.severity.name
+    return str(report.identity or ""), stage, report.text
