@@ -36,7 +36,9 @@ STAYS = {
 }
 """Commands that stay until Ctrl-C, and what they say once they are ready."""
 
-NO_ROVER = ("./rover scenario ", "./rover campaign ", "./rover replay ", "./rover plot ")
+NO_ROVER = tuple(
+    f"./rover {command} " for command in ("scenario", "campaign", "replay", "plot", "bag")
+)
 """Commands that need no rover that runs, and no real time."""
 WITH_A_FILE = CHECKOUT / "docs" / "campaigns.md"
 """Whose commands are run by `test_campaigns.py`, with the file that stands there, too."""

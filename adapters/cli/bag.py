@@ -1,0 +1,40 @@
+"""The command `rover bag`: a recording for the tools of ROS."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("recording", metavar="RUN.mcap", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("folder", metavar="FOLDER", type=click.Path(path_type=Path))
+def bag(recording: Path, folder: Path) -> None:
+    """Convert a recorded run to a rosbag2 folder.
+
+    It holds what such a rover has on ROS: odometry, sensors, /tf, velocities, reports (/rosout) and
+    the tree, under the names of ASSET.ros.yaml; of simulations also where the rover truly was.
+
+    \b
+    Example:
+      rover bag run.mcap run_bag
+      ros2 bag info run_bag
+    """
+    from adapters.recording import RecordingError
+    from executive.settings_files import SettingsError
+
+    try:
+        from adapters.ros.bag import write_bag
+    except ImportError as error:
+        raise click.ClickException(
+            f"{error.name} is missing: pip install 'rover-executive[ros,bag]'"
+        ) from error
+    if folder.exists():
+        raise click.UsageError(f"{folder} is there already: name a new folder")
+    try:
+        counts = write_bag(recording, folder)
+    except (RecordingError, SettingsError) as error:
+        raise click.UsageError(str(error)) from error
+    except OSError as error:
+        raise click.ClickException(f"{folder} cannot be written: {error.strerror}") from error
+    for topic, count in sorted(counts.items()):
+        click.echo(f"{count:7}  {topic}")

@@ -1,0 +1,229 @@
+"""A recording as a rosbag2 folder, with the topics that such a rover has on ROS."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from heapq import merge
+from pathlib import Path
+from typing import Any, Final
+
+from geometry_msgs.msg import Twist
+from rcl_interfaces.msg import Log
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64, String
+
+from adapters.recording import History, RecordingError, read_timed
+from adapters.ros.context import ros_node
+from adapters.ros.conversions import (
+    BASE_LINK,
+    ODOM,
+    battery_message,
+    odometry_message,
+    quaternion,
+    time_message,
+)
+from adapters.ros.parameters import Topic, declare_topics
+from adapters.ros.sensor_messages import (
+    imu_message,
+    joints_message,
+    laser_message,
+    second_odometry_message,
+)
+from adapters.ros.sensors import declare_sensor_topics
+from adapters.ros.tree_topic import TREE_TOPIC, to_json
+from executive.geometry import Velocity
+from executive.recording import Drove, Item, Life, Observed, Reported, Truth
+from executive.reports import Report, Severity
+from executive.settings import Sensor, Settings
+from executive.settings_files import config_folder
+from executive.state import (
+    Battery,
+    CameraAngles,
+    Fact,
+    Imu,
+    Joints,
+    LaserScan,
+    Odometry,
+    SecondOdometry,
+)
+from trees import Snapshot
+
+NODE_NAME: Final = "executive"
+VERSION: Final = 9
+"""Of the metadata: that of ROS 2 Jazzy."""
+ROSOUT: Final = "/rosout"
+TF: Final = "/tf"
+TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
+LEVELS: Final = {
+    Severity.INFORMATIONAL: Log.INFO,
+    Severity.WARNING: Log.WARN,
+    Severity.ALARM: Log.ERROR,
+    Severity.SEVERE: Log.ERROR,
+    Severity.CRITICAL: Log.FATAL,
+}
+_FACTS: Final = {Battery, CameraAngles, Imu, Joints, LaserScan, Odometry, SecondOdometry}
+
+
+@dataclass(frozen=True, slots=True)
+class Stamped:
+    """A message for a bag.
+
+    Attributes:
+        utc_s: when it came or was sent.
+        type: as in nav_msgs/msg/Odometry.
+        cdr: the octets that ROS sends.
+    """
+
+    utc_s: float
+    topic: str
+    type: str
+    cdr: bytes
+
+
+def write_bag(recording: Path, folder: Path) -> dict[str, int]:
+    """Write a recording as a rosbag2 folder, and return how many messages each topic has.
+
+    Topics are named by the ROS parameters of the asset in `config/`.
+
+    Args:
+        recording: the file.
+        folder: made anew; must not be there.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording.
+        SettingsError: the parameters of the asset lack a topic.
+        OSError: the folder cannot be written.
+    """
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    history = History(recording)
+    settings = _settings_of(recording)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    parameters = config_folder() / f"{settings.asset}.ros.yaml"
+    with ros_node(NODE_NAME, settings.asset, parameters=parameters) as node:
+        converter = _Converter(node, settings, store)
+    counts: dict[str, int] = {}
+    with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
+        connections: dict[str, Any] = {}
+        items, trees = converter.items(recording), converter.trees(history)
+        for each in merge(items, trees, key=lambda stamped: stamped.utc_s):
+            if each.topic not in connections:
+                connections[each.topic] = bag.add_connection(each.topic, each.type, typestore=store)
+            bag.write(connections[each.topic], round(each.utc_s * 1e9), each.cdr)
+            counts[each.topic] = counts.get(each.topic, 0) + 1
+    return counts
+
+
+def _settings_of(recording: Path) -> Settings:
+    for timed in read_timed(recording, ()):
+        if isinstance(timed.item, Life):
+            return timed.item.settings
+    raise RecordingError(f"{recording}: begins in the middle, without /life")
+
+
+class _Converter:
+    """Makes of items what is on ROS while such a rover runs.
+
+    Args:
+        node: knows the names of topics.
+        settings: of the run.
+        store: serializes what is in no package of the wheels.
+    """
+
+    def __init__(self, node: Node, settings: Settings, store: Any) -> None:
+        def full(topic: Topic) -> str:
+            return str(node.resolve_topic_name(topic.name))
+
+        topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
+        self._joints = sensors.joints
+        self._sensors = {sensor: full(topic) for sensor, topic in sensors.topics.items()}
+        self._odometry, self._battery = full(topics.odometry), full(topics.battery)
+        self._pan, self._tilt = full(topics.camera_pan_state), full(topics.camera_tilt_state)
+        self._cmd_vel, self._truth = full(topics.cmd_vel), full(topics.ground_truth)
+        self._tree = str(node.resolve_topic_name(TREE_TOPIC))
+        self._name = node.get_fully_qualified_name()
+        self._store = store
+
+    def items(self, recording: Path) -> Iterator[Stamped]:
+        """Yield a message for each fact, velocity and report, and for the truth."""
+        for timed in read_timed(recording, {*_FACTS, Drove, Reported, Truth}):
+            for topic, message in self._messages(timed.item, timed.utc_s):
+                yield _stamped(timed.utc_s, topic, message)
+            if isinstance(timed.item, Observed) and isinstance(timed.item.fact, Odometry):
+                yield Stamped(timed.utc_s, TF, TF_TYPE, self._transform(timed.item.fact))
+
+    def trees(self, history: History) -> Iterator[Stamped]:
+        """Yield a message for each tick that changed the tree or the mode."""
+        sent: Snapshot | None = None
+        for moment in history.moments:
+            now = moment.snapshot
+            if sent is None or (sent.nodes, sent.mode, sent.why) != (now.nodes, now.mode, now.why):
+                sent = now
+                yield _stamped(now.utc_s, self._tree, String(data=to_json(now)))
+
+    def _messages(self, item: Item, utc_s: float) -> Iterator[tuple[str, object]]:
+        match item:
+            case Observed(fact=fact):
+                yield from self._of_fact(fact, utc_s)
+            case Drove(velocity=velocity):
+                message = Twist()
+                message.linear.x = velocity.travel_mps
+                message.angular.z = velocity.rotate_radps
+                yield self._cmd_vel, message
+            case Reported(report=report):
+                yield ROSOUT, _log(report, self._name)
+            case Truth(pose=pose):
+                yield self._truth, odometry_message(Odometry(utc_s, pose, Velocity()))
+            case _:
+                pass
+
+    def _of_fact(self, fact: Fact, utc_s: float) -> Iterator[tuple[str, object]]:
+        match fact:
+            case Odometry():
+                yield self._odometry, odometry_message(fact)
+            case Battery():
+                yield self._battery, battery_message(fact, utc_s)
+            case CameraAngles(pan_rad, tilt_rad):
+                yield self._pan, Float64(data=pan_rad)
+                yield self._tilt, Float64(data=tilt_rad)
+            case Imu():
+                yield self._sensors[Sensor.IMU], imu_message(fact)
+            case Joints():
+                yield self._sensors[Sensor.JOINTS], joints_message(fact, self._joints)
+            case SecondOdometry():
+                topic = self._sensors[Sensor.SECOND_ODOMETRY]
+                yield topic, second_odometry_message(fact, ODOM)
+            case LaserScan():
+                yield self._sensors[Sensor.LASER], laser_message(fact)
+            case _:
+                pass
+
+    def _transform(self, fact: Odometry) -> bytes:
+        """Return where base_link is in the odometry frame."""
+        types = self._store.types
+        stamp, pose, turned = time_message(fact.stamp_s), fact.pose, quaternion(fact.pose)
+        time = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
+        transform = types["geometry_msgs/msg/Transform"](
+            types["geometry_msgs/msg/Vector3"](pose.x_m, pose.y_m, pose.z_m),
+            types["geometry_msgs/msg/Quaternion"](turned.x, turned.y, turned.z, turned.w),
+        )
+        header = types["std_msgs/msg/Header"](time, ODOM)
+        stamped = types["geometry_msgs/msg/TransformStamped"](header, BASE_LINK, transform)
+        return bytes(self._store.serialize_cdr(types[TF_TYPE]([stamped]), TF_TYPE))
+
+
+def _stamped(utc_s: float, topic: str, message: object) -> Stamped:
+    kind = type(message)
+    package = kind.__module__.partition(".")[0]
+    return Stamped(utc_s, topic, f"{package}/msg/{kind.__name__}", serialize_message(message))
+
+
+def _log(report: Report, name: str) -> Log:
+    words = (report.identity, report.stage and report.stage.name, report.text)
+    return Log(
+        stamp=time_message(report.utc_s),
+        level=LEVELS[report.severity],
+        name=name,
+        msg=" ".join(str(each) for each in words if each),
+    )

@@ -1,0 +1,77 @@
+"""A recording as a rosbag2 folder is read by the tools of ROS."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+from mcap.reader import make_reader
+from nav_msgs.msg import Odometry as OdometryMessage
+from rclpy.serialization import deserialize_message
+from rosbags.highlevel import AnyReader
+
+from adapters.cli.bag import bag
+from adapters.recording import frames
+from adapters.ros import odometry_fact
+
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_domain")]
+
+
+def typed(*arguments: object) -> Result:
+    return CliRunner().invoke(bag, list(map(str, arguments)), catch_exceptions=False)
+
+
+def test_a_bag_holds_what_such_a_rover_has_on_ros(stuck: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run_bag"
+    told = typed(stuck, folder)
+    assert told.exit_code == 0, told.output
+    tables = frames(stuck)
+    with AnyReader([folder]) as reader:
+        topics = {each.topic: each for each in reader.connections}
+        counts = {topic: each.msgcount for topic, each in topics.items()}
+        assert f"{counts['/jackal/odom']:7}  /jackal/odom" in told.output
+        assert counts["/jackal/odom"] == counts["/tf"] == len(tables["/in/odometry"])
+        assert counts["/jackal/imu/data"] == len(tables["/in/imu"])
+        assert counts["/jackal/executive_vel"] == len(tables["/out/drove"])
+        assert counts["/rosout"] == len(tables["/out/reported"])
+        assert topics["/jackal/joint_states"].msgtype == "sensor_msgs/msg/JointState"
+        first = next(reader.messages([topics["/tf"]]))
+        moved: Any = reader.deserialize(first[2], "tf2_msgs/msg/TFMessage")
+        (transform,) = moved.transforms
+        assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+        *_, last = reader.messages([topics["/jackal/executive/tree"]])
+        told_of_tree: Any = reader.deserialize(last[2], "std_msgs/msg/String")
+        tree = json.loads(told_of_tree.data)
+        assert tree["nodes"][0]["name"] == "rover"
+
+
+def test_what_ros_reads_is_what_was_recorded(stuck: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run_bag"
+    assert typed(stuck, folder).exit_code == 0
+    odometry = frames(stuck)["/in/odometry"]
+    with next(folder.glob("*.mcap")).open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros2"
+        facts = [
+            odometry_fact(deserialize_message(message.data, OdometryMessage))
+            for _, _, message in reader.iter_messages(["/jackal/odom"])
+        ]
+    for column, told in (
+        ("pose.x_m", [fact.pose.x_m for fact in facts]),
+        ("pose.heading_rad", [fact.pose.heading_rad for fact in facts]),
+        ("velocity.travel_mps", [fact.velocity.travel_mps for fact in facts]),
+    ):
+        assert told == pytest.approx(odometry[column].to_list(), abs=2e-6)
+
+
+def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
+    for arguments, words in (
+        ((stuck, tmp_path), "is there already"),
+        ((tmp_path / "none.mcap", tmp_path / "bag"), "cannot be read"),
+        ((stuck, stuck / "bag"), "cannot be written"),
+    ):
+        refused = typed(*arguments)
+        assert refused.exit_code != 0
+        assert words in refused.output, refused.output
+    assert list(tmp_path.glob("bag")) == []
