@@ -1,11 +1,12 @@
 """An executive that is recorded: its entries, what the world answers, and what it decides."""
 
 import hashlib
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
 from executive.authority import AuthorityAsked, AuthorityState
 from executive.clock import Clock, LatchedClock
@@ -61,6 +62,8 @@ from executive.runner import Executive, Tree
 from executive.settings import LocomotionKind, Settings
 from executive.state import Fact, FileEvent, FileFolder, ParameterValue
 
+_FIGURES: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+
 
 class SeenNode(Protocol):
     """A node of the tree, as of the last tick."""
@@ -83,6 +86,11 @@ class SeenTree(Tree, Protocol):
 
     def nodes(self) -> Sequence[SeenNode]:
         """Return all nodes as of the last tick."""
+
+
+def without_figures(text: str) -> str:
+    """Return the words of a text, so that two can be compared whose figures change all the time."""
+    return _FIGURES.sub("", text)
 
 
 def life_of(
@@ -225,10 +233,13 @@ class RecordedExecutive(Executive):
         gone = tuple(path for path in before if path not in states)
         if changed or gone:
             self._tape.put(TreeChanged(changed, gone))
-        last, mode, active = self._last_mode, self.mode, self.active_command
-        if last is None or (last.mode, last.active) != (mode, active):
-            self._last_mode = ModeChanged(mode, active, self.why)
-            self._tape.put(self._last_mode)
+        last, now = self._last_mode, ModeChanged(self.mode, self.active_command, self.why)
+        if last is None or (
+            (last.mode, last.active, without_figures(last.why))
+            != (now.mode, now.active, without_figures(now.why))
+        ):
+            self._last_mode = now
+            self._tape.put(now)
 
 
 class RecordedInbox(Inbox):

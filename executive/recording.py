@@ -271,7 +271,7 @@ class TreeChanged:
 
 @dataclass(frozen=True, slots=True)
 class ModeChanged:
-    """The mode or the command under way is another than before.
+    """The mode, the command under way or the words of why, figures apart, are other than before.
 
     Attributes:
         why: one line on why the rover stands, or what moves it.

@@ -1,6 +1,7 @@
 """Recordings of runs as MCAP files: written, read, and replayed through the core."""
 
 from adapters.recording.background import BackgroundTape
+from adapters.recording.chronicle import read_chronicle
 from adapters.recording.frames import frames
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
@@ -18,5 +19,6 @@ __all__ = [
     "Timed",
     "decode",
     "frames",
+    "read_chronicle",
     "read_timed",
 ]

@@ -37,7 +37,16 @@ STAYS = {
 """Commands that stay until Ctrl-C, and what they say once they are ready."""
 
 NO_ROVER = tuple(
-    f"./rover {command} " for command in ("scenario", "campaign", "replay", "plot", "bag")
+    f"./rover {command} "
+    for command in (
+        "scenario",
+        "campaign",
+        "replay",
+        "plot",
+        "bag",
+        "log --file",
+        "why --file",
+    )
 )
 """Commands that need no rover that runs, and no real time."""
 WITH_A_FILE = CHECKOUT / "docs" / "campaigns.md"

@@ -16,6 +16,8 @@ from executive.motion import SharedSolver
 from executive.ports import CameraIntent, Downlink
 from executive.reasons import Refusal
 from executive.record import Ledger, Synchronous
+from executive.recorded_executive import RecordedExecutive, life_of
+from executive.recording import Tape
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.runner import Executive, Tree
 from executive.settings import Sensors, Settings, load_settings
@@ -134,6 +136,7 @@ class Bench:
         voltage_v: what its battery shows; None where it tells nothing.
         charge_ratio: the charge that its battery tells; None where it tells none.
         ledger: that of the executive.
+        tape: takes a recording of it; None for none.
     """
 
     ledger: Ledger
@@ -146,8 +149,10 @@ class Bench:
         rover: KinematicRover | None = None,
         solver: SharedSolver | None = None,
         clock: ManualClock | None = None,
+        tape: Tape | None = None,
     ) -> None:
         self.folder = folder
+        self.tape = tape
         asset = settings or load_settings("jackal")
         told = asset.sensors
         sensors = Sensors(laser=told.laser, second_odometry=told.second_odometry)
@@ -172,6 +177,21 @@ class Bench:
 
     def _start(self) -> Executive:
         self.ledger = Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)
+        if self.tape is not None:
+            files = self.folder / "files"
+            self.tape.put(life_of(self.settings, self.ledger, files, self.solver))
+            return RecordedExecutive(
+                self.tape,
+                settings=self.settings,
+                clock=self.clock,
+                rover=self.rover,
+                ledger=self.ledger,
+                files=files,
+                video=self.video,
+                downlinks=self.downlinks(),
+                build_tree=RoverTree,
+                solver=self.solver,
+            )
         return Executive(
             settings=self.settings,
             clock=self.clock,

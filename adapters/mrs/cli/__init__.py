@@ -1,6 +1,17 @@
 """The sub-commands of `rover` that speak the MRS, each a module beside this face."""
 
-from adapters.mrs.cli.options import Target, add_terms_options, to_option
-from adapters.mrs.cli.terminal import FAILED, connect
+from adapters.mrs.cli.options import Target, add_terms_options, json_option, to_option
+from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, run, say
 
-__all__ = ["FAILED", "Target", "add_terms_options", "connect", "to_option"]
+__all__ = [
+    "FAILED",
+    "Target",
+    "add_terms_options",
+    "clock",
+    "connect",
+    "echo_json",
+    "json_option",
+    "run",
+    "say",
+    "to_option",
+]

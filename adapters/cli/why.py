@@ -1,0 +1,63 @@
+"""`rover why`: what became of a command, or why the rover stands or moves, in plain words."""
+
+from pathlib import Path
+
+import click
+
+from adapters.cli.history_options import file_option, read_file, since_began
+from adapters.explanation import (
+    Chronicle,
+    Explanation,
+    UnknownCommandError,
+    When,
+    explain_command,
+    explain_now,
+    explanation_lines,
+)
+from adapters.mrs.cli import echo_json, json_option, say
+
+
+@click.command()
+@click.argument("command", required=False, metavar="[COMMAND]")
+@file_option
+@click.option(
+    "--at",
+    "at_s",
+    type=float,
+    metavar="SECONDS",
+    help="With --file: as it was then, in seconds since the beginning of the recording.",
+)
+@json_option
+def why(command: str | None, recording: Path, at_s: float | None, as_json: bool) -> None:
+    """Tell why: of a command what became of it, else why the rover stands or moves.
+
+    A command is named by its number, or as SOURCE:NUMBER. Told are who asked for it, over which
+    link, what it waited for, which leaves of the tree worked on it, what limited its speed, what
+    ended it, and the figures that showed it.
+
+    \b
+    Examples:
+      rover why --file run.mcap
+      rover why MOE:1 --file run.mcap
+      rover why --file run.mcap --at 4.5
+
+    \b
+    Exit status: 0 told, 2 makes no sense.
+    """
+    chronicle, began_utc_s = read_file(recording, at_s)
+    _tell(_explained(chronicle, command), since_began(began_utc_s), as_json)
+
+
+def _explained(chronicle: Chronicle, command: str | None) -> Explanation:
+    try:
+        return explain_now(chronicle) if command is None else explain_command(chronicle, command)
+    except UnknownCommandError as error:
+        raise click.UsageError(f"{error}; `rover log` lists all") from error
+
+
+def _tell(explanation: Explanation, when: When, as_json: bool) -> None:
+    if as_json:
+        echo_json(explanation)
+        return
+    for line in explanation_lines(explanation, when):
+        say(line)

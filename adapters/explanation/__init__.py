@@ -1,0 +1,43 @@
+"""What happened to a rover and its commands, and why, in words: from recordings and by the MRS."""
+
+from adapters.explanation.chronicle import (
+    Asked,
+    Chronicle,
+    Declined,
+    Fastest,
+    LeafRun,
+    Situation,
+    request_text,
+)
+from adapters.explanation.explain import (
+    Explanation,
+    Step,
+    UnknownCommandError,
+    explain_command,
+    explain_now,
+)
+from adapters.explanation.log import CommandLife, Entry, Wanted, entries, lives_of
+from adapters.explanation.words import When, entry_line, explanation_lines
+
+__all__ = [
+    "Asked",
+    "Chronicle",
+    "CommandLife",
+    "Declined",
+    "Entry",
+    "Explanation",
+    "Fastest",
+    "LeafRun",
+    "Situation",
+    "Step",
+    "UnknownCommandError",
+    "Wanted",
+    "When",
+    "entries",
+    "entry_line",
+    "explain_command",
+    "explain_now",
+    "explanation_lines",
+    "lives_of",
+    "request_text",
+]

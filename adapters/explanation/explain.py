@@ -1,0 +1,462 @@
+"""Why: the causal chain of a command, and of what the rover does at the end of a time.
+
+Pure functions of a `Chronicle`, so that a recording and a rover heard by the MRS are explained in
+the same words. What a chronicle does not know is left out.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from adapters.explanation.chronicle import Chronicle, LeafRun, Situation
+from adapters.explanation.log import CommandLife, lives_of, names
+from executive.commands import Family, Mode, declared
+from executive.fault_table import DECLARED
+from executive.reasons import PREDICTED, Figure, Reason
+from executive.reports import Identity, Kind, Report, Stage
+
+MOMENT_S: Final = 0.1
+"""A shorter wait is none."""
+_FAMILIES: Final = {each.name: each.family for each in declared()}
+_BRANCHES: Final = {
+    Family.MOTION: "/motion/",
+    Family.CAMERA: "/camera/",
+    Family.INSTANT: "/instant commands/",
+    Family.STOP: "/priority stop/",
+}
+"""Where in the tree the commands of a family are worked on."""
+_HOLDING: Final = {Mode.PAUSED, Mode.STOPPED, Mode.SAFE}
+_BY_REASON: Final = {each.reason: each for each in DECLARED.values()}
+_ENDED: Final = {
+    Stage.EXECUTED: "was executed",
+    Stage.FAILED: "failed",
+    Stage.CANCELLED: "was cancelled",
+    Stage.EXPIRED: "expired",
+    Stage.REJECTED: "was refused",
+}
+
+
+class UnknownCommandError(LookupError):
+    """Nothing is known of a command, or more than one is meant; the text says which there are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A link of the chain.
+
+    Attributes:
+        utc_s: when, by the clock aboard; None for what belongs to no moment.
+    """
+
+    utc_s: float | None
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why something is as it is.
+
+    Attributes:
+        headline: the answer in one sentence.
+        reason: the numbered reason behind it; None where there is none, as of what was executed.
+        steps: what led there, in the order of time.
+        evidence: the figures that showed it.
+    """
+
+    headline: str
+    reason: Reason | None
+    steps: tuple[Step, ...]
+    evidence: tuple[Figure, ...] = ()
+
+
+def explain_command(chronicle: Chronicle, command: str) -> Explanation:
+    """Return what became of a command, and why.
+
+    Args:
+        chronicle: of the time in which it lived.
+        command: its number, or `SOURCE:NUMBER`.
+
+    Raises:
+        UnknownCommandError: no command is called so, or several are.
+    """
+    lives = lives_of(chronicle)
+    found = [each for identity, each in lives.items() if names(command, identity)]
+    declined = [each for each in chronicle.declined if names(command, each.identity)]
+    if len(found) > 1:
+        which = ", ".join(str(each.identity) for each in found)
+        raise UnknownCommandError(f"{command} is the number of several: name one of {which}")
+    if found:
+        explained = _Life(chronicle, lives, found[0]).explain()
+        others = tuple(
+            Step(each.utc_s, f"another command under this number was refused: {each.refusal.text}")
+            for each in declined
+        )
+        return Explanation(
+            explained.headline,
+            explained.reason,
+            (*explained.steps, *others),
+            explained.evidence,
+        )
+    if declined:
+        last = declined[-1]
+        return Explanation(
+            f"{last.identity} was not taken: {last.refusal.text}",
+            last.refusal.reason,
+            (Step(last.utc_s, f"refused before it had a life: {_named(last.refusal.reason)}"),),
+            last.refusal.figures,
+        )
+    known = [str(identity) for identity in lives][-5:]
+    which = f"the last that are known: {', '.join(known)}" if known else "none is known"
+    raise UnknownCommandError(f"no command is called {command}; {which}")
+
+
+def explain_now(chronicle: Chronicle) -> Explanation:
+    """Return why the rover stands, or what moves it, at the end of a chronicle."""
+    lives = lives_of(chronicle)
+    now = chronicle.situations[-1] if chronicle.situations else None
+    if now is None:
+        return Explanation("nothing is known of what the rover is about", None, ())
+    headline = f"{now.mode.name}: {now.why}"
+    if now.active is not None and now.active in lives and now.mode not in _HOLDING:
+        life = _Life(chronicle, lives, lives[now.active]).explain()
+        return Explanation(headline, life.reason, (*life.steps, *_conditions(chronicle)), ())
+    cause = _cause(chronicle, now)
+    steps: list[Step] = []
+    reason: Reason | None = None
+    evidence: tuple[Figure, ...] = ()
+    if isinstance(cause, CommandLife):
+        reason = Reason.STOPPED
+        steps += _asked(cause)
+    elif cause is not None:
+        reason, evidence = cause.reason, cause.figures
+        steps.append(_event(cause))
+        ended = [
+            each
+            for each in lives.values()
+            if each.end is not None
+            and each.end.reason is cause.reason
+            and each.end.utc_s >= cause.utc_s
+        ]
+        steps += [Step(each.end.utc_s, _ending(each)) for each in ended if each.end is not None]
+    elif lives:
+        ended = [each for each in lives.values() if each.end is not None]
+        if ended:
+            last = max(ended, key=lambda each: each.end.sequence if each.end else 0)
+            assert last.end is not None
+            reason = last.end.reason
+            steps.append(Step(last.end.utc_s, f"the last that ended: {_ending(last)}"))
+    shown = {each.text for each in steps}
+    steps += [each for each in _conditions(chronicle) if each.text not in shown]
+    return Explanation(headline, reason, tuple(steps), evidence)
+
+
+class _Life:
+    """Explains one command."""
+
+    def __init__(
+        self, chronicle: Chronicle, lives: dict[Identity, CommandLife], life: CommandLife
+    ) -> None:
+        self._chronicle = chronicle
+        self._lives = lives
+        self._life = life
+        self._family = _FAMILIES.get(life.request)
+        end = life.end
+        self._end_s = chronicle.until_utc_s if end is None else end.utc_s
+
+    def explain(self) -> Explanation:
+        life, end = self._life, self._life.end
+        steps = [*_asked(life), *self._waited(), *self._ran(), *self._met(), *self._limited()]
+        steps.sort(key=lambda each: self._end_s if each.utc_s is None else each.utc_s)
+        if end is None:
+            headline, reason = self._under_way()
+            return Explanation(headline, reason, tuple(steps))
+        if end.stage is not Stage.REJECTED:
+            steps.append(Step(end.utc_s, _ending(life)))
+        steps += self._behind(end)
+        return Explanation(
+            _headline(life, end), end.reason or _of_stage(end), tuple(steps), _shown(end.figures)
+        )
+
+    def _under_way(self) -> tuple[str, Reason | None]:
+        life = self._life
+        title = f"{life.identity} {life.name}"
+        if life.at(Stage.ACCEPTED) is None:
+            return f"{title} was received, and is not decided on yet", None
+        if self._started_s is None:
+            waits = [each.text for each in self._waited()]
+            return f"{title} {waits[-1] if waits else 'waits for its turn'}", self._held()
+        running = [each for each in self._leaves if each.ended_utc_s is None]
+        doing = f" in leaf {running[-1].name}{_said(running[-1])}" if running else ""
+        return f"{title} is under way{doing}", None
+
+    def _held(self) -> Reason | None:
+        situations = self._chronicle.situations
+        if not situations or situations[-1].mode not in _HOLDING:
+            return None
+        cause = _cause(self._chronicle, situations[-1])
+        return cause.reason if isinstance(cause, Report) else None
+
+    @property
+    def _started_s(self) -> float | None:
+        """When it began, by its report or, where its sender wanted none, by what was under way."""
+        started = self._life.at(Stage.STARTED)
+        if started is not None:
+            return started.utc_s
+        under_way = [
+            each.utc_s for each in self._chronicle.situations if each.active == self._life.identity
+        ]
+        if under_way:
+            return under_way[0]
+        later = self._life.at(Stage.PROGRESS)
+        end = self._life.end
+        if later is not None:
+            return later.utc_s
+        executed = end is not None and end.stage in {Stage.EXECUTED, Stage.FAILED}
+        accepted = self._life.at(Stage.ACCEPTED)
+        return accepted.utc_s if executed and accepted is not None else None
+
+    def _waited(self) -> Iterator[Step]:
+        accepted = self._life.at(Stage.ACCEPTED)
+        if accepted is None:
+            return
+        began_s = accepted.utc_s
+        until_s = self._started_s if self._started_s is not None else self._end_s
+        if until_s - began_s < MOMENT_S:
+            return
+        blockers = [
+            f"{each.identity} {each.name}"
+            for each in self._lives.values()
+            if each is not self._life and self._in_front(each, began_s, until_s)
+        ]
+        held = [
+            each
+            for each, next_s in _spans(self._chronicle)
+            if each.utc_s < until_s and next_s > began_s
+            if each.mode in _HOLDING or (each.mode is Mode.MOVING and each.active is None)
+        ]
+        verb = "waited" if self._started_s is not None or self._life.end else "waits"
+        for_what = [f"for {', '.join(blockers)}"] if blockers else []
+        whys = dict.fromkeys(f"as the rover was {each.mode.name}: {each.why}" for each in held)
+        why = "; ".join([*for_what, *list(whys)[-1:]]) or "for its turn"
+        yield Step(until_s, f"{verb} {until_s - began_s:.2f} s {why}")
+
+    def _in_front(self, other: CommandLife, began_s: float, until_s: float) -> bool:
+        """Whether another command of the same queue was there before, and under way meanwhile."""
+        if _FAMILIES.get(other.request) is not self._family:
+            return False
+        accepted, mine = other.at(Stage.ACCEPTED), self._life.at(Stage.ACCEPTED)
+        if accepted is None or mine is None or accepted.sequence > mine.sequence:
+            return False
+        ended_s = self._chronicle.until_utc_s if other.end is None else other.end.utc_s
+        return ended_s > began_s
+
+    @property
+    def _leaves(self) -> list[LeafRun]:
+        branch = None if self._family is None else _BRANCHES.get(self._family)
+        began_s = self._started_s
+        if branch is None or began_s is None:
+            return []
+        return [
+            each
+            for each in self._chronicle.leaves
+            if branch in f"/{each.path}/"
+            and each.began_utc_s <= self._end_s
+            and (each.ended_utc_s is None or each.ended_utc_s > began_s)
+        ]
+
+    def _ran(self) -> Iterator[Step]:
+        began_s = self._started_s
+        started = self._life.at(Stage.STARTED)
+        if started is not None:
+            yield Step(started.utc_s, "started")
+        for each in self._leaves:
+            ended_s = self._end_s if each.ended_utc_s is None else each.ended_utc_s
+            took_s = min(ended_s, self._end_s) - each.began_utc_s
+            at_s = max(each.began_utc_s, began_s or each.began_utc_s)
+            yield Step(at_s, f"leaf {each.name} ran for {took_s:.2f} s{_said(each)}")
+        for report in self._life.reports:
+            if report.stage is Stage.PROGRESS:
+                yield Step(
+                    report.utc_s, f"step {report.step} of {report.step_count}: {report.text}"
+                )
+
+    def _met(self) -> Iterator[Step]:
+        """Yield the events that came meanwhile, but for what the end says again."""
+        end = self._life.end
+        said = "" if end is None else end.text
+        for report in self._chronicle.reports:
+            if (
+                report.kind is not Kind.COMMAND
+                and report.identity is None
+                and self._life.utc_s <= report.utc_s <= self._end_s
+                and report.text != said
+            ):
+                yield _event(report)
+
+    def _limited(self) -> Iterator[Step]:
+        fastest = next(
+            (each for each in self._chronicle.fastest if each.identity == self._life.identity),
+            None,
+        )
+        began_s = self._started_s
+        if self._family is not Family.MOTION or began_s is None:
+            return
+        causes = [
+            f"slowed down: {each.text}"
+            for each in _active_faults(self._chronicle, self._end_s, began_s)
+            if each.reason in self._chronicle.slowing
+        ]
+        setting = [
+            each
+            for each in self._lives.values()
+            if each.name.startswith("setTravelSpeed")
+            and each.end is not None
+            and each.end.stage is Stage.EXECUTED
+            and each.end.utc_s <= self._end_s
+        ]
+        causes += [f"{each.name} of {each.identity}" for each in setting[-1:]]
+        if fastest is not None and fastest.travel_mps > 0.0:
+            text = (
+                f"went at most {fastest.travel_mps:.2f} m/s, of {fastest.allowed_mps:.2f} m/s"
+                " that the asset allows"
+            )
+            yield Step(None, f"{text}: {'; '.join(causes)}" if causes else text)
+        elif causes:
+            yield Step(None, f"its speed was limited: {'; '.join(causes)}")
+
+    def _behind(self, end: Report) -> Iterator[Step]:
+        """Yield what is behind the end: the command that it names, or what held the rover then."""
+        for other in self._lives.values():
+            if other is not self._life and _mentions(end.text, other.identity):
+                yield from _asked(other)
+        if end.reason is Reason.WRONG_MODE:
+            then = [each for each in self._chronicle.situations if each.utc_s <= end.utc_s]
+            if then:
+                yield Step(then[-1].utc_s, f"the rover was {then[-1].mode.name}: {then[-1].why}")
+
+
+def _of_stage(end: Report) -> Reason | None:
+    return Reason.EXPIRED if end.stage is Stage.EXPIRED else None
+
+
+def _headline(life: CommandLife, end: Report) -> str:
+    said = f": {life.outcome}" if life.outcome else ""
+    assert end.stage is not None
+    return f"{life.identity} {life.name} {_ENDED[end.stage]}{said}"
+
+
+def _ending(life: CommandLife) -> str:
+    end = life.end
+    assert end is not None
+    assert end.stage is not None
+    took_s = end.utc_s - life.utc_s
+    why = end.reason or _of_stage(end)
+    named = f" ({_named(why)})" if why is not None else ""
+    said = f": {life.outcome}" if life.outcome else ""
+    return f"{life.identity} {_ENDED[end.stage]} after {took_s:.2f} s{said}{named}"
+
+
+def _asked(life: CommandLife) -> Iterator[Step]:
+    asked, first, link = life.asked, life.reports[0], life.link
+    over = "" if link is None else f" over the {link} link"
+    wait = (
+        ""
+        if asked is None or asked.lifetime_s is None
+        else f", to start within {asked.lifetime_s:g} s"
+    )
+    yield Step(
+        first.utc_s if asked is None else asked.utc_s,
+        f"{life.identity.source} asked for {life.name}{over}, as number"
+        f" {life.identity.command_id}{wait}",
+    )
+    accepted, end = life.at(Stage.ACCEPTED), life.end
+    if accepted is not None:
+        yield Step(accepted.utc_s, f"{life.identity} was accepted")
+    elif end is not None and end.stage is Stage.REJECTED:
+        named = "" if end.reason is None else f" ({_named(end.reason)})"
+        yield Step(end.utc_s, f"{life.identity} was refused: {end.text}{named}")
+
+
+def _named(reason: Reason) -> str:
+    return f"{reason.name} {reason.value}"
+
+
+def _event(report: Report) -> Step:
+    named = f" ({_named(report.reason)})" if report.reason is not None else ""
+    return Step(report.utc_s, f"{report.severity.name.lower()}: {report.text}{named}")
+
+
+def _said(run: LeafRun) -> str:
+    return f": {run.message}" if run.message else ""
+
+
+def _shown(figures: tuple[Figure, ...]) -> tuple[Figure, ...]:
+    """Return figures but for those that were predicted, and what became of these."""
+    predicted = {each.name for each in figures if each.name.startswith(PREDICTED)}
+    hidden = predicted | {each.removeprefix(PREDICTED) for each in predicted}
+    return tuple(each for each in figures if each.name not in hidden)
+
+
+def _mentions(text: str, identity: Identity) -> bool:
+    """Whether a text names a command, and not one whose number goes on."""
+    before, found, after = text.partition(str(identity))
+    return bool(found) and not after[:1].isdigit() and not before[-1:].isalnum()
+
+
+def _spans(chronicle: Chronicle) -> Iterator[tuple[Situation, float]]:
+    """Yield each situation with the time at which the next began."""
+    situations = chronicle.situations
+    for index, each in enumerate(situations):
+        after = situations[index + 1].utc_s if index + 1 < len(situations) else None
+        yield each, chronicle.until_utc_s if after is None else after
+
+
+def _cause(chronicle: Chronicle, now: Situation) -> Report | CommandLife | None:
+    """Return what put the rover into a situation in which it is held; None where nothing did."""
+    events = [
+        each
+        for each in chronicle.reports
+        if each.kind is not Kind.COMMAND and each.text and each.text in now.why
+    ]
+    if events:
+        return events[-1]
+    lives = lives_of(chronicle)
+    named = [each for identity, each in lives.items() if _mentions(now.why, identity)]
+    return named[-1] if named and now.mode is Mode.STOPPED else None
+
+
+def _active_faults(
+    chronicle: Chronicle, at_utc_s: float, since_utc_s: float | None = None
+) -> list[Report]:
+    """Return the events of the faults that had begun and were not over at a time.
+
+    Args:
+        chronicle: of what time.
+        at_utc_s: when.
+        since_utc_s: also those that were over only after this time.
+    """
+    active: dict[str, Report] = {}
+    for report in chronicle.reports:
+        if report.utc_s > at_utc_s or report.kind is not Kind.EVENT or report.reason is None:
+            continue
+        if report.reason is Reason.FAULT_OVER:
+            name = report.text.removesuffix(" is over")
+            reason = DECLARED[name].reason if name in DECLARED else None
+            if reason is not None and (since_utc_s is None or report.utc_s <= since_utc_s):
+                active.pop(reason.name, None)
+        elif report.reason in _BY_REASON:
+            active[report.reason.name] = report
+    return list(active.values())
+
+
+def _conditions(chronicle: Chronicle) -> list[Step]:
+    """Return the faults that are not over, and who else may move the rover."""
+    steps = [_event(each) for each in _active_faults(chronicle, chronicle.until_utc_s)]
+    foreign = [
+        each
+        for each in chronicle.reports
+        if "move the rover" in each.text or "nobody else moves" in each.text
+    ]
+    if foreign and foreign[-1].text.startswith("others"):
+        steps.append(_event(foreign[-1]))
+    return steps

@@ -1,0 +1,58 @@
+"""Explanations and the log as lines for people."""
+
+from collections.abc import Callable
+
+from adapters.explanation.explain import Explanation
+from adapters.explanation.log import CommandLife, Entry
+from executive.reasons import PREDICTED
+from executive.reports import Report, Stage, printable
+
+When = Callable[[float], str]
+"""Returns a time aboard, seconds since 1970-01-01 UTC, in words."""
+
+
+def explanation_lines(explanation: Explanation, when: When) -> list[str]:
+    """Return an explanation: the answer, then what led there, each with its time."""
+    lines = [explanation.headline]
+    if explanation.reason is not None:
+        lines.append(f"  reason    {explanation.reason.name} {explanation.reason.value}")
+    if explanation.evidence:
+        lines.append(f"  evidence  {', '.join(map(str, explanation.evidence))}")
+    width = max((len(when(each.utc_s)) for each in explanation.steps if each.utc_s), default=0)
+    for each in explanation.steps:
+        at = "" if each.utc_s is None else when(each.utc_s)
+        lines.append(f"  {at:>{width}}  {each.text}")
+    return [printable(each) for each in lines]
+
+
+def entry_line(entry: Entry, when: When) -> str:
+    """Return a life or a report on one line."""
+    line = _life(entry, when) if isinstance(entry, CommandLife) else _report(entry)
+    return printable(f"{when(entry.utc_s)}  {line}")
+
+
+def _life(life: CommandLife, when: When) -> str:
+    link = "" if life.link is None else f" ({life.link})"
+    stages = [
+        f"{stage.name.lower()} {when(report.utc_s).strip()}"
+        for stage in (Stage.ACCEPTED, Stage.STARTED)
+        if (report := life.at(stage)) is not None
+    ]
+    end = life.end
+    if end is None or end.stage is None:
+        stages.append("goes on")
+        return f"{life.identity} {life.name}{link}: {', '.join(stages)}"
+    stages.append(f"{end.stage.name} {when(end.utc_s).strip()}")
+    outcome = f": {life.outcome}" if life.outcome else ""
+    reason = "" if end.reason is None else f" ({end.reason.name} {end.reason.value})"
+    return f"{life.identity} {life.name}{link}: {', '.join(stages)}{outcome}{reason}"
+
+
+def _report(report: Report) -> str:
+    word = report.severity.name if report.stage is None else report.stage.name
+    whose = "" if report.identity is None else f"{report.identity} "
+    step = "" if report.step is None else f"{report.step}/{report.step_count} "
+    reason = "" if report.reason is None else f" ({report.reason.name} {report.reason.value})"
+    shown = [str(each) for each in report.figures if not each.name.startswith(PREDICTED)]
+    figures = f" [{', '.join(shown)}]" if shown else ""
+    return f"{whose}{word} {step}{report.text}{reason}{figures}"

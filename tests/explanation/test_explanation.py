@@ -1,0 +1,117 @@
+"""Why: the reason that is named is the cause that was injected, from the recording of the run."""
+
+import json
+from contextlib import closing
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli.log import log
+from adapters.cli.why import why
+from adapters.explanation import explain_command, explain_now, explanation_lines
+from adapters.recording import RunFile, read_chronicle
+from executive.commands import Command, MoveForward, Resume, Stop
+from executive.reports import Identity
+from tests.explanation.situations import CASES, Case, folder_of
+from tests.support.kinematic import Bench
+
+
+def recorded(case: Case, folder: Path) -> Path:
+    """Bring a situation about, and return its recording."""
+    path = folder / "run.mcap"
+    with closing(RunFile(path)) as tape, Bench(folder, case.settings, tape=tape) as bench:
+        case.inject(bench)
+    return path
+
+
+def typed(command: click.Command, *arguments: object) -> Result:
+    return CliRunner().invoke(command, list(map(str, arguments)), catch_exceptions=False)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -> None:
+    chronicle, _ = read_chronicle(recorded(case, folder_of(case, tmp_path)))
+    if case.command is None:
+        explained = explain_now(chronicle)
+    else:
+        explained = explain_command(chronicle, case.command)
+    lines = "\n".join(explanation_lines(explained, lambda utc_s: f"{utc_s:.2f}"))
+    assert explained.reason is case.reason, lines
+    assert case.said in lines
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the recording of a drive that a stop ends, a refusal, and a resume."""
+
+    def play(bench: Bench) -> None:
+        bench.drive_on()
+        bench.submit(Stop(), 2)
+        bench.run(1.0)
+        bench.submit(MoveForward(1.0), 3)
+        bench.send(Command(Identity("LAB", 3), Resume(), "relay"))
+        bench.run(0.5)
+
+    return recorded(Case("", play, None, None), tmp_path_factory.mktemp("run"))
+
+
+def test_the_log_has_each_life_on_a_line(run: Path) -> None:
+    result = typed(log, "--file", run)
+    assert result.exit_code == 0
+    first, second, third, fourth = result.output.splitlines()
+    assert "MOE:1 moveForward distance 5 m (direct): accepted" in first
+    assert first.endswith("CANCELLED 1.05 s: stopped by MOE:2 (STOPPED 801)")
+    assert "MOE:2 stop (direct): " in second
+    assert "EXECUTED" in second
+    assert "MOE:3 moveForward distance 1 m (direct): REJECTED 2.05 s: the rover is ST" in third
+    assert "LAB:3 resume (relay): accepted 2.05 s, started 2.05 s, EXECUTED 2.05 s" in fourth
+
+
+@pytest.mark.parametrize(
+    ("options", "lines"),
+    [
+        (("--command", "MOE:2"), 1),
+        (("--command", "3"), 2),
+        (("--command", "MOE:1", "--unfold"), 4),
+        (("--source", "LAB"), 1),
+        (("--severity", "warning"), 2),
+        (("--since", "2"), 2),
+        (("--until", "0.5"), 1),
+        (("--mode", "stopped"), 2),
+        (("--source", "nobody"), 0),
+    ],
+)
+def test_the_log_is_filtered(run: Path, options: tuple[str, ...], lines: int) -> None:
+    result = typed(log, "--file", run, *options)
+    assert result.exit_code == 0
+    assert len(result.output.splitlines()) == lines, result.output
+
+
+def test_log_and_why_are_told_as_json(run: Path) -> None:
+    lives = [json.loads(each) for each in typed(log, "--file", run, "--json").output.splitlines()]
+    assert [each["identity"]["command_id"] for each in lives] == [1, 2, 3, 3]
+    assert lives[0]["reports"][-1]["reason"] == "STOPPED"
+    told = json.loads(typed(why, "MOE:1", "--file", run, "--json").output)
+    assert told["reason"] == "STOPPED"
+    assert told["steps"][0]["text"].startswith("MOE asked for moveForward distance 5 m")
+
+
+def test_why_is_told_as_of_a_time(run: Path) -> None:
+    assert typed(why, "--file", run, "--at", 0.5).output.startswith("MOVING: moves at")
+    assert typed(why, "--file", run, "--at", 1.5).output.startswith("STOPPED: ")
+    assert typed(why, "--file", run).output.startswith("IDLE: ")
+
+
+def test_bad_input_is_told(run: Path, tmp_path: Path) -> None:
+    for command, arguments, told in (
+        (why, ("MOE:9", "--file", run), "the last that are known: MOE:1, MOE:2, MOE:3, LAB:3"),
+        (why, ("3", "--file", run), "name one of MOE:3, LAB:3"),
+        (why, ("--file", tmp_path / "none.mcap"), "cannot be read"),
+        (log, ("--file", tmp_path / "none.mcap"), "cannot be read"),
+        (log, ("--file", run, "--severity", "loud"), "'loud' is not one of"),
+    ):
+        result = typed(command, *arguments)
+        assert result.exit_code == 2, result.output
+        assert told in result.output
