@@ -21,6 +21,7 @@ from tests.support.certificates import authority_for
 from tests.support.processes import Running, run_to_end
 
 BIN = Path(sys.executable).parent
+INTERFACE = "adapters/mrs/spec/mrs.xml"
 LIMIT_S = 600
 START = "./rover demo --no-play"
 STARTS = (START, f"{START} --relay")
@@ -66,6 +67,7 @@ class Desk:
         """Return a text with the commands, ports and addresses of this desk."""
         for known, port in self.ports.items():
             text = text.replace(known, str(port))
+        text = text.replace(INTERFACE, str(CHECKOUT / INTERFACE))
         return text.replace(".venv/bin/", f"{BIN}/").replace("./rover ", f"{BIN}/rover ")
 
     def run(self, line: Line) -> None:
