@@ -145,7 +145,7 @@ async def test_tcpcl_loses_nothing_where_sessions_break(tmp_path: Path) -> None:
             await asyncio.gather(send_all(one, TWO, payloads), send_all(two, ONE, payloads))
             assert sorted(await two.take(1500)) == payloads
             assert sorted(await one.take(1500)) == payloads
-            assert cutter.cuts > 2
+            assert cutter.cuts > 0
         server.close()
 
 
