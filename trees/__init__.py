@@ -1,6 +1,6 @@
 """The behaviour tree of the rover. py_trees lives only here."""
 
-from trees.rover import RoverTree, preview
+from trees.rover import RoverTree, preview, snapshot_of
 from trees.snapshot import (
     COLOURS,
     Look,
@@ -27,4 +27,5 @@ __all__ = [
     "line",
     "looks",
     "preview",
+    "snapshot_of",
 ]

@@ -17,7 +17,8 @@ from executive.goals import Context, Goal, Goals
 from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
 from executive.reasons import Figure, Reason, Refusal
-from executive.safety import Safety
+from executive.runner import Executive
+from executive.safety import Safety, summary, unmonitored
 from executive.settings import Settings
 from executive.state import FileFolder, SourceMotion, listed
 from executive.state import Status as AssetStatus
@@ -25,7 +26,7 @@ from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
 from trees.motion import Drive, FinishLeg, HoldVelocity, PlanLeg, Turn
 from trees.plan import PlanTree
-from trees.snapshot import Node, nodes
+from trees.snapshot import Node, Snapshot, nodes
 
 STOP_DEADLINE_S = 5.0
 ALMOST_S: Final = 1e-6
@@ -194,6 +195,27 @@ class RoverTree:
         root, *others = nodes(self.root, self.ticked)
         planned = nodes(self.plan.root, self.plan.ticked, depth=1) if self.plan else ()
         return (root, *planned, *others)
+
+
+def snapshot_of(executive: Executive, utc_s: float) -> Snapshot:
+    """Return the tree of an executive, and what that says of itself; on the executive's thread.
+
+    Args:
+        executive: with a `RoverTree`.
+        utc_s: now, seconds since 1970-01-01 UTC.
+    """
+    tree = executive.tree
+    assert isinstance(tree, RoverTree)
+    return Snapshot(
+        tick=tree.ticks,
+        utc_s=utc_s,
+        mode=executive.mode.name,
+        why=executive.why,
+        nodes=tree.nodes(),
+        faults=tuple(map(str, executive.safety.active)),
+        unmonitored=summary(unmonitored(executive.settings)),
+        active=executive.active_command,
+    )
 
 
 def build(context: Context) -> Selector:

@@ -11,6 +11,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
+from executive.reports import Identity
 from trees.leaf import Condition, TakeGoal
 from trees.plan import ParallelBranch
 
@@ -78,6 +79,7 @@ class Snapshot:
         why: one line on why the rover stands, or what moves it.
         faults: a line for each that is not over.
         unmonitored: one line on what is not monitored.
+        active: the command under way.
     """
 
     tick: int
@@ -87,6 +89,7 @@ class Snapshot:
     nodes: tuple[Node, ...]
     faults: tuple[str, ...] = ()
     unmonitored: str = ""
+    active: Identity | None = None
 
 
 def nodes(root: Behaviour, ticked: Collection[Behaviour], depth: int = 0) -> tuple[Node, ...]:

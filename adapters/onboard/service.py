@@ -209,8 +209,7 @@ def executive_on(
         )
         if tape is not None:
             tape.tell = partial(_tell_of_recording, executive)
-        assert isinstance(executive.tree, RoverTree)
-        served = ExecutiveNode(node, topics, sensors, rover, executive, executive.tree)
+        served = ExecutiveNode(node, topics, sensors, rover, executive)
         if relay is not None:
             relay.serve(executive.submit, served, lambda: executive.mode)
         try:

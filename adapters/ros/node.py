@@ -36,7 +36,6 @@ from executive.reasons import Reason, Refusal
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.state import CameraAngles, Fact, ForeignPublishers
-from trees import RoverTree
 
 HEALTH_S: Final = 1.0
 STOP_SOURCE: Final = "ROS"
@@ -70,7 +69,6 @@ class ExecutiveNode:
         sensors: SensorTopics,
         rover: RosAsset,
         executive: Executive,
-        tree: RoverTree,
     ) -> None:
         self._node = node
         self._topics = topics
@@ -84,7 +82,7 @@ class ExecutiveNode:
         self._clock = clock_of(node)
         tick_s = executive.settings.tick_s
         self._ticks = TickMonitor(tick_s)
-        self._trees = TreePublisher(node, executive, tree)
+        self._trees = TreePublisher(node, executive)
         self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
         self._tree_in = 0
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)

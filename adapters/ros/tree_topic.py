@@ -10,8 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from executive.runner import Executive
-from executive.safety import summary, unmonitored
-from trees import RoverTree, Snapshot
+from trees import Snapshot, snapshot_of
 
 TREE_TOPIC: Final = "~/tree"
 REPEAT_S: Final = 1.0
@@ -49,13 +48,11 @@ def from_json(text: str) -> Snapshot:
 class TreePublisher:
     """Sends a snapshot when the tree, the mode or the reason changed, and once a second."""
 
-    def __init__(self, node: Node, executive: Executive, tree: RoverTree) -> None:
+    def __init__(self, node: Node, executive: Executive) -> None:
         self._executive = executive
-        self._tree = tree
         self._publisher = node.create_publisher(
             String, TREE_TOPIC, tree_qos(DurabilityPolicy.TRANSIENT_LOCAL)
         )
-        self._unmonitored = summary(unmonitored(executive.settings))
         self._sent: Snapshot | None = None
 
     def update(self, utc_s: float) -> None:
@@ -63,16 +60,7 @@ class TreePublisher:
         if self._publisher.get_subscription_count() == 0:
             self._sent = None
             return
-        executive, sent = self._executive, self._sent
-        snapshot = Snapshot(
-            tick=self._tree.ticks,
-            utc_s=utc_s,
-            mode=executive.mode.name,
-            why=executive.why,
-            nodes=self._tree.nodes(),
-            faults=tuple(map(str, executive.safety.active)),
-            unmonitored=self._unmonitored,
-        )
+        sent, snapshot = self._sent, snapshot_of(self._executive, utc_s)
         if (
             sent is not None
             and utc_s - sent.utc_s < REPEAT_S
