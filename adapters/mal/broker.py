@@ -215,6 +215,20 @@ class Broker:
         self._publications = publishers
         self._subscribers: dict[Connection, dict[str | None, _Subscriber]] = {}
         self._publishers: dict[_Registration, dict[str, AttributeType]] = {}
+        self._on_subscribed: dict[_Names, Callable[[], None]] = {}
+
+    def watch(self, operation: Operation, on_subscribed: Callable[[], None]) -> None:
+        """Call back when somebody has subscribed to an operation."""
+        self._on_subscribed[operation.service_name, operation.name] = on_subscribed
+
+    def has_subscribers(self, operation: Operation) -> bool:
+        """Whether anybody is subscribed to an operation."""
+        names = (operation.service_name, operation.name)
+        return any(
+            names in subscriber.subscriptions
+            for behind in self._subscribers.values()
+            for subscriber in behind.values()
+        )
 
     def register(
         self,
@@ -239,6 +253,8 @@ class Broker:
         self._subscribers.setdefault(connection, {})[header.from_uri] = subscriber
         own = subscriber.subscriptions.setdefault(names, {})
         own[subscription.subscriptionId] = subscription
+        if names in self._on_subscribed:
+            self._on_subscribed[names]()
 
     def deregister(
         self, connection: Connection, header: Header, operation: Operation, ids: tuple[str, ...]
@@ -372,6 +388,11 @@ class Publisher:
         self._broker = broker
         self._operation = operation
         self._kinds = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
+
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether anybody is subscribed."""
+        return self._broker.has_subscribers(self._operation)
 
     def publish(
         self,

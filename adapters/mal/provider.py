@@ -259,8 +259,15 @@ class Provider:
             raise ValueError(f"{service}.{operation} is a PUBSUB, which no handler can serve")
         self._handlers[service, operation] = handler
 
-    def publisher(self, service: str, operation: str) -> Publisher:
+    def publisher(
+        self, service: str, operation: str, on_subscribed: Callable[[], None] = lambda: None
+    ) -> Publisher:
         """Open a PUBSUB operation for subscribers, and give what publishes its updates.
+
+        Args:
+            service: Name of the service.
+            operation: Name of the operation.
+            on_subscribed: Called when somebody has subscribed.
 
         Raises:
             KeyError: There is no such operation.
@@ -268,6 +275,7 @@ class Provider:
         """
         found = self._pubsub(service, operation)
         self._published.add((service, operation))
+        self._broker.watch(found, on_subscribed)
         return Publisher(self._broker, found)
 
     def open(
