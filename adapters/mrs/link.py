@@ -16,6 +16,7 @@ from adapters.mrs.aboard import (
     Gateway,
     PreviewService,
     ServedOperations,
+    TreeService,
     serve_authority,
 )
 from adapters.mrs.fleet import FleetService
@@ -142,6 +143,7 @@ class MrsLink:
         fleet = FleetService(served, gateway, settings, self._terms)
         asset = AssetServices(served, gateway, settings)
         PreviewService(served, gateway)
+        TreeService(served, gateway, settings)
         serve_authority(served, gateway)
         files = FileServices(served, executive.files, settings, partial(gateway.ask, _holder))
         await served.provider.start(*self._address, tls, self._clear_text)

@@ -241,7 +241,7 @@ async def test_the_directory_lists_what_works_and_nothing_else(
         "Camera": (1, 2, 3, 4, 5),
         "MotionControl": tuple(range(1, 15)),
         "Plan": tuple(range(1, 10)),
-        "Status": (1, 2, 3, 4),
+        "Status": (1, 2, 3, 4, 5),
         "MonitoringClient": (1, 2, 3),
         "NotificationClient": (1, 2),
         "Authority": (1, 2, 3, 4, 5),

@@ -15,6 +15,7 @@ from adapters.mrs.aboard.file_services import FileServices
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.preview_service import PreviewService
 from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.aboard.tree_service import TreeService
 
 __all__ = [
     "LAST_SEQUENCE",
@@ -24,6 +25,7 @@ __all__ = [
     "Gateway",
     "PreviewService",
     "ServedOperations",
+    "TreeService",
     "own_info",
     "page_size",
     "past_notifications",

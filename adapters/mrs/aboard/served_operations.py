@@ -14,6 +14,7 @@ from adapters.mal import (
     MalUri,
     Pattern,
     Provider,
+    Publisher,
     Service,
 )
 from adapters.mrs.aboard.gateway import Gateway
@@ -105,6 +106,13 @@ class ServedOperations:
 
         self.serve(service, operation, handler)
 
+    def publisher(
+        self, service: str, operation: str, on_subscribed: Callable[[], None] = lambda: None
+    ) -> Publisher:
+        """Open a PUBSUB operation whose updates are made only while somebody is subscribed."""
+        self._working.add((service, operation))
+        return self.provider.publisher(service, operation, on_subscribed)
+
     def broadcast(
         self,
         service: str,
@@ -120,8 +128,7 @@ class ServedOperations:
             `publish(*parts, keys)`, in the name of the asset unless told otherwise; see
             `adapters.mal.Publisher`.
         """
-        self._working.add((service, operation))
-        publisher = self.provider.publisher(service, operation)
+        publisher = self.publisher(service, operation)
         return partial(publisher.publish, source=asset, domain=domain, droppable=droppable)
 
     def services(self) -> tuple[Service, ...]:

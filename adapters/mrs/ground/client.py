@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from adapters.mal import MalError
 from adapters.mrs.ground.authority import SessionAuthority
@@ -15,6 +15,7 @@ from adapters.mrs.ground.outcome import CommandWatch, OnNotification, Outcome, w
 from adapters.mrs.ground.queries import LOST, Queries
 from adapters.mrs.ground.rover_consumer import NotServedError, RoverConsumer
 from adapters.mrs.ground.session import Session, parse_address
+from adapters.mrs.ground.tree_stream import TreeUpdates
 from adapters.mrs.spec import (
     LINK,
     AreaError,
@@ -30,6 +31,9 @@ from adapters.mrs.spec import (
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Arrival, Command, Request
 from executive.reports import Identity
+
+if TYPE_CHECKING:
+    from trees import Snapshot
 
 T = TypeVar("T")
 
@@ -91,6 +95,7 @@ class MrsClient(Queries):
         self._notifications: Streams[Notification] = Streams()
         self._feed = NotificationStream(self._deliver, self._on_new_ledger)
         self._telemetry: Updates[ParameterValue] = Updates("Monitoring", "monitorValue")
+        self._trees = TreeUpdates()
         self._file_news: Updates[FileNews] = Updates("FileManagement", "monitorFiles", FileNews)
         self._plans: Updates[PlanUpdate] = Updates("Plan", "monitorPlanExecution", self._note_plan)
         self._last_of_plans: dict[str, PlanUpdate] = {}
@@ -237,6 +242,10 @@ class MrsClient(Queries):
         """Return how far plans come from now on; after a loss of the link, first where they are."""
         return await self._subscribe(self._plans)
 
+    async def tree_snapshots(self) -> "Stream[Snapshot]":
+        """Return the behaviour tree, first as it is now, then whenever it changes."""
+        return await self._subscribe(self._trees)
+
     async def file_events(self) -> Stream[FileNews]:
         """Return what happens to files from now on; not what happens while the link is lost."""
         return await self._subscribe(self._file_news)
@@ -325,6 +334,8 @@ class MrsClient(Queries):
         await self._file_news.subscribe(consumer)
         await self._restore_plans(consumer)
         await self._telemetry.subscribe(consumer)
+        with suppress(NotServedError):
+            await self._trees.subscribe(consumer)
 
     async def _catch_up(self, consumer: RoverConsumer) -> None:
         """Ask what became of commands: through a relay, reports may come late or out of order."""
@@ -365,7 +376,8 @@ class MrsClient(Queries):
         self._end(fault, fault)
 
     def _end(self, of_streams: Exception | None, of_commands: Exception) -> None:
-        for streams in (self._file_news, self._plans, self._notifications, self._telemetry):
+        told = (self._file_news, self._plans, self._notifications, self._telemetry, self._trees)
+        for streams in told:
             streams.close(of_streams)
         for watch in self._watches:
             watch.fail(of_commands)

@@ -151,6 +151,43 @@ class Controller(Enum):
     MPC = 2
 
 
+class NodeKind(Enum):
+    """What a node of the behaviour tree is.
+
+    Attributes:
+        SELECTOR: The first child that does not fail.
+        SEQUENCE: All children, one after the other.
+        PARALLEL: All children at once.
+        DECORATOR: Runs its child again, in time, or inverted.
+        CONDITION: Checks, never acts.
+        TAKE: Takes a goal of a queue.
+        LEAF: Acts.
+        PLANNED: Of a plan; which kind is not known.
+    """
+
+    SELECTOR = 1
+    SEQUENCE = 2
+    PARALLEL = 3
+    DECORATOR = 4
+    CONDITION = 5
+    TAKE = 6
+    LEAF = 7
+    PLANNED = 8
+
+
+class NodeStatus(Enum):
+    """What a node of the behaviour tree did when it was last ticked.
+
+    Attributes:
+        IDLE: That was not in the last tick.
+    """
+
+    IDLE = 1
+    RUNNING = 2
+    SUCCESS = 3
+    FAILURE = 4
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandHeader:
     """The identity of a command and how it is to be handled; the first part of every command.
@@ -620,3 +657,71 @@ class Preview:
     energy: float | None = None
     clearance: float | None = None
     nearest: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TreeUpdate:
+    """The behaviour tree as of a tick.
+
+    Attributes:
+        whole: Number of the whole tree that this is, or that it differs from.
+        timestamp: On-board time. (ns since 1970 UTC)
+        tick: Number of the tick.
+        mode: What the asset is about.
+        activeSource: Source of the command under way. NULL: none is.
+        activeCommandId: The command under way. NULL: none is.
+        why: Why the asset stands, or what moves it: one line.
+        faults: The active faults, a line each.
+        unmonitored: What is not monitored. NULL: as in the whole.
+        nodes: All nodes, depth first. NULL: as in the whole, but for the changes.
+        changes: The nodes that differ from the whole. NULL in a whole.
+    """
+
+    whole: int
+    timestamp: int
+    tick: int
+    mode: AssetMode
+    activeSource: str | None = None
+    activeCommandId: int | None = None
+    why: str
+    faults: tuple[str, ...]
+    unmonitored: str | None = None
+    nodes: tuple[TreeNode, ...] | None = None
+    changes: tuple[NodeChange, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TreeNode:
+    """A node of the behaviour tree.
+
+    Attributes:
+        name: Its name.
+        path: Names from the root, joined by slashes. NULL: that of its parent, a slash, and its
+            name.
+        depth: Steps from the root; its parent is the last node before it of one step less.
+        kind: What it is.
+        status: What it did in the last tick.
+        message: What it says of itself. NULL: nothing.
+    """
+
+    name: str
+    path: str | None = None
+    depth: int
+    kind: NodeKind
+    status: NodeStatus
+    message: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeChange:
+    """How a node is now.
+
+    Attributes:
+        index: Its place among the nodes of the whole, from 0.
+        status: What it did in the last tick.
+        message: What it says of itself. NULL: nothing.
+    """
+
+    index: int
+    status: NodeStatus
+    message: str | None = None

@@ -1,0 +1,101 @@
+"""Broadcasts the behaviour tree, as long as somebody is subscribed to it.
+
+The core's thread is asked for a snapshot now and then; what is sent of it, and when, is decided on
+the link's loop. Nothing is asked for while nobody is subscribed.
+"""
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Final
+
+from adapters.mal import MalError
+from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.served_operations import ServedOperations
+from adapters.mrs.spec.tree_updates import change_update, whole_update
+from executive.recorded_executive import without_figures
+from executive.runner import Executive
+from executive.settings import Settings
+from trees import Snapshot, snapshot_of
+
+LOOK_S: Final = 0.2
+FIGURES_S: Final = 1.0
+"""Between two updates in which nothing differs but figures."""
+WHOLE_S: Final = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """A snapshot that was broadcast, and when by the loop's clock."""
+
+    snapshot: Snapshot
+    at_s: float
+
+
+class TreeService:
+    """Serves `Status.monitorTree`.
+
+    Args:
+        served: where.
+        gateway: the way to the executive.
+        settings: of the asset.
+    """
+
+    def __init__(self, served: ServedOperations, gateway: Gateway, settings: Settings) -> None:
+        self._gateway = gateway
+        self._asset = settings.asset
+        self._domain = settings.domain
+        self._publisher = served.publisher("Status", "monitorTree", self._begin)
+        self._telling: asyncio.Task[None] | None = None
+        self._number = 0
+        self._whole: _Told | None = None
+        self._last: _Told | None = None
+
+    def _begin(self) -> None:
+        """Tell the whole to who has subscribed now."""
+        self._whole = None
+        if self._telling is None or self._telling.done():
+            self._telling = asyncio.create_task(self._tell())
+
+    async def _tell(self) -> None:
+        while self._publisher.has_subscribers:
+            with suppress(MalError):  # of a core that is too busy now, or hangs
+                self._look(await self._gateway.ask(_snapshot))
+            await asyncio.sleep(LOOK_S)
+
+    def _look(self, snapshot: Snapshot) -> None:
+        """Broadcast what is due."""
+        now = _Told(snapshot, asyncio.get_running_loop().time())
+        whole, last, change = self._whole, self._last, None
+        if whole is not None and last is not None and now.at_s - whole.at_s < WHOLE_S:
+            if _same(last.snapshot, snapshot):
+                return
+            if now.at_s - last.at_s < FIGURES_S and _same(_words(last.snapshot), _words(snapshot)):
+                return
+            change = change_update(self._number, whole.snapshot, snapshot)
+        if change is None:
+            self._number += 1
+            self._whole = now
+        self._last = now
+        self._publisher.publish(
+            change or whole_update(self._number, snapshot),
+            keys=(self._asset,),
+            domain=self._domain,
+            source=self._asset,
+            droppable=True,
+        )
+
+
+def _snapshot(executive: Executive) -> Snapshot:
+    return snapshot_of(executive, executive.parameters()[0].utc_s)
+
+
+def _same(one: Snapshot, other: Snapshot) -> bool:
+    """Whether two differ in nothing but their times."""
+    return replace(one, tick=other.tick, utc_s=other.utc_s) == other
+
+
+def _words(snapshot: Snapshot) -> Snapshot:
+    """Return a snapshot without figures."""
+    nodes = tuple(replace(each, message=without_figures(each.message)) for each in snapshot.nodes)
+    return replace(snapshot, nodes=nodes, why=without_figures(snapshot.why))

@@ -1,0 +1,159 @@
+"""The behaviour tree on the wire: a whole now and then, and what differs from it in between.
+
+A change is told from the last whole, not from the change before it: any of them may be lost.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from adapters.mrs.spec import types
+from adapters.mrs.spec.mapping import LONGEST_TEXT, NS_PER_S, to_ns
+from executive.reports import Identity
+from trees import Node, NodeKind, NodeStatus, Snapshot
+
+SEPARATOR: Final = "/"
+
+
+def whole_update(number: int, snapshot: Snapshot) -> types.TreeUpdate:
+    """Return a tree as a whole, under a number of its own."""
+    paths = _Paths()
+    nodes = tuple(
+        types.TreeNode(
+            name=each.name,
+            path=None if paths.next(each.name, each.depth, each.path) else each.path,
+            depth=each.depth,
+            kind=types.NodeKind[each.kind.name],
+            status=types.NodeStatus[each.status.name],
+            message=each.message or None,
+        )
+        for each in snapshot.nodes
+    )
+    return _update(number, snapshot, unmonitored=snapshot.unmonitored, nodes=nodes)
+
+
+def change_update(number: int, whole: Snapshot, snapshot: Snapshot) -> types.TreeUpdate | None:
+    """Return how a tree differs from a whole that was sent; None if its nodes are others."""
+    if not _alike(whole.nodes, snapshot.nodes) or whole.unmonitored != snapshot.unmonitored:
+        return None
+    changes = tuple(
+        types.NodeChange(
+            index=index,
+            status=types.NodeStatus[each.status.name],
+            message=each.message or None,
+        )
+        for index, (before, each) in enumerate(zip(whole.nodes, snapshot.nodes, strict=True))
+        if each != before
+    )
+    return _update(number, snapshot, changes=changes)
+
+
+def snapshot_of_update(update: types.TreeUpdate, whole: Snapshot | None) -> Snapshot:
+    """Return the tree that an update tells.
+
+    Args:
+        update: what came.
+        whole: the one that it differs from; None if it is a whole.
+
+    Raises:
+        ValueError: it does not fit that whole, or the nodes of a whole are no tree.
+    """
+    if update.nodes is not None:
+        nodes, unmonitored = tuple(_nodes(update.nodes)), update.unmonitored or ""
+    elif whole is not None:
+        nodes, unmonitored = _changed(whole.nodes, update.changes or ()), whole.unmonitored
+    else:
+        raise ValueError("a change of a tree that is not known")
+    number = update.activeCommandId
+    return Snapshot(
+        tick=update.tick,
+        utc_s=update.timestamp / NS_PER_S,
+        mode=update.mode.name,
+        why=update.why,
+        nodes=nodes,
+        faults=update.faults,
+        unmonitored=unmonitored,
+        active=None if number is None else Identity(update.activeSource or "", number),
+    )
+
+
+def _update(
+    number: int,
+    snapshot: Snapshot,
+    *,
+    unmonitored: str | None = None,
+    nodes: tuple[types.TreeNode, ...] | None = None,
+    changes: tuple[types.NodeChange, ...] | None = None,
+) -> types.TreeUpdate:
+    active = snapshot.active
+    return types.TreeUpdate(
+        whole=number,
+        timestamp=to_ns(snapshot.utc_s),
+        tick=snapshot.tick,
+        mode=types.AssetMode[snapshot.mode],
+        activeSource=None if active is None else active.source,
+        activeCommandId=None if active is None else active.command_id,
+        why=snapshot.why[:LONGEST_TEXT],
+        faults=snapshot.faults,
+        unmonitored=unmonitored,
+        nodes=nodes,
+        changes=changes,
+    )
+
+
+def _alike(some: Sequence[Node], others: Sequence[Node]) -> bool:
+    return [(each.path, each.depth, each.kind) for each in some] == [
+        (each.path, each.depth, each.kind) for each in others
+    ]
+
+
+def _nodes(told: Sequence[types.TreeNode]) -> list[Node]:
+    paths = _Paths()
+    nodes: list[Node] = []
+    for each in told:
+        paths.next(each.name, each.depth, each.path)
+        path = paths.last
+        kind, status = NodeKind[each.kind.name], NodeStatus[each.status.name]
+        nodes.append(Node(path, each.name, each.depth, kind, status, each.message or ""))
+    return nodes
+
+
+def _changed(nodes: Sequence[Node], changes: Sequence[types.NodeChange]) -> tuple[Node, ...]:
+    changed = list(nodes)
+    for each in changes:
+        if each.index >= len(nodes):
+            raise ValueError(f"node {each.index} of {len(nodes)} changed")
+        old, status = nodes[each.index], NodeStatus[each.status.name]
+        changed[each.index] = Node(
+            old.path, old.name, old.depth, old.kind, status, each.message or ""
+        )
+    return tuple(changed)
+
+
+class _Paths:
+    """The paths of nodes in depth-first order, most of which follow from the names."""
+
+    def __init__(self) -> None:
+        self._open: list[str] = []
+
+    @property
+    def last(self) -> str:
+        """The path of the node that came last."""
+        return self._open[-1]
+
+    def next(self, name: str, depth: int, path: str | None) -> bool:
+        """Take the next node, and return whether its path follows from that of its parent.
+
+        Args:
+            name: its name.
+            depth: steps from the root.
+            path: None for the one that follows.
+
+        Raises:
+            ValueError: it has no parent.
+        """
+        if depth > len(self._open):
+            raise ValueError(f"node {name} of depth {depth} has no parent")
+        del self._open[depth:]
+        follows = f"{self.last}{SEPARATOR}{name}" if self._open else name
+        self._open.append(follows if path is None else path)
+        return path in {None, follows}
