@@ -320,3 +320,19 @@ class Tape(Protocol):
 
     def put(self, item: Item) -> None:
         """Record the next item."""
+
+
+class Tapes:
+    """Several tapes as one.
+
+    Args:
+        tapes: each takes every item, in this order.
+    """
+
+    def __init__(self, *tapes: Tape) -> None:
+        self._tapes = tapes
+
+    def put(self, item: Item) -> None:
+        """Record the next item."""
+        for tape in self._tapes:
+            tape.put(item)

@@ -17,6 +17,7 @@ from adapters.explanation.explain import (
     explain_now,
 )
 from adapters.explanation.log import CommandLife, Entry, Wanted, entries, lives_of
+from adapters.explanation.relevance import relevant
 from adapters.explanation.words import When, entry_line, explanation_lines
 
 __all__ = [
@@ -39,5 +40,6 @@ __all__ = [
     "explain_now",
     "explanation_lines",
     "lives_of",
+    "relevant",
     "request_text",
 ]

@@ -19,7 +19,9 @@ SLOWING: Final = frozenset(
 )
 """Unless the settings of an asset say otherwise."""
 LONGEST_VALUE: Final = 40
-"""Characters of an argument that are shown, such as of a plan's text."""
+"""Characters of an argument that are shown, such as of a path."""
+MOST_READ: Final = 4 * LONGEST_VALUE
+"""Of what was sent, however long: this is done between the ticks of a rover, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +150,10 @@ def _argument(declared: Declaration, request: Request, field: str, name: str, un
             shown = f"{value:.4g}"
         case tuple():
             return f"{len(value)} {name}"
+        case bytes():
+            return f"{name} of {len(value)} octets"
         case _:
-            shown = " ".join(str(value).split())
+            shown = " ".join(str(value)[:MOST_READ].split())
     if len(shown) > LONGEST_VALUE:
         shown = f"{shown[:LONGEST_VALUE]}…"
     return f"{name} {shown} {unit}".rstrip()

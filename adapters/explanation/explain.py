@@ -4,7 +4,7 @@ Pure functions of a `Chronicle`, so that a recording and a rover heard by the MR
 the same words. What a chronicle does not know is left out.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -120,7 +120,7 @@ def explain_now(chronicle: Chronicle) -> Explanation:
     if now.active is not None and now.active in lives and now.mode not in _HOLDING:
         life = _Life(chronicle, lives, lives[now.active]).explain()
         return Explanation(headline, life.reason, (*life.steps, *_conditions(chronicle)), ())
-    cause = _cause(chronicle, now)
+    cause = cause_of(chronicle, now)
     steps: list[Step] = []
     reason: Reason | None = None
     evidence: tuple[Figure, ...] = ()
@@ -193,7 +193,7 @@ class _Life:
         situations = self._chronicle.situations
         if not situations or situations[-1].mode not in _HOLDING:
             return None
-        cause = _cause(self._chronicle, situations[-1])
+        cause = cause_of(self._chronicle, situations[-1])
         return cause.reason if isinstance(cause, Report) else None
 
     @property
@@ -306,15 +306,9 @@ class _Life:
             for each in _active_faults(self._chronicle, self._end_s, began_s)
             if each.reason in self._chronicle.slowing
         ]
-        setting = [
-            each
-            for each in self._lives.values()
-            if each.name.startswith("setTravelSpeed")
-            and each.end is not None
-            and each.end.stage is Stage.EXECUTED
-            and each.end.utc_s <= self._end_s
-        ]
-        causes += [f"{each.name} of {each.identity}" for each in setting[-1:]]
+        setting = last_speed_setting(self._lives.values(), self._end_s)
+        if setting is not None:
+            causes.append(f"{setting.name} of {setting.identity}")
         if fastest is not None and fastest.travel_mps > 0.0:
             text = (
                 f"went at most {fastest.travel_mps:.2f} m/s, of {fastest.allowed_mps:.2f} m/s"
@@ -327,12 +321,24 @@ class _Life:
     def _behind(self, end: Report) -> Iterator[Step]:
         """Yield what is behind the end: the command that it names, or what held the rover then."""
         for other in self._lives.values():
-            if other is not self._life and _mentions(end.text, other.identity):
+            if other is not self._life and mentions(end.text, other.identity):
                 yield from _asked(other)
         if end.reason is Reason.WRONG_MODE:
             then = [each for each in self._chronicle.situations if each.utc_s <= end.utc_s]
             if then:
                 yield Step(then[-1].utc_s, f"the rover was {then[-1].mode.name}: {then[-1].why}")
+
+
+def last_speed_setting(lives: Iterable[CommandLife], until_utc_s: float) -> CommandLife | None:
+    """Return the command that set the greatest speed that holds at a time; None if none did."""
+    found = None
+    for each in lives:
+        end = each.end
+        if end is None or end.stage is not Stage.EXECUTED or end.utc_s > until_utc_s:
+            continue
+        if each.name.startswith("setTravelSpeed"):
+            found = each
+    return found
 
 
 def _of_stage(end: Report) -> Reason | None:
@@ -397,7 +403,7 @@ def _shown(figures: tuple[Figure, ...]) -> tuple[Figure, ...]:
     return tuple(each for each in figures if each.name not in hidden)
 
 
-def _mentions(text: str, identity: Identity) -> bool:
+def mentions(text: str, identity: Identity) -> bool:
     """Whether a text names a command, and not one whose number goes on."""
     before, found, after = text.partition(str(identity))
     return bool(found) and not after[:1].isdigit() and not before[-1:].isalnum()
@@ -411,7 +417,7 @@ def _spans(chronicle: Chronicle) -> Iterator[tuple[Situation, float]]:
         yield each, chronicle.until_utc_s if after is None else after
 
 
-def _cause(chronicle: Chronicle, now: Situation) -> Report | CommandLife | None:
+def cause_of(chronicle: Chronicle, now: Situation) -> Report | CommandLife | None:
     """Return what put the rover into a situation in which it is held; None where nothing did."""
     events = [
         each
@@ -421,7 +427,7 @@ def _cause(chronicle: Chronicle, now: Situation) -> Report | CommandLife | None:
     if events:
         return events[-1]
     lives = lives_of(chronicle)
-    named = [each for identity, each in lives.items() if _mentions(now.why, identity)]
+    named = [each for identity, each in lives.items() if mentions(now.why, identity)]
     return named[-1] if named and now.mode is Mode.STOPPED else None
 
 
@@ -449,14 +455,15 @@ def _active_faults(
     return list(active.values())
 
 
+def says_who_moves(report: Report) -> bool:
+    """Whether a report is of others that may move the rover, or that there are none any more."""
+    return "move the rover" in report.text or "nobody else moves" in report.text
+
+
 def _conditions(chronicle: Chronicle) -> list[Step]:
     """Return the faults that are not over, and who else may move the rover."""
     steps = [_event(each) for each in _active_faults(chronicle, chronicle.until_utc_s)]
-    foreign = [
-        each
-        for each in chronicle.reports
-        if "move the rover" in each.text or "nobody else moves" in each.text
-    ]
+    foreign = [each for each in chronicle.reports if says_who_moves(each)]
     if foreign and foreign[-1].text.startswith("others"):
         steps.append(_event(foreign[-1]))
     return steps

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import nan
-from pathlib import Path
 from typing import Any, Final
 
 from executive.authority import AuthorityAct, AuthorityAsked
@@ -53,6 +52,7 @@ class Case:
         reason: what must be named; None where no number stands for the cause.
         said: words that must stand in the explanation.
         settings: of the asset.
+        ends: whether the executive has ended; who is asked live is the one after it.
     """
 
     name: str
@@ -61,6 +61,7 @@ class Case:
     reason: Reason | None
     said: str = ""
     settings: Settings = JACKAL
+    ends: bool = False
 
 
 def _send(request: Request, number: int = 1, **options: Any) -> Callable[[Bench], object]:
@@ -389,7 +390,7 @@ CASES: Final = (
     Case("expired waiting", _expired_waiting, "MOE:1", Reason.EXPIRED, "for MOE:2 moveForward"),
     Case("crashed", _crashed, "MOE:1", Reason.INTERRUPTED, "restarted"),
     Case("crashed waiting", _crashed_waiting, "MOE:1", Reason.INTERRUPTED, "restarted"),
-    Case("shut down", _closed, "MOE:1", Reason.INTERRUPTED, "shut down"),
+    Case("shut down", _closed, "MOE:1", Reason.INTERRUPTED, "shut down", ends=True),
     Case("odometry lost", _lose_odometry, "MOE:1", Reason.ODOMETRY_STALE),
     Case("odometry jumped", _jumped, "MOE:1", Reason.ODOMETRY_JUMPED),
     Case("odometry without numbers", _no_numbers, "MOE:1", Reason.ODOMETRY_NOT_FINITE),
@@ -442,10 +443,3 @@ CASES: Final = (
     Case("now: plan suspended", _plan_stopped, None, None, "plan survey is suspended"),
     Case("now: nothing to do", _idle, None, None, "no motion goal"),
 )
-
-
-def folder_of(case: Case, root: Path) -> Path:
-    """Return a folder of a case's own."""
-    folder = root / case.name.replace(" ", "-").replace(":", "")
-    folder.mkdir()
-    return folder

@@ -1,0 +1,178 @@
+"""Builds a chronicle from what an executive records, be it from a file or while it runs."""
+
+from collections import deque
+from collections.abc import Iterable
+from typing import Any, Final
+
+from adapters.explanation.chronicle import (
+    Asked,
+    Chronicle,
+    Declined,
+    Fastest,
+    LeafRun,
+    Situation,
+    request_text,
+)
+from executive.commands import Command
+from executive.commands.intake import LONGEST_SOURCE
+from executive.fault_declaration import Then
+from executive.reasons import Reason, Refusal
+from executive.recording import (
+    Answered,
+    Call,
+    Called,
+    Drove,
+    Entry,
+    Item,
+    Life,
+    ModeChanged,
+    NodeState,
+    Reported,
+    Served,
+    TreeChanged,
+)
+from executive.reports import Identity, Report
+from executive.settings import Settings
+from trees import NodeKind, NodeStatus, preview
+
+KINDS: Final = (Served, Answered, Reported, ModeChanged, TreeChanged, Drove)
+"""The kinds of items that are of use, beside lives and entries."""
+
+
+class ChronicleBuilder:
+    """A tape from which a chronicle is made at any time.
+
+    Args:
+        most: how much of each kind is kept, the newest; None for all.
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self._most = most
+        self._utc_s = 0.0
+        self._allowed_mps = 0.0
+        self._slowing: frozenset[Reason] = frozenset()
+        self._leaf_paths: frozenset[str] = frozenset()
+        self._active: Identity | None = None
+        self._reports: dict[int, Report] = {}
+        self._asked: deque[Asked] = deque(maxlen=most)
+        self._declined: deque[Declined] = deque(maxlen=most)
+        self._situations: deque[Situation] = deque(maxlen=most)
+        self._leaves: deque[LeafRun] = deque(maxlen=most)
+        self._running: dict[str, LeafRun] = {}
+        self._fastest: dict[Identity, float] = {}
+
+    def begin(self, settings: Settings, known: Iterable[Report] = ()) -> None:
+        """Begin the life of an executive.
+
+        Args:
+            settings: of its asset.
+            known: what was reported before, as its ledger knows it.
+        """
+        self._allowed_mps = settings.drive.travel_speed_mps
+        self._slowing = frozenset(
+            declared.reason for declared, row in settings.faults if row.then is Then.SLOW_DOWN
+        )
+        self._leaf_paths = frozenset(
+            each.path for each in preview(settings) if each.kind is NodeKind.LEAF
+        )
+        for each in known:
+            self._add_report(each)
+
+    def put(self, item: Item) -> None:
+        """Take the next item."""
+        if isinstance(item, Entry):
+            self._utc_s = item.utc_s
+        match item:
+            case Drove(velocity=velocity):
+                self._note_speed(abs(velocity.travel_mps))
+            case TreeChanged(nodes=nodes, gone=gone):
+                for node in nodes:
+                    if node.path in self._leaf_paths:
+                        self._follow(node)
+                for path in gone:
+                    self._end_leaf(path)
+            case ModeChanged(mode=mode, active=active, why=why):
+                self._active = active
+                self._situations.append(Situation(self._utc_s, mode, active, why))
+            case Reported(report=report):
+                self._add_report(report)
+            case Served(command=command):
+                self._asked.append(_asked(command, self._utc_s))
+            case Answered(identity=identity, refusal=Refusal() as refusal):
+                self._declined.append(Declined(_bounded(identity), self._utc_s, refusal))
+            case Called(call=Call.START):
+                for path in list(self._running):
+                    self._end_leaf(path)
+            case Life(settings=settings):
+                self.begin(settings)
+            case _:
+                pass
+
+    def chronicle(self) -> Chronicle:
+        """Return what is known now."""
+        reports = tuple(self._reports[each] for each in sorted(self._reports))
+        lived = {each.identity for each in reports}
+        told = {(each.identity, each.text) for each in reports}
+        return Chronicle(
+            until_utc_s=self._utc_s,
+            reports=reports,
+            asked=tuple(self._asked),
+            declined=tuple(
+                each
+                for each in self._declined
+                if each.identity not in lived or (each.identity, each.refusal.text) not in told
+            ),
+            situations=tuple(self._situations),
+            leaves=tuple(
+                sorted([*self._leaves, *self._running.values()], key=lambda e: e.began_utc_s)
+            ),
+            fastest=tuple(
+                Fastest(identity, speed_mps, self._allowed_mps)
+                for identity, speed_mps in self._fastest.items()
+            ),
+            slowing=self._slowing,
+        )
+
+    def _add_report(self, report: Report) -> None:
+        self._reports.setdefault(report.sequence, report)
+        self._trim(self._reports)
+
+    def _note_speed(self, travel_mps: float) -> None:
+        if self._active is not None and travel_mps >= self._fastest.get(self._active, 0.0):
+            self._fastest[self._active] = travel_mps
+            self._trim(self._fastest)
+
+    def _trim(self, kept: dict[Any, Any]) -> None:
+        if self._most is not None and len(kept) > self._most:
+            del kept[next(iter(kept))]
+
+    def _follow(self, node: NodeState) -> None:
+        if node.status != NodeStatus.RUNNING.name:
+            self._end_leaf(node.path)
+            return
+        run = self._running.get(node.path)
+        began_s = self._utc_s if run is None else run.began_utc_s
+        self._running[node.path] = LeafRun(node.path, began_s, None, node.message)
+
+    def _end_leaf(self, path: str) -> None:
+        run = self._running.pop(path, None)
+        if run is not None:
+            self._leaves.append(LeafRun(path, run.began_utc_s, self._utc_s, run.message))
+
+
+def _bounded(identity: Identity) -> Identity:
+    """Return an identity without what is too long of its source, as a stop's may be."""
+    return Identity(identity.source[:LONGEST_SOURCE], identity.command_id)
+
+
+def _asked(command: Command, utc_s: float) -> Asked:
+    return Asked(
+        _bounded(command.identity),
+        request_text(command.request),
+        command.name,
+        command.link,
+        utc_s,
+        command.arrival,
+        command.created_utc_s,
+        command.lifetime_s,
+    )
