@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
+from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import MalUri
 from adapters.mrs.aboard import (
     AssetServices,
     FileServices,
     Gateway,
+    HistoryService,
     PreviewService,
     ServedOperations,
     TreeService,
@@ -58,6 +60,7 @@ class MrsLink:
         clear_text: whether others than this computer may be served without certificates.
         terms: the encoding and the certificates agreed on with the ground.
         service_layer: where another service layer is, to be registered at; None for nowhere.
+        history: what the executive records, to be asked for; None where it records nothing.
     """
 
     def __init__(
@@ -68,12 +71,14 @@ class MrsLink:
         clear_text: bool = False,
         terms: Terms = CLEAR,
         service_layer: MalUri | None = None,
+        history: ChronicleBuilder | None = None,
     ) -> None:
         self._settings = settings
         self._address = (host, port)
         self._clear_text = clear_text
         self._terms = terms
         self._service_layer = service_layer
+        self._history = history
         self._thread: threading.Thread | None = None
         self._serving: _Serving | None = None
 
@@ -144,6 +149,8 @@ class MrsLink:
         asset = AssetServices(served, gateway, settings)
         PreviewService(served, gateway)
         TreeService(served, gateway, settings)
+        if self._history is not None:
+            HistoryService(served, gateway, self._history)
         serve_authority(served, gateway)
         files = FileServices(served, executive.files, settings, partial(gateway.ask, _holder))
         await served.provider.start(*self._address, tls, self._clear_text)

@@ -16,6 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
+from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import CertificateError, MalUri
 from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
@@ -48,6 +49,7 @@ from executive.motion import SharedSolver
 from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
 from executive.recorded_executive import RecordedExecutive, life_of
+from executive.recording import Tapes
 from executive.reports import Severity
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings
@@ -57,6 +59,8 @@ from trees import RoverTree
 NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
 LAST_STOPS: Final = 4
+MOST_REMEMBERED: Final = 1000
+"""Commands, reports, modes and runs of leaves that can be asked for."""
 BEATS: Final = 2
 """Of the core's thread within the watchdog's bound, where nothing else wakes it."""
 _LOG = logging.getLogger(__name__)
@@ -100,6 +104,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
         SettingsError: the class that speaks with the rover is not there, or does not fit.
     """
     settings = options.settings
+    history = ChronicleBuilder(MOST_REMEMBERED)
     asked = Termination()
     try:
         with (
@@ -122,6 +127,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                     options.clear_text,
                     options.terms,
                     options.service_layer,
+                    history,
                 )
             ) as link,
             closing(VideoForwarder(settings.video)) if settings.video else nullcontext() as video,
@@ -137,6 +143,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 options.relay,
                 solver,
                 options.data / "recordings",
+                history,
             ) as executive,
             watched(node, executive) as watchdog,
         ):
@@ -163,6 +170,7 @@ def executive_on(
     relayed: bool = False,
     solver: SharedSolver | None = None,
     recordings: Path | None = None,
+    history: ChronicleBuilder | None = None,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands.
 
@@ -178,6 +186,7 @@ def executive_on(
         solver: plans for mpc.
         recordings: the folder that its recordings are kept in, if the settings want any; None for
             none.
+        history: takes what can be asked for of the recent past; None if nobody will ask.
     """
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
     settings = replace(settings, sensors=sensors.without_topicless(settings.sensors))
@@ -195,7 +204,12 @@ def executive_on(
         make: Callable[..., Executive] = Executive
         if tape is not None:
             tape.put(life_of(settings, ledger, files, solver))
-            make = partial(RecordedExecutive, tape)
+        if history is not None:
+            since = ledger.last_sequence - MOST_REMEMBERED + 1
+            history.begin(settings, ledger.reports(since, count=MOST_REMEMBERED))
+        tapes = [each for each in (tape, history) if each is not None]
+        if tapes:
+            make = partial(RecordedExecutive, Tapes(*tapes))
         executive = make(
             settings=settings,
             clock=clock,

@@ -10,11 +10,19 @@ from click.testing import CliRunner, Result
 
 from adapters.cli.log import log
 from adapters.cli.why import why
-from adapters.explanation import explain_command, explain_now, explanation_lines
+from adapters.explanation import (
+    Chronicle,
+    Explanation,
+    explain_command,
+    explain_now,
+    explanation_lines,
+    relevant,
+)
 from adapters.recording import RunFile, read_chronicle
 from executive.commands import Command, MoveForward, Resume, Stop
 from executive.reports import Identity
-from tests.explanation.situations import CASES, Case, folder_of
+from tests.explanation.live import LiveBench
+from tests.explanation.situations import CASES, Case
 from tests.support.kinematic import Bench
 
 
@@ -30,16 +38,33 @@ def typed(command: click.Command, *arguments: object) -> Result:
     return CliRunner().invoke(command, list(map(str, arguments)), catch_exceptions=False)
 
 
+def explain(chronicle: Chronicle, command: str | None) -> Explanation:
+    return explain_now(chronicle) if command is None else explain_command(chronicle, command)
+
+
+def told(explanation: Explanation) -> str:
+    return "\n".join(explanation_lines(explanation, lambda utc_s: f"{utc_s:.2f}"))
+
+
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -> None:
-    chronicle, _ = read_chronicle(recorded(case, folder_of(case, tmp_path)))
-    if case.command is None:
-        explained = explain_now(chronicle)
-    else:
-        explained = explain_command(chronicle, case.command)
-    lines = "\n".join(explanation_lines(explained, lambda utc_s: f"{utc_s:.2f}"))
-    assert explained.reason is case.reason, lines
-    assert case.said in lines
+    with LiveBench(tmp_path, case.settings) as bench:
+        case.inject(bench)
+        bench.recorder.end()
+        if case.ends:
+            bench.restart()
+        live = bench.ask(lambda client: client.get_history(case.command))
+        starts = bench.starts
+    recorded, _ = read_chronicle(tmp_path / "run.mcap")
+    explained = explain(recorded, case.command)
+    assert explained.reason is case.reason, told(explained)
+    assert case.said in told(explained)
+    assert told(explain(relevant(recorded, case.command), case.command)) == told(explained)
+    asked = explain(live, case.command)
+    assert asked.reason is case.reason, told(asked)
+    assert case.said in told(asked)
+    if starts == 1:
+        assert told(asked) == told(explained)
 
 
 @pytest.fixture(scope="module")

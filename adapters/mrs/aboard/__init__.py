@@ -13,6 +13,7 @@ from adapters.mrs.aboard.asset_services import (
 from adapters.mrs.aboard.authority_service import serve_authority
 from adapters.mrs.aboard.file_services import FileServices
 from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.history_service import HistoryService
 from adapters.mrs.aboard.preview_service import PreviewService
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.aboard.tree_service import TreeService
@@ -23,6 +24,7 @@ __all__ = [
     "AssetServices",
     "FileServices",
     "Gateway",
+    "HistoryService",
     "PreviewService",
     "ServedOperations",
     "TreeService",

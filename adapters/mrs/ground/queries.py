@@ -2,6 +2,7 @@
 
 from typing import Any, Final, TypeVar
 
+from adapters.explanation import Chronicle, UnknownCommandError
 from adapters.mal import MalError, NamedValue, StandardError
 from adapters.mrs.ground.session import Session
 from adapters.mrs.spec import (
@@ -10,6 +11,7 @@ from adapters.mrs.spec import (
     CameraState,
     FaultStatus,
     FileInfo,
+    History,
     Notification,
     ParameterDefinition,
     ParameterValue,
@@ -19,6 +21,7 @@ from adapters.mrs.spec import (
     ServiceDescriptor,
     Speeds,
     asked_motion,
+    chronicle_of,
     wire_definition,
 )
 from executive.commands import Motion, PlanDefinition
@@ -27,6 +30,14 @@ T = TypeVar("T")
 
 LOST: Final = {StandardError.DESTINATION_LOST.value, StandardError.SHUTDOWN.value}
 """What an interaction ends with when the link or the rover goes away before the answer."""
+
+LONGEST_NUMBER: Final = (1 << 63) - 1
+
+
+def _is_number(text: str) -> bool:
+    """Whether a text is the number of a command as it travels."""
+    digits = text.removeprefix("-")
+    return digits.isascii() and digits.isdigit() and int(digits) <= LONGEST_NUMBER
 
 
 class Queries:
@@ -45,6 +56,26 @@ class Queries:
         """Return notifications of the past, oldest first; 0 for as many as come at once."""
         wanted = (since, command_id, max_count)
         return await self._list(Notification, "Notification", "getNotifications", *wanted)
+
+    async def get_history(self, command: str | None = None) -> Chronicle:
+        """Return what explains a command, or what the rover does now; see `adapters.explanation`.
+
+        Args:
+            command: its number, or `SOURCE:NUMBER`; None for what the rover does.
+
+        Raises:
+            UnknownCommandError: no command can be called so.
+        """
+        source, _, number = (command or "").rpartition(":")
+        if command is not None and not _is_number(number):
+            raise UnknownCommandError(f"{command} is neither NUMBER nor SOURCE:NUMBER")
+        wanted = (source or None, None if command is None else int(number), False)
+        return chronicle_of(await self._one(History, "Notification", "getHistory", *wanted))
+
+    async def get_whole_history(self) -> Chronicle:
+        """Return all that the rover keeps of its last commands, reports and modes."""
+        wanted = (None, None, True)
+        return chronicle_of(await self._one(History, "Notification", "getHistory", *wanted))
 
     async def get_value(self, *names: str) -> tuple[ParameterValue, ...]:
         """Return present parameter values, all if none is named."""

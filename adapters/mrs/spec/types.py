@@ -725,3 +725,163 @@ class NodeChange:
     index: int
     status: NodeStatus
     message: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class History:
+    """What is known of a time aboard, so that it can be explained.
+
+    Attributes:
+        until: On-board time at which it ends: now. (ns since 1970 UTC)
+        reports: In the order of their numbers.
+        asked: Commands, in the order of their arrival.
+        declined: Commands that have no life of their own.
+        situations: What the asset was about, in the order of time.
+        leaves: When leaves of the behaviour tree ran.
+        fastest: The greatest speeds.
+        slowing: Reasons of the faults for which the asset slows down.
+    """
+
+    until: int
+    reports: tuple[PastReport, ...]
+    asked: tuple[AskedCommand, ...]
+    declined: tuple[DeclinedCommand, ...]
+    situations: tuple[Situation, ...]
+    leaves: tuple[LeafRun, ...]
+    fastest: tuple[FastestTravel, ...]
+    slowing: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PastReport:
+    """A notification as the asset keeps it: with the link of the command, and with units.
+
+    Attributes:
+        notification: The notification, without parameters.
+        source: Source of the command that it is of, whatever its kind is. NULL: of none.
+        commandId: That command. NULL: of none.
+        link: Link by which the command came. NULL: of no command.
+        figures: The figures behind it.
+    """
+
+    notification: Notification
+    source: str | None = None
+    commandId: int | None = None
+    link: str | None = None
+    figures: tuple[FigureWithUnit, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureWithUnit:
+    """A number with its unit.
+
+    Attributes:
+        name: What it is of.
+        value: The number.
+        unit: As people read it. NULL: a count.
+    """
+
+    name: str
+    value: float
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedCommand:
+    """A command as it arrived.
+
+    Attributes:
+        source: Who asked.
+        commandId: Under which number.
+        text: What for, with its arguments and their units, for people.
+        name: Name of the request.
+        link: By which link.
+        timestamp: On-board time of its arrival. (ns since 1970 UTC)
+        replaces: Whether it was to replace the motion under way.
+        creationTime: When it was made, as its sender said. (ns since 1970 UTC)
+        lifetime: How long it may wait, as its sender said. (s)
+    """
+
+    source: str
+    commandId: int
+    text: str
+    name: str
+    link: str
+    timestamp: int
+    replaces: bool
+    creationTime: int | None = None
+    lifetime: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeclinedCommand:
+    """A command that was not taken under its number.
+
+    Attributes:
+        source: Who asked.
+        commandId: Under which number.
+        timestamp: On-board time. (ns since 1970 UTC)
+        code: The reason, as in notifications.
+        text: The reason, for the operator.
+        figures: The figures behind it.
+    """
+
+    source: str
+    commandId: int
+    timestamp: int
+    code: int
+    text: str
+    figures: tuple[FigureWithUnit, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Situation:
+    """What the asset was about from a time on.
+
+    Attributes:
+        timestamp: On-board time. (ns since 1970 UTC)
+        mode: Its mode.
+        activeSource: Source of the command under way. NULL: none was.
+        activeCommandId: The command under way. NULL: none was.
+        why: Why it stood, or what moved it: one line.
+    """
+
+    timestamp: int
+    mode: AssetMode
+    activeSource: str | None = None
+    activeCommandId: int | None = None
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeafRun:
+    """A time for which a leaf of the behaviour tree ran.
+
+    Attributes:
+        path: Names from the root, joined by slashes.
+        began: On-board time. (ns since 1970 UTC)
+        ended: On-board time. NULL: it runs. (ns since 1970 UTC)
+        message: What it said of itself last. NULL: nothing.
+    """
+
+    path: str
+    began: int
+    ended: int | None = None
+    message: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FastestTravel:
+    """The greatest speed that was commanded within a command.
+
+    Attributes:
+        source: Who asked for the command.
+        commandId: Under which number.
+        speed: m/s.
+        allowed: m/s, the greatest that the asset allows.
+    """
+
+    source: str
+    commandId: int
+    speed: float
+    allowed: float

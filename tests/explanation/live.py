@@ -1,0 +1,89 @@
+"""A rover whose core stands in lock step, and that is asked over a socket by the MRS meanwhile."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import SimpleQueue
+from typing import TypeVar
+
+from adapters.explanation.builder import ChronicleBuilder
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.link import MrsLink
+from adapters.recording import RunFile
+from executive.ports import Downlink
+from executive.recording import Item, Tapes
+from executive.runner import Executive
+from executive.settings import Settings
+from tests.support.kinematic import Bench
+
+T = TypeVar("T")
+
+KEPT = 1000
+ANSWER_S = 60.0
+
+
+class Recorder:
+    """A tape that ends when somebody asks: what that brings about is no part of the run."""
+
+    def __init__(self, path: Path) -> None:
+        self.file = RunFile(path)
+        self.ended = False
+
+    def put(self, item: Item) -> None:
+        if not self.ended:
+            self.file.put(item)
+
+    def end(self) -> None:
+        self.ended = True
+        self.file.close()
+
+
+class LiveBench(Bench):
+    """A bench that is recorded, and served by the MRS.
+
+    Attributes:
+        starts: how often an executive was started; what is not in its ledger is lost with one.
+    """
+
+    def __init__(self, folder: Path, settings: Settings | None = None) -> None:
+        self.recorder = Recorder(folder / "run.mcap")
+        self.starts = 0
+        self._links: list[MrsLink] = []
+        super().__init__(folder, settings, tape=self.recorder)
+
+    def __exit__(self, *_: object) -> None:
+        for link in self._links:
+            link.close()
+        super().__exit__()
+        if not self.recorder.ended:
+            self.recorder.end()
+
+    def _start(self) -> Executive:
+        self.starts += 1
+        self._history = ChronicleBuilder(KEPT)
+        self._links.append(MrsLink(self.settings, port=0, history=self._history))
+        self.tape = Tapes(self.recorder, self._history)
+        executive = super()._start()
+        self._uri = str(self._links[-1].start(executive))
+        return executive
+
+    def downlinks(self) -> list[Downlink]:
+        self._history.begin(self.settings, self.ledger.reports(1, count=KEPT))
+        return [self.heard, self._links[-1]]
+
+    def ask(self, session: Callable[[MrsClient], Awaitable[T]]) -> T:
+        """Hold a session from the ground, and serve what it asks on this thread."""
+        turns: SimpleQueue[bool] = SimpleQueue()
+        self.executive.wake = lambda: turns.put(True)
+
+        async def hold() -> T:
+            async with await MrsClient.connect(self._uri) as client:
+                return await session(client)
+
+        with ThreadPoolExecutor(1) as ground:
+            answer = ground.submit(asyncio.run, hold())
+            answer.add_done_callback(lambda _: turns.put(False))
+            while turns.get(timeout=ANSWER_S):
+                self.executive.turn()
+        return answer.result()
