@@ -3,6 +3,7 @@
 import asyncio
 import socket
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Self
 
@@ -11,22 +12,37 @@ import pytest
 from adapters.mal import Codec, Header, MalUri, Subscription, connection, encode_message
 from adapters.mal import Stage as SduStage
 from adapters.mal.codec import decode_message
+from adapters.mrs.aboard import tree_service
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Notification, ParameterValue, Stage, mrs_specification
-from executive.commands import SetCameraAngles, SetStatusInterval
+from adapters.mrs.spec import (
+    Notification,
+    ParameterValue,
+    Stage,
+    TreeUpdate,
+    mrs_specification,
+)
+from adapters.mrs.spec.tree_updates import snapshot_of_update
+from executive.commands import MoveForward, SetCameraAngles, SetStatusInterval
+from executive.runner import Executive
 from executive.state import Parameter
 from tests.mrs.aboard import Aboard
 from tests.support.kinematic import STEP_S
+from trees import Snapshot, snapshot_of
 
 ROOM_OCTETS = 4096
 ANSWER_S = 60.0
 OWN_URI = "maltcp://127.0.0.1:1/slow"
 
 
-class SlowSubscriber:
-    """A plain socket with little room, subscribed to all that a rover tells."""
+VALUES = ("Monitoring", "monitorValue")
+REPORTS = ("Notification", "monitorNotification")
+TREE = ("Status", "monitorTree")
 
-    def __init__(self, rover: str) -> None:
+
+class SlowSubscriber:
+    """A plain socket with little room, subscribed to some of what a rover tells."""
+
+    def __init__(self, rover: str, *operations: tuple[str, str]) -> None:
         uri = MalUri.parse(rover)
         self._broker = str(uri.broker)
         self._codec = Codec(mrs_specification())
@@ -35,9 +51,7 @@ class SlowSubscriber:
         self._socket.settimeout(ANSWER_S)
         self._socket.connect((uri.host, uri.port))
         self._octets = bytearray()
-        for number, (service, operation) in enumerate(
-            (("Notification", "monitorNotification"), ("Monitoring", "monitorValue")), 1
-        ):
+        for number, (service, operation) in enumerate(operations, 1):
             self._subscribe(number, service, operation)
 
     def __enter__(self) -> Self:
@@ -46,7 +60,7 @@ class SlowSubscriber:
     def __exit__(self, *_: object) -> None:
         self._socket.close()
 
-    def read(self) -> Iterator[Notification | ParameterValue]:
+    def read(self) -> Iterator[Notification | ParameterValue | TreeUpdate]:
         """What comes, until the rover hangs up or has nothing more to say for long."""
         while message := self._message():
             header, body = decode_message(message)
@@ -133,7 +147,7 @@ def gaps(times_ms: list[int]) -> list[int]:
 
 
 def test_one_that_reads_late_lacks_only_old_telemetry(aboard: Aboard) -> None:
-    with SlowSubscriber(aboard.uri) as slow:
+    with SlowSubscriber(aboard.uri, REPORTS, VALUES) as slow:
         heard = aboard.ground(lambda client: work(client, aboard, ROUNDS))
         assert heard.lives == [LIFE] * (ROUNDS // COMMAND_EVERY)
         assert gaps(times(heard.values)) == []
@@ -145,6 +159,7 @@ def test_one_that_reads_late_lacks_only_old_telemetry(aboard: Aboard) -> None:
             if isinstance(told, Notification):
                 sequences.append(told.sequence)
                 continue
+            assert isinstance(told, ParameterValue)
             values.append(told)
             if told.timestamp == newest and told.name == heard.values[-1].name:
                 break
@@ -159,7 +174,7 @@ def test_one_that_never_reads_is_hung_up_on_and_can_catch_up(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(connection, "BACKLOG_CAP", 20)
-    with SlowSubscriber(aboard.uri) as dead:
+    with SlowSubscriber(aboard.uri, REPORTS, VALUES) as dead:
         heard = aboard.ground(lambda client: work(client, aboard, ROUNDS))
         assert heard.lives == [LIFE] * (ROUNDS // COMMAND_EVERY)
         assert gaps(times(heard.values)) == []
@@ -172,3 +187,39 @@ def test_one_that_never_reads_is_hung_up_on_and_can_catch_up(
 
     missed = aboard.ground(catch_up)
     assert got + [report.sequence for report in missed] == [r.sequence for r in heard.reports]
+
+
+def much(executive: Executive, utc_s: float) -> Snapshot:
+    """Return a snapshot that fills what a socket takes before anybody reads."""
+    return replace(snapshot_of(executive, utc_s), unmonitored="x" * 20_000)
+
+
+def test_one_that_reads_late_has_the_tree_as_it_is_all_the_same(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connection, "DROPPABLE_CAP", 8)
+    monkeypatch.setattr(tree_service, "snapshot_of", much)
+    for name in ("LOOK_S", "FIGURES_S", "WHOLE_S"):
+        monkeypatch.setattr(tree_service, name, 0.0)
+
+    async def watch(client: MrsClient) -> Snapshot:
+        trees = await client.tree_snapshots()
+        await client.submit(client.command(MoveForward(50.0)))
+        for _ in range(2 * ROUNDS):
+            await asyncio.to_thread(aboard.run, STEP_S)
+            now = aboard.do(lambda bench: much(bench.executive, bench.clock.utc_s()))
+            while await anext(trees) != now:
+                pass
+        return now
+
+    with SlowSubscriber(aboard.uri, TREE) as slow:
+        newest = aboard.ground(watch)
+        numbers: list[int] = []
+        for update in slow.read():
+            assert isinstance(update, TreeUpdate)
+            numbers.append(update.whole)
+            snapshot = snapshot_of_update(update, None)
+            if snapshot == newest:
+                break
+        assert snapshot == newest
+        assert numbers != list(range(numbers[0], numbers[-1] + 1)), "none was dropped"

@@ -1,28 +1,188 @@
 """The behaviour tree by the MRS, on real sockets: whole at first, then what differs."""
 
 import asyncio
+from dataclasses import replace
 
-from adapters.mrs.ground import MrsClient
-from executive.commands import MoveForward
-from tests.mrs.aboard import Aboard
-from trees import Snapshot, snapshot_of
+import pytest
+
+from adapters.mal import Consumer, Subscription, UpdateHeader
+from adapters.mrs.aboard import tree_service
+from adapters.mrs.ground import MrsClient, Stream
+from adapters.mrs.spec import AreaError, TreeUpdate
+from adapters.mrs.spec.tree_updates import change_update, snapshot_of_update, whole_update
+from adapters.mrs.spec.types import NodeChange, NodeStatus
+from executive.commands import ActivatePlan, MoveForward, Stop, SubmitPlan
+from executive.reports import Identity
+from tests.mrs.aboard import Aboard, raises
+from tests.support.kinematic import STEP_S
+from tests.support.plans import AHEAD, plan
+from trees import Snapshot, preview, snapshot_of
+
+ROUND_TRIPS = 20
 
 
-def aboard_now(aboard: Aboard) -> Snapshot:
+def now(aboard: Aboard) -> Snapshot:
     return aboard.do(lambda bench: snapshot_of(bench.executive, bench.clock.utc_s()))
+
+
+async def seen(trees: Stream[Snapshot], wanted: Snapshot) -> None:
+    """Wait for a snapshot."""
+    async for each in trees:
+        if each == wanted:
+            return
+    raise AssertionError(f"the stream ended before {wanted}")
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the tree be looked at all the time, and told at once."""
+    monkeypatch.setattr(tree_service, "LOOK_S", 0.0)
+    monkeypatch.setattr(tree_service, "FIGURES_S", 0.0)
 
 
 async def test_the_tree_is_told_whole_and_then_as_it_changes(
     client: MrsClient, aboard: Aboard
 ) -> None:
     trees = await client.tree_snapshots()
-    first = await anext(trees)
-    assert first.nodes == aboard_now(aboard).nodes
+    assert await anext(trees) == now(aboard)
     await client.submit(client.command(MoveForward(1.0), command_id=7))
     await asyncio.to_thread(aboard.run, 1.0)
-    now = aboard_now(aboard)
-    async for each in trees:
-        if each.tick == now.tick:
-            break
-    assert each == now
-    assert str(each.active) == "MOE:7"
+    await seen(trees, moving := now(aboard))
+    assert (moving.mode, moving.active) == ("MOVING", Identity("MOE", 7))
+    await client.submit(client.command(Stop(), command_id=8))
+    await asyncio.to_thread(aboard.run, STEP_S)
+    await seen(trees, now(aboard))
+
+
+async def test_the_tree_of_a_plan_is_told(client: MrsClient, aboard: Aboard) -> None:
+    trees = await client.tree_snapshots()
+    await client.submit(client.command(SubmitPlan(plan(AHEAD))))
+    await client.submit(client.command(ActivatePlan("survey")))
+    await asyncio.to_thread(aboard.run, 1.0)
+    await seen(trees, planned := now(aboard))
+    assert "plan:survey" in {each.path for each in planned.nodes}
+
+
+@pytest.mark.usefixtures("hasty")
+async def test_only_what_differs_is_told_and_nothing_where_nothing_does(
+    consumer: Consumer, aboard: Aboard
+) -> None:
+    updates: list[TreeUpdate] = []
+
+    def hear(_: UpdateHeader, update: TreeUpdate) -> None:
+        updates.append(update)
+
+    await consumer.subscribe("Status", "monitorTree", Subscription(subscriptionId="all"), hear)
+    for _ in range(ROUND_TRIPS):
+        await consumer.request("Status", "getStatus")
+    (whole,) = updates
+    standing = snapshot_of_update(whole, None)
+    assert (whole.nodes is not None, standing) == (True, now(aboard))
+    aboard.do(lambda bench: bench.submit(MoveForward(1.0), 1))
+    while updates[-1].mode.name != "MOVING":
+        await consumer.request("Status", "getStatus")
+    changed = updates[-1]
+    assert changed.nodes is None
+    assert changed.changes is not None
+    assert 0 < len(changed.changes) < len(standing.nodes)
+    assert snapshot_of_update(changed, standing) == now(aboard)
+
+
+@pytest.mark.usefixtures("hasty")
+async def test_nothing_is_asked_of_the_core_while_nobody_is_subscribed(
+    consumer: Consumer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken: list[float] = []
+
+    def count(*arguments: object) -> Snapshot:
+        taken.append(1)
+        return snapshot_of(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(tree_service, "snapshot_of", count)
+    everything = ("Status", "monitorTree", Subscription(subscriptionId="all"))
+    for _ in range(ROUND_TRIPS):
+        await consumer.request("Status", "getStatus")
+    assert not taken
+    await consumer.subscribe(*everything, lambda *_: None)
+    while not taken:
+        await consumer.request("Status", "getStatus")
+    await consumer.unsubscribe("Status", "monitorTree", "all")
+    await consumer.request("Status", "getStatus")
+    asked = len(taken)
+    for _ in range(ROUND_TRIPS):
+        await consumer.request("Status", "getStatus")
+    assert len(taken) == asked
+
+
+def test_each_who_subscribes_gets_the_whole(aboard: Aboard) -> None:
+    async def session(one: MrsClient) -> None:
+        trees = await one.tree_snapshots()
+        await anext(trees)
+        async with await MrsClient.connect(aboard.uri) as two:
+            assert await anext(await two.tree_snapshots()) == now(aboard)
+
+    aboard.ground(session)
+
+
+async def test_the_stream_goes_on_when_the_link_was_lost(client: MrsClient, aboard: Aboard) -> None:
+    trees = await client.tree_snapshots()
+    await anext(trees)
+    aboard.hang_up()
+    aboard.do(lambda bench: bench.submit(MoveForward(1.0), 1))
+    aboard.run(1.0)
+    aboard.listen()
+    await seen(trees, now(aboard))
+
+
+@pytest.mark.usefixtures("hasty")
+async def test_a_change_of_a_whole_that_did_not_come_is_passed_over(
+    client: MrsClient, aboard: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wholes: list[Snapshot] = []
+    changes: list[TreeUpdate | None] = []
+
+    def kept(number: int, snapshot: Snapshot) -> TreeUpdate:
+        wholes.append(snapshot)
+        return whole_update(number, snapshot)
+
+    def of_another(number: int, whole: Snapshot, snapshot: Snapshot) -> TreeUpdate | None:
+        changes.append(change_update(number + 1, whole, snapshot))
+        return changes[-1]
+
+    monkeypatch.setattr(tree_service, "whole_update", kept)
+    monkeypatch.setattr(tree_service, "change_update", of_another)
+    trees = await client.tree_snapshots()
+    heard = [await anext(trees)]
+    aboard.do(lambda bench: bench.submit(MoveForward(1.0), 1))
+    while not changes:
+        await client.get_pose()
+    monkeypatch.setattr(tree_service, "WHOLE_S", 0.0)
+    aboard.run(STEP_S)
+    while heard[-1] != now(aboard):
+        heard.append(await anext(trees))
+    assert heard == wholes[: len(heard)]
+
+
+@pytest.fixture
+def tree(aboard: Aboard) -> Snapshot:
+    """Give a tree as it stands."""
+    nodes = preview(aboard.do(lambda bench: bench.settings))
+    return Snapshot(1, 1_800_000_000.0, "IDLE", "stands", nodes, (), "nothing")
+
+
+def test_an_update_that_fits_no_tree_is_refused(tree: Snapshot) -> None:
+    whole, beyond = whole_update(1, tree), NodeChange(index=len(tree.nodes), status=NodeStatus.IDLE)
+    assert snapshot_of_update(whole, None) == tree
+    assert whole.nodes is not None
+    for update, known, said in (
+        (replace(whole, nodes=whole.nodes[1:]), None, "has no parent"),
+        (replace(whole, nodes=None), None, "not known"),
+        (replace(whole, nodes=None, changes=(beyond,)), tree, "changed"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            snapshot_of_update(update, known)
+
+
+async def test_a_rover_that_remembers_nothing_says_so(client: MrsClient) -> None:
+    with raises(AreaError.NOT_SUPPORTED.value):
+        await client.get_history()
