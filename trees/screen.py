@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Self
 
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.text import Text
 
 from trees.snapshot import Look, Node, NodeStatus, Snapshot, branches, line, looks
@@ -19,6 +20,39 @@ STYLES: Final = {
 _HEAD_LINES: Final = 3
 _MODE_STYLE: Final = {"SAFE": "bold white on red", "STOPPED": "bold black on yellow"}
 _NONE: Final[Mapping[str, str]] = MappingProxyType({})
+
+
+class Screen:
+    """Draws each snapshot over the last, as a context; into a pipe, one after the other.
+
+    Args:
+        asset: its name.
+    """
+
+    def __init__(self, asset: str) -> None:
+        self._asset = asset
+        self._console = Console()
+        self._live = Live(console=self._console, auto_refresh=False)
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def show(self, snapshot: Snapshot) -> None:
+        """Draw a snapshot."""
+        if self._console.is_terminal:
+            self._live.update(drawn(self._asset, snapshot, self._console.height), refresh=True)
+        else:
+            self._console.print(drawn(self._asset, snapshot), Text())
+
+
+def show_once(asset: str, snapshot: Snapshot) -> None:
+    """Print one snapshot, whole."""
+    Console().print(drawn(asset, snapshot))
 
 
 def drawn(
@@ -43,6 +77,7 @@ def drawn(
         (asset, "bold"),
         "  ",
         (f" {snapshot.mode} ", _MODE_STYLE.get(snapshot.mode, "bold black on white")),
+        f"  {snapshot.active}" if snapshot.active is not None else "",
         (f"  tick {snapshot.tick}  {at} UTC", "dim"),
     )
     return Group(head, *map(Text, (snapshot.why, *told)), Text(), drawn_nodes(nodes, notes))

@@ -1,20 +1,27 @@
 """What `rover log` and `rover why` share: where the history comes from, and its times."""
 
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
+from click.core import ParameterSource
 
-from adapters.explanation import Chronicle
+from adapters.explanation import Chronicle, UnknownCommandError
+from adapters.mal import MalError
+
+if TYPE_CHECKING:
+    from adapters.mrs.ground import MrsClient
+    from executive.reports import Report
+
 
 file_option: Final = click.option(
     "--file",
     "recording",
     metavar="RUN.mcap",
-    required=True,
     type=click.Path(path_type=Path),
-    help="A recorded run.",
+    help="Of a recorded run, not of the rover.",
 )
 
 
@@ -22,8 +29,10 @@ def read_file(recording: Path, until_s: float | None = None) -> tuple[Chronicle,
     """Return what a recording knows, and when it began, seconds since 1970-01-01 UTC.
 
     Raises:
-        click.UsageError: it cannot be used.
+        click.UsageError: it cannot be used, or a rover is named, too.
     """
+    if click.get_current_context().get_parameter_source("to") is ParameterSource.COMMANDLINE:
+        raise click.UsageError("--file is of a recording, --to of a rover: choose one")
     from adapters.recording import RecordingError, read_chronicle
 
     try:
@@ -35,3 +44,48 @@ def read_file(recording: Path, until_s: float | None = None) -> tuple[Chronicle,
 def since_began(began_utc_s: float) -> Callable[[float], str]:
     """Return what tells a time aboard as seconds since the beginning of a recording."""
     return lambda utc_s: f"{utc_s - began_utc_s:7.2f} s"
+
+
+def date_and_time(utc_s: float) -> str:
+    """Tell a time aboard by UTC, to hundredths of a second."""
+    at = datetime.fromtimestamp(utc_s, UTC)
+    return f"{at:%Y-%m-%d %H:%M:%S}.{at.microsecond // 10_000:02d}"
+
+
+async def ask(client: "MrsClient", command: str | None) -> Chronicle:
+    """Return what a rover knows of a command, or of what it does now.
+
+    An orbiter of a relay has no more than the reports that it heard.
+
+    Raises:
+        UsageError: no command can be called so.
+    """
+    from adapters.mrs.spec import AreaError
+
+    try:
+        return await client.get_history(command)
+    except UnknownCommandError as error:
+        raise click.UsageError(str(error)) from error
+    except MalError as error:
+        if error.number != AreaError.NOT_SUPPORTED.value:
+            raise
+        number = None if command is None else int(command.rpartition(":")[2])
+        return of_reports(await reports_from(client, 1, number))
+
+
+async def reports_from(
+    client: "MrsClient", since: int, command_id: int | None = None
+) -> list["Report"]:
+    """Return all reports from a number on, page by page."""
+    from adapters.mrs.spec import report_of
+
+    found: list[Report] = []
+    while page := await client.get_notifications(since, command_id):
+        found += map(report_of, page)
+        since = page[-1].sequence + 1
+    return found
+
+
+def of_reports(reports: list["Report"]) -> Chronicle:
+    """Return what reports alone tell."""
+    return Chronicle(reports[-1].utc_s if reports else 0.0, tuple(reports))

@@ -1,18 +1,38 @@
 """`rover log`: the history of commands and events."""
 
+import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
 import click
 
-from adapters.cli.history_options import file_option, read_file, since_began
-from adapters.explanation import Wanted, entries, entry_line
-from adapters.mrs.cli import echo_json, json_option, say
+from adapters.cli.history_options import (
+    ask,
+    date_and_time,
+    file_option,
+    of_reports,
+    read_file,
+    reports_from,
+    since_began,
+)
+from adapters.explanation import Chronicle, Entry, Wanted, When, entries, entry_line
+from adapters.mal import MalError
+from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
 from executive.commands import Mode
 from executive.reports import Severity
 
+if TYPE_CHECKING:
+    from adapters.mrs.ground import MrsClient
+
+PAGE: Final = 1000
+"""Reports that are asked for at once."""
+
 
 @click.command()
+@to_option
 @file_option
+@click.option("--follow", is_flag=True, help="Go on with each report as it comes, until Ctrl-C.")
 @click.option("--command", metavar="COMMAND", help="Of one: its number, or SOURCE:NUMBER.")
 @click.option("--source", help="Of the commands of this source.")
 @click.option(
@@ -32,7 +52,9 @@ from executive.reports import Severity
 @click.option("--unfold", is_flag=True, help="List each report of a command on a line of its own.")
 @json_option
 def log(
-    recording: Path,
+    to: Target,
+    recording: Path | None,
+    follow: bool,
     command: str | None,
     source: str | None,
     severity: str,
@@ -44,28 +66,111 @@ def log(
 ) -> None:
     """List commands, each with its whole life on a line, and events.
 
-    A command is listed if one of its reports is wanted. Times are seconds since the beginning of
-    the recording.
+    A command is listed if one of its reports is wanted. Of a recording, times are seconds since
+    its beginning. Of a rover, --since and --until are seconds before now; without --since its last
+    1000 reports are looked at.
 
     \b
     Examples:
+      rover log
+      rover log --since 600 --severity warning
+      rover log --follow
       rover log --file run.mcap
       rover log --file run.mcap --command MOE:1 --unfold
       rover log --file run.mcap --severity warning --since 2
       rover log --file run.mcap --json
     """
+    in_mode = None if mode is None else Mode[mode.upper()]
+    wanted = Wanted(command, source, Severity[severity.upper()], mode=in_mode)
+    if follow and (recording is not None or until_s is not None or mode is not None):
+        raise click.UsageError("--follow goes with neither --file, --until nor --mode")
+    if recording is None:
+        run(_ask(to, wanted, since_s, until_s, _Printer(unfold or follow, as_json), follow))
+        return
     chronicle, began_utc_s = read_file(recording)
-    wanted = Wanted(
-        command,
-        source,
-        Severity[severity.upper()],
-        None if since_s is None else began_utc_s + since_s,
-        None if until_s is None else began_utc_s + until_s,
-        None if mode is None else Mode[mode.upper()],
+    _Printer(unfold, as_json, since_began(began_utc_s)).list_all(
+        chronicle,
+        replace(
+            wanted,
+            since_utc_s=None if since_s is None else began_utc_s + since_s,
+            until_utc_s=None if until_s is None else began_utc_s + until_s,
+        ),
     )
-    when = since_began(began_utc_s)
-    for each in entries(chronicle, wanted, unfold):
-        if as_json:
-            echo_json(each)
+
+
+class _Printer:
+    def __init__(self, unfold: bool, as_json: bool, when: When = date_and_time) -> None:
+        self._unfold = unfold
+        self._as_json = as_json
+        self._when = when
+
+    def list_all(self, chronicle: Chronicle, wanted: Wanted) -> None:
+        for each in entries(chronicle, wanted, self._unfold):
+            self.list(each)
+
+    def list(self, entry: Entry) -> None:
+        if self._as_json:
+            echo_json(entry)
         else:
-            say(entry_line(each, when))
+            say(entry_line(entry, self._when))
+
+
+async def _ask(
+    to: Target,
+    wanted: Wanted,
+    since_s: float | None,
+    until_s: float | None,
+    printer: _Printer,
+    follow: bool,
+) -> None:
+    from adapters.mrs.spec import report_of
+
+    async with await connect(to) as client:
+        news = client.notifications()
+        chronicle = await _past(client, wanted.command)
+        now_utc_s = chronicle.until_utc_s
+        wanted = replace(
+            wanted,
+            since_utc_s=None if since_s is None else now_utc_s - since_s,
+            until_utc_s=None if until_s is None else now_utc_s - until_s,
+        )
+        if wanted.since_utc_s is not None and wanted.command is None:
+            chronicle = await _with_older(client, chronicle, wanted.since_utc_s)
+        printer.list_all(chronicle, wanted)
+        last = max((each.sequence for each in chronicle.reports), default=0)
+        while follow:
+            sys.stdout.flush()
+            report = report_of(await anext(news))
+            is_new = report.sequence > last or not report.sequence  # as what a relay says of itself
+            if is_new and wanted.has(report):
+                printer.list(report)
+
+
+async def _past(client: "MrsClient", command: str | None) -> Chronicle:
+    """Return what a rover remembers, of a command all; of an orbiter the reports that it heard."""
+    from adapters.mrs.spec import AreaError
+
+    if command is not None:
+        return await ask(client, command)
+    try:
+        return await client.get_whole_history()
+    except MalError as error:
+        if error.number != AreaError.NOT_SUPPORTED.value:
+            raise
+        return of_reports(await reports_from(client, 1))
+
+
+async def _with_older(client: "MrsClient", chronicle: Chronicle, since_utc_s: float) -> Chronicle:
+    """Return a chronicle with reports of before it, as far as they are asked for and known."""
+    from adapters.mrs.spec import report_of
+
+    reports = list(chronicle.reports)
+    while reports and reports[0].utc_s > since_utc_s and reports[0].sequence > 1:
+        first = reports[0].sequence
+        since = max(1, first - PAGE)
+        page = await client.get_notifications(since, None, first - since)
+        older = [report_of(each) for each in page if each.sequence < first]
+        if not older:
+            break
+        reports[:0] = older
+    return replace(chronicle, reports=tuple(reports))

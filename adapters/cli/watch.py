@@ -1,14 +1,17 @@
-"""`rover watch`: the behaviour tree of a running executive, or of a recorded run."""
+"""`rover watch`: the behaviour tree of a running executive, by ROS or MRS, or of a recorded run."""
 
 import sys
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
+from adapters.mrs.cli import Target, connect, run, to_option
 from adapters.process import asset_option
 
 
 @click.command()
+@to_option
 @asset_option("Asset name: its ROS namespace.")
 @click.option(
     "--domain-id",
@@ -40,6 +43,7 @@ from adapters.process import asset_option
     help="With --file, write one page with a time slider, which needs no network.",
 )
 def watch(
+    to: Target,
     asset: str,
     domain_id: int,
     once: bool,
@@ -49,13 +53,15 @@ def watch(
 ) -> None:
     """Show the behaviour tree, the mode, and why the rover stands or moves.
 
-    Ends with Ctrl-C, or of a recorded run with q. Where no executive is heard within a few
-    seconds, or none any more, the exit status is 3.
+    Listens on ROS, or with --to, or where ROVER_URI is set and --domain-id is not given, by the
+    MRS, which needs no ROS here. Ends with Ctrl-C, or of a recorded run with q. Where no executive
+    is heard within a few seconds, or none any more, the exit status is 3.
 
     \b
     Examples:
       rover watch
       rover watch --once
+      rover watch --to rover.local
       rover watch --asset rover1 --domain-id 7
       rover watch --file run.mcap
       rover watch --file run.mcap --at 12.5
@@ -74,13 +80,50 @@ def watch(
         return
     if at is not None or page is not None:
         raise click.UsageError("--at and --html need --file RUN.mcap")
+    if _by_mrs():
+        run(_watch_by_mrs(to, once))
+        return
     from adapters.ros import ParameterError
-    from adapters.ros.tree_view import show_live, show_once
+    from adapters.ros.tree_view import show_live, show_one
 
     try:
-        (show_once if once else show_live)(asset, domain_id)
+        (show_one if once else show_live)(asset, domain_id)
     except ParameterError as error:
         raise click.UsageError(str(error)) from error
+
+
+def _by_mrs() -> bool:
+    """Whether a rover is named by where its MRS is.
+
+    Raises:
+        UsageError: it is named for ROS, too.
+    """
+    source = click.get_current_context().get_parameter_source
+    of_ros = [
+        name for name in ("asset", "domain_id") if source(name) is ParameterSource.COMMANDLINE
+    ]
+    if source("to") is ParameterSource.ENVIRONMENT:
+        return not of_ros
+    by_mrs = source("to") is ParameterSource.COMMANDLINE
+    if by_mrs and of_ros:
+        raise click.UsageError("--asset and --domain-id are of ROS, --to of the MRS: choose one")
+    return by_mrs
+
+
+async def _watch_by_mrs(to: Target, once: bool) -> None:
+    from trees.screen import Screen, show_once
+
+    async with await connect(to) as client:
+        asset = (await client.get_asset()).asset
+        trees = await client.tree_snapshots()
+        first = await anext(trees)
+        if once:
+            show_once(asset, first)
+            return
+        with Screen(asset) as screen:
+            screen.show(first)
+            async for snapshot in trees:
+                screen.show(snapshot)
 
 
 def _watch_file(recording: Path, at: str | None, page: Path | None) -> None:

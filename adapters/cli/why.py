@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from adapters.cli.history_options import file_option, read_file, since_began
+from adapters.cli.history_options import ask, date_and_time, file_option, read_file, since_began
 from adapters.explanation import (
     Chronicle,
     Explanation,
@@ -14,11 +14,12 @@ from adapters.explanation import (
     explain_now,
     explanation_lines,
 )
-from adapters.mrs.cli import echo_json, json_option, say
+from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
 
 
 @click.command()
 @click.argument("command", required=False, metavar="[COMMAND]")
+@to_option
 @file_option
 @click.option(
     "--at",
@@ -28,24 +29,40 @@ from adapters.mrs.cli import echo_json, json_option, say
     help="With --file: as it was then, in seconds since the beginning of the recording.",
 )
 @json_option
-def why(command: str | None, recording: Path, at_s: float | None, as_json: bool) -> None:
+def why(
+    command: str | None, to: Target, recording: Path | None, at_s: float | None, as_json: bool
+) -> None:
     """Tell why: of a command what became of it, else why the rover stands or moves.
 
     A command is named by its number, or as SOURCE:NUMBER. Told are who asked for it, over which
     link, what it waited for, which leaves of the tree worked on it, what limited its speed, what
-    ended it, and the figures that showed it.
+    ended it, and the figures that showed it. A rover remembers its last 1000 commands, and of
+    those before them, or before it was restarted, the reports.
 
     \b
     Examples:
+      rover why
+      rover why MOE:1
       rover why --file run.mcap
       rover why MOE:1 --file run.mcap
       rover why --file run.mcap --at 4.5
 
     \b
-    Exit status: 0 told, 2 makes no sense.
+    Exit status: 0 told, 2 makes no sense, 3 the rover cannot be reached.
     """
-    chronicle, began_utc_s = read_file(recording, at_s)
-    _tell(_explained(chronicle, command), since_began(began_utc_s), as_json)
+    if recording is not None:
+        chronicle, began_utc_s = read_file(recording, at_s)
+        _tell(_explained(chronicle, command), since_began(began_utc_s), as_json)
+    elif at_s is not None:
+        raise click.UsageError("--at needs --file RUN.mcap: a rover tells what is now")
+    else:
+        run(_ask(to, command, as_json))
+
+
+async def _ask(to: Target, command: str | None, as_json: bool) -> None:
+    async with await connect(to) as client:
+        chronicle = await ask(client, command)
+    _tell(_explained(chronicle, command), date_and_time, as_json)
 
 
 def _explained(chronicle: Chronicle, command: str | None) -> Explanation:

@@ -7,15 +7,12 @@ from typing import Final
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy
-from rich.console import Console
-from rich.live import Live
-from rich.text import Text
 from std_msgs.msg import String
 
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.tree_topic import from_json, tree_qos
 from trees import Snapshot
-from trees.screen import drawn
+from trees.screen import Screen, show_once
 
 PATIENCE_S: Final = 5.0
 LOOK_S: Final = 0.2
@@ -57,14 +54,14 @@ class Listener:
         return snapshot
 
 
-def show_once(asset: str, domain_id: int) -> None:
+def show_one(asset: str, domain_id: int) -> None:
     """Print one snapshot.
 
     Raises:
         ConnectionError: no executive is heard.
     """
     with _listening(asset, domain_id) as listener:
-        Console().print(drawn(asset, listener.next()))
+        show_once(asset, listener.next())
 
 
 def show_live(asset: str, domain_id: int) -> None:
@@ -74,14 +71,11 @@ def show_live(asset: str, domain_id: int) -> None:
         ConnectionError: no executive is heard, or none any more.
     """
     with _listening(asset, domain_id) as listener:
-        console = Console()
-        if not console.is_terminal:
-            while True:
-                console.print(drawn(asset, listener.next()), Text())
         first = listener.next()
-        with Live(drawn(asset, first, console.height), console=console, auto_refresh=False) as live:
+        with Screen(asset) as screen:
+            screen.show(first)
             while True:
-                live.update(drawn(asset, listener.next(), console.height), refresh=True)
+                screen.show(listener.next())
 
 
 @contextmanager

@@ -43,6 +43,7 @@ class LiveBench(Bench):
     """A bench that is recorded, and served by the MRS.
 
     Attributes:
+        uri: where it is served.
         starts: how often an executive was started; what is not in its ledger is lost with one.
     """
 
@@ -65,7 +66,7 @@ class LiveBench(Bench):
         self._links.append(MrsLink(self.settings, port=0, history=self._history))
         self.tape = Tapes(self.recorder, self._history)
         executive = super()._start()
-        self._uri = str(self._links[-1].start(executive))
+        self.uri = str(self._links[-1].start(executive))
         return executive
 
     def downlinks(self) -> list[Downlink]:
@@ -74,15 +75,19 @@ class LiveBench(Bench):
 
     def ask(self, session: Callable[[MrsClient], Awaitable[T]]) -> T:
         """Hold a session from the ground, and serve what it asks on this thread."""
-        turns: SimpleQueue[bool] = SimpleQueue()
-        self.executive.wake = lambda: turns.put(True)
 
         async def hold() -> T:
-            async with await MrsClient.connect(self._uri) as client:
+            async with await MrsClient.connect(self.uri) as client:
                 return await session(client)
 
+        return self.serve(lambda: asyncio.run(hold()))
+
+    def serve(self, work: Callable[[], T]) -> T:
+        """Have something done on another thread, and serve what it asks on this one."""
+        turns: SimpleQueue[bool] = SimpleQueue()
+        self.executive.wake = lambda: turns.put(True)
         with ThreadPoolExecutor(1) as ground:
-            answer = ground.submit(asyncio.run, hold())
+            answer = ground.submit(work)
             answer.add_done_callback(lambda _: turns.put(False))
             while turns.get(timeout=ANSWER_S):
                 self.executive.turn()

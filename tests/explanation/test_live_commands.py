@@ -1,0 +1,145 @@
+"""`rover log`, `why` and `watch`, typed beside a rover that runs, over a socket."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from adapters.cli.main import main
+from executive.commands import Command, MoveForward, Resume, Stop
+from executive.reports import Identity, Severity
+from tests.explanation.live import LiveBench
+
+ROVER = "from adapters.cli.main import main; main()"
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveBench]:
+    """Give a rover on which a stop ended a drive, and that refused a drive and was resumed then."""
+    with LiveBench(tmp_path_factory.mktemp("rover")) as bench:
+        bench.drive_on()
+        bench.submit(Stop(), 2)
+        bench.run(1.0)
+        bench.submit(MoveForward(1.0), 3)
+        bench.send(Command(Identity("LAB", 3), Resume(), "relay"))
+        bench.run(0.5)
+        yield bench
+
+
+def typed(bench: LiveBench, *arguments: str) -> Result:
+    return bench.serve(lambda: CliRunner().invoke(main, [*arguments, "--to", bench.uri]))
+
+
+def test_the_log_has_each_life_on_a_line(bench: LiveBench) -> None:
+    result = typed(bench, "log")
+    assert result.exit_code == 0, result.output
+    first, second, third, fourth = result.output.splitlines()
+    assert first.startswith("2027-01-15 08:00:0")
+    assert "MOE:1 moveForward distance 5 m (direct): accepted" in first
+    assert first.endswith("stopped by MOE:2 (STOPPED 801)")
+    assert "MOE:2 stop (direct): " in second
+    assert "MOE:3 moveForward distance 1 m (direct): REJECTED" in third
+    assert "LAB:3 resume (relay): accepted" in fourth
+
+
+@pytest.mark.parametrize(
+    ("options", "lines"),
+    [
+        (("--command", "MOE:2"), 1),
+        (("--command", "3"), 2),
+        (("--command", "MOE:9"), 0),
+        (("--command", "MOE:1", "--unfold"), 4),
+        (("--source", "LAB"), 1),
+        (("--severity", "warning"), 2),
+        (("--since", "0.6"), 2),
+        (("--until", "1.6"), 1),
+        (("--mode", "stopped"), 2),
+        (("--json",), 4),
+    ],
+)
+def test_the_log_is_filtered(bench: LiveBench, options: tuple[str, ...], lines: int) -> None:
+    result = typed(bench, "log", *options)
+    assert result.exit_code == 0, result.output
+    assert len(result.output.splitlines()) == lines, result.output
+
+
+def test_why_is_told_of_a_command_and_of_now(bench: LiveBench) -> None:
+    told = typed(bench, "why", "MOE:1").output
+    assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
+    assert "MOE asked for stop over the direct link, as number 2" in told
+    assert typed(bench, "why").output.startswith("IDLE: stands: no motion goal")
+    assert json.loads(typed(bench, "why", "MOE:1", "--json").output)["reason"] == "STOPPED"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("why", "MOE:9"), "the last that are known: MOE:1, MOE:2, MOE:3, LAB:3"),
+        (("why", "3"), "name one of MOE:3, LAB:3"),
+        (("why", "MOE"), "neither NUMBER nor SOURCE:NUMBER"),
+        (("why", "9" * 40), "neither NUMBER nor SOURCE:NUMBER"),
+        (("why", "--at", "1"), "--at needs --file"),
+        (("log", "--file", "run.mcap"), "choose one"),
+        (("log", "--follow", "--mode", "safe"), "--follow goes with neither"),
+        (("watch", "--asset", "jackal"), "choose one"),
+    ],
+)
+def test_what_makes_no_sense_is_told(
+    bench: LiveBench, arguments: tuple[str, ...], said: str
+) -> None:
+    result = typed(bench, *arguments)
+    assert result.exit_code == 2, result.output
+    assert said in result.output
+
+
+def test_watch_prints_the_tree(bench: LiveBench) -> None:
+    result = typed(bench, "watch", "--once")
+    assert result.exit_code == 0, result.output
+    head, why, *_ = result.output.splitlines()
+    assert head.split()[:3] == ["jackal", "IDLE", "tick"]
+    assert why == "stands: no motion goal"
+    assert "? rover" in result.output
+
+
+def test_the_log_is_followed(bench: LiveBench) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", ROVER, "log", "--follow", "--source", "LAB", "--to", bench.uri],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        past = [bench.serve(process.stdout.readline) for _ in range(4)]
+        bench.executive.event(Severity.ALARM, "of another")
+        bench.submit(MoveForward(0.1), 4)
+        bench.send(Command(Identity("LAB", 5), MoveForward(1000.0), "direct"))
+        news = [bench.serve(process.stdout.readline) for _ in range(2)]
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+    assert [line.split()[2:4] for line in past] == [
+        ["LAB:3", stage] for stage in ("RECEIVED", "ACCEPTED", "STARTED", "EXECUTED")
+    ]
+    assert [line.split()[2:4] for line in news] == [["LAB:5", "RECEIVED"], ["LAB:5", "REJECTED"]]
+    assert "OUT_OF_RANGE" in news[1]
+
+
+def test_what_the_ledger_knows_is_told_after_a_restart(bench: LiveBench) -> None:
+    bench.crash()
+    told = typed(bench, "why", "MOE:1").output
+    assert told.startswith("MOE:1 moveForward was cancelled: stopped by MOE:2")
+    assert "over the direct link" in told
+    assert len(typed(bench, "log", "--severity", "warning").output.splitlines()) >= 2
+
+
+def test_no_rover_is_told(tmp_path: Path) -> None:
+    with LiveBench(tmp_path) as bench:
+        uri = bench.uri
+    for arguments in (["log"], ["why"], ["watch"]):
+        result = CliRunner().invoke(main, [*arguments, "--to", uri])
+        assert result.exit_code == 3, result.output
+        assert "nobody answers" in result.output
