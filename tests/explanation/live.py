@@ -14,8 +14,9 @@ from adapters.recording import RunFile
 from executive.ports import Downlink
 from executive.recording import Item, Tapes
 from executive.runner import Executive
-from executive.settings import Settings
+from tests.explanation.case import Case
 from tests.support.kinematic import Bench
+from tests.support.sensed_drive import SensedRover
 
 T = TypeVar("T")
 
@@ -47,11 +48,19 @@ class LiveBench(Bench):
         starts: how often an executive was started; what is not in its ledger is lost with one.
     """
 
-    def __init__(self, folder: Path, settings: Settings | None = None) -> None:
+    def __init__(self, folder: Path, case: Case) -> None:
         self.recorder = Recorder(folder / "run.mcap")
         self.starts = 0
         self._links: list[MrsLink] = []
-        super().__init__(folder, settings, tape=self.recorder)
+        rover = None if case.rover is None else case.rover(case.settings)
+        super().__init__(
+            folder,
+            case.settings,
+            case.build_tree,
+            rover,
+            tape=self.recorder,
+            all_sensors=isinstance(rover, SensedRover),
+        )
 
     def __exit__(self, *_: object) -> None:
         for link in self._links:

@@ -1,7 +1,7 @@
 """Situations with one cause each, on a rover without physics, and what `why` has to say of them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import nan
 from typing import Any, Final
 
@@ -31,37 +31,13 @@ from executive.fault_declaration import Clears, Then
 from executive.geometry import STANDING, Pose
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
-from executive.settings import AuthoritySettings, LinkLoss, Settings, load_settings
+from executive.settings import AuthoritySettings, LinkLoss, Settings
 from executive.settings_files import structure
 from executive.state import CommandEnded, ForeignPublishers, Odometry, Stopped
 from executive.zones import KnownRock, Zones
+from tests.explanation.case import JACKAL, Case
 from tests.support.kinematic import Bench
 from tests.support.plans import AHEAD, plan
-
-JACKAL: Final = load_settings("jackal")
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One cause, and what has to be named.
-
-    Attributes:
-        name: for people.
-        inject: brings the situation about.
-        command: what is asked about; None for why the rover stands or moves.
-        reason: what must be named; None where no number stands for the cause.
-        said: words that must stand in the explanation.
-        settings: of the asset.
-        ends: whether the executive has ended; who is asked live is the one after it.
-    """
-
-    name: str
-    inject: Callable[[Bench], object]
-    command: str | None
-    reason: Reason | None
-    said: str = ""
-    settings: Settings = JACKAL
-    ends: bool = False
 
 
 def _send(request: Request, number: int = 1, **options: Any) -> Callable[[Bench], object]:
@@ -339,6 +315,12 @@ def _paused_waiting(bench: Bench) -> None:
     bench.run(1.0)
 
 
+def _paused_for_a_while(bench: Bench) -> None:
+    _paused_waiting(bench)
+    bench.voltage_v = 26.0
+    bench.finish(1)
+
+
 CASES: Final = (
     _refused(Reason.NOT_FINITE, MoveForward(nan)),
     _refused(Reason.OUT_OF_RANGE, MoveForward(1000.0), "bound of 100 m"),
@@ -421,9 +403,10 @@ CASES: Final = (
     Case("waits for another", _waits, "MOE:1", None, "for MOE:2 moveForward"),
     Case("waited for another", _waited, "MOE:1", None, "for MOE:2 moveForward"),
     Case("waits while paused", _paused_waiting, "MOE:1", Reason.BATTERY_LOW, "PAUSED", _PAUSED),
+    Case("waited while paused", _paused_for_a_while, "MOE:1", None, "(FAULT_OVER 909)", _PAUSED),
     Case("limited by a setting", _slow, "MOE:1", None, "0.30 m/s"),
     Case("slowed by a fault", _low_battery, "MOE:1", None, "slowed down", _SLOWED),
-    Case("under way", _under_way, "MOE:1", None, "leaf drive"),
+    Case("under way", _under_way, "MOE:1", None, "leaf drive ran for 1.00 s"),
     Case("now: stopped", _stopped, None, Reason.STOPPED, "MOE asked for stop"),
     Case("now: odometry lost", _lose_odometry, None, Reason.ODOMETRY_STALE),
     Case("now: tilted", _tilted, None, Reason.TILTED),

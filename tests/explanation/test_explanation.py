@@ -2,6 +2,7 @@
 
 import json
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -21,8 +22,11 @@ from adapters.explanation import (
 from adapters.recording import RunFile, read_chronicle
 from executive.commands import Command, MoveForward, Resume, Stop
 from executive.reports import Identity
+from tests.explanation.case import Case
+from tests.explanation.fault_situations import FAULTS
 from tests.explanation.live import LiveBench
-from tests.explanation.situations import CASES, Case
+from tests.explanation.plan_situations import PLANS
+from tests.explanation.situations import CASES
 from tests.support.kinematic import Bench
 
 
@@ -42,13 +46,21 @@ def explain(chronicle: Chronicle, command: str | None) -> Explanation:
     return explain_now(chronicle) if command is None else explain_command(chronicle, command)
 
 
+ALL = (*CASES, *FAULTS, *PLANS)
+
+
 def told(explanation: Explanation) -> str:
     return "\n".join(explanation_lines(explanation, lambda utc_s: f"{utc_s:.2f}"))
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def is_right(case: Case, explained: Explanation) -> bool:
+    """Whether an explanation names the cause that was injected, and no other."""
+    return explained.reason is case.reason and case.said in told(explained)
+
+
+@pytest.mark.parametrize("case", ALL, ids=lambda case: case.name)
 def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -> None:
-    with LiveBench(tmp_path, case.settings) as bench:
+    with LiveBench(tmp_path, case) as bench:
         case.inject(bench)
         bench.recorder.end()
         if case.ends:
@@ -56,15 +68,55 @@ def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -
         live = bench.ask(lambda client: client.get_history(case.command))
         starts = bench.starts
     recorded, _ = read_chronicle(tmp_path / "run.mcap")
-    explained = explain(recorded, case.command)
-    assert explained.reason is case.reason, told(explained)
-    assert case.said in told(explained)
+    explained, asked = explain(recorded, case.command), explain(live, case.command)
+    assert is_right(case, explained), told(explained)
+    assert is_right(case, asked), told(asked)
     assert told(explain(relevant(recorded, case.command), case.command)) == told(explained)
-    asked = explain(live, case.command)
-    assert asked.reason is case.reason, told(asked)
-    assert case.said in told(asked)
     if starts == 1:
         assert told(asked) == told(explained)
+
+
+SOME = {
+    "refused WRONG_MODE when stopped": "reasons",
+    "replaced": "asked",
+    "waits while paused": "situations",
+    "under way": "leaves",
+    "limited by a setting": "fastest",
+    "slowed by a fault": "slowing",
+    "now: tilted": "reports",
+}
+"""Situations, and of each what its explanation must not lack."""
+
+
+@pytest.fixture(scope="module")
+def some(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Case, Chronicle]]:
+    """Give some situations with what is known of each."""
+    cases = [case for case in ALL if case.name in SOME]
+    return [
+        (case, read_chronicle(recorded(case, tmp_path_factory.mktemp("some")))[0]) for case in cases
+    ]
+
+
+def test_an_explanation_of_another_situation_is_noticed(
+    some: list[tuple[Case, Chronicle]],
+) -> None:
+    assert len(some) == len(SOME)
+    for case, _ in some:
+        for other, chronicle in some:
+            right = is_right(case, explain(chronicle, other.command))
+            assert right == (case is other), (case.name, other.name)
+
+
+def test_what_is_left_out_is_noticed(some: list[tuple[Case, Chronicle]]) -> None:
+    for case, chronicle in some:
+        lacking = SOME[case.name]
+        if lacking == "reasons":
+            reports = tuple(replace(each, reason=None) for each in chronicle.reports)
+            less = replace(chronicle, reports=reports)
+        else:
+            nothing = type(getattr(chronicle, lacking))()
+            less = replace(chronicle, **{lacking: nothing})
+        assert not is_right(case, explain(less, case.command)), case.name
 
 
 @pytest.fixture(scope="module")

@@ -13,15 +13,17 @@ from click.testing import CliRunner, Result
 from adapters.cli.main import main
 from executive.commands import Command, MoveForward, Resume, Stop
 from executive.reports import Identity, Severity
+from tests.explanation.case import Case
 from tests.explanation.live import LiveBench
 
+ANY = Case("any", lambda _: None, None, None)
 ROVER = "from adapters.cli.main import main; main()"
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveBench]:
     """Give a rover on which a stop ended a drive, and that refused a drive and was resumed then."""
-    with LiveBench(tmp_path_factory.mktemp("rover")) as bench:
+    with LiveBench(tmp_path_factory.mktemp("rover"), ANY) as bench:
         bench.drive_on()
         bench.submit(Stop(), 2)
         bench.run(1.0)
@@ -137,7 +139,7 @@ def test_what_the_ledger_knows_is_told_after_a_restart(bench: LiveBench) -> None
 
 
 def test_no_rover_is_told(tmp_path: Path) -> None:
-    with LiveBench(tmp_path) as bench:
+    with LiveBench(tmp_path, ANY) as bench:
         uri = bench.uri
     for arguments in (["log"], ["why"], ["watch"]):
         result = CliRunner().invoke(main, [*arguments, "--to", uri])

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, sin
 from pathlib import Path
-from typing import Self
+from typing import Self, cast
 
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, MoveForward, Request
@@ -150,13 +150,14 @@ class Bench:
         solver: SharedSolver | None = None,
         clock: ManualClock | None = None,
         tape: Tape | None = None,
+        all_sensors: bool = False,
     ) -> None:
         self.folder = folder
         self.tape = tape
         asset = settings or load_settings("jackal")
         told = asset.sensors
-        sensors = Sensors(laser=told.laser, second_odometry=told.second_odometry)
-        self.settings = replace(asset, sensors=sensors)
+        fewer = Sensors(laser=told.laser, second_odometry=told.second_odometry)
+        self.settings = asset if all_sensors else replace(asset, sensors=fewer)
         self.clock = clock or ManualClock()
         self.rover = rover or KinematicRover()
         self.heard = Heard()
@@ -189,7 +190,7 @@ class Bench:
                 files=files,
                 video=self.video,
                 downlinks=self.downlinks(),
-                build_tree=RoverTree,
+                build_tree=cast(Callable[[Context], RoverTree], self.build_tree),
                 solver=self.solver,
             )
         return Executive(

@@ -46,17 +46,19 @@ class LookingRover(KinematicRover):
 
     Attributes:
         discs: what is there; a test may change it.
+        blind: whether the laser is silent.
         nearest_m: how near the disc in which the rover turns has come to any.
     """
 
     discs: list[Disc] = field(default_factory=list)
     nearest_m: float = inf
     steps: int = 0
+    blind: bool = False
 
     def advance(self, step_s: float) -> None:
         super().advance(step_s)
         self.steps += 1
         away_m = [disc.away_m(self.pose.point) - 0.3335 for disc in self.discs]
         self.nearest_m = min([self.nearest_m, *away_m])
-        if self.steps % 2 == 0:
+        if self.steps % 2 == 0 and not self.blind:
             self.facts.append(look(self.pose, self.discs, self.steps * step_s))

@@ -1,6 +1,7 @@
 """A rover without physics and all its sensors, which obeys velocities as far as a test lets it."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import copysign, cos, sin, sqrt
 from random import Random
@@ -11,6 +12,7 @@ from executive.safety import Fault, Safety
 from executive.safety.sensor_history import SLIP_GAIN, SLIP_OFFSET_M
 from executive.settings import Settings, load_settings
 from executive.state import Fact, Imu, Joints, Odometry, SecondOdometry
+from tests.support.kinematic import KinematicRover
 
 STEP_S = 0.01
 SECOND_LATE_S = 0.4
@@ -60,6 +62,7 @@ class SensedDrive:
         """Let it stand at the origin of its odometry."""
         self.clock = ManualClock()
         self.safety = Safety(self.clock, self.settings)
+        self.observe: Callable[[Fact], None] = self.safety.observe
         joints = load_settings("jackal").sensors.joints
         assert joints is not None
         self._joints = joints
@@ -87,12 +90,16 @@ class SensedDrive:
             self._step()
 
     def _step(self) -> None:
+        self.move_on()
+        if self._steps % 5 == 0:
+            self._tick()
+
+    def move_on(self) -> None:
+        """Obey what is commanded for a step, and sense it."""
         self._steps += 1
         self.clock.set(self._steps * STEP_S)
         self._move()
         self._sense()
-        if self._steps % 5 == 0:
-            self._tick()
 
     def _tick(self) -> None:
         changes = self.safety.check(self.moving)
@@ -143,7 +150,7 @@ class SensedDrive:
         if self._steps % 50 == 0:
             self._send(SecondOdometry(stamp_s, self._seen), SECOND_LATE_S)
         while self._under_way and self._under_way[0][0] <= now_s + 1e-9:
-            self.safety.observe(self._under_way.popleft()[1])
+            self.observe(self._under_way.popleft()[1])
 
     def _send(self, fact: Fact, late_s: float) -> None:
         if type(fact) in self.lost:
@@ -205,6 +212,25 @@ class SensedDrive:
             x_m * sine + y_m * cosine,
             heading_rad=wrap_rad(true.heading_rad - frame.heading_rad),
         )
+
+
+class SensedRover(KinematicRover):
+    """A rover for a bench that has all sensors of a `SensedDrive`; its odometry is one of them.
+
+    Attributes:
+        body: what goes wrong is set here.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__()
+        self.body = SensedDrive(settings)
+        self.body.observe = lambda fact: self.facts.append(fact)
+
+    def advance(self, step_s: float) -> None:
+        self.body.commanded = self.velocity
+        for _ in range(round(step_s / STEP_S)):
+            self.body.move_on()
+        self.pose = self.body.believed
 
 
 def _moved(pose: Pose, velocity: Velocity, aside_mps: float) -> Pose:

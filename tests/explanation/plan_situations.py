@@ -1,0 +1,89 @@
+"""Situations of plans: what is wrong with one, what becomes of it, and of its commands."""
+
+from collections.abc import Callable
+from typing import Final
+
+from executive.commands import (
+    AbortPlan,
+    ActivatePlan,
+    MoveForward,
+    PlanDefinition,
+    RemovePlan,
+    Request,
+    Stop,
+    SubmitPlan,
+    SuspendPlan,
+)
+from executive.plans.plan_xml import LARGEST_PLAN
+from executive.reasons import Reason
+from tests.explanation.case import Case
+from tests.support.kinematic import Bench
+from tests.support.plans import AHEAD, BACK, TOO_LATE, plan, xml
+
+STEP: Final = "plan:survey:1"
+"""The first command of the plan."""
+
+
+def _refused(reason: Reason, text: bytes, said: str = "", form: str = "BTCPP4") -> Case:
+    request = SubmitPlan(PlanDefinition("survey", "A test", form, text))
+    return Case(
+        f"plan refused {reason.name}", lambda bench: bench.submit(request, 1), "MOE:1", reason, said
+    )
+
+
+def _runs(body: str, *others: Request, for_s: float = 1.0) -> Callable[[Bench], None]:
+    """Return what lets a plan run, and then gives commands, the last of them as number 1."""
+
+    def inject(bench: Bench) -> None:
+        bench.submit(SubmitPlan(plan(body)), 5)
+        bench.submit(ActivatePlan("survey"), 6)
+        bench.run(for_s)
+        for number, request in zip(range(len(others), 0, -1), others, strict=True):
+            bench.submit(request, number)
+        bench.run(0.5)
+
+    return inject
+
+
+def _too_many(bench: Bench) -> None:
+    for number in range(2, 200):
+        bench.submit(SubmitPlan(plan(AHEAD, f"plan{number}")), number)
+    bench.submit(SubmitPlan(plan(AHEAD)), 1)
+
+
+def _goes_on(bench: Bench) -> None:
+    abreast = f'<Parallel success_count="1">{AHEAD}<takePicture deadline_s="30"/></Parallel>'
+    _runs(f"<Sequence>{abreast}{BACK}</Sequence>", for_s=2.0)(bench)
+
+
+PLANS: Final = (
+    _refused(Reason.PLAN_FORMAT, xml(AHEAD), form="SCXML"),
+    _refused(Reason.PLAN_TOO_LARGE, b" " * (LARGEST_PLAN + 1)),
+    _refused(Reason.PLAN_STRUCTURE, xml("<Sequence/>"), "needs a child"),
+    _refused(Reason.PLAN_UNKNOWN_NODE, xml("<fly/>"), "unknown node 'fly'"),
+    _refused(Reason.PLAN_BAD_ARGUMENT, xml('<moveForward distance="far" deadline_s="9"/>')),
+    Case("plan there already", _runs(AHEAD, SubmitPlan(plan(BACK))), "MOE:1", Reason.PLAN_EXISTS),
+    Case(
+        "another plan has the rover",
+        _runs(AHEAD, SubmitPlan(plan(BACK, "second")), ActivatePlan("second")),
+        "MOE:1",
+        Reason.PLAN_ACTIVE,
+    ),
+    Case("running plan kept", _runs(AHEAD, RemovePlan("survey")), "MOE:1", Reason.PLAN_STATUS),
+    Case("too many plans", _too_many, "MOE:1", Reason.TOO_MANY_PLANS),
+    Case("step too late", _runs(TOO_LATE, for_s=2.0), STEP, Reason.PLAN_DEADLINE),
+    Case(
+        "now: plan failed", _runs(TOO_LATE, for_s=2.0), None, Reason.PLAN_DEADLINE, "plan:survey:1"
+    ),
+    Case("step suspended", _runs(AHEAD, SuspendPlan("survey")), STEP, Reason.PLAN_SUSPENDED),
+    Case("step aborted", _runs(AHEAD, AbortPlan("survey")), STEP, Reason.PLAN_ABORTED),
+    Case("step that is not waited for", _goes_on, STEP, Reason.PLAN_WENT_ON),
+    Case("step stopped", _runs(AHEAD, Stop()), STEP, Reason.STOPPED, "MOE asked for stop"),
+    Case(
+        "refused while a plan runs",
+        _runs(AHEAD, MoveForward(1.0)),
+        "MOE:1",
+        Reason.WRONG_MODE,
+        "PLAN",
+    ),
+)
