@@ -13,7 +13,7 @@ from typing import Final, Protocol
 from executive.authority import Authority, AuthorityAsked, AuthorityState
 from executive.battery_check import check_battery
 from executive.clock import Clock, LatchedClock
-from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Stop
+from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
 from executive.commands.intake import not_located
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
 from executive.dispatcher import Dispatcher, unwritten
@@ -292,6 +292,10 @@ class Executive:
     ) -> Sequence[Report]:
         """Return reports from a sequence number on, oldest first; see `Ledger.reports`."""
         return self._ledger.reports(since, command_id, count)
+
+    def request_of(self, identity: Identity) -> Request | None:
+        """Return what a command asked for, if the ledger still keeps it; see `Ledger.request`."""
+        return self._ledger.request(identity)
 
     def preview(self, asked: Motion | PlanDefinition) -> PreviewRun | Refusal:
         """Return what works out where a motion or a plan would lead, or why it would be refused.

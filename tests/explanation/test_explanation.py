@@ -72,7 +72,8 @@ def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -
     assert is_right(case, explained), told(explained)
     assert is_right(case, asked), told(asked)
     assert told(explain(relevant(recorded, case.command), case.command)) == told(explained)
-    if starts == 1:
+    of_plans = {each.identity for each in live.asked} - {each.identity for each in recorded.asked}
+    if starts == 1 and not of_plans:  # whose arguments the ledger knows
         assert told(asked) == told(explained)
 
 

@@ -133,7 +133,8 @@ def test_the_log_is_followed(bench: LiveBench) -> None:
 def test_what_the_ledger_knows_is_told_after_a_restart(bench: LiveBench) -> None:
     bench.crash()
     told = typed(bench, "why", "MOE:1").output
-    assert told.startswith("MOE:1 moveForward was cancelled: stopped by MOE:2")
+    assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
+    assert "MOE asked for stop over the direct link" in told
     assert "over the direct link" in told
     assert len(typed(bench, "log", "--severity", "warning").output.splitlines()) >= 2
 

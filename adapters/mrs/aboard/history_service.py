@@ -1,21 +1,31 @@
 """Serves what explains a command, or what the rover does now."""
 
+import asyncio
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
+from typing import Final
 
-from adapters.explanation import Chronicle, relevant
+from adapters.explanation import Asked, Chronicle, relevant, request_text
 from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import Call
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import wire_history
+from executive.reports import Identity, Report
 from executive.runner import Executive
+
+MOST: Final = 1000
+"""Reports that are read of the ledger at once."""
+AFTER: Final = 8
+"""Reports after the end of a command, among which are those of a stop that ended it."""
 
 
 class HistoryService:
     """Serves `Notification.getHistory`.
 
-    On the core's thread values are only copied; what of them is sent is chosen on the link's loop.
+    On the core's thread values are only copied; what of them is sent is chosen on a thread of its
+    own, as a stop may come meanwhile.
 
     Args:
         served: where.
@@ -34,16 +44,44 @@ class HistoryService:
         self, _: Call, source: str | None, number: int | None, everything: bool
     ) -> tuple[wire.History]:
         known = await self._gateway.ask(lambda executive: self._known(executive, number))
-        if everything:
-            return (wire_history(replace(known, leaves=(), fastest=())),)
         command = str(number) if source is None else f"{source}:{number}"
-        return (wire_history(relevant(known, None if number is None else command)),)
+        wanted = None if number is None else command
+        return (await asyncio.to_thread(_told, known, wanted, everything),)
 
     def _known(self, executive: Executive, number: int | None) -> Chronicle:
-        """Return what is known, of a command also what only the ledger knows."""
+        """Return what is remembered, and of a command also what only the ledger knows."""
         chronicle = self._history.chronicle()
         if number is None:
             return chronicle
-        reports = {each.sequence: each for each in executive.reports(1, number)}
-        reports |= {each.sequence: each for each in chronicle.reports}
-        return replace(chronicle, reports=tuple(reports[each] for each in sorted(reports)))
+        own = [each for each in executive.reports(1, number) if each.stage is not None]
+        reports = {each.sequence: each for each in (*own, *chronicle.reports)}
+        oldest = chronicle.reports[0].sequence if chronicle.reports else executive.last_sequence
+        if own and own[0].sequence < oldest:
+            reported = own[-1].sequence - own[0].sequence + 1
+            meanwhile = executive.reports(own[0].sequence, count=min(reported + AFTER, MOST))
+            reports |= {each.sequence: each for each in meanwhile}
+        asked = {each.identity for each in chronicle.asked}
+        return replace(
+            chronicle,
+            reports=tuple(reports[each] for each in sorted(reports)),
+            asked=(*_asked_before(executive, own, asked), *chronicle.asked),
+        )
+
+
+def _asked_before(
+    executive: Executive, reports: Sequence[Report], known: Container[Identity]
+) -> Iterator[Asked]:
+    """Yield the commands of some reports that are not known, as far as the ledger knows them."""
+    for each in {report.identity: report for report in reversed(reports)}.values():
+        if each.identity is None or each.identity in known or each.link is None:
+            continue
+        request = executive.request_of(each.identity)
+        if request is not None:
+            name, text = type(request).__name__, request_text(request)
+            yield Asked(each.identity, text, name, each.link, each.utc_s)
+
+
+def _told(known: Chronicle, command: str | None, everything: bool) -> wire.History:
+    if everything:
+        return wire_history(replace(known, leaves=(), fastest=()))
+    return wire_history(relevant(known, command))
