@@ -52,10 +52,13 @@ def date_and_time(utc_s: float) -> str:
     return f"{at:%Y-%m-%d %H:%M:%S}.{at.microsecond // 10_000:02d}"
 
 
-async def ask(client: "MrsClient", command: str | None) -> Chronicle:
-    """Return what a rover knows of a command, or of what it does now.
+async def ask(
+    client: "MrsClient", command: str | None = None, *, everything: bool = False
+) -> Chronicle:
+    """Return what a rover knows, as `MrsClient.get_history` does.
 
-    An orbiter of a relay has no more than the reports that it heard.
+    An orbiter of a relay has no more than the reports that it heard, all of which are returned, or
+    those of the command.
 
     Raises:
         UsageError: no command can be called so.
@@ -63,29 +66,23 @@ async def ask(client: "MrsClient", command: str | None) -> Chronicle:
     from adapters.mrs.spec import AreaError
 
     try:
-        return await client.get_history(command)
+        return await client.get_history(command, everything=everything)
     except UnknownCommandError as error:
         raise click.UsageError(str(error)) from error
     except MalError as error:
         if error.number != AreaError.NOT_SUPPORTED.value:
             raise
         number = None if command is None else int(command.rpartition(":")[2])
-        return of_reports(await reports_from(client, 1, number))
+        return await _of_reports(client, number)
 
 
-async def reports_from(
-    client: "MrsClient", since: int, command_id: int | None = None
-) -> list["Report"]:
-    """Return all reports from a number on, page by page."""
+async def _of_reports(client: "MrsClient", number: int | None) -> Chronicle:
+    """Return what reports alone tell, of the commands of a number or of all, page by page."""
     from adapters.mrs.spec import report_of
 
-    found: list[Report] = []
-    while page := await client.get_notifications(since, command_id):
-        found += map(report_of, page)
-        since = page[-1].sequence + 1
-    return found
-
-
-def of_reports(reports: list["Report"]) -> Chronicle:
-    """Return what reports alone tell."""
+    reports: list[Report] = []
+    while page := await client.get_notifications(
+        reports[-1].sequence + 1 if reports else None, number
+    ):
+        reports += map(report_of, page)
     return Chronicle(reports[-1].utc_s if reports else 0.0, tuple(reports))

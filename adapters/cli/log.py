@@ -11,13 +11,10 @@ from adapters.cli.history_options import (
     ask,
     date_and_time,
     file_option,
-    of_reports,
     read_file,
-    reports_from,
     since_began,
 )
 from adapters.explanation import Chronicle, Entry, Wanted, When, entries, entry_line
-from adapters.mal import MalError
 from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
 from executive.commands import Mode
 from executive.reports import Severity
@@ -127,7 +124,7 @@ async def _ask(
 
     async with await connect(to) as client:
         news = client.notifications()
-        chronicle = await _past(client, wanted.command)
+        chronicle = await ask(client, wanted.command, everything=wanted.command is None)
         now_utc_s = chronicle.until_utc_s
         wanted = replace(
             wanted,
@@ -144,20 +141,6 @@ async def _ask(
             is_new = report.sequence > last or not report.sequence  # as what a relay says of itself
             if is_new and wanted.has(report):
                 printer.list(report)
-
-
-async def _past(client: "MrsClient", command: str | None) -> Chronicle:
-    """Return what a rover remembers, of a command all; of an orbiter the reports that it heard."""
-    from adapters.mrs.spec import AreaError
-
-    if command is not None:
-        return await ask(client, command)
-    try:
-        return await client.get_whole_history()
-    except MalError as error:
-        if error.number != AreaError.NOT_SUPPORTED.value:
-            raise
-        return of_reports(await reports_from(client, 1))
 
 
 async def _with_older(client: "MrsClient", chronicle: Chronicle, since_utc_s: float) -> Chronicle:

@@ -54,11 +54,6 @@ def relevant(chronicle: Chronicle, command: str | None = None) -> Chronicle:
     setting = last_speed_setting(lives, ended_s)
     if setting is not None:
         kept.add(setting.identity)
-    declined = tuple(
-        each
-        for each in chronicle.declined
-        if command is None or each.identity in kept or names(command, each.identity)
-    )
     return replace(
         chronicle,
         reports=tuple(
@@ -72,7 +67,11 @@ def relevant(chronicle: Chronicle, command: str | None = None) -> Chronicle:
             )
         ),
         asked=tuple(each for each in chronicle.asked if each.identity in kept),
-        declined=declined,
+        declined=tuple(
+            each
+            for each in chronicle.declined
+            if command is not None and names(command, each.identity)
+        ),
         situations=tuple(situations),
         leaves=tuple(
             each

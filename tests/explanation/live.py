@@ -20,7 +20,6 @@ from tests.support.sensed_drive import SensedRover
 
 T = TypeVar("T")
 
-KEPT = 1000
 ANSWER_S = 60.0
 
 
@@ -45,10 +44,12 @@ class LiveBench(Bench):
 
     Attributes:
         uri: where it is served.
+        kept: how much of each kind is remembered.
         starts: how often an executive was started; what is not in its ledger is lost with one.
     """
 
-    def __init__(self, folder: Path, case: Case) -> None:
+    def __init__(self, folder: Path, case: Case, kept: int = 1000) -> None:
+        self.kept = kept
         self.recorder = Recorder(folder / "run.mcap")
         self.starts = 0
         self._links: list[MrsLink] = []
@@ -71,7 +72,7 @@ class LiveBench(Bench):
 
     def _start(self) -> Executive:
         self.starts += 1
-        self._history = ChronicleBuilder(KEPT)
+        self._history = ChronicleBuilder(self.kept)
         self._links.append(MrsLink(self.settings, port=0, history=self._history))
         self.tape = Tapes(self.recorder, self._history)
         executive = super()._start()
@@ -79,7 +80,7 @@ class LiveBench(Bench):
         return executive
 
     def downlinks(self) -> list[Downlink]:
-        self._history.begin(self.settings, self.ledger.reports(1, count=KEPT))
+        self._history.begin(self.settings, self.ledger.reports(1, count=self.kept))
         return [self.heard, self._links[-1]]
 
     def ask(self, session: Callable[[MrsClient], Awaitable[T]]) -> T:

@@ -15,6 +15,7 @@ from executive.commands import Command, MoveForward, Resume, Stop
 from executive.reports import Identity, Severity
 from tests.explanation.case import Case
 from tests.explanation.live import LiveBench
+from tests.mrs.aboard import Aboard, rover
 
 ANY = Case("any", lambda _: None, None, None)
 ROVER = "from adapters.cli.main import main; main()"
@@ -137,6 +138,33 @@ def test_what_the_ledger_knows_is_told_after_a_restart(bench: LiveBench) -> None
     assert "MOE asked for stop over the direct link" in told
     assert "over the direct link" in told
     assert len(typed(bench, "log", "--severity", "warning").output.splitlines()) >= 2
+
+
+def test_what_is_older_than_its_memory_is_told_of_the_ledger(tmp_path: Path) -> None:
+    with LiveBench(tmp_path, ANY, kept=3) as bench:
+        bench.drive_on()
+        bench.submit(Stop(), 2)
+        bench.run(1.0)
+        bench.submit(Resume(), 3)
+        assert len(typed(bench, "log").output.splitlines()) == 1
+        assert len(typed(bench, "log", "--since", "60").output.splitlines()) == 3
+        told = typed(bench, "why", "MOE:1").output
+        assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
+        assert "MOE asked for stop over the direct link" in told
+
+
+def test_where_no_history_is_served_reports_are_told(tmp_path: Path) -> None:
+    aboard = Aboard(tmp_path)
+    try:
+        aboard.do(lambda bench: bench.submit(MoveForward(1000.0), 1))
+        for arguments, said in (
+            (["log"], "MOE:1 moveForward: REJECTED"),
+            (["why", "MOE:1"], "MOE:1 moveForward was refused: "),
+            (["why", "MOE:2"], "no command is called MOE:2"),
+        ):
+            assert said in rover(*arguments, "--to", aboard.uri).output
+    finally:
+        aboard.close()
 
 
 def test_no_rover_is_told(tmp_path: Path) -> None:

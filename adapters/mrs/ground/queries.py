@@ -57,11 +57,14 @@ class Queries:
         wanted = (since, command_id, max_count)
         return await self._list(Notification, "Notification", "getNotifications", *wanted)
 
-    async def get_history(self, command: str | None = None) -> Chronicle:
+    async def get_history(
+        self, command: str | None = None, *, everything: bool = False
+    ) -> Chronicle:
         """Return what explains a command, or what the rover does now; see `adapters.explanation`.
 
         Args:
             command: its number, or `SOURCE:NUMBER`; None for what the rover does.
+            everything: return all that the rover keeps of its last commands, reports and modes.
 
         Raises:
             UnknownCommandError: no command can be called so.
@@ -69,12 +72,7 @@ class Queries:
         source, _, number = (command or "").rpartition(":")
         if command is not None and not _is_number(number):
             raise UnknownCommandError(f"{command} is neither NUMBER nor SOURCE:NUMBER")
-        wanted = (source or None, None if command is None else int(number), False)
-        return chronicle_of(await self._one(History, "Notification", "getHistory", *wanted))
-
-    async def get_whole_history(self) -> Chronicle:
-        """Return all that the rover keeps of its last commands, reports and modes."""
-        wanted = (None, None, True)
+        wanted = (source or None, None if command is None else int(number), everything)
         return chronicle_of(await self._one(History, "Notification", "getHistory", *wanted))
 
     async def get_value(self, *names: str) -> tuple[ParameterValue, ...]:
