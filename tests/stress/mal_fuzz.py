@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import product
 from multiprocessing.connection import Connection as Pipe
-from multiprocessing.context import SpawnProcess
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from random import Random
 from typing import Any, Final
@@ -112,12 +112,13 @@ def measure(
 @contextmanager
 def _provider(
     settings: Settings, part: Part, prepare: Callable[[], None]
-) -> Iterator[tuple[SpawnProcess, Pipe]]:
-    spawn = multiprocessing.get_context("spawn")
+) -> Iterator[tuple[BaseProcess, Pipe]]:
+    forking = multiprocessing.get_context("forkserver")
+    forking.set_forkserver_preload([serve.__module__])  # a second of imports, once for all of them
     with tempfile.TemporaryDirectory() as folder:
-        pipe, theirs = spawn.Pipe()
+        pipe, theirs = forking.Pipe()
         options = Options(*part, Path(folder), prepare)
-        process = spawn.Process(target=serve, args=(options, settings, theirs), daemon=True)
+        process = forking.Process(target=serve, args=(options, settings, theirs), daemon=True)
         process.start()
         theirs.close()
         try:
