@@ -41,6 +41,7 @@ NO_ROVER = tuple(
     f"./rover {command} "
     for command in (
         "scenario",
+        "calibrate",
         "campaign",
         "replay",
         "plot",
