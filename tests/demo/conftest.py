@@ -104,7 +104,10 @@ class Played:
 
 @pytest.fixture(scope="session")
 def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
-    """Give them as they ended. Each is played alone: they are timed, and two cores are few."""
+    """Give them as they ended. Each is played alone: they are timed, and two cores are few.
+
+    `test_demo.py` plays another at real time.
+    """
     folder = tmp_path_factory.mktemp("demo")
 
     def once(name: str, *arguments: str) -> Ran:
@@ -120,5 +123,7 @@ def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
         return once(f"{name}-again", *arguments) if ran.status and watch.stalled else ran
 
     return Played(
-        play("jackal"), play("mocup", "--mocup", "--speed", "1.5"), play("relay", "--relay")
+        play("jackal", "--speed", "2"),
+        play("mocup", "--mocup", "--speed", "2"),
+        play("relay", "--relay"),
     )

@@ -13,7 +13,6 @@ import pytest
 from PIL import Image
 
 from sim.demo.script import JACKAL
-from tests.conftest import port_of
 from tests.demo.conftest import LIMIT_S, ROVER, Demo, Played, Ran
 
 END_S = 60
@@ -125,28 +124,6 @@ def rover(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [ROVER, *arguments], capture_output=True, text=True, timeout=LIMIT_S, check=False
     )
-
-
-def test_a_rover_that_stays_obeys_a_second_terminal(
-    ros_domain: int, patient: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("ROVER_URI", f"127.0.0.1:{port_of(ros_domain)}")
-    staying = Demo(tmp_path / "run", patient, "--no-play")
-    try:
-        said = staying.wait_for("Ctrl-C")
-        for proposed in re.findall(r"^  \./rover (.*)", said, re.MULTILINE):
-            arguments = proposed.split() + (["--once"] if proposed == "watch" else [])
-            tried = rover(*arguments)
-            assert tried.returncode == 0, f"{proposed}: {tried.stdout}{tried.stderr}"
-        assert " IDLE " in rover("watch", "--once").stdout
-        second = rover("demo", "--no-play", "--out", str(tmp_path / "second"))
-        assert second.returncode == 1
-        assert "is taken, probably by another rover" in second.stderr
-        staying.process.send_signal(signal.SIGINT)
-        assert staying.end()[0] == 0
-        assert staying.others() == []
-    finally:
-        staying.clean_up()
 
 
 def test_a_folder_with_something_in_it_is_refused(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import sys
 import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -59,10 +59,15 @@ pytestmark = pytest.mark.slow
 
 @dataclass(frozen=True, slots=True)
 class Desk:
-    """A folder that looks like the checkout, and where its rovers are."""
+    """A folder that looks like the checkout, and where its rovers are.
+
+    Attributes:
+        proposed: the commands that the demonstration proposes once its rover stands there.
+    """
 
     folder: Path
     ports: dict[str, int]
+    proposed: tuple[str, ...] = ()
 
     def here(self, text: str) -> str:
         """Return a text with the commands, ports and addresses of this desk."""
@@ -101,13 +106,13 @@ class Desk:
         raise AssertionError("the executive never heard where its rover is")
 
     @contextmanager
-    def staying(self, text: str, ready: str) -> Iterator[None]:
+    def staying(self, text: str, ready: str) -> Iterator[Running]:
         """Run a command that stays; it must end well by Ctrl-C."""
         log = self.folder / f"{uuid.uuid4().hex}.log"
         process = Running(log, *self.here(text).split(), cwd=self.folder)
         try:
             process.said(re.escape(ready))
-            yield
+            yield process
         finally:
             status = process.end(signal.SIGINT)
         assert status in (0, 130), f"{text}: {process.text}"
@@ -140,8 +145,9 @@ def desk(
         patch.setenv("ROVER_URI", f"127.0.0.1:{desk.ports['21000']}")
         patch.setenv("ROVER_CONFIG", str(folder / "config"))
         patch.setenv("ROVER_DATA", str(folder / "data"))
-        with desk.staying(STARTS[-1], STAYS[START]):
-            yield desk
+        with desk.staying(STARTS[-1], STAYS[START]) as demo:
+            proposed = re.findall(r"^  (\./rover .*)", demo.text, re.MULTILINE)
+            yield replace(desk, proposed=tuple(proposed))
 
 
 def pages(no_rover: bool) -> list[Path]:
@@ -159,6 +165,17 @@ def test_commands_without_a_rover_do_what_the_page_says(page: Path, tmp_path: Pa
     desk = Desk(laid_out(tmp_path), {})
     for line in lines(page):
         desk.run(line)
+
+
+@pytest.mark.ros
+def test_a_rover_that_stays_obeys_a_second_terminal(desk: Desk) -> None:
+    assert "./rover watch" in desk.proposed
+    for text in desk.proposed:
+        desk.run(Line(f"{text} --once" if text == "./rover watch" else text, 0))
+    assert " IDLE " in run_to_end(BIN / "rover", "watch", "--once").stdout
+    second = run_to_end(BIN / "rover", "demo", "--no-play", "--out", desk.folder / "second")
+    assert second.returncode == 1
+    assert "is taken, probably by another rover" in second.stderr
 
 
 @pytest.mark.ros
