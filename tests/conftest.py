@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from coverage import Coverage
 from hypothesis import settings
 
-from adapters.cli.checkout import MARKS, files_marked
+from adapters.cli.checkout import ros_files
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -51,11 +52,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Have files with a slow test begin first, so that none of them is alone in the end."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
-    for mark in MARKS:
-        real = {item.path for item in items if item.get_closest_marker(mark)}
-        found = {CHECKOUT / file for file in files_marked(mark)}
-        if unmarked := sorted(str(path) for path in real - found):
-            raise pytest.UsageError(f"not found by `rover test`: say mark.{mark} in {unmarked}")
+    real = {item.path for item in items if item.get_closest_marker("ros")}
+    found = {CHECKOUT / file for file in ros_files()}
+    if unmarked := sorted(str(path) for path in real - found):
+        raise pytest.UsageError(f"not found by `rover test`: say mark.ros in {unmarked}")
+
+
+@pytest.fixture(autouse=True)
+def _at_length_without_coverage(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let a test that is marked so run at full speed: what it covers, others cover."""
+    measured = Coverage.current() if request.node.get_closest_marker("at_length") else None
+    if measured is not None:
+        measured.stop()
+    yield
+    if measured is not None:
+        measured.start()
 
 
 @pytest.fixture(autouse=True)

@@ -15,9 +15,7 @@ import click
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
 CORE_TESTS: Final = tuple(f"tests/{room}" for room in ("core", "safety", "security", "trees"))
-"""What is run under coverage, which triples the time that Python takes: the tests of the core."""
-MARKS: Final = ("ros", "at_length")
-"""Of tests whose files are looked for: `mark.ros` stands there (`tests/conftest.py` insists)."""
+"""What is run under coverage, which doubles the time that Python takes: the tests of the core."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +48,13 @@ def _pytest(marked: str, *arguments: str, workers: int = 2) -> tuple[str, ...]:
     return ("pytest", "-m", marked, "-n", str(workers), *in_order, *arguments)
 
 
-def files_marked(mark: str, tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
-    """Return the files that have tests with a mark; to import all others takes half a minute.
+def ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
+    """Return the files that say `mark.ros`; to import all others takes half a minute.
 
     Args:
-        mark: one of `MARKS`.
         tests: where they are looked for; there need not be any.
     """
-    found = (path for path in tests.rglob("test_*.py") if f"mark.{mark}" in path.read_text())
+    found = (path for path in tests.rglob("test_*.py") if "mark.ros" in path.read_text())
     return tuple(sorted(str(path.relative_to(tests.parent)) for path in found))
 
 
@@ -65,8 +62,7 @@ ASIDE: Final = Check(
     "pytest",
     (
         _python("coverage", "erase"),
-        _python("coverage", "run", "-m", *_pytest("not ros and not at_length", *CORE_TESTS)),
-        _python(*_pytest("at_length", *files_marked("at_length"))),
+        _python("coverage", "run", "-m", *_pytest("not ros", *CORE_TESTS)),
         # Many of these wait for others: clusters, orbiters, ION.
         _python(*_pytest("not ros", *(f"--ignore={room}" for room in CORE_TESTS), workers=3)),
     ),
@@ -187,7 +183,7 @@ def _carry_out_all() -> Iterator[Outcome]:
     """Yield outcomes; the check aside is told after those beside which it ran."""
     # In real time: all else gives way, and no more than two files at once, else odometry comes too
     # late to drive by.
-    ros = Check("pytest, ros", (_python(*_pytest("ros"), *files_marked("ros")),))
+    ros = Check("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
     with ThreadPoolExecutor(1) as pool:
         aside = pool.submit(_carry_out_aside, ASIDE)
         yield from map(_carry_out, (*STATIC_CHECKS, ros))

@@ -130,14 +130,13 @@ def test_a_share_of_the_stress_is_never_none_of_it() -> None:
     assert checkout.stress_checks(100)[0].commands[0][1:] == ("bench", "storm", "--commands=100000")
 
 
-def test_files_of_tests_are_found_by_a_mark(tmp_path: Path) -> None:
+def test_files_of_tests_on_ros_are_found_by_their_mark(tmp_path: Path) -> None:
     marked, plain = tmp_path / "tests" / "room" / "test_b.py", tmp_path / "tests" / "test_a.py"
     marked.parent.mkdir(parents=True)
     marked.write_text("import pytest\n\npytestmark = [pytest.mark.ros, pytest.mark.slow]\n")
     plain.write_text("def test_nothing() -> None: ...\n")
-    assert checkout.files_marked("ros", tmp_path / "tests") == ("tests/room/test_b.py",)
-    assert checkout.files_marked("ros", tmp_path / "nowhere") == ()
-    assert checkout.files_marked("at_length", tmp_path / "tests") == ()
+    assert checkout.ros_files(tmp_path / "tests") == ("tests/room/test_b.py",)
+    assert checkout.ros_files(tmp_path / "nowhere") == ()
 
 
 def test_byte_code_is_kept_while_checks_run(monkeypatch: pytest.MonkeyPatch) -> None:

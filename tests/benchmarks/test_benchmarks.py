@@ -58,7 +58,7 @@ def test_a_strangers_goals_are_driven_and_written_down(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["mpc", "brick"])
 def test_previews_are_compared_with_what_becomes_of_the_motions(tmp_path: Path, name: str) -> None:
     out = tmp_path / "figures.json"
-    arguments = ["previews", "--motions", "4", "--controller", name, "--seed", "2"]
+    arguments = ["previews", "--motions", "2", "--controller", name, "--seed", "2"]
     result = CliRunner().invoke(bench, [*arguments, "--json", str(out)])
     rows = {row["name"]: row["value"] for row in json.loads(out.read_text())}
     assert result.exit_code in (0, 1), result.output

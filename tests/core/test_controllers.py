@@ -31,6 +31,8 @@ from executive.settings import Settings, load_settings
 from tests.support.kinematic import STEP_S, Bench
 from tests.support.plans import PlanBench, plan
 
+pytestmark = pytest.mark.at_length
+
 TURN_DRIVE, MPC = Controller
 JACKAL = load_settings("jackal")
 OFFERING = replace(

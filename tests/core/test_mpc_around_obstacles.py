@@ -28,6 +28,8 @@ from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring
 from tests.support.laser import Disc, LookingRover
 
+pytestmark = pytest.mark.at_length
+
 RADIUS_M, MARGIN_M = 0.3335, 0.1
 OFF_M = 0.005
 """By which a rover is nearer than planned."""
@@ -287,7 +289,6 @@ def in_simulation(
     return lockstep
 
 
-@pytest.mark.at_length
 def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
     jackal_solver: MinimumTime, tmp_path: Path
 ) -> None:
@@ -308,7 +309,6 @@ def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
     assert took_s < 1.06 * sum(scene["best_known_time_s"] for scene in SCENES)
 
 
-@pytest.mark.at_length
 def test_where_a_plan_comes_near_to_others_than_its_guess_it_is_made_again(
     jackal_solver: MinimumTime, tmp_path: Path
 ) -> None:

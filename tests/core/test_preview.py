@@ -260,6 +260,7 @@ def solver() -> SharedSolver:
     return make_solver(SMOOTH)
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("own", "motion"),
     [

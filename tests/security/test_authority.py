@@ -260,6 +260,7 @@ def test_random_interleavings_never_have_two_holders(seed: int, brick: bool) -> 
 
 
 @pytest.mark.at_length
+@pytest.mark.at_length
 @pytest.mark.parametrize(
     ("cls", "name", "broken", "found"),
     [
