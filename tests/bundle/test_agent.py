@@ -103,7 +103,7 @@ class Cutter:
     async def _call(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.append(writer)
         self._calls.add(asyncio.current_task())
-        left = self.chance.randrange(2_000, 60_000)
+        left = self.chance.randrange(8_000, 32_000)
         try:
             far_reader, far_writer = await asyncio.open_connection(
                 self.target.host, self.target.port
