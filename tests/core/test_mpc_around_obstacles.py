@@ -28,8 +28,6 @@ from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring
 from tests.support.laser import Disc, LookingRover
 
-pytestmark = pytest.mark.at_length
-
 RADIUS_M, MARGIN_M = 0.3335, 0.1
 OFF_M = 0.005
 """By which a rover is nearer than planned."""
@@ -154,6 +152,7 @@ def test_one_that_begins_too_near_leaves_and_does_not_come_nearer(solver: Minimu
     assert gap_of(plan, zones) > 0.6 - 0.2 - RADIUS_M - OFF_M
 
 
+@pytest.mark.at_length
 def test_a_place_behind_a_rock_is_driven_to_in_one_curve(
     solver: MinimumTime, tmp_path: Path
 ) -> None:
@@ -165,6 +164,7 @@ def test_a_place_behind_a_rock_is_driven_to_in_one_curve(
         assert bench.stood_s < 1.0
 
 
+@pytest.mark.at_length
 @pytest.mark.parametrize("target", [Waypoint(4.0, -2.0, pi / 2), Waypoint(1.0, 2.4)])
 def test_zones_are_gone_around_and_not_left(
     target: Waypoint, solver: MinimumTime, tmp_path: Path
@@ -175,6 +175,7 @@ def test_zones_are_gone_around_and_not_left(
         assert not [text for text in bench.texts if text.startswith("mpc:")]
 
 
+@pytest.mark.at_length
 def test_a_path_past_rocks_is_one_motion(solver: MinimumTime, tmp_path: Path) -> None:
     settings = known(KnownRock("inside", 1.4, 1.0, 0.12), KnownRock("outside", 2.8, 0.2, 0.2))
     corners = (Waypoint(1.9, 0.0), Waypoint(2.4, 1.2), Waypoint(0.0, 2.2))
@@ -231,6 +232,7 @@ def until(bench: Driven, request: MoveTo | FollowPath, x_m: float, discs: Sequen
     return bench.finish(1)
 
 
+@pytest.mark.at_length
 def test_what_comes_into_view_is_gone_around_without_standing(
     solver: MinimumTime, tmp_path: Path
 ) -> None:
@@ -241,6 +243,7 @@ def test_what_comes_into_view_is_gone_around_without_standing(
         assert Reason.OBSTACLE_AHEAD not in {each.reason for each in bench.heard.reports}
 
 
+@pytest.mark.at_length
 def test_a_path_goes_around_what_comes_into_view(solver: MinimumTime, tmp_path: Path) -> None:
     path = FollowPath((Waypoint(3.5, 0.0), Waypoint(3.5, 2.0)))
     with Driven(tmp_path, solver, SEEING) as bench:
@@ -289,6 +292,7 @@ def in_simulation(
     return lockstep
 
 
+@pytest.mark.at_length
 def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
     jackal_solver: MinimumTime, tmp_path: Path
 ) -> None:
@@ -309,6 +313,7 @@ def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
     assert took_s < 1.06 * sum(scene["best_known_time_s"] for scene in SCENES)
 
 
+@pytest.mark.at_length
 def test_where_a_plan_comes_near_to_others_than_its_guess_it_is_made_again(
     jackal_solver: MinimumTime, tmp_path: Path
 ) -> None:
