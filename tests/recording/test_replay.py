@@ -5,6 +5,7 @@ import random
 import re
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -105,8 +106,13 @@ def test_the_recorded_run_is_the_same_as_one_that_is_not(tmp_path: Path) -> None
 
 
 def _other_gain(patch: pytest.MonkeyPatch) -> None:
-    steer = DriveLaw._steer
-    patch.setattr(DriveLaw, "_steer", lambda *of: 0.99 * steer(*of))
+    want = DriveLaw.want
+
+    def less(law: DriveLaw, now_s: float) -> Velocity:
+        wanted = want(law, now_s)
+        return replace(wanted, rotate_radps=0.99 * wanted.rotate_radps)
+
+    patch.setattr(DriveLaw, "want", less)
 
 
 def _no_latch(patch: pytest.MonkeyPatch) -> None:
