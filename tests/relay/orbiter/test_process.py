@@ -30,7 +30,7 @@ rovers:
 """
 
 
-KILLS = 4
+KILLS = 2
 
 
 class Orbiter:
