@@ -14,16 +14,21 @@ class Clock(Protocol):
         """Return seconds since 1970-01-01 UTC, for stamps and command lifetimes."""
 
 
+def kept_s(time_s: float) -> float:
+    """Return a time to a tenth of a millisecond; what lies below would but fill a recording."""
+    return round(time_s, 4)
+
+
 class SystemClock:
     """Real time of this machine."""
 
     def now_s(self) -> float:
         """Return monotonic seconds."""
-        return time.monotonic()
+        return kept_s(time.monotonic())
 
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC."""
-        return time.time()
+        return kept_s(time.time())
 
 
 class LatchedClock:

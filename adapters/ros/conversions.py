@@ -1,6 +1,7 @@
 """ROS messages to facts and back. What is not a finite number is refused here."""
 
 from collections.abc import Sequence
+from enum import IntEnum
 from math import asin, atan2, cos, isfinite, sin, sqrt
 from typing import Final
 
@@ -32,20 +33,38 @@ def finite(value: float, name: str) -> float:
     return value
 
 
-def measured(value: float) -> float:
-    """Return a figure to a millionth of its unit.
+class Kept(IntEnum):
+    """Digits after the point that are kept of a figure in SI units.
 
-    No sensor of a rover is as exact, and noise beyond doubles the size of a recording.
+    They are finer than the noise of a rover's sensors, by about ten. What lies below is noise that
+    would fill a recording; it goes before the core decides, so that both have the same figures.
     """
-    return round(value, 6)
+
+    TORQUE = 2
+    ACCELERATION = 3
+    WHEEL = 3
+    RANGE = 3
+    VOLTAGE = 3
+    STAMP = 4
+    LENGTH = 4
+    SPEED = 4
+    LEAN = 4
+    RATIO = 4
+    HEADING = 5
+    DEVIATION = 6
+
+
+def measured(value: float, kept: Kept) -> float:
+    """Return a figure as exactly as it is kept."""
+    return round(value, kept)
 
 
 def stamp_s(stamp: Time) -> float:
     """Return a stamp in seconds."""
-    return measured(stamp.sec + stamp.nanosec * 1e-9)
+    return measured(stamp.sec + stamp.nanosec * 1e-9, Kept.STAMP)
 
 
-def angles(quaternion: Quaternion) -> tuple[float, float, float]:
+def angles(quaternion: Quaternion, kept: Kept = Kept.HEADING) -> tuple[float, float, float]:
     """Return roll, pitch and heading in rad (REP 103: about x, y, z, fixed axes).
 
     Raises:
@@ -56,9 +75,9 @@ def angles(quaternion: Quaternion) -> tuple[float, float, float]:
     if not abs(norm - 1.0) <= _NORM_TOLERANCE:
         raise MessageError(f"orientation ({x}, {y}, {z}, {w}) is no rotation")
     return (
-        measured(atan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y))),
-        measured(asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm)))),
-        measured(atan2(2 * (w * z + x * y), norm - 2 * (y * y + z * z))),
+        measured(atan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y)), kept),
+        measured(asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm))), kept),
+        measured(atan2(2 * (w * z + x * y), norm - 2 * (y * y + z * z)), kept),
     )
 
 
@@ -70,7 +89,7 @@ def pose_of(message: PoseMessage) -> Pose:
     """
     place = message.position
     roll_rad, pitch_rad, heading_rad = angles(message.orientation)
-    x_m, y_m, z_m = map(measured, (place.x, place.y, place.z))
+    x_m, y_m, z_m = (measured(each, Kept.LENGTH) for each in (place.x, place.y, place.z))
     return Pose(x_m, y_m, z_m, heading_rad, roll_rad, pitch_rad)
 
 
@@ -84,7 +103,7 @@ def odometry_fact(message: OdometryMessage) -> Odometry:
     fact = Odometry(
         stamp_s(message.header.stamp),
         pose_of(message.pose.pose),
-        Velocity(measured(twist.linear.x), measured(twist.angular.z)),
+        Velocity(measured(twist.linear.x, Kept.SPEED), measured(twist.angular.z, Kept.SPEED)),
         *pose_sd(message.pose.covariance),
     )
     if not (fact.pose.finite and fact.velocity.finite):
@@ -102,7 +121,8 @@ def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
     x_m2, y_m2, heading_rad2 = (
         float(covariance[at]) if isfinite(covariance[at]) else 0.0 for at in (0, 7, 35)
     )
-    return measured(sqrt(max(x_m2, y_m2, 0.0))), measured(sqrt(max(heading_rad2, 0.0)))
+    position_sd_m, heading_sd_rad = sqrt(max(x_m2, y_m2, 0.0)), sqrt(max(heading_rad2, 0.0))
+    return measured(position_sd_m, Kept.DEVIATION), measured(heading_sd_rad, Kept.DEVIATION)
 
 
 def battery_fact(message: BatteryState) -> Battery:
@@ -110,8 +130,9 @@ def battery_fact(message: BatteryState) -> Battery:
 
     A charge that is no ratio, or 0, as drivers leave it that do not measure it, is not known.
     """
-    charge_ratio = measured(message.percentage)
-    return Battery(measured(message.voltage), charge_ratio if 0.0 < charge_ratio <= 1.0 else None)
+    charge_ratio = measured(message.percentage, Kept.RATIO)
+    voltage_v = measured(message.voltage, Kept.VOLTAGE)
+    return Battery(voltage_v, charge_ratio if 0.0 < charge_ratio <= 1.0 else None)
 
 
 def frame_fact(message: CompressedImage) -> Frame:

@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 
 from adapters.ros.context import SpunNode
 from adapters.ros.conversions import (
+    Kept,
     MessageError,
     battery_fact,
     finite,
@@ -30,7 +31,7 @@ from adapters.ros.parameters import Topic, Topics, declare_rate
 from adapters.ros.rover import RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
-from executive.clock import Clock, SystemClock
+from executive.clock import Clock, SystemClock, kept_s
 from executive.commands import Command, Stop
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
@@ -171,11 +172,11 @@ class ExecutiveNode:
         self._observe(battery_fact(message))
 
     def _on_pan(self, message: Float64) -> None:
-        self._pan_rad = measured(finite(message.data, "camera pan"))
+        self._pan_rad = measured(finite(message.data, "camera pan"), Kept.LEAN)
         self._observe_camera()
 
     def _on_tilt(self, message: Float64) -> None:
-        self._tilt_rad = measured(finite(message.data, "camera tilt"))
+        self._tilt_rad = measured(finite(message.data, "camera tilt"), Kept.LEAN)
         self._observe_camera()
 
     def _observe_camera(self) -> None:
@@ -261,8 +262,8 @@ class RosClock:
         if now_ns < self._last_ns:
             self._offset_ns += self._last_ns - now_ns
         self._last_ns = now_ns
-        return (now_ns + self._offset_ns) * 1e-9
+        return kept_s((now_ns + self._offset_ns) * 1e-9)
 
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC."""
-        return time.time()
+        return kept_s(time.time())

@@ -16,6 +16,7 @@ from sensor_msgs.msg import LaserScan as LaserScanMessage
 
 from adapters.ros.conversions import (
     BASE_LINK,
+    Kept,
     MessageError,
     angles,
     measured,
@@ -55,12 +56,14 @@ def imu_fact(message: ImuMessage) -> Imu:
     ):
         if covariance[0] == UNKNOWN:
             raise MessageError(f"the IMU says that its {name} are not measured (covariance -1)")
-    roll_rad, pitch_rad, _ = angles(message.orientation)
+    roll_rad, pitch_rad, _ = angles(message.orientation, Kept.LEAN)
     rate, force = message.angular_velocity, message.linear_acceleration
     figures = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
     if not all(map(isfinite, figures)):
         raise MessageError(f"the IMU's rates and accelerations are {figures}")
-    return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *map(measured, figures))
+    rates = (measured(each, Kept.SPEED) for each in figures[:3])
+    forces = (measured(each, Kept.ACCELERATION) for each in figures[3:])
+    return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *rates, *forces)
 
 
 def joints_fact(message: JointState, joints: WheelJoints) -> Joints | None:
@@ -84,19 +87,19 @@ def joints_fact(message: JointState, joints: WheelJoints) -> Joints | None:
             f"joint states of {len(names)} joints have {len(message.velocity)} speeds"
         )
     left, right = (tuple(map(names.index, side)) for side in (joints.left, joints.right))
-    speeds = [_at(message.velocity, side) for side in (left, right)]
+    speeds = [_at(message.velocity, side, Kept.WHEEL) for side in (left, right)]
     if not all(map(isfinite, (*speeds[0], *speeds[1]))):
         raise MessageError(f"speeds of the wheels are {speeds[0]}, {speeds[1]}")
     efforts: list[tuple[float, ...]] = [(), ()]
     if len(message.effort) == len(names):
-        efforts = [_at(message.effort, side) for side in (left, right)]
+        efforts = [_at(message.effort, side, Kept.TORQUE) for side in (left, right)]
     if not all(map(isfinite, (*efforts[0], *efforts[1]))):
         efforts = [(), ()]
     return Joints(stamp_s(message.header.stamp), speeds[0], speeds[1], efforts[0], efforts[1])
 
 
-def _at(values: Sequence[float], places: Sequence[int]) -> tuple[float, ...]:
-    return tuple(measured(values[place]) for place in places)
+def _at(values: Sequence[float], places: Sequence[int], kept: Kept) -> tuple[float, ...]:
+    return tuple(measured(values[place], kept) for place in places)
 
 
 def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
@@ -127,7 +130,11 @@ def laser_fact(message: LaserScanMessage) -> LaserScan:
         stamp_s(message.header.stamp),
         *figures,
         tuple(
-            measured(each) if least_m <= each <= most_m else least_m if each == -inf else inf
+            measured(each, Kept.RANGE)
+            if least_m <= each <= most_m
+            else least_m
+            if each == -inf
+            else inf
             for each in message.ranges
         ),
     )

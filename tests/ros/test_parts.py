@@ -18,7 +18,7 @@ from sensor_msgs.msg import BatteryState, CompressedImage
 
 from adapters.onboard.process import main as executive
 from adapters.ros import MessageError, conversions, odometry_message, ros_node
-from adapters.ros.conversions import quaternion
+from adapters.ros.conversions import Kept, quaternion
 from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
@@ -164,14 +164,20 @@ lengths = st.floats(-1e4, 1e4)
 JPEG = b"\xff\xd8\xff\xe0 and so on"
 
 
+def half(kept: Kept) -> float:
+    """Return half of the last digit that is kept, and what numbers in binary add."""
+    return 0.51 * 10.0**-kept
+
+
 @given(heading_rad=turns, roll_rad=tilts, pitch_rad=tilts)
 def test_angles_come_back_from_the_rotation_made_of_them(
     heading_rad: float, roll_rad: float, pitch_rad: float
 ) -> None:
     pose = Pose(heading_rad=heading_rad, roll_rad=roll_rad, pitch_rad=pitch_rad)
     roll, pitch, heading = conversions.angles(quaternion(pose))
-    assert (roll, pitch) == pytest.approx((roll_rad, pitch_rad), abs=1e-6)
-    assert (heading - heading_rad + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=1e-6)
+    kept = half(Kept.HEADING)
+    assert (roll, pitch) == pytest.approx((roll_rad, pitch_rad), abs=kept)
+    assert (heading - heading_rad + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=kept)
 
 
 @pytest.mark.parametrize(
@@ -188,7 +194,8 @@ def test_angles_come_back_from_the_rotation_made_of_them(
 def test_angles_of_known_rotations(
     x: float, y: float, z: float, w: float, expected: tuple[float, float, float]
 ) -> None:
-    assert conversions.angles(Quaternion(x=x, y=y, z=z, w=w)) == pytest.approx(expected, abs=1e-6)
+    told = conversions.angles(Quaternion(x=x, y=y, z=z, w=w))
+    assert told == pytest.approx(expected, abs=half(Kept.HEADING))
 
 
 @pytest.mark.parametrize(
@@ -229,7 +236,7 @@ def test_odometry_comes_through(sent: Odometry) -> None:
         (sent.stamp_s, *astuple(sent.velocity), *xyz(sent.pose)),
         strict=True,
     ):
-        assert told == pytest.approx(measured, abs=1e-6)
+        assert told == pytest.approx(measured, abs=half(Kept.LENGTH))
     sd = (received.position_sd_m, received.heading_sd_rad)
     assert sd == pytest.approx((sent.position_sd_m, sent.heading_sd_rad), abs=1e-6)
 
