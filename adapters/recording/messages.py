@@ -1,4 +1,4 @@
-"""Items of a recording as messages: a topic, a JSON schema and a JSON text each.
+"""Items of a recording as messages: a topic and a JSON text each.
 
 Numbers come back as they were, to the last bit; what is not finite is a text ("inf", "-inf",
 "nan"). Names stand for enums. Of camera pictures the length is kept, and the end, by which the core
@@ -9,17 +9,17 @@ import base64
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
-from enum import Enum, EnumMeta
+from dataclasses import dataclass
+from enum import EnumMeta
 from functools import cache
 from math import isfinite
-from types import NoneType, UnionType
-from typing import Any, Final, Union, get_args, get_origin, get_type_hints
+from typing import Any, Final, get_args
 
 from cattrs import Converter
 from cattrs.preconf.json import make_converter
 from cattrs.strategies import configure_tagged_union
 
+from adapters.recording.rows import text_of
 from executive.commands import Request
 from executive.recording import (
     Call,
@@ -93,10 +93,15 @@ def _topic_name(item: Item) -> str:
     return f"{folder}{_snake(type(item))}"
 
 
+def plain_of(item: Item) -> dict[str, Any]:
+    """Return an item as plain data."""
+    plain: dict[str, Any] = _converter().unstructure(item)
+    return plain
+
+
 def encode(item: Item) -> bytes:
     """Return the text of an item."""
-    plain = _converter().unstructure(item)
-    return json.dumps(plain, allow_nan=False, separators=(",", ":")).encode()
+    return text_of(plain_of(item)).encode()
 
 
 def decode(topic: Topic, data: bytes) -> Any:
@@ -150,42 +155,3 @@ def _without_picture(frame: Frame) -> dict[str, object]:
 def _with_black_picture(raw: Mapping[str, Any], _: type) -> Frame:
     end = base64.b64decode(raw["end"])
     return Frame(raw["stamp_s"], raw["format"], bytes(raw["length"] - len(end)) + end)
-
-
-def schema_of(topic: Topic) -> dict[str, object]:
-    """Return the JSON schema of the messages of a topic."""
-    schema = _schema(Observed if topic.kind in get_args(Fact) else topic.kind)
-    if topic.kind in get_args(Fact):
-        properties = dict(_properties(Observed))
-        properties["fact"] = _schema(topic.kind)
-        schema["properties"] = properties
-    return schema
-
-
-def _properties(kind: Any) -> dict[str, object]:
-    hints = get_type_hints(kind)
-    return {field.name: _schema(hints[field.name]) for field in fields(kind)}
-
-
-def _schema(kind: Any) -> dict[str, Any]:
-    """Return the schema of values of a kind."""
-    if kind is Settings or kind is Any:
-        return {"type": "object"}
-    if kind is Frame:
-        kinds = {"stamp_s": "number", "format": "string", "length": "integer", "end": "string"}
-        return {
-            "type": "object",
-            "properties": {name: {"type": each} for name, each in kinds.items()},
-        }
-    if is_dataclass(kind):
-        return {"type": "object", "properties": _properties(kind)}
-    if get_origin(kind) in {Union, UnionType}:
-        choices = [each for each in get_args(kind) if each is not NoneType]
-        return _schema(choices[0]) if len(choices) == 1 else {"type": "object"}
-    if get_origin(kind) is tuple:
-        first = get_args(kind)[0]
-        return {"type": "array", "items": _schema(first)}
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return {"type": "string", "enum": [each.name for each in kind]}
-    names = {bool: "boolean", int: "integer", float: "number", str: "string", bytes: "string"}
-    return {"type": names.get(kind, "object")}

@@ -1,30 +1,34 @@
-"""A recording as an MCAP file: chunks that zstd packs, a topic for each kind of item."""
+"""A recording as an MCAP file: chunks that zstd packs, of batches of items, and of their view."""
 
-import json
 import logging
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, count, takewhile
 from pathlib import Path
 from typing import Any, Final
 
-from adapters.recording.messages import LIFE, TOPICS, Topic, encode, schema_of, topic_of
+from adapters.recording.messages import TOPICS, Topic, plain_of, topic_of
+from adapters.recording.rows import Row, RowReader, RowWriter, text_of
+from adapters.recording.view import TOPICS as VIEW_TOPICS
+from adapters.recording.view import View
 from executive.recording import Entry, Item, is_within
 
 _LOG = logging.getLogger(__name__)
 
-PROFILE: Final = "rover-run-1"
+PROFILE: Final = "rover-run-2"
 """Of the files that are written and read here: what their messages are."""
 LIBRARY: Final = "rover-executive"
 LARGEST_RECORD: Final = 1 << 30
 """Octets of a part of a file; what claims more is damaged."""
-LIFE_TOPIC: Final = TOPICS[LIFE]
-
-
+RUN: Final = "/run"
+"""The topic of the batches."""
+BATCH_S: Final = 1.0
+LARGEST_BATCH: Final = 1 << 18
 SUFFIX: Final = ".mcap"
+_NO_SCHEMA: Final = 0
 
 
 def part_of(path: Path, number: int) -> Path:
@@ -60,9 +64,12 @@ class RunFile:
         self._file = path.open("wb")
         self._writer = Writer(self._file)
         self._writer.start(PROFILE, LIBRARY)
+        self._run = self._writer.register_channel(RUN, "json", _NO_SCHEMA)
+        self._rows = RowWriter()
+        self._view = View()
         self._channels: dict[str, int] = {}
         self._entries = 0
-        self._time_ns = 0
+        self._time_ns = self._batch_ns = 0
         self._ended = False
 
     def put(self, item: Item) -> None:
@@ -83,7 +90,7 @@ class RunFile:
     def flush(self) -> None:
         """Hand what was put to the system, so that the end of this process does not lose it."""
         if not self._ended:
-            self._or_end(self._writer.flush)
+            self._or_end(self._flush)
 
     def continued(self, path: Path) -> "RunFile":
         """Close it, and return the file in which the recording goes on.
@@ -98,6 +105,8 @@ class RunFile:
             _LOG.warning("recording %s ends: %s", path, error.strerror)
             return self
         following._entries, following._time_ns = self._entries, self._time_ns
+        following._view = self._view
+        following._view.again()
         return following
 
     def close(self) -> None:
@@ -115,32 +124,52 @@ class RunFile:
             self._ended = True
             _LOG.warning("recording %s ends: %s", self._file.name, error.strerror)
 
+    def _flush(self) -> None:
+        self._write_batch()
+        self._writer.flush()
+
     def _finish(self) -> None:
+        self._write_batch()
         self._writer.finish()
         self._file.flush()
 
     def _write(self, item: Item) -> None:
-        topic = topic_of(item)
         if isinstance(item, Entry) and not is_within(item):
             self._entries += 1
             self._time_ns = round(item.utc_s * 1e9)
+            if self._time_ns - self._batch_ns > BATCH_S * 1e9:
+                self._write_batch()
+        self._rows.put(topic_of(item).name, plain_of(item))
+        if self._rows.size_octets > LARGEST_BATCH:
+            self._write_batch()
+        for shown in self._view.of(item):
+            with suppress(ValueError):  # JSON has no NaN
+                self._add(self._channel(shown.topic), text_of(shown.message).encode())
+
+    def _write_batch(self) -> None:
+        self._batch_ns = self._time_ns
+        batch = self._rows.take()
+        if batch is not None:
+            self._add(self._run, batch)
+
+    def _add(self, channel: int, data: bytes) -> None:
         self._writer.add_message(
-            channel_id=self._channel(topic),
+            channel_id=channel,
             log_time=self._time_ns,
             publish_time=self._time_ns,
             sequence=self._entries,
-            data=encode(item),
+            data=data,
         )
 
-    def _channel(self, topic: Topic) -> int:
-        known = self._channels.get(topic.name)
+    def _channel(self, topic: str) -> int:
+        """Return the channel of a topic of the view, which is made for its first message."""
+        known = self._channels.get(topic)
         if known is None:
+            kind = VIEW_TOPICS[topic]
             schema = self._writer.register_schema(
-                topic.kind.__name__, "jsonschema", json.dumps(schema_of(topic)).encode()
+                kind.name, "jsonschema", text_of(kind.json).encode()
             )
-            known = self._channels[topic.name] = self._writer.register_channel(
-                topic.name, "json", schema
-            )
+            known = self._channels[topic] = self._writer.register_channel(topic, "json", schema)
         return known
 
 
@@ -167,8 +196,11 @@ class RunReader:
         self._path = path
         self.whole = False
 
-    def messages(self) -> Iterator[RecordedMessage]:
+    def messages(self, kinds: Collection[type] | None = None) -> Iterator[RecordedMessage]:
         """Yield the messages in the order in which they were written.
+
+        Args:
+            kinds: of items, facts by their own; the others are skipped unread. None for all.
 
         Raises:
             RecordingError: the file cannot be read, or is no recording.
@@ -178,17 +210,20 @@ class RunReader:
             self.whole = False
             try:
                 with path.open("rb") as file:
-                    yield from self._messages(file)
+                    for row in self._rows(file):
+                        topic = TOPICS.get(row.topic)
+                        if topic is not None and (kinds is None or topic.kind in kinds):
+                            yield RecordedMessage(topic, row.data)
             except OSError as error:
                 raise RecordingError(f"{path}: cannot be read ({error.strerror})") from error
 
-    def _messages(self, file: Any) -> Iterator[RecordedMessage]:
+    def _rows(self, file: Any) -> Iterator[Row]:
         from mcap.exceptions import InvalidMagic, McapError
         from mcap.records import Channel, Footer, Header, Message
         from mcap.stream_reader import StreamReader
         from zstandard import ZstdError
 
-        topics: dict[int, Topic] = {}
+        run, reader = None, RowReader()
         try:
             stream = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
             for record in stream.records:
@@ -198,10 +233,10 @@ class RunReader:
                             f"{self._path}: is no recording of this version ({PROFILE}), but"
                             f" MCAP of profile {profile!r}"
                         )
-                    case Channel(id=number, topic=name) if name in TOPICS:
-                        topics[number] = TOPICS[name]
-                    case Message(channel_id=number, data=data) if number in topics:
-                        yield RecordedMessage(topics[number], data)
+                    case Channel(id=number, topic=name) if name == RUN:
+                        run = number
+                    case Message(channel_id=number, data=data) if number == run:
+                        yield from reader.rows(data)
                     case Footer():
                         self.whole = True
                     case _:

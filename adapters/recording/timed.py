@@ -38,9 +38,7 @@ def read_timed(path: Path, kinds: Collection[type]) -> Iterator[Timed]:
     began_s: float | None = None
     utc_s = apart_s = 0.0
     life: Life | None = None
-    for message in RunReader(path).messages():
-        if message.topic.kind not in wanted:
-            continue
+    for message in RunReader(path).messages(wanted):
         try:
             item: Item = decode(message.topic, message.data)
         except (ValueError, KeyError, TypeError, ExceptionGroup) as error:

@@ -1,0 +1,388 @@
+"""What viewers such as Foxglove show of a recording: derived from its items, thinned, never read.
+
+Topics carry Foxglove's well-known schemas where there is one; numbers to plot, the mode and the
+tree have plain ones. Figures are rounded, and most topics have ten messages a second at most.
+"""
+
+import io
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final
+
+from adapters.recording.foxglove import (
+    COMPRESSED_IMAGE,
+    FRAME_TRANSFORM,
+    LASER_SCAN,
+    LOG,
+    NUMBER,
+    POSE_IN_FRAME,
+    SCENE_UPDATE,
+    TEXT,
+    Color,
+    Plain,
+    Schema,
+    array_of,
+    compressed_image,
+    cube,
+    cylinder,
+    entity,
+    fine,
+    frame_transform,
+    laser_scan,
+    line,
+    log,
+    object_of,
+    pose_in_frame,
+    scene,
+)
+from executive.commands import FollowPath, MoveForward, MoveTo, Request
+from executive.geometry import Point, Pose
+from executive.recording import (
+    Call,
+    Called,
+    Drove,
+    Item,
+    Life,
+    ModeChanged,
+    NodeState,
+    Observed,
+    Reported,
+    Served,
+    ToldParameters,
+    TreeChanged,
+    Truth,
+)
+from executive.reports import Identity, Report, Stage
+from executive.settings import Settings
+from executive.state import (
+    Battery,
+    CameraAngles,
+    Fact,
+    Frame,
+    Imu,
+    Joints,
+    LaserScan,
+    Odometry,
+    Parameter,
+    SecondOdometry,
+)
+from executive.zones import KeepIn, KeepOut, KnownRock
+
+ODOM: Final = "odom"
+BASE_LINK: Final = "base_link"
+CAMERA: Final = "camera"
+
+OFTEN_S: Final = 0.1
+SELDOM_S: Final = 0.5
+RARELY_S: Final = 1.0
+TRACK_S: Final = 3.0
+"""Between two messages of a topic."""
+
+_TRACK_M: Final = 0.2
+_MOST_PLACES: Final = 200
+_THUMBNAIL_PX: Final = (160, 120)
+_HEIGHT_M: Final = 0.3
+_GREEN, _RED = Color(0.2, 0.7, 0.3), Color(0.85, 0.2, 0.2)
+_BLUE, _GREY = Color(0.1, 0.45, 0.9), Color(0.5, 0.5, 0.5, 0.8)
+
+_VELOCITY: Final = object_of(travel_mps=NUMBER, rotate_radps=NUMBER)
+_MOTION: Final = Schema(
+    "rover.Motion",
+    object_of(
+        commanded=_VELOCITY,
+        odometry=object_of(
+            travel_mps=NUMBER, rotate_radps=NUMBER, x_m=NUMBER, y_m=NUMBER, heading_rad=NUMBER
+        ),
+        wheels=object_of(left_radps=NUMBER, right_radps=NUMBER, left_nm=NUMBER, right_nm=NUMBER),
+        imu=object_of(
+            roll_rad=NUMBER,
+            pitch_rad=NUMBER,
+            rotate_radps=NUMBER,
+            forward_mps2=NUMBER,
+            left_mps2=NUMBER,
+            up_mps2=NUMBER,
+        ),
+        battery=object_of(voltage_v=NUMBER, charge_ratio=NUMBER),
+        camera=object_of(pan_rad=NUMBER, tilt_rad=NUMBER),
+    ),
+)
+_MODE: Final = Schema("rover.Mode", object_of(mode=TEXT, command=TEXT, why=TEXT))
+_TREE: Final = Schema(
+    "rover.Tree", object_of(nodes=array_of(object_of(path=TEXT, status=TEXT, message=TEXT)))
+)
+_PARAMETERS: Final = Schema(
+    "rover.Parameters", object_of(**{each.name: NUMBER for each in Parameter})
+)
+
+TOPICS: Final[Mapping[str, Schema]] = {
+    "/tf": FRAME_TRANSFORM,
+    "/pose/second_odometry": POSE_IN_FRAME,
+    "/pose/truth": POSE_IN_FRAME,
+    "/scene/rover": SCENE_UPDATE,
+    "/scene/zones": SCENE_UPDATE,
+    "/scene/track": SCENE_UPDATE,
+    "/scene/goal": SCENE_UPDATE,
+    "/scan": LASER_SCAN,
+    "/camera": COMPRESSED_IMAGE,
+    "/log": LOG,
+    "/motion": _MOTION,
+    "/parameters": _PARAMETERS,
+    "/mode": _MODE,
+    "/tree": _TREE,
+}
+"""All topics of the view."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A message of the view."""
+
+    topic: str
+    message: Plain
+
+
+class View:
+    """Makes messages of the items of a recording, in their order."""
+
+    def __init__(self) -> None:
+        self._utc_s = 0.0
+        self._due_s: dict[str, float] = {}
+        self._begin(None)
+
+    def _begin(self, settings: Settings | None) -> None:
+        self._settings = settings
+        self._still_shown = False
+        self._motion: Plain = {}
+        self._pose = Pose()
+        self._track = _Track()
+        self._nodes: dict[str, NodeState] = {}
+        self._tree_changed = False
+        self._asked: dict[Identity, Request] = {}
+        self._aim: Identity | None = None
+
+    def again(self) -> None:
+        """Begin another file: what does not change is shown in it, too."""
+        self._still_shown = False
+        self._tree_changed = True
+
+    def of(self, item: Item) -> Iterator[Shown]:
+        """Yield what is to be shown when an item comes."""
+        match item:
+            case Life(settings=settings):
+                self._begin(settings)
+            case Called(utc_s=utc_s, call=call):
+                self._utc_s = utc_s
+                yield from self._at_call(call)
+            case Observed(utc_s=utc_s, fact=fact):
+                self._utc_s = utc_s
+                yield from self._of_fact(fact)
+            case Drove(velocity=velocity):
+                self._motion["commanded"] = _velocity(velocity.travel_mps, velocity.rotate_radps)
+            case Served(command=command):
+                if isinstance(command.request, MoveTo | FollowPath | MoveForward):
+                    self._asked[command.identity] = command.request
+            case Reported(report=report):
+                yield from self._of_report(report)
+            case ToldParameters(values=values):
+                known = ((each.parameter.name, each.value) for each in values)
+                yield Shown("/parameters", _known(known))
+            case ModeChanged(mode=mode, active=active, why=why):
+                whose = "" if active is None else str(active)
+                yield Shown("/mode", {"mode": mode.name, "command": whose, "why": why})
+            case TreeChanged(nodes=nodes, gone=gone):
+                self._nodes |= {each.path: each for each in nodes}
+                for path in gone:
+                    self._nodes.pop(path, None)
+                self._tree_changed = True
+            case Truth(pose=pose):
+                if self._due("/pose/truth", SELDOM_S):
+                    yield Shown("/pose/truth", pose_in_frame(self._utc_s, ODOM, pose))
+            case _:
+                pass
+
+    def _due(self, topic: str, period_s: float) -> bool:
+        """Return whether a message is due, and take it as sent."""
+        if self._utc_s < self._due_s.get(topic, 0.0):
+            return False
+        self._due_s[topic] = self._utc_s + period_s - 1e-3
+        return True
+
+    def _at_call(self, call: Call) -> Iterator[Shown]:
+        if not self._still_shown and self._settings is not None:
+            self._still_shown = True
+            yield from _still(self._settings, self._utc_s)
+        if call is not Call.TICK:
+            return
+        if self._motion and self._due("/motion", OFTEN_S):
+            yield Shown("/motion", dict(self._motion))
+        if self._tree_changed and self._due("/tree", RARELY_S):
+            self._tree_changed = False
+            active = (each for each in self._nodes.values() if each.status != "IDLE")
+            nodes = [{"path": n.path, "status": n.status, "message": n.message} for n in active]
+            yield Shown("/tree", {"nodes": nodes})
+
+    def _of_fact(self, fact: Fact) -> Iterator[Shown]:
+        now_s = self._utc_s
+        match fact:
+            case Odometry(pose=pose, velocity=velocity) if pose.finite and velocity.finite:
+                self._pose = pose
+                self._motion["odometry"] = {
+                    **_velocity(velocity.travel_mps, velocity.rotate_radps),
+                    "x_m": fine(pose.x_m),
+                    "y_m": fine(pose.y_m),
+                    "heading_rad": fine(pose.heading_rad),
+                }
+                if self._due("/tf", OFTEN_S):
+                    yield Shown("/tf", frame_transform(now_s, ODOM, BASE_LINK, pose))
+                if self._track.takes(pose.point) and self._due("/scene/track", TRACK_S):
+                    drawn = line(self._track.places, _BLUE)
+                    track = entity(now_s, ODOM, "track", lines=[drawn])
+                    yield Shown("/scene/track", scene(now_s, track))
+            case Imu():
+                self._motion["imu"] = {
+                    "roll_rad": fine(fact.roll_rad),
+                    "pitch_rad": fine(fact.pitch_rad),
+                    "rotate_radps": fine(fact.gyro_z_radps),
+                    "forward_mps2": round(fact.acceleration_x_mps2, 3),
+                    "left_mps2": round(fact.acceleration_y_mps2, 3),
+                    "up_mps2": round(fact.acceleration_z_mps2, 3),
+                }
+            case Joints():
+                self._motion["wheels"] = {
+                    "left_radps": _mean(fact.left_radps),
+                    "right_radps": _mean(fact.right_radps),
+                    **({"left_nm": _mean(fact.left_nm)} if fact.left_nm else {}),
+                    **({"right_nm": _mean(fact.right_nm)} if fact.right_nm else {}),
+                }
+            case Battery(voltage_v=voltage_v, charge_ratio=charge_ratio):
+                figures = (("voltage_v", voltage_v), ("charge_ratio", charge_ratio))
+                self._motion["battery"] = _known(figures)
+            case CameraAngles(pan_rad=pan_rad, tilt_rad=tilt_rad):
+                self._motion["camera"] = {"pan_rad": fine(pan_rad), "tilt_rad": fine(tilt_rad)}
+            case SecondOdometry(pose=pose) if pose.finite:
+                if self._due("/pose/second_odometry", SELDOM_S):
+                    yield Shown("/pose/second_odometry", pose_in_frame(now_s, ODOM, pose))
+            case LaserScan():
+                if self._due("/scan", SELDOM_S):
+                    yield Shown("/scan", _scan(now_s, fact))
+            case Frame(data=data):
+                thumbnail = _thumbnail(data)
+                if thumbnail is not None:
+                    yield Shown("/camera", compressed_image(now_s, CAMERA, thumbnail))
+            case _:
+                pass
+
+    def _of_report(self, report: Report) -> Iterator[Shown]:
+        words = (report.stage and report.stage.name, report.text)
+        text = ", ".join(each for each in words if each)
+        name = report.kind.name if report.identity is None else str(report.identity)
+        yield Shown("/log", log(self._utc_s, report.severity, text, name))
+        if report.identity is None or report.stage is None:
+            return
+        if report.stage is Stage.STARTED and report.identity in self._asked:
+            self._aim = report.identity
+            yield Shown("/scene/goal", self._goal(self._asked[report.identity]))
+        elif report.stage.terminal:
+            self._asked.pop(report.identity, None)
+            if report.identity == self._aim:
+                self._aim = None
+                yield Shown("/scene/goal", scene(self._utc_s))
+
+    def _goal(self, request: Request) -> Plain:
+        """Return a line from where the rover is to where a command leads."""
+        pose = self._pose
+        match request:
+            case MoveTo(target=target):
+                places = [Point(target.x_m, target.y_m)]
+            case FollowPath(waypoints=waypoints):
+                places = [Point(each.x_m, each.y_m) for each in waypoints]
+            case MoveForward(distance_m=distance_m):
+                places = [pose.ahead(distance_m)]
+            case _:
+                places = []
+        drawn = line([pose.point, *places], _GREEN)
+        return scene(self._utc_s, entity(self._utc_s, ODOM, "goal", lines=[drawn]))
+
+
+class _Track:
+    """Where the rover has been: few places, the farther apart the longer it is.
+
+    Attributes:
+        places: all of them.
+    """
+
+    def __init__(self) -> None:
+        self.places: list[Point] = []
+        self._apart_m = _TRACK_M
+
+    def takes(self, place: Point) -> bool:
+        """Return whether a place is one of them, far enough from the last."""
+        if self.places and place.distance_m(self.places[-1]) < self._apart_m:
+            return False
+        if len(self.places) == _MOST_PLACES:
+            self.places = self.places[::2]
+            self._apart_m *= 2
+        self.places.append(place)
+        return len(self.places) > 1
+
+
+def _velocity(travel_mps: float, rotate_radps: float) -> Plain:
+    return {"travel_mps": fine(travel_mps), "rotate_radps": fine(rotate_radps)}
+
+
+def _known(figures: Iterable[tuple[str, float | None]]) -> Plain:
+    """Return the figures that there are."""
+    return {name: fine(value) for name, value in figures if value is not None and isfinite(value)}
+
+
+def _mean(values: tuple[float, ...]) -> float:
+    return fine(sum(values) / len(values)) if values else 0.0
+
+
+def _scan(utc_s: float, fact: LaserScan) -> Plain:
+    """Return a scan; where nothing came back it is 0, at the laser itself."""
+    end_rad = fact.angle_min_rad + (len(fact.ranges_m) - 1) * fact.angle_increment_rad
+    ranges_m = (round(each, 2) if isfinite(each) else 0.0 for each in fact.ranges_m)
+    return laser_scan(utc_s, BASE_LINK, fact.angle_min_rad, end_rad, ranges_m)
+
+
+def _still(settings: Settings, utc_s: float) -> Iterator[Shown]:
+    """Yield what does not change in a life."""
+    footprint = settings.footprint
+    if footprint is not None:
+        size_m = (footprint.length_m, footprint.width_m, _HEIGHT_M)
+        body = cube(Pose(z_m=_HEIGHT_M / 2), size_m, _GREY)
+        yield Shown(
+            "/scene/rover", scene(utc_s, entity(utc_s, BASE_LINK, settings.asset, cubes=[body]))
+        )
+    if settings.zones.any:
+        drawn = [_zone(utc_s, each) for each in settings.zones]
+        yield Shown("/scene/zones", scene(utc_s, *drawn))
+
+
+def _zone(utc_s: float, zone: KeepIn | KeepOut | KnownRock) -> Plain:
+    if isinstance(zone, KnownRock):
+        middle = Pose(zone.x_m, zone.y_m, _HEIGHT_M / 2)
+        rock = cylinder(middle, zone.radius_m, _HEIGHT_M, _RED)
+        return entity(utc_s, ODOM, zone.title, cylinders=[rock])
+    corners = [Point(*corner) for corner in zone.corners_m]
+    color = _RED if isinstance(zone, KeepOut) else _GREEN
+    return entity(utc_s, ODOM, zone.title, lines=[line([*corners, corners[0]], color)])
+
+
+def _thumbnail(picture: bytes) -> bytes | None:
+    """Return a small JPEG of a picture; None where Pillow is not installed, or cannot read it."""
+    try:
+        from PIL import Image
+    except ImportError:
+        return None
+    with suppress(OSError, ValueError, SyntaxError), Image.open(io.BytesIO(picture)) as image:
+        image.draft("RGB", _THUMBNAIL_PX)
+        small = image.convert("RGB")
+        small.thumbnail(_THUMBNAIL_PX)
+        out = io.BytesIO()
+        small.save(out, "JPEG", quality=60)
+        return out.getvalue()
+    return None

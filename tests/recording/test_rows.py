@@ -1,0 +1,59 @@
+"""Messages come back from rows as they were, to the last character."""
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.recording.rows import RowReader, RowWriter, text_of
+
+leaves = (
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+) | st.text()
+values = st.recursive(leaves, lambda of: st.lists(of) | st.dictionaries(st.text(), of))
+messages = st.lists(st.tuples(st.sampled_from(["/a", "/b"]), st.dictionaries(st.text(), values)))
+
+
+@given(batches=st.lists(messages))
+def test_messages_come_back_as_they_were(batches: list[list[tuple[str, dict[str, Any]]]]) -> None:
+    writer, reader = RowWriter(), RowReader()
+    for batch in batches:
+        for topic, plain in batch:
+            writer.put(topic, plain)
+        data = writer.take()
+        assert (data is None) is (not batch)
+        read = [] if data is None else [(row.topic, row.data) for row in reader.rows(data)]
+        assert read == [(topic, text_of(plain).encode()) for topic, plain in batch]
+
+
+def test_names_are_written_once() -> None:
+    writer = RowWriter()
+    for number in range(3):
+        writer.put("/a", {"name": number, "more": {"x": 1.0}})
+    assert json.loads(writer.take() or b"") == {
+        "shapes": [["/a", ["name", ["more", ["x"]]]]],
+        "rows": [[0, 0, 1.0], [0, 1, 1.0], [0, 2, 1.0]],
+    }
+    writer.put("/a", {"name": 3, "more": {"x": 1.0}})
+    assert json.loads(writer.take() or b"") == {"shapes": [], "rows": [[0, 3, 1.0]]}
+
+
+@pytest.mark.parametrize(
+    "batch",
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b'{"shapes":[],"rows":[[0,1]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[["x"]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[0]]}',
+        b'{"shapes":[["/a",[1]]],"rows":[]}',
+        b'{"shapes":1,"rows":[]}',
+    ],
+)
+def test_what_is_no_batch_is_told(batch: bytes) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        _ = [row.data for row in RowReader().rows(batch)]

@@ -1,0 +1,249 @@
+"""Viewers are shown what happened, in the schemas that they know, and the layout fits it."""
+
+import base64
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from adapters.recording import RunFile
+from adapters.recording.view import TOPICS, Shown, View
+from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
+from executive.geometry import Pose, Velocity
+from executive.recording import (
+    Call,
+    Called,
+    Drove,
+    Item,
+    Life,
+    NodeState,
+    Observed,
+    Reported,
+    Served,
+    TreeChanged,
+)
+from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.settings import load_settings
+from executive.settings_files import config_folder
+from executive.state import Fact, Frame, LaserScan, Odometry, SecondOdometry
+from executive.zones import KeepIn, KeepOut, KnownRock, Zones
+
+YARD = ((-1.0, -2.0), (5.0, -2.0), (5.0, 2.0), (-1.0, 2.0))
+ZONES = Zones((KeepIn("yard", YARD),), (KeepOut("bed", YARD),), (KnownRock("boulder", 3, 1, 0.5),))
+SETTINGS = replace(load_settings("jackal"), zones=ZONES)
+WHO = Identity("MOE", 1)
+PYTHON: Any = {"string": str, "integer": int, "boolean": bool, "number": (int, float)}
+LAYOUT = config_folder() / "rover.foxglove.json"
+
+
+def life() -> Life:
+    return Life(SETTINGS, b"", b"", (), None)
+
+
+def tick(at_s: float) -> Called:
+    return Called(at_s, at_s, Call.TICK)
+
+
+def observed(at_s: float, fact: Fact) -> Observed:
+    return Observed(at_s, at_s, fact)
+
+
+def odometry(at_s: float, x_m: float = 0.0) -> Observed:
+    return observed(at_s, Odometry(at_s, Pose(x_m), Velocity()))
+
+
+def reported(stage: Stage) -> Reported:
+    return Reported(
+        Report(1, 0.0, Kind.COMMAND, Severity.INFORMATIONAL, "so", WHO, stage, "direct")
+    )
+
+
+def shown(*items: Item) -> list[Shown]:
+    view = View()
+    made = [each for item in items for each in view.of(item)]
+    for each in made:
+        assert not misfits(each.message, TOPICS[each.topic].json), each
+    return made
+
+
+def on(topic: str, messages: list[Shown]) -> list[dict[str, Any]]:
+    return [each.message for each in messages if each.topic == topic]
+
+
+def misfits(value: Any, schema: dict[str, Any]) -> list[str]:
+    """Return what of a value is not as its schema says."""
+    match schema["type"]:
+        case "object":
+            known = schema["properties"]
+            return [
+                *(f"unknown {key}" for key in value.keys() - known.keys()),
+                *(each for key in value for each in misfits(value[key], known.get(key, schema))),
+            ]
+        case "array":
+            return [each for part in value for each in misfits(part, schema["items"])]
+        case kind:
+            return [] if isinstance(value, PYTHON[kind]) else [f"{value!r} is no {kind}"]
+
+
+def test_a_recording_shows_its_run(stuck: Path) -> None:
+    seen: dict[str, list[dict[str, Any]]] = {}
+    last_ns = 0
+    with stuck.open("rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
+            assert message.log_time >= last_ns
+            last_ns = message.log_time
+            if channel.topic == "/run":
+                continue
+            assert schema is not None
+            assert (schema.name, schema.encoding) == (TOPICS[channel.topic].name, "jsonschema")
+            told = json.loads(message.data, parse_constant=pytest.fail)
+            assert not misfits(told, json.loads(schema.data)), channel.topic
+            seen.setdefault(channel.topic, []).append(told)
+    failed = [each for each in seen["/log"] if each["message"].startswith("FAILED")]
+    assert [(each["name"], each["level"]) for each in failed] == [("MOE:1", 4)]
+    assert failed[0]["message"].startswith("FAILED, the left wheels do not follow")
+    transform = seen["/tf"][-1]
+    assert (transform["parent_frame_id"], transform["child_frame_id"]) == ("odom", "base_link")
+    assert transform["translation"]["x"] > 0.2
+    motion = max(seen["/motion"], key=lambda each: each.get("commanded", {}).get("travel_mps", 0))
+    assert motion["commanded"]["travel_mps"] == pytest.approx(1.0, abs=0.1)
+    assert {"odometry", "imu", "wheels", "battery", "camera"} <= motion.keys()
+    ticked = {each["path"] for message in seen["/tree"] for each in message["nodes"]}
+    assert {"rover", "rover/idle"} <= ticked
+    assert {"/scene/rover", "/scene/track", "/scene/goal", "/pose/truth", "/mode"} <= seen.keys()
+
+
+def test_what_comes_often_is_thinned() -> None:
+    moved = [item for n in range(100) for item in (odometry(n * 0.02), tick(n * 0.02))]
+    messages = shown(life(), *moved)
+    assert len(on("/tf", messages)) == len(on("/motion", messages)) == 20
+
+
+def test_the_places_of_a_track_are_few_however_long_it_is() -> None:
+    messages = shown(life(), *(odometry(float(n), n * 0.25) for n in range(4000)))
+    (track,) = on("/scene/track", messages)[-1]["entities"]
+    places = track["lines"][0]["points"]
+    assert 50 < len(places) <= 200
+    assert (places[0]["x"], places[-1]["x"]) == (0.0, pytest.approx(999.0, abs=20))
+
+
+@pytest.mark.parametrize(
+    ("request_", "end"),
+    [
+        (MoveTo(Waypoint(2.0, 1.0)), (2.0, 1.0)),
+        (FollowPath((Waypoint(1.0, 0.0), Waypoint(3.0, 4.0))), (3.0, 4.0)),
+    ],
+)
+def test_a_goal_is_drawn_while_it_is_driven_to(request_: Request, end: tuple[float, float]) -> None:
+    messages = shown(
+        life(),
+        odometry(1.0, 0.5),
+        Served(Command(WHO, request_, "direct"), overtaken=False),
+        reported(Stage.STARTED),
+        reported(Stage.EXECUTED),
+    )
+    drawn, gone = on("/scene/goal", messages)
+    points = drawn["entities"][0]["lines"][0]["points"]
+    assert points[0]["x"] == 0.5
+    assert (points[-1]["x"], points[-1]["y"]) == end
+    assert (gone["entities"], len(gone["deletions"])) == ([], 1)
+
+
+def test_zones_and_rocks_are_shown_once_a_file() -> None:
+    view = View()
+    items = (life(), tick(1.0), tick(2.0))
+    (zones,) = on("/scene/zones", [each for item in items for each in view.of(item)])
+    assert [each["id"] for each in zones["entities"]] == [each.title for each in ZONES]
+    rock = zones["entities"][-1]["cylinders"][0]
+    assert (rock["pose"]["position"]["x"], rock["size"]["y"]) == (3.0, 1.0)
+    view.again()
+    assert on("/scene/zones", list(view.of(tick(3.0)))) == [
+        json.loads(json.dumps(zones).replace('"sec": 1,', '"sec": 3,'))
+    ]
+
+
+def test_a_scan_and_a_second_odometry_are_shown() -> None:
+    messages = shown(
+        life(),
+        observed(1.0, LaserScan(1.0, -1.0, 1.0, 0.1, 10.0, (1.234, inf, 2.0))),
+        observed(1.0, SecondOdometry(1.0, Pose(2.0))),
+    )
+    (scan,) = on("/scan", messages)
+    assert (scan["start_angle"], scan["end_angle"]) == (-1.0, 1.0)
+    assert scan["ranges"] == [1.23, 0.0, 2.0]
+    (pose,) = on("/pose/second_odometry", messages)
+    assert pose["pose"]["position"]["x"] == 2.0
+
+
+def test_what_is_no_number_is_not_shown() -> None:
+    facts = (Odometry(1.0, Pose(nan), Velocity()), SecondOdometry(1.0, Pose(inf)))
+    assert shown(life(), *(observed(1.0, fact) for fact in facts)) == []
+
+
+def test_a_picture_is_shown_small() -> None:
+    image = pytest.importorskip("PIL.Image")
+    out = io.BytesIO()
+    image.new("RGB", (640, 480), "red").save(out, "JPEG")
+    pictures = (Frame(1.0, "JPG", out.getvalue()), Frame(1.0, "JPG", b"\xff\xd8\xff, and no more"))
+    (told,) = on("/camera", shown(life(), *(observed(1.0, each) for each in pictures)))
+    with image.open(io.BytesIO(base64.b64decode(told["data"]))) as small:
+        assert (small.format, small.size) == ("JPEG", (160, 120))
+
+
+def test_nodes_that_went_are_no_longer_shown() -> None:
+    nodes = (NodeState("a", "RUNNING", "on its way"), NodeState("b", "IDLE", ""))
+    messages = shown(
+        life(), TreeChanged(nodes, ()), tick(1.0), tick(1.5), TreeChanged((), ("a",)), tick(3.0)
+    )
+    assert on("/tree", messages) == [
+        {"nodes": [{"path": "a", "status": "RUNNING", "message": "on its way"}]},
+        {"nodes": []},
+    ]
+
+
+def test_what_cannot_be_shown_harms_no_recording(tmp_path: Path) -> None:
+    file = RunFile(tmp_path / "run.mcap")
+    for item in (life(), tick(1.0), Drove(Velocity(nan, 0.0)), tick(2.0)):
+        file.put(item)
+    file.close()
+    with (tmp_path / "run.mcap").open("rb") as written:
+        topics = [channel.topic for _, channel, _ in make_reader(written).iter_messages()]
+    assert "/run" in topics
+    assert "/motion" not in topics
+
+
+def test_the_layout_shows_topics_of_the_view() -> None:
+    layout = json.loads(LAYOUT.read_text(encoding="utf-8"))
+    panels = layout["configById"]
+    assert set(_placed(layout["layout"], panels)) == panels.keys()
+    shown_topics = {
+        *(topic for panel in panels.values() for topic in panel.get("topics", ())),
+        *(panel["topicToRender"] for panel in panels.values() if "topicToRender" in panel),
+        *(panel["imageMode"]["imageTopic"] for key, panel in panels.items() if "Image!" in key),
+    }
+    paths = [each["value"] for panel in panels.values() for each in panel.get("paths", ())]
+    paths += [panel["topicPath"] for panel in panels.values() if "topicPath" in panel]
+    for path in paths:
+        topic, *names = path.split(".")
+        shown_topics.add(topic)
+        schema = TOPICS[topic].json
+        for name in names:
+            schema = schema["properties"][name]
+    assert shown_topics | {"/tf", "/parameters"} == TOPICS.keys()
+
+
+def _placed(part: Any, panels: dict[str, Any]) -> Iterator[str]:
+    """Yield the panels in a part of a layout."""
+    if isinstance(part, dict):
+        yield from _placed(part["first"], panels)
+        yield from _placed(part["second"], panels)
+        return
+    yield part
+    for tab in panels[part].get("tabs", ()):
+        yield from _placed(tab["layout"], panels)
