@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from executive.commands import Mode
 from executive.safety import summary, unmonitored
+from trees import NodeStatus, Snapshot
 
 if TYPE_CHECKING:
     from executive.runner import Executive
@@ -43,17 +44,20 @@ class TickMonitor:
 
     Args:
         period_s: what the period should be, in real time.
+
+    Attributes:
+        statistics: since the last that was taken.
     """
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
         self._last_s: float | None = None
-        self._now = TickStatistics()
+        self.statistics = TickStatistics()
 
     @contextmanager
     def tick(self) -> Iterator[None]:
         """Measure the tick that happens inside."""
-        began_s, now, late = perf_counter(), self._now, False
+        began_s, now, late = perf_counter(), self.statistics, False
         if self._last_s is not None:
             period_s = began_s - self._last_s
             now.periods += 1
@@ -71,17 +75,26 @@ class TickMonitor:
 
     def take(self) -> TickStatistics:
         """Return what was measured since the last call."""
-        taken, self._now = self._now, TickStatistics(overruns=self._now.overruns)
+        taken, self.statistics = self.statistics, TickStatistics(overruns=self.statistics.overruns)
         return taken
 
 
 def diagnose(
-    executive: "Executive", ticks: TickStatistics, rejected: int, name: str, stamp: Time
+    executive: "Executive",
+    snapshot: Snapshot,
+    ticks: TickStatistics,
+    rejected: int,
+    name: str,
+    stamp: Time,
 ) -> DiagnosticArray:
-    """Return one status: ERROR when SAFE, WARN for late ticks, no odometry or bad messages.
+    """Return three statuses: of the executive, of its tree and of the faults that are not over.
+
+    The first is ERROR when SAFE, WARN for late ticks, no odometry or bad messages, the last is WARN
+    if there is a fault. The tree's has the nodes that were ticked last.
 
     Args:
         executive: who is diagnosed.
+        snapshot: of its tree.
         ticks: those since the last diagnosis.
         rejected: messages refused since the last diagnosis.
         name: the node's full name.
@@ -113,9 +126,27 @@ def diagnose(
         "faults": ", ".join(fault.name for fault in executive.safety.active) or "none",
         "not monitored": summary(unmonitored(executive.settings)),
     }
-    return diagnostic_array(
-        f"{name}: executive", executive.settings.asset, level, text, values, stamp
-    )
+    asset, faults = executive.settings.asset, executive.safety.active
+    message = diagnostic_array(f"{name}: executive", asset, level, text, values, stamp)
+    ticked = [each for each in snapshot.nodes if each.status is not NodeStatus.IDLE]
+    running = [each.name for each in ticked if each.status is NodeStatus.RUNNING]
+    message.status += [
+        diagnostic_status(
+            f"{name}: tree",
+            asset,
+            DiagnosticStatus.OK,
+            " / ".join(running) or "nothing runs",
+            {each.path: f"{each.status.name} {each.message}".rstrip() for each in ticked},
+        ),
+        diagnostic_status(
+            f"{name}: faults",
+            asset,
+            DiagnosticStatus.WARN if faults else DiagnosticStatus.OK,
+            ", ".join(fault.name for fault in faults) or "none",
+            {fault.name: str(fault) for fault in faults},
+        ),
+    ]
+    return message
 
 
 def diagnostic_array(
@@ -133,13 +164,18 @@ def diagnostic_array(
     """
     message = DiagnosticArray()
     message.header.stamp = stamp
-    message.status = [
-        DiagnosticStatus(
-            level=level,
-            name=name,
-            hardware_id=hardware_id,
-            message=text,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
-    ]
+    message.status = [diagnostic_status(name, hardware_id, level, text, values)]
     return message
+
+
+def diagnostic_status(
+    name: str, hardware_id: str, level: bytes, text: str, values: Mapping[str, object]
+) -> DiagnosticStatus:
+    """Return a status; the arguments are those of `diagnostic_array`."""
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        hardware_id=hardware_id,
+        message=text,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )

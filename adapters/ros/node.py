@@ -26,17 +26,18 @@ from adapters.ros.conversions import (
     measured,
     odometry_fact,
 )
-from adapters.ros.diagnostics import TickMonitor, diagnose
+from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_rate
 from adapters.ros.rover import RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock, kept_s
-from executive.commands import Command, Stop
+from executive.commands import Command, Mode, Stop
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
 from executive.runner import Executive
 from executive.state import CameraAngles, Fact, ForeignPublishers
+from trees import snapshot_of
 
 HEALTH_S: Final = 1.0
 STOP_SOURCE: Final = "ROS"
@@ -75,6 +76,7 @@ class ExecutiveNode:
         self._topics = topics
         self._rover = rover
         self._executive = executive
+        self._diagnosed = self._situation
         self._pan_rad: float | None = None
         self._tilt_rad: float | None = None
         self._rejected = 0
@@ -204,21 +206,32 @@ class ExecutiveNode:
             if self._tree_in <= 0:
                 self._tree_in = self._tree_every
                 self._trees.update(self._clock.utc_s())
+                if self._diagnosed != self._situation:
+                    self._diagnose(self._ticks.statistics)
 
     def _publish_health(self) -> None:
         names = foreign_publishers(self._node, self._topics.cmd_vel.name)
         if names != self._executive.status.foreign:
             self._executive.observe(ForeignPublishers(names))
+        self._diagnose(self._ticks.take())
+        self._rejected = 0
+
+    @property
+    def _situation(self) -> tuple[Mode, Identity | None]:
+        return self._executive.mode, self._executive.active_command
+
+    def _diagnose(self, ticks: TickStatistics) -> None:
+        self._diagnosed = self._situation
         self._diagnostics.publish(
             diagnose(
                 self._executive,
-                self._ticks.take(),
+                snapshot_of(self._executive, self._clock.utc_s()),
+                ticks,
                 self._rejected,
                 self._node.get_fully_qualified_name(),
                 self._node.get_clock().now().to_msg(),
             )
         )
-        self._rejected = 0
 
     def _handle(self, error: Exception) -> None:
         if isinstance(error, MessageError):

@@ -259,7 +259,7 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
     publisher.publish(odometry(nan))
     bench.until(lambda: any(refused(array) for array in bench.health), "a diagnosis of it")
     assert bench.executive.status.odometry is None
-    (status,) = bench.health[-1].status
+    status, _, _ = bench.health[-1].status
     values = {pair.key: pair.value for pair in status.values}
     assert status.name == "/jackal/executive: executive"
     assert status.hardware_id == "jackal"
@@ -275,6 +275,26 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
         "overruns", "odometry age [s]", "goals", "ledger sequence", "messages refused",
         "faults", "not monitored",
     }  # fmt: skip
+
+
+def test_the_diagnostics_have_the_tree_and_faults_at_once_when_the_mode_changes(
+    bench: Bench,
+) -> None:
+    def stopped(array: DiagnosticArray) -> bool:
+        return any(pair.value == "STOPPED" for pair in array.status[0].values)
+
+    bench.until(lambda: bool(bench.health), "a diagnosis")
+    bench.submit(Command(Identity("MOE", 1), Stop(), "direct"))
+    bench.until(lambda: any(map(stopped, bench.health)), "a diagnosis of the stop")
+    _, tree, faults = next(filter(stopped, bench.health)).status
+    assert tree.name == "/jackal/executive: tree"
+    assert tree.message.startswith("rover / ")
+    ticked = {pair.key: pair.value for pair in tree.values}
+    assert ticked["rover"].startswith("RUNNING")
+    active = bench.executive.safety.active
+    assert faults.name == "/jackal/executive: faults"
+    assert faults.level == (DiagnosticStatus.WARN if active else DiagnosticStatus.OK)
+    assert {pair.key for pair in faults.values} == {fault.name for fault in active}
 
 
 def test_odometry_that_waited_is_not_old(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
