@@ -21,6 +21,14 @@ from adapters.ros.parameters import (
     declare_topics,
     declare_value,
 )
+from adapters.ros.robot_model import (
+    CAMERA_OPTICAL,
+    ROBOT_DESCRIPTION,
+    RobotModelPublisher,
+    base_transform,
+    camera_transforms,
+    kept_for_late_joiners,
+)
 from adapters.ros.rover import (
     GUARD_NAME,
     LOCK_QOS,
@@ -47,13 +55,16 @@ from adapters.ros.sensor_messages import (
 from adapters.ros.sensors import MESSAGES, SensorTopics, declare_sensor_topics
 
 __all__ = [
+    "CAMERA_OPTICAL",
     "GUARD_NAME",
     "LOCK_QOS",
     "MESSAGES",
+    "ROBOT_DESCRIPTION",
     "HeartbeatMonitor",
     "MessageError",
     "MuxOnRos",
     "ParameterError",
+    "RobotModelPublisher",
     "RosAsset",
     "RosCamera",
     "RosFrames",
@@ -65,7 +76,9 @@ __all__ = [
     "Topic",
     "Topics",
     "WheelJoints",
+    "base_transform",
     "battery_message",
+    "camera_transforms",
     "declare_optional_topic",
     "declare_rate",
     "declare_sensor_topics",
@@ -77,6 +90,7 @@ __all__ = [
     "imu_message",
     "joints_fact",
     "joints_message",
+    "kept_for_late_joiners",
     "laser_fact",
     "laser_message",
     "odometry_fact",

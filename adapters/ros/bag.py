@@ -1,12 +1,12 @@
 """A recording as a rosbag2 folder, with the topics that such a rover has on ROS."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from heapq import merge
 from pathlib import Path
 from typing import Any, Final
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TransformStamped, Twist
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -15,14 +15,21 @@ from std_msgs.msg import Float64, String
 from adapters.recording import History, RecordingError, read_timed
 from adapters.ros.context import ros_node
 from adapters.ros.conversions import (
-    BASE_LINK,
     ODOM,
     battery_message,
     odometry_message,
-    quaternion,
     time_message,
 )
 from adapters.ros.parameters import Topic, declare_topics
+from adapters.ros.robot_model import (
+    ROBOT_DESCRIPTION,
+    TF,
+    TF_STATIC,
+    base_transform,
+    camera_transforms,
+    static_transforms,
+    urdf,
+)
 from adapters.ros.sensor_messages import (
     imu_message,
     joints_message,
@@ -52,7 +59,6 @@ NODE_NAME: Final = "executive"
 VERSION: Final = 9
 """Of the metadata: that of ROS 2 Jazzy."""
 ROSOUT: Final = "/rosout"
-TF: Final = "/tf"
 TF_TYPE: Final = "tf2_msgs/msg/TFMessage"
 LEVELS: Final = {
     Severity.INFORMATIONAL: Log.INFO,
@@ -103,16 +109,47 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     parameters = config_folder() / f"{settings.asset}.ros.yaml"
     with ros_node(NODE_NAME, settings.asset, parameters=parameters) as node:
         converter = _Converter(node, settings, store)
+    kept = _said_once()
     counts: dict[str, int] = {}
     with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         connections: dict[str, Any] = {}
         items, trees = converter.items(recording), converter.trees(history)
         for each in merge(items, trees, key=lambda stamped: stamped.utc_s):
             if each.topic not in connections:
-                connections[each.topic] = bag.add_connection(each.topic, each.type, typestore=store)
+                connections[each.topic] = bag.add_connection(
+                    each.topic,
+                    each.type,
+                    typestore=store,
+                    offered_qos_profiles=[kept] if each.topic in converter.said_once else [],
+                )
             bag.write(connections[each.topic], round(each.utc_s * 1e9), each.cdr)
             counts[each.topic] = counts.get(each.topic, 0) + 1
     return counts
+
+
+def _said_once() -> Any:
+    """Return the quality of service of what who comes late gets, too: the last of it."""
+    from rosbags.interfaces import (
+        Qos,
+        QosDurability,
+        QosHistory,
+        QosLiveliness,
+        QosReliability,
+        QosTime,
+    )
+
+    unbounded = QosTime(2**31 - 1, 10**9 - 1)
+    return Qos(
+        QosHistory.KEEP_LAST,
+        1,
+        QosReliability.RELIABLE,
+        QosDurability.TRANSIENT_LOCAL,
+        deadline=unbounded,
+        lifespan=unbounded,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=unbounded,
+        avoid_ros_namespace_conventions=False,
+    )
 
 
 def _settings_of(recording: Path) -> Settings:
@@ -129,6 +166,9 @@ class _Converter:
         node: knows the names of topics.
         settings: of the run.
         store: serializes what is in no package of the wheels.
+
+    Attributes:
+        said_once: topics whose last message is kept for those who come late.
     """
 
     def __init__(self, node: Node, settings: Settings, store: Any) -> None:
@@ -141,17 +181,33 @@ class _Converter:
         self._odometry, self._battery = full(topics.odometry), full(topics.battery)
         self._pan, self._tilt = full(topics.camera_pan_state), full(topics.camera_tilt_state)
         self._cmd_vel, self._truth = full(topics.cmd_vel), full(topics.ground_truth)
+        self._description = str(node.resolve_topic_name(ROBOT_DESCRIPTION))
+        self._urdf = urdf(settings)
         self._tree = str(node.resolve_topic_name(TREE_TOPIC))
+        self.said_once = {self._description, self._tree, TF_STATIC}
         self._name = node.get_fully_qualified_name()
         self._store = store
 
     def items(self, recording: Path) -> Iterator[Stamped]:
-        """Yield a message for each fact, velocity and report, and for the truth."""
+        """Yield a message for each fact, velocity and report, and for the truth; the frames.
+
+        The angles of a camera have no stamp of their own: the last odometry's is on its frames.
+        """
+        stamp_s: float | None = None
         for timed in read_timed(recording, {*_FACTS, Drove, Reported, Truth}):
             for topic, message in self._messages(timed.item, timed.utc_s):
                 yield _stamped(timed.utc_s, topic, message)
-            if isinstance(timed.item, Observed) and isinstance(timed.item.fact, Odometry):
-                yield Stamped(timed.utc_s, TF, TF_TYPE, self._transform(timed.item.fact))
+            match timed.item:
+                case Life():
+                    yield _stamped(timed.utc_s, self._description, String(data=self._urdf))
+                    yield self._frames(timed.utc_s, TF_STATIC, static_transforms(0.0))
+                case Observed(fact=Odometry() as fact):
+                    stamp_s = fact.stamp_s
+                    yield self._frames(timed.utc_s, TF, [base_transform(fact)])
+                case Observed(fact=CameraAngles() as fact) if stamp_s is not None:
+                    yield self._frames(timed.utc_s, TF, camera_transforms(fact, stamp_s))
+                case _:
+                    pass
 
     def trees(self, history: History) -> Iterator[Stamped]:
         """Yield a message for each tick that changed the tree or the mode."""
@@ -199,18 +255,23 @@ class _Converter:
             case _:
                 pass
 
-    def _transform(self, fact: Odometry) -> bytes:
-        """Return where base_link is in the odometry frame."""
+    def _frames(self, utc_s: float, topic: str, transforms: Iterable[TransformStamped]) -> Stamped:
+        """Return a message of tf2_msgs, which is in no package of the wheels."""
         types = self._store.types
-        stamp, pose, turned = time_message(fact.stamp_s), fact.pose, quaternion(fact.pose)
-        time = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
-        transform = types["geometry_msgs/msg/Transform"](
-            types["geometry_msgs/msg/Vector3"](pose.x_m, pose.y_m, pose.z_m),
-            types["geometry_msgs/msg/Quaternion"](turned.x, turned.y, turned.z, turned.w),
-        )
-        header = types["std_msgs/msg/Header"](time, ODOM)
-        stamped = types["geometry_msgs/msg/TransformStamped"](header, BASE_LINK, transform)
-        return bytes(self._store.serialize_cdr(types[TF_TYPE]([stamped]), TF_TYPE))
+        made = []
+        for each in transforms:
+            stamp, moved = each.header.stamp, each.transform
+            place, turned = moved.translation, moved.rotation
+            transform = types["geometry_msgs/msg/Transform"](
+                types["geometry_msgs/msg/Vector3"](place.x, place.y, place.z),
+                types["geometry_msgs/msg/Quaternion"](turned.x, turned.y, turned.z, turned.w),
+            )
+            time = types["builtin_interfaces/msg/Time"](stamp.sec, stamp.nanosec)
+            header = types["std_msgs/msg/Header"](time, each.header.frame_id)
+            stamped = types["geometry_msgs/msg/TransformStamped"]
+            made.append(stamped(header, each.child_frame_id, transform))
+        cdr = bytes(self._store.serialize_cdr(types[TF_TYPE](made), TF_TYPE))
+        return Stamped(utc_s, topic, TF_TYPE, cdr)
 
 
 def _stamped(utc_s: float, topic: str, message: object) -> Stamped:

@@ -12,15 +12,13 @@ from dataclasses import replace
 import mujoco
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from adapters.ros import Topics, time_message
+from adapters.ros import CAMERA_OPTICAL, Topics, time_message
 from sim.ros.video_stream import VideoStream
 from sim.rover import Image as Pixels
 from sim.rover.body import SimulatedBody, View
-from sim.rover.camera import Backend, Camera, PictureSettings, encode_jpeg
-
-CAMERA = "camera_optical"
+from sim.rover.camera import Backend, Camera, PictureSettings, encode_jpeg, focal_px
 
 
 def clock_message(time_s: float) -> Clock:
@@ -32,7 +30,7 @@ def compressed_message(jpeg: bytes, time_s: float) -> CompressedImage:
     """Return a JPEG picture."""
     message = CompressedImage(format="jpeg", data=array.array("B", jpeg))
     message.header.stamp = time_message(time_s)
-    message.header.frame_id = CAMERA
+    message.header.frame_id = CAMERA_OPTICAL
     return message
 
 
@@ -47,7 +45,24 @@ def image_message(pixels: Pixels, time_s: float) -> Image:
         data=array.array("B", pixels.tobytes()),
     )
     message.header.stamp = time_message(time_s)
-    message.header.frame_id = CAMERA
+    message.header.frame_id = CAMERA_OPTICAL
+    return message
+
+
+def info_message(width: int, height: int, f_px: float, time_s: float) -> CameraInfo:
+    """Return how the camera projects: a pinhole of this focal length, without distortion."""
+    x_px, y_px = (width - 1) / 2, (height - 1) / 2
+    message = CameraInfo(
+        width=width,
+        height=height,
+        distortion_model="plumb_bob",
+        d=[0.0] * 5,
+        k=[f_px, 0.0, x_px, 0.0, f_px, y_px, 0.0, 0.0, 1.0],
+        r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p=[f_px, 0.0, x_px, 0.0, 0.0, f_px, y_px, 0.0, 0.0, 0.0, 1.0, 0.0],
+    )
+    message.header.stamp = time_message(time_s)
+    message.header.frame_id = CAMERA_OPTICAL
     return message
 
 
@@ -71,6 +86,8 @@ class CameraNode:
         compressed, raw = topics.camera_compressed, topics.camera_image
         self._compressed = node.create_publisher(CompressedImage, compressed.name, compressed.qos)
         self._raw = node.create_publisher(Image, raw.name, raw.qos)
+        beside = f"{raw.name.rpartition('/')[0]}/camera_info".lstrip("/")
+        self._info = node.create_publisher(CameraInfo, beside, raw.qos)
         self._video = video
         self._rover = rover
         self._settings = settings
@@ -104,7 +121,7 @@ class CameraNode:
         self._thread.join()
 
     def _watched(self) -> bool:
-        publishers = (self._compressed, self._raw)
+        publishers = (self._compressed, self._raw, self._info)
         subscribed = any(publisher.get_subscription_count() for publisher in publishers)
         self._streaming = self._video is not None and self._video.watched
         return subscribed or self._streaming
@@ -131,6 +148,10 @@ class CameraNode:
 
     def _publish(self, camera: Camera) -> None:
         seen = self._seen
+        if self._info.get_subscription_count():
+            width, height = self._settings.width, self._settings.height
+            f_px = focal_px(self._rover.model, height)
+            self._info.publish(info_message(width, height, f_px, seen.time_s))
         pixels = camera.image(seen.data)
         subscribed = self._compressed.get_subscription_count()
         if subscribed or self._streaming:

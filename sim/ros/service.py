@@ -23,9 +23,12 @@ from adapters.process import Termination
 from adapters.ros import (
     LOCK_QOS,
     MESSAGES,
+    RobotModelPublisher,
     SensorTopics,
     Topics,
+    base_transform,
     battery_message,
+    camera_transforms,
     declare_rate,
     declare_sensor_topics,
     declare_topics,
@@ -39,7 +42,7 @@ from adapters.ros import (
 )
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from executive.settings import LocomotionKind, MuxSettings, Sensor, Settings
+from executive.settings import LocomotionKind, Sensor, Settings
 from executive.settings_files import SettingsError
 from executive.state import (
     Battery,
@@ -84,9 +87,11 @@ class JackalOnRos:
         topics: Topics,
         sensors: SensorTopics,
         rover: SimulatedJackal,
-        mux: MuxSettings | None,
+        settings: Settings,
     ) -> None:
         self._rover = rover
+        self._model = RobotModelPublisher(node, settings)
+        mux = settings.mux
         self._joints = sensors.joints
         self._sensors = {
             sensor: node.create_publisher(MESSAGES[sensor], topic.name, topic.qos)
@@ -125,9 +130,11 @@ class JackalOnRos:
         match fact:
             case Odometry():
                 self._odometry.publish(odometry_message(fact))
+                self._model.moved([base_transform(fact)])
             case Battery():
                 self._battery.publish(battery_message(fact, self._rover.time_s))
             case CameraAngles(pan_rad, tilt_rad):
+                self._model.moved(camera_transforms(fact, self._rover.time_s))
                 self._pan.publish(Float64(data=pan_rad))
                 self._tilt.publish(Float64(data=tilt_rad))
             case Imu():
@@ -313,7 +320,7 @@ def _rover(node: Node, topics: Topics, options: Options) -> tuple[SimulatedBody,
             sensors = declare_sensor_topics(node, settings.sensors)
             there = sensors.without_topicless(settings.sensors)
             jackal = SimulatedJackal(world, seed, sensors=there, mux=settings.mux)
-            return jackal, JackalOnRos(node, topics, sensors, jackal, settings.mux)
+            return jackal, JackalOnRos(node, topics, sensors, jackal, settings)
         case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper(), host_rate=options.speed)
             mocup = SimulatedMocup(world, seed, brick=brick)

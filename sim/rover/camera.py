@@ -31,6 +31,12 @@ _SHADOWS_WITHIN_M: Final = 40.0
 _GRAZE_M: Final = 0.03
 
 
+def focal_px(model: mujoco.MjModel, height_px: int) -> float:
+    """Return the focal length of the rover's camera in pixels, for pictures of a height."""
+    fovy_rad = radians(float(model.cam_fovy[model.camera("camera").id]))
+    return height_px / 2 / tan(fovy_rad / 2)
+
+
 class RayRenderer:
     """Casts one ray through every pixel, and one from the sun to what it hits."""
 

@@ -5,7 +5,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from itertools import pairwise
-from math import inf, nan
+from math import atan2, inf, nan, radians
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +13,19 @@ import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import BatteryState, CompressedImage, Image
-from std_msgs.msg import Float64
+from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
+from std_msgs.msg import Float64, String
 
 from adapters.ros import (
+    CAMERA_OPTICAL,
     MESSAGES,
+    ROBOT_DESCRIPTION,
     Topic,
     conversions,
     declare_sensor_topics,
     imu_fact,
     joints_fact,
+    kept_for_late_joiners,
     laser_fact,
     second_odometry_fact,
 )
@@ -96,6 +99,20 @@ def test_sensors_are_published(probe: Probe) -> None:
     )
     first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
     first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)
+
+
+def test_tools_are_told_how_the_rover_looks_and_how_its_camera_projects(probe: Probe) -> None:
+    kept = Topic(ROBOT_DESCRIPTION, kept_for_late_joiners())
+    first(probe, String, kept, lambda m: '<robot name="jackal">' in m.data)
+    info = Topic("camera/camera_info", probe.topics.camera_image.qos)
+
+    def of_a_pinhole(message: CameraInfo) -> bool:
+        half_rad = atan2(message.height / 2, message.k[4])
+        return message.header.frame_id == CAMERA_OPTICAL and half_rad == pytest.approx(
+            radians(55 / 2)
+        )
+
+    first(probe, CameraInfo, info, of_a_pinhole)
 
 
 def test_what_the_settings_name_is_published(probe: Probe) -> None:
