@@ -2,6 +2,7 @@
 
 from adapters.recording.background import BackgroundTape
 from adapters.recording.chronicle import read_chronicle
+from adapters.recording.completion import complete
 from adapters.recording.frames import frames
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
@@ -17,6 +18,7 @@ __all__ = [
     "RunFile",
     "RunReader",
     "Timed",
+    "complete",
     "decode",
     "frames",
     "read_chronicle",

@@ -16,6 +16,7 @@ from queue import Empty, SimpleQueue
 from threading import Event, Thread
 from typing import Final
 
+from adapters.recording.completion import complete
 from adapters.recording.run_file import SUFFIX, RunFile, part_of
 from executive.recording import Entry, Item, is_within
 from executive.settings import RecordingSettings
@@ -73,6 +74,7 @@ class BackgroundTape:
 
     def _write(self) -> None:
         try:
+            self._complete()
             self._prune()
             flushed_s = -inf
             while not self._closing.wait(PAUSE_S):
@@ -118,6 +120,15 @@ class BackgroundTape:
         text = f"the recording {self._first.name} ends: {why}; the rover goes on"
         _LOG.warning(text)
         self.tell(text)
+
+    def _complete(self) -> None:
+        """Complete the recordings of earlier processes that were killed."""
+        for path in self._folder.glob(f"*{SUFFIX}"):
+            try:
+                if path != self._first and complete(path):
+                    _LOG.info("recording %s broke off; it was completed", path)
+            except OSError as error:
+                _LOG.warning("recording %s cannot be completed: %s", path, error.strerror)
 
     def _prune(self) -> None:
         """Delete the oldest files, but none of this recording's that begins or ends it."""

@@ -23,6 +23,8 @@ PROFILE: Final = "rover-run-2"
 LIBRARY: Final = "rover-executive"
 LARGEST_RECORD: Final = 1 << 30
 """Octets of a part of a file; what claims more is damaged."""
+BROKE_OFF: Final = "broke off"
+"""The metadata of a file that was completed later."""
 RUN: Final = "/run"
 """The topic of the batches."""
 BATCH_S: Final = 1.0
@@ -189,7 +191,7 @@ class RunReader:
     """Reads a recording, with the files in which it goes on.
 
     Attributes:
-        whole: whether the last file was closed; known at its end.
+        whole: whether the last file was closed in good order; known at its end.
     """
 
     def __init__(self, path: Path) -> None:
@@ -219,11 +221,11 @@ class RunReader:
 
     def _rows(self, file: Any) -> Iterator[Row]:
         from mcap.exceptions import InvalidMagic, McapError
-        from mcap.records import Channel, Footer, Header, Message
+        from mcap.records import Channel, Footer, Header, Message, Metadata
         from mcap.stream_reader import StreamReader
         from zstandard import ZstdError
 
-        run, reader = None, RowReader()
+        run, reader, broke_off = None, RowReader(), False
         try:
             stream = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
             for record in stream.records:
@@ -237,8 +239,10 @@ class RunReader:
                         run = number
                     case Message(channel_id=number, data=data) if number == run:
                         yield from reader.rows(data)
+                    case Metadata(name=name) if name == BROKE_OFF:
+                        broke_off = True
                     case Footer():
-                        self.whole = True
+                        self.whole = not broke_off
                     case _:
                         pass
         except (
