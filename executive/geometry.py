@@ -53,6 +53,19 @@ class Pose:
         )
 
     @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """Roll, pitch and heading as a rotation: x, y, z, w."""
+        cr, sr = cos(self.roll_rad / 2), sin(self.roll_rad / 2)
+        cp, sp = cos(self.pitch_rad / 2), sin(self.pitch_rad / 2)
+        ch, sh = cos(self.heading_rad / 2), sin(self.heading_rad / 2)
+        return (
+            sr * cp * ch - cr * sp * sh,
+            cr * sp * ch + sr * cp * sh,
+            cr * cp * sh - sr * sp * ch,
+            cr * cp * ch + sr * sp * sh,
+        )
+
+    @property
     def finite(self) -> bool:
         """Whether every figure is a finite number."""
         place = isfinite(self.x_m) and isfinite(self.y_m) and isfinite(self.z_m)

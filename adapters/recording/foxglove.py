@@ -6,7 +6,6 @@ https://docs.foxglove.dev/docs/visualization/message-schemas
 import base64
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import cos, sin
 from typing import Any, Final
 
 from executive.geometry import Point, Pose
@@ -142,15 +141,7 @@ def _vector(x_m: float, y_m: float, z_m: float = 0.0) -> Plain:
 
 
 def _rotation(pose: Pose) -> Plain:
-    cr, sr = cos(pose.roll_rad / 2), sin(pose.roll_rad / 2)
-    cp, sp = cos(pose.pitch_rad / 2), sin(pose.pitch_rad / 2)
-    ch, sh = cos(pose.heading_rad / 2), sin(pose.heading_rad / 2)
-    return {
-        "x": fine(sr * cp * ch - cr * sp * sh),
-        "y": fine(cr * sp * ch + sr * cp * sh),
-        "z": fine(cr * cp * sh - sr * sp * ch),
-        "w": fine(cr * cp * ch + sr * sp * sh),
-    }
+    return {name: fine(part) for name, part in zip("xyzw", pose.quaternion, strict=True)}
 
 
 def _pose(pose: Pose) -> Plain:

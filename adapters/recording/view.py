@@ -159,11 +159,12 @@ class View:
         self._track = _Track()
         self._nodes: dict[str, NodeState] = {}
         self._tree_changed = False
+        self._mode: Plain = {}
         self._asked: dict[Identity, Request] = {}
         self._aim: Identity | None = None
 
     def again(self) -> None:
-        """Begin another file: what does not change is shown in it, too."""
+        """Begin another file: what has not changed is shown in it, too."""
         self._still_shown = False
         self._tree_changed = True
 
@@ -190,7 +191,8 @@ class View:
                 yield Shown("/parameters", _known(known))
             case ModeChanged(mode=mode, active=active, why=why):
                 whose = "" if active is None else str(active)
-                yield Shown("/mode", {"mode": mode.name, "command": whose, "why": why})
+                self._mode = {"mode": mode.name, "command": whose, "why": why}
+                yield Shown("/mode", self._mode)
             case TreeChanged(nodes=nodes, gone=gone):
                 self._nodes |= {each.path: each for each in nodes}
                 for path in gone:
@@ -213,6 +215,8 @@ class View:
         if not self._still_shown and self._settings is not None:
             self._still_shown = True
             yield from _still(self._settings, self._utc_s)
+            if self._mode:
+                yield Shown("/mode", self._mode)
         if call is not Call.TICK:
             return
         if self._motion and self._due("/motion", OFTEN_S):

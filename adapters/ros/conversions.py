@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from enum import IntEnum
-from math import asin, atan2, cos, isfinite, sin, sqrt
+from math import asin, atan2, isfinite, sqrt
 from typing import Final
 
 from builtin_interfaces.msg import Time
@@ -160,15 +160,8 @@ def time_message(time_s: float) -> Time:
 
 def quaternion(pose: Pose) -> Quaternion:
     """Return roll, pitch and heading as a rotation."""
-    cr, sr = cos(pose.roll_rad / 2), sin(pose.roll_rad / 2)
-    cp, sp = cos(pose.pitch_rad / 2), sin(pose.pitch_rad / 2)
-    ch, sh = cos(pose.heading_rad / 2), sin(pose.heading_rad / 2)
-    return Quaternion(
-        x=sr * cp * ch - cr * sp * sh,
-        y=cr * sp * ch + sr * cp * sh,
-        z=cr * cp * sh - sr * sp * ch,
-        w=cr * cp * ch + sr * sp * sh,
-    )
+    x, y, z, w = pose.quaternion
+    return Quaternion(x=x, y=y, z=z, w=w)
 
 
 def odometry_message(fact: Odometry) -> OdometryMessage:

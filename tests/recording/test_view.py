@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from adapters.recording import RunFile
 from adapters.recording.view import TOPICS, Shown, View
-from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
+from executive.commands import Command, FollowPath, Mode, MoveTo, Request, Waypoint
 from executive.geometry import Pose, Velocity
 from executive.recording import (
     Call,
@@ -22,6 +22,7 @@ from executive.recording import (
     Drove,
     Item,
     Life,
+    ModeChanged,
     NodeState,
     Observed,
     Reported,
@@ -162,10 +163,14 @@ def test_zones_and_rocks_are_shown_once_a_file() -> None:
     assert [each["id"] for each in zones["entities"]] == [each.title for each in ZONES]
     rock = zones["entities"][-1]["cylinders"][0]
     assert (rock["pose"]["position"]["x"], rock["size"]["y"]) == (3.0, 1.0)
+    mode = ModeChanged(Mode.IDLE, None, "nothing is commanded")
+    (told,) = view.of(mode)
     view.again()
-    assert on("/scene/zones", list(view.of(tick(3.0)))) == [
+    again = list(view.of(tick(3.0)))
+    assert on("/scene/zones", again) == [
         json.loads(json.dumps(zones).replace('"sec": 1,', '"sec": 3,'))
     ]
+    assert on("/mode", again) == [told.message]
 
 
 def test_a_scan_and_a_second_odometry_are_shown() -> None:

@@ -4,6 +4,7 @@ import re
 import signal
 import time
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from itertools import pairwise
 from math import atan2, inf, nan, radians
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CameraInfo, CompressedImage, Image
 from std_msgs.msg import Float64, String
@@ -53,6 +55,8 @@ def test_what_the_topic_says_is_aboard_if_it_is_a_mass(ros_domain: int, tmp_path
     ):
         load(20.0)
         process.said(r"cargo aboard: 20 kg")
+        if find_spec("tf2_msgs") is None:
+            process.said("no /tf and /tf_static: this ROS has no tf2_msgs")
         load(-1.0)
         process.said(r"a cargo of -1 kg is not in 0 \.\. 50 kg")
         assert process.end() == 0
@@ -113,6 +117,19 @@ def test_tools_are_told_how_the_rover_looks_and_how_its_camera_projects(probe: P
         )
 
     first(probe, CameraInfo, info, of_a_pinhole)
+
+
+@pytest.mark.skipif(find_spec("tf2_msgs") is None, reason="this ROS has no tf2_msgs")
+def test_frames_are_published(probe: Probe) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    def has(child: str) -> Callable[[Any], bool]:
+        return lambda m: any(each.child_frame_id == child for each in m.transforms)
+
+    moving, still = QoSProfile(depth=100), kept_for_late_joiners()  # type: ignore[no-untyped-call]
+    first(probe, TFMessage, Topic("/tf", moving), has("base_link"))
+    first(probe, TFMessage, Topic("/tf", moving), has("camera_link"))
+    first(probe, TFMessage, Topic("/tf_static", still), has("camera_optical"))
 
 
 def test_what_the_settings_name_is_published(probe: Probe) -> None:
