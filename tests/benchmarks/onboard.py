@@ -206,7 +206,7 @@ MB = 1e6
 
 
 def measure_footprint(duration_s: float = 20.0) -> list[Figure]:
-    """Return CPU and memory of both, driving, with all sensors and 20 velocities a second."""
+    """Return CPU and memory of both, driving, with all sensors, and the size of the recording."""
     with workplace() as place:
         asset = _all_sensors(place.folder)
         place.start(
@@ -236,7 +236,9 @@ def measure_footprint(duration_s: float = 20.0) -> list[Figure]:
             time.sleep(SETTLE_S)
             measured = [psutil.Process(each.child.pid) for each in (executive, bare)]
             before = [cpu_s(process) for process in measured]
+            recorded = _recorded_octets(place.folder)
             time.sleep(duration_s)
+            recorded = _recorded_octets(place.folder) - recorded
             ours, theirs = (
                 100 * (cpu_s(process) - began) / duration_s
                 for process, began in zip(measured, before, strict=True)
@@ -252,7 +254,12 @@ def measure_footprint(duration_s: float = 20.0) -> list[Figure]:
         Figure("executive above bare node, CPU", ours - theirs, "%", beside, Goal(10.0)),
         Figure("executive, resident memory", resident_mb[0], "MB", beside, Goal(105.0)),
         Figure("bare node, resident memory", resident_mb[1], "MB", beside),
+        Figure("recording", recorded / MB * 3600 / duration_s, "MB/h", "driving", Goal(40.0)),
     ]
+
+
+def _recorded_octets(folder: Path) -> int:
+    return sum(path.stat().st_size for path in (folder / "data" / "recordings").iterdir())
 
 
 def _all_sensors(folder: Path) -> Path:
