@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from executive.clock import LatchedClock, ManualClock
+from executive.clock import LatchedClock, ManualClock, SystemClock
 from executive.commands import Command, MoveForward, Stop
 from executive.geometry import Pose, Velocity
 from executive.reasons import Reason, Refusal
@@ -84,3 +84,12 @@ def test_between_entries_time_goes_on() -> None:
         clock.advance(1.0)
         assert latched.now_s() == 1.0
     assert latched.now_s() == 2.0
+
+
+def test_the_clock_of_a_machine_tells_tenths_of_a_millisecond_and_never_steps_back() -> None:
+    clock = SystemClock()
+    readings_s = [clock.now_s() for _ in range(10_000)]
+    assert readings_s == sorted(readings_s)
+    assert readings_s == [round(each, 4) for each in readings_s]
+    utc_s = clock.utc_s()
+    assert utc_s == round(utc_s, 4)
