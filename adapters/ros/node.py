@@ -27,7 +27,8 @@ from adapters.ros.conversions import (
     odometry_fact,
 )
 from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
-from adapters.ros.parameters import Topic, Topics, declare_rate
+from adapters.ros.parameters import Topic, Topics, declare_flag, declare_rate
+from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera_transforms
 from adapters.ros.rover import RosAsset, foreign_publishers
 from adapters.ros.sensors import PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
@@ -88,6 +89,9 @@ class ExecutiveNode:
         self._trees = TreePublisher(node, executive)
         self._tree_every = max(1, round(1 / (declare_rate(node, "tree_hz", "tree") * tick_s)))
         self._tree_in = 0
+        self._model = None
+        if declare_flag(node, "robot_model", "whether robot_description and frames are published"):
+            self._model = RobotModelPublisher(node, executive.settings)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         name, qos = topics.odometry.name, topics.odometry.qos
         taken = self.contained(self._on_odometry)
@@ -163,7 +167,10 @@ class ExecutiveNode:
         return call
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._observe(odometry_fact(message))
+        fact = odometry_fact(message)
+        if self._model is not None:
+            self._model.moved([base_transform(fact)])
+        self._observe(fact)
 
     def _observe(self, fact: Fact) -> None:
         """Take in a fact, unless nothing can be dated: simulated time is 0 until it is heard."""
@@ -183,7 +190,11 @@ class ExecutiveNode:
 
     def _observe_camera(self) -> None:
         if self._pan_rad is not None and self._tilt_rad is not None:
-            self._observe(CameraAngles(self._pan_rad, self._tilt_rad))
+            angles = CameraAngles(self._pan_rad, self._tilt_rad)
+            if self._model is not None:
+                now_s = self._node.get_clock().now().nanoseconds * 1e-9
+                self._model.moved(camera_transforms(angles, now_s))
+            self._observe(angles)
 
     def _on_frame(self, message: CompressedImage) -> None:
         frame = frame_fact(message)

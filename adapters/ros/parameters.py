@@ -70,6 +70,15 @@ def declare_rate(node: Node, name: str, meaning: str) -> float:
     return rate_hz
 
 
+def declare_flag(node: Node, name: str, meaning: str) -> bool:
+    """Declare and read whether something is wanted; it is not where the parameter is missing.
+
+    Raises:
+        ParameterError: it is wrong.
+    """
+    return bool(_declared(node, name, Parameter.Type.BOOL, meaning))
+
+
 def declare_topic(node: Node, key: str, meaning: str) -> Topic:
     """Declare and read the parameters of one topic.
 

@@ -1,6 +1,7 @@
 """What tools of ROS draw a rover by: its frames, and a small URDF made of its settings.
 
-On a robot its own robot_state_publisher tells them; here the simulation does, and bags.
+On a robot its own robot_state_publisher tells them; here the simulation does, bags do, and the
+executive where the parameter `robot_model` asks for it.
 
     odom ─ base_link ─ camera_pan_link ─ camera_link ─ camera_optical
 

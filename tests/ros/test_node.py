@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import BatteryState, CompressedImage, Imu, JointState
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Bool, Float64, String
 from std_srvs.srv import Trigger
 
 from adapters.onboard.service import NODE_NAME, executive_on, watched
@@ -37,6 +37,7 @@ from adapters.ros import (
     single_threaded,
 )
 from adapters.ros.conversions import battery_fact
+from adapters.ros.robot_model import ROBOT_DESCRIPTION, kept_for_late_joiners
 from executive.commands import Mode
 from executive.commands.catalogue import Command, Resume, Stop
 from executive.commands.lifecycle import Admitted, SubmitResult
@@ -295,6 +296,21 @@ def test_the_diagnostics_have_the_tree_and_faults_at_once_when_the_mode_changes(
     assert faults.name == "/jackal/executive: faults"
     assert faults.level == (DiagnosticStatus.WARN if active else DiagnosticStatus.OK)
     assert {pair.key for pair in faults.values} == {fault.name for fault in active}
+
+
+def test_a_rover_is_described_where_its_parameters_want_that(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    assert ros_domain > 0
+    with started(tmp_path, NEVER_S, "-p", "robot_model:=true") as bench:
+        said: list[String] = []
+        bench.rover.create_subscription(
+            String, ROBOT_DESCRIPTION, said.append, kept_for_late_joiners()
+        )
+        bench.until(lambda: bool(said), "a description")
+        assert '<robot name="jackal">' in said[0].data
+        bench.publisher(OdometryMessage, bench.topics.odometry).publish(odometry(3.0))
+        bench.until(lambda: bench.executive.status.odometry is not None, "odometry")
 
 
 def test_odometry_that_waited_is_not_old(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
