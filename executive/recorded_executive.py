@@ -94,7 +94,11 @@ def without_figures(text: str) -> str:
 
 
 def life_of(
-    settings: Settings, ledger: Ledger, files: Path, solver: SharedSolver | None = None
+    settings: Settings,
+    ledger: Ledger,
+    files: Path,
+    solver: SharedSolver | None = None,
+    video: Video | None = None,
 ) -> Life:
     """Return what an executive begins with, to be recorded before it is made."""
     latch = Path(ledger.path).with_suffix(".stop")
@@ -105,6 +109,7 @@ def life_of(
         latch.read_bytes() if latch.exists() else b"",
         tuple(KeptFile(path, stamp.size_octets) for path, stamp in kept),
         None if solver is None else solver.lead_ticks,
+        video is not None,
     )
 
 

@@ -203,7 +203,7 @@ def executive_on(
     with recorded(settings, recordings) as tape:
         make: Callable[..., Executive] = Executive
         if tape is not None:
-            tape.put(life_of(settings, ledger, files, solver))
+            tape.put(life_of(settings, ledger, files, solver, video))
         if history is not None:
             since = ledger.last_sequence - MOST_REMEMBERED + 1
             history.begin(settings, ledger.reports(since, count=MOST_REMEMBERED))

@@ -364,7 +364,9 @@ class _Core:
                 self._executive = None
 
     def _start(self) -> RecordedExecutive:
-        settings = self._life.settings
+        settings, video = self._life.settings, self._life.video
+        if video is None:
+            video = settings.video is not None
         executive = RecordedExecutive(
             self._tape,
             settings=settings,
@@ -374,7 +376,7 @@ class _Core:
             files=self._folder / "files",
             downlinks=[],
             build_tree=RoverTree,
-            video=None if settings.video is None else StillVideo(),
+            video=StillVideo() if video else None,
             solver=self._solver,
             inbox=self._inbox,
         )

@@ -23,6 +23,7 @@ from executive.clock import ManualClock
 from executive.commands import (
     Command,
     DriveFor,
+    ExecuteAction,
     MoveForward,
     Request,
     Resume,
@@ -355,6 +356,16 @@ def test_stops_that_overtake_and_what_others_notice_are_replayed(tmp_path: Path)
     replayed = replay(made.path)
     assert replayed.difference is None
     assert (replayed.ticks, replayed.entries) == (13, 13 + 13 + 5)
+
+
+def test_a_rover_without_the_video_of_its_settings_is_replayed_without(tmp_path: Path) -> None:
+    made = Recording(tmp_path)
+    assert load_settings("jackal").video is not None
+    made.submit(1, ExecuteAction("VIDEO ON"))
+    made.step()
+    made.executive.close()
+    made.tape.close()
+    assert replay(made.path).difference is None
 
 
 def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_path: Path) -> None:

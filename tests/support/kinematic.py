@@ -180,7 +180,7 @@ class Bench:
         self.ledger = Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)
         if self.tape is not None:
             files = self.folder / "files"
-            self.tape.put(life_of(self.settings, self.ledger, files, self.solver))
+            self.tape.put(life_of(self.settings, self.ledger, files, self.solver, self.video))
             return RecordedExecutive(
                 self.tape,
                 settings=self.settings,
