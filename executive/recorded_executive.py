@@ -88,6 +88,11 @@ class SeenTree(Tree, Protocol):
         """Return all nodes as of the last tick."""
 
 
+def _same(before: SeenNode | None, now: SeenNode) -> bool:
+    """Return whether a node is as it was."""
+    return before is not None and before.status is now.status and before.message == now.message
+
+
 def without_figures(text: str) -> str:
     """Return the words of a text, so that two can be compared whose figures change all the time."""
     return _FIGURES.sub("", text)
@@ -144,7 +149,7 @@ class RecordedExecutive(Executive):
     ) -> None:
         self._tape = tape
         self._box = RecordedInbox(tape) if inbox is None else inbox
-        self._nodes: dict[str, NodeState] = {}
+        self._nodes: dict[str, SeenNode] = {}
         self._last_mode: ModeChanged | None = None
         self._time = LatchedClock(clock)
         self._call(Call.START)
@@ -229,13 +234,14 @@ class RecordedExecutive(Executive):
 
     def _tell_changes(self) -> None:
         """Record what is other than before of the tree, the mode and the command under way."""
-        states = {
-            each.path: NodeState(each.path, each.status.name, each.message)
-            for each in self.tree.nodes()
-        }
-        before, self._nodes = self._nodes, states
-        changed = tuple(each for path, each in states.items() if before.get(path) != each)
-        gone = tuple(path for path in before if path not in states)
+        before, nodes = self._nodes, {each.path: each for each in self.tree.nodes()}
+        self._nodes = nodes
+        changed = tuple(
+            NodeState(path, each.status.name, each.message)
+            for path, each in nodes.items()
+            if not _same(before.get(path), each)
+        )
+        gone = tuple(path for path in before if path not in nodes)
         if changed or gone:
             self._tape.put(TreeChanged(changed, gone))
         last, now = self._last_mode, ModeChanged(self.mode, self.active_command, self.why)

@@ -1,8 +1,9 @@
 """The tree at a moment, as values, and drawn as text, Mermaid or SVG."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
+from functools import cache
 from typing import Final
 from xml.sax.saxutils import escape
 
@@ -97,36 +98,40 @@ def nodes(root: Behaviour, ticked: Collection[Behaviour], depth: int = 0) -> tup
 
     Those that the last tick did not come to are IDLE: py_trees leaves them as they were.
     """
-    return tuple(_nodes(root, ticked, "", depth))
+    found: list[Node] = []
+    _add(found, root, ticked, root.name, depth)
+    return tuple(found)
 
 
-def _nodes(
-    node: Behaviour, ticked: Collection[Behaviour], prefix: str, depth: int
-) -> Iterator[Node]:
-    path = f"{prefix}/{node.name}" if prefix else node.name
-    idle = node not in ticked or node.status is Status.INVALID
-    status = NodeStatus.IDLE if idle else NodeStatus[node.status.name]
-    yield Node(path, node.name, depth, _kind(node), status, node.feedback_message)
+def _add(
+    found: list[Node], node: Behaviour, ticked: Collection[Behaviour], path: str, depth: int
+) -> None:
+    status = _STATUSES[node.status] if node in ticked else NodeStatus.IDLE
+    found.append(Node(path, node.name, depth, _kind(type(node)), status, node.feedback_message))
     for child in node.children:
-        yield from _nodes(child, ticked, path, depth + 1)
+        _add(found, child, ticked, f"{path}/{child.name}", depth + 1)
 
 
-def _kind(node: Behaviour) -> NodeKind:
-    match node:
-        case composites.Selector():
-            return NodeKind.SELECTOR
-        case composites.Sequence():
-            return NodeKind.SEQUENCE
-        case composites.Parallel() | ParallelBranch():
-            return NodeKind.PARALLEL
-        case Decorator():
-            return NodeKind.DECORATOR
-        case Condition():
-            return NodeKind.CONDITION
-        case TakeGoal():
-            return NodeKind.TAKE
-        case _:
-            return NodeKind.LEAF
+_STATUSES: Final = {
+    Status.INVALID: NodeStatus.IDLE,
+    Status.RUNNING: NodeStatus.RUNNING,
+    Status.SUCCESS: NodeStatus.SUCCESS,
+    Status.FAILURE: NodeStatus.FAILURE,
+}
+_KINDS: Final[dict[type, NodeKind]] = {
+    composites.Selector: NodeKind.SELECTOR,
+    composites.Sequence: NodeKind.SEQUENCE,
+    composites.Parallel: NodeKind.PARALLEL,
+    ParallelBranch: NodeKind.PARALLEL,
+    Decorator: NodeKind.DECORATOR,
+    Condition: NodeKind.CONDITION,
+    TakeGoal: NodeKind.TAKE,
+}
+
+
+@cache
+def _kind(of: type[Behaviour]) -> NodeKind:
+    return next((kind for base, kind in _KINDS.items() if issubclass(of, base)), NodeKind.LEAF)
 
 
 _MARK = {

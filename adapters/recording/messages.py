@@ -73,24 +73,14 @@ TOPICS: Final[Mapping[str, Topic]] = {
     )
 }
 """All topics by their names."""
+_OF_KIND: Final = {topic.kind: topic for topic in TOPICS.values()}
 
 
 def topic_of(item: Item) -> Topic:
     """Return the topic that an item belongs to."""
-    return TOPICS[_topic_name(item)]
-
-
-def _topic_name(item: Item) -> str:
     if isinstance(item, Called):
-        return f"/in/{item.call.value}"
-    if isinstance(item, Observed):
-        return f"/in/{_snake(type(item.fact))}"
-    if isinstance(item, Life):
-        return LIFE
-    if isinstance(item, Truth):
-        return TRUTH
-    folder = DECISIONS if isinstance(item, Decision) else "/in/"
-    return f"{folder}{_snake(type(item))}"
+        return TOPICS[f"/in/{item.call.value}"]
+    return _OF_KIND[type(item.fact) if isinstance(item, Observed) else type(item)]
 
 
 def plain_of(item: Item) -> dict[str, Any]:
