@@ -95,6 +95,10 @@ class Obstacles:
         areas: list[KeepIn | KeepOut] = [*zones.keep_out, *zones.keep_in]
         self._areas = [(area, [_Edge(*edge) for edge in area.edges]) for area in areas]
 
+    def __repr__(self) -> str:
+        """Return what it was made of: recordings compare problems by their texts."""
+        return f"Obstacles({self.zones!r}, {self._radius_m!r})"
+
     @property
     def needed_m(self) -> float:
         """How far the middle of the disc stays away at least."""

@@ -92,7 +92,7 @@ def test_a_scenario_is_replayed_equally(name: str, lives: int, tmp_path: Path) -
 
 def test_the_answers_of_the_solver_are_replayed(tmp_path: Path) -> None:
     pytest.importorskip("casadi")
-    path = recorded("to_a_goal", tmp_path, "settings.controller=mpc", "lasts=8")
+    path = recorded("zones", tmp_path, "settings.controller=mpc", "lasts=8")
     answers = list(RunReader(path).messages({SolverAnswered}))
     assert len(answers) > 10
     assert replay(path).difference is None
