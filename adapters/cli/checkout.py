@@ -87,6 +87,7 @@ COVERAGE: Final = Check(
 STRESS: Final = {
     "storm": {"--commands": (100_000, 1000)},
     "authority": {"--interleavings": (100_000, 1000)},
+    "replays": {"--runs": (500, 3)},
     "fuzz": {"--messages": (1_000_000, 5000)},
     "bundle-fuzz": {"--messages": (300_000, 5000)},
     "mops-fuzz": {"--messages": (150_000, 1000)},

@@ -304,6 +304,15 @@ def authority(count: int, seed: int) -> "list[Figure]":
     return authority_storm.measure(_settings(), count, seed, tell)
 
 
+@benchmark("replays --runs 20", count("--runs", 500), SEED, KEEP)
+def replays(count: int, seed: int, keep: Path | None) -> "list[Figure]":
+    """Recorded runs with faults, crashes and random commands: does a replay decide the same?"""
+    from tests.stress import replays
+
+    tell(f"replays: {count} runs ...")
+    return replays.measure(count, seed, tell, keep)
+
+
 @benchmark("fuzz --messages 50000", count("--messages", 1_000_000), SEED)
 def fuzz(count: int, seed: int) -> "list[Figure]":
     """Wrong messages against living providers: does any promise break? (about 4 minutes)."""
