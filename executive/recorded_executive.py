@@ -50,6 +50,7 @@ from executive.recording import (
     SolverAnswered,
     SolverBusy,
     StopWaited,
+    SwitchedVideo,
     Tape,
     ToldFile,
     ToldParameters,
@@ -161,7 +162,7 @@ class RecordedExecutive(Executive):
             files=files,
             downlinks=[*downlinks, _RecordedDownlink(tape)],
             build_tree=build_tree,
-            video=video,
+            video=None if video is None else _RecordedVideo(video, tape),
             solver=None if solver is None else _RecordedSolver(solver, tape),
             inbox=self._box,
         )
@@ -356,6 +357,20 @@ class _RecordedMotionRover(_RecordedRover):
     def halt(self) -> None:
         self._tape.put(Halted())
         self._rover.halt()
+
+
+class _RecordedVideo:
+    def __init__(self, video: Video, tape: Tape) -> None:
+        self._video = video
+        self._tape = tape
+
+    @property
+    def on(self) -> bool:
+        return self._video.on
+
+    def switch(self, on: bool) -> None:
+        self._tape.put(SwitchedVideo(on))
+        self._video.switch(on)
 
 
 class _RecordedDownlink:

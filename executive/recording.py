@@ -205,6 +205,13 @@ class RequestedFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class SwitchedVideo:
+    """The video stream was switched on or off."""
+
+    on: bool
+
+
+@dataclass(frozen=True, slots=True)
 class AskedSolver:
     """A motion plan was asked for; the digest is of all that the solver was told."""
 
@@ -291,6 +298,7 @@ Decision = (
     | Locked
     | PointedCamera
     | RequestedFrame
+    | SwitchedVideo
     | AskedSolver
     | Reported
     | ToldParameters

@@ -33,6 +33,7 @@ from executive.recording import (
     Noticed,
     Observed,
     Reported,
+    SwitchedVideo,
     TreeChanged,
     is_within,
 )
@@ -312,7 +313,7 @@ class _Core:
 
     def difference(self, recorded: RecordedEntry, number: int, time_s: float) -> Difference | None:
         """Return the first decision of the entry that is another one."""
-        pairs = zip_longest(recorded.decisions, self.decisions)
+        pairs = zip_longest(recorded.decisions, self._compared())
         then, now = next((pair for pair in pairs if pair[0] != pair[1]), (None, None))
         if then is None and now is None and not self.raised:
             return None
@@ -321,6 +322,12 @@ class _Core:
             tree = self._executive.tree.nodes()
         name = topic_of(recorded.entry).name
         return Difference(number, name, time_s, then, now, self.raised, tree, self._then(tree))
+
+    def _compared(self) -> Sequence[RecordedMessage]:
+        """Return the decisions, without those that older recordings do not hold."""
+        if self._life.video is not None:
+            return self.decisions
+        return [each for each in self.decisions if each.topic.kind is not SwitchedVideo]
 
     def _then(self, tree: Sequence[Node]) -> dict[str, str]:
         """Return what each node was in the recording, of those that were something else."""

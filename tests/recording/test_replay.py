@@ -37,7 +37,7 @@ from executive.motion.velocity_control import DriveLaw
 from executive.reasons import Reason, Refusal
 from executive.record import Ledger, Synchronous
 from executive.recorded_executive import RecordedExecutive, life_of
-from executive.recording import SolverAnswered
+from executive.recording import SolverAnswered, SwitchedVideo
 from executive.reports import Identity, Severity
 from executive.settings import load_settings
 from executive.settings_files import config_folder
@@ -47,7 +47,7 @@ from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode
 from sim.scenario.outcome import digest_of
 from sim.scenario.reading import load_scenario
-from tests.support.kinematic import STEP_S, KinematicRover
+from tests.support.kinematic import STEP_S, Bench, KinematicRover
 from trees import RoverTree
 
 
@@ -366,6 +366,16 @@ def test_a_rover_without_the_video_of_its_settings_is_replayed_without(tmp_path:
     made.executive.close()
     made.tape.close()
     assert replay(made.path).difference is None
+
+
+def test_what_the_video_is_switched_to_is_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, Bench(tmp_path, tape=tape) as bench:
+        bench.execute(ExecuteAction("VIDEO ON"), 1)
+        assert bench.video.on
+    assert replay(path).difference is None
+    switched = [each for each in RunReader(path).messages() if each.topic.kind is SwitchedVideo]
+    assert [json.loads(each.data) for each in switched] == [{"on": True}]
 
 
 def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_path: Path) -> None:
