@@ -3,11 +3,12 @@
 import asyncio
 import inspect
 import logging
+import re
 import signal
 import socket
 import sqlite3
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from coverage import Coverage
 from hypothesis import settings
 
 from adapters.cli.checkout import ros_files
+from adapters.recording import SUFFIX, RunFile
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -27,6 +29,8 @@ RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are
 FIRST_PORT, PORTS = 7400, 250  # of the UDP ports that DDS gives each domain
 PARTICIPANTS_PORTS = 100  # more than the participants of a test take of them, from the first on
 ASYNC_LIMIT_S = 90.0
+RECORDED_BENCHES = 4  # of a test: those with random commands make hundreds
+LONGEST_NAME = 200
 _numbers = count()
 
 settings.register_profile("rover", deadline=None)
@@ -34,6 +38,16 @@ settings.load_profile("rover")
 
 # A shell's background job ignores SIGINT, and so would every process that a test starts and ends.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Offer to record what tests do: `rover bench mutants` replays it."""
+    parser.addoption(
+        "--recordings",
+        type=Path,
+        metavar="FOLDER",
+        help="Record the first benches of each test, in files of a folder that exists.",
+    )
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -95,6 +109,24 @@ def _databases_closed() -> Iterator[None]:
     for database in opened:
         with suppress(sqlite3.ProgrammingError):  # of another thread, which closes it itself
             database.close()
+
+
+@pytest.fixture(autouse=True)
+def _benches_recorded(request: pytest.FixtureRequest) -> Iterator[None]:
+    folder: Path | None = request.config.getoption("--recordings")
+    if folder is None:
+        yield
+        return
+    name = re.sub(r"\W+", "-", request.node.nodeid).strip("-")[:LONGEST_NAME]
+    paths = (folder / f"{name}-{number}{SUFFIX}" for number in range(RECORDED_BENCHES))
+    with ExitStack() as opened, pytest.MonkeyPatch.context() as patch:
+
+        def new_tape() -> RunFile | None:
+            path = next(paths, None)
+            return None if path is None else opened.enter_context(closing(RunFile(path)))
+
+        patch.setattr(Bench, "new_tape", staticmethod(new_tape))
+        yield
 
 
 @pytest.fixture

@@ -6,11 +6,12 @@ from adapters.recording.completion import complete
 from adapters.recording.frames import frames
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
-from adapters.recording.run_file import PROFILE, RecordingError, RunFile, RunReader
+from adapters.recording.run_file import PROFILE, SUFFIX, RecordingError, RunFile, RunReader
 from adapters.recording.timed import Timed, read_timed
 
 __all__ = [
     "PROFILE",
+    "SUFFIX",
     "BackgroundTape",
     "History",
     "Moment",

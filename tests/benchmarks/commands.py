@@ -80,7 +80,7 @@ def run(measures: list[Measure], json_path: Path | None) -> None:
             figures += measure()
         except SettingsError as error:
             raise click.UsageError(str(error)) from error
-        except (ChildError, PlaceError, TimeoutError) as error:
+        except (ChildError, ChildProcessError, PlaceError, TimeoutError) as error:
             raise click.ClickException(str(error)) from error
     Console().print(table(figures))
     if json_path is not None:
@@ -302,6 +302,26 @@ def authority(count: int, seed: int) -> "list[Figure]":
 
     tell(f"authority: {count} interleavings ...")
     return authority_storm.measure(_settings(), count, seed, tell)
+
+
+@benchmark(
+    "mutants --number 14 --seed 2",
+    count("--number", 100),
+    SEED,
+    click.option(
+        "--recordings",
+        type=click.Path(exists=True, file_okay=False, path_type=Path),
+        help="A folder of recordings, which are made and left there if it is empty.",
+    ),
+)
+def mutants(count: int, seed: int, recordings: Path | None) -> "list[Figure]":
+    """Small changes of the core's rules: are they noticed by replaying recordings of it?
+
+    Recordings are made of all scenarios and of the tests of the core (about half an hour).
+    """
+    from tests.benchmarks import mutants
+
+    return mutants.measure(count, seed, recordings, tell)
 
 
 @benchmark("replays --runs 20", count("--runs", 500), SEED, KEEP)

@@ -35,6 +35,7 @@ from executive.settings_files import SettingsError, structure
 from tests.mrs.aboard import Aboard, raises, rover
 from tests.mrs.test_command_command import INTERRUPTED, typed_elsewhere, wait_for
 from tests.stress import authority_storm
+from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 
@@ -78,7 +79,7 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
     assert refused is not None
     assert refused.reason is Reason.NO_AUTHORITY
     assert "nobody holds it; request it first" in refused.text
-    epoch = granted(bench.executive.authority.request("MOE"))
+    epoch = granted(AskedAuthority(bench).request("MOE"))
     assert Operator(bench, "MOE-2").send(MoveForward(1.0), None) is not None
     other = Operator(bench, "MOE-3")
     stolen = other.send(MoveForward(1.0), epoch)
@@ -86,7 +87,7 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
     assert "MOE-3 does not hold authority 1: MOE holds it for another 5 s" in stolen.text
     assert [figure.name for figure in stolen.figures] == ["epoch", "lease left"]
     holder = Operator(bench, "HOLDER")
-    bench.executive.authority.hand_over("MOE", epoch, "HOLDER")
+    AskedAuthority(bench).hand_over("MOE", epoch, "HOLDER")
     assert holder.send(MoveForward(5.0), epoch + 1) is None
     bench.run(1.0)
     assert bench.rover.velocity != STANDING
@@ -96,7 +97,7 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
 
 @pytest.mark.parametrize("claim", [None, 0, -1, 7, 1 << 62])
 def test_a_stop_acts_whatever_authority_it_claims(bench: Bench, claim: int | None) -> None:
-    epoch = granted(bench.executive.authority.request("MOE"))
+    epoch = granted(AskedAuthority(bench).request("MOE"))
     assert Operator(bench, "MOE").send(MoveForward(5.0), epoch) is None
     bench.run(1.0)
     assert Operator(bench, "NOBODY").send(Stop(), claim) is None
@@ -105,7 +106,7 @@ def test_a_stop_acts_whatever_authority_it_claims(bench: Bench, claim: int | Non
 
 
 def test_a_silent_holder_loses_it_and_comes_back_under_a_new_epoch(bench: Bench) -> None:
-    authority, moe = bench.executive.authority, Operator(bench, "MOE")
+    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
     first = granted(authority.request("MOE"))
     for _ in range(3):
         bench.run(4.0)
@@ -123,7 +124,7 @@ def test_a_silent_holder_loses_it_and_comes_back_under_a_new_epoch(bench: Bench)
 
 
 def test_who_asks_is_told_to_all_and_only_once_in_a_lease(bench: Bench) -> None:
-    authority = bench.executive.authority
+    authority = AskedAuthority(bench)
     granted(authority.request("MOE"))
     for source in ("MOE-2", "MOE-3", "MOE-2"):
         assert refusal(authority.request(source)).reason is Reason.NO_AUTHORITY
@@ -137,7 +138,7 @@ def test_who_asks_is_told_to_all_and_only_once_in_a_lease(bench: Bench) -> None:
 
 
 def test_only_who_may_takes_it(bench: Bench) -> None:
-    authority = bench.executive.authority
+    authority = AskedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     assert "MOE holds it" in refusal(authority.take("MOE-2")).text
     assert granted(authority.take("DIRECTOR")) == epoch + 1
@@ -149,7 +150,7 @@ def test_only_who_may_takes_it(bench: Bench) -> None:
 
 @pytest.mark.parametrize("name", ["", "x" * 257, "a\nb", "\x1b[2J", "plan:survey"])
 def test_nobody_holds_it_under_a_name_that_is_none(bench: Bench, name: str) -> None:
-    authority = bench.executive.authority
+    authority = AskedAuthority(bench)
     assert refusal(authority.request(name)).reason is Reason.BAD_IDENTITY
     epoch = granted(authority.request("MOE"))
     assert refusal(authority.request(name)).reason is Reason.BAD_IDENTITY
@@ -159,25 +160,25 @@ def test_nobody_holds_it_under_a_name_that_is_none(bench: Bench, name: str) -> N
 
 @pytest.mark.parametrize("lease_s", [0.0, -1.0, 1e9, float("nan"), float("inf")])
 def test_a_lease_is_bounded(bench: Bench, lease_s: float) -> None:
-    authority = bench.executive.authority
+    authority = AskedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     refused = refusal(authority.hand_over("MOE", epoch, "MOPS", lease_s))
     assert (refused.reason, refused.argument) == (Reason.OUT_OF_RANGE, 3)
 
 
 def test_the_holder_and_the_epochs_outlive_a_kill(bench: Bench) -> None:
-    first = granted(bench.executive.authority.request("MOE"))
+    first = granted(AskedAuthority(bench).request("MOE"))
     bench.crash()
     assert Operator(bench, "MOE").send(SetTravelSpeed(0.5), first) is None
-    assert "MOE holds it" in refusal(bench.executive.authority.request("MOE-2")).text
-    second = granted(bench.executive.authority.take("DIRECTOR"))
-    bench.executive.authority.release("DIRECTOR", second)
+    assert "MOE holds it" in refusal(AskedAuthority(bench).request("MOE-2")).text
+    second = granted(AskedAuthority(bench).take("DIRECTOR"))
+    AskedAuthority(bench).release("DIRECTOR", second)
     bench.crash()
-    assert granted(bench.executive.authority.request("MOE-2")) == second + 1
+    assert granted(AskedAuthority(bench).request("MOE-2")) == second + 1
 
 
 def test_on_a_full_disk_it_does_not_pass_on(bench: Bench) -> None:
-    authority = bench.executive.authority
+    authority = AskedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     bench.fill_disk()
     assert refusal(authority.take("DIRECTOR")).reason is Reason.LEDGER_FAILED
@@ -187,7 +188,7 @@ def test_on_a_full_disk_it_does_not_pass_on(bench: Bench) -> None:
 
 
 def test_what_a_full_disk_refused_has_not_happened_after_a_kill(bench: Bench) -> None:
-    authority = bench.executive.authority
+    authority = AskedAuthority(bench)
     epoch = granted(authority.request("MOE"))
     bench.fill_disk()
     assert refusal(authority.take("DIRECTOR")).reason is Reason.LEDGER_FAILED
@@ -200,7 +201,7 @@ def test_what_a_full_disk_refused_has_not_happened_after_a_kill(bench: Bench) ->
 
 
 def test_the_relay_commands_by_the_authority_of_the_orbiter_alone(bench: Bench) -> None:
-    authority, relayed = bench.executive.authority, Operator(bench, "MOE", link="relay")
+    authority, relayed = AskedAuthority(bench), Operator(bench, "MOE", link="relay")
     own = granted(authority.request("MOE"))
     refused = relayed.send(SetTravelSpeed(0.5), own)
     assert refused is not None
@@ -217,7 +218,7 @@ def test_the_relay_commands_by_the_authority_of_the_orbiter_alone(bench: Bench) 
 
 
 def test_the_commands_of_a_plan_have_the_authority_of_who_activated_it(bench: Bench) -> None:
-    epoch = granted(bench.executive.authority.request("MOE"))
+    epoch = granted(AskedAuthority(bench).request("MOE"))
     moe = Operator(bench, "MOE")
     ahead = plan('<moveForward distance="1" deadline_s="60"/>')
     assert Operator(bench, "MOE-2").send(SubmitPlan(ahead), None) is not None

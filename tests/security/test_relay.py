@@ -29,6 +29,7 @@ from executive.settings import AuthoritySettings, load_settings
 from tests.relay.orbiter.sky import DICTIONARY, Clock, Sky, eclipse, ground, landed, orbiting
 from tests.relay.rover.ends import ROVER, Ends, octets, until
 from tests.stress.mops_aboard import Wire
+from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 
 WAITING = 100
@@ -209,7 +210,7 @@ def test_aboard_commands_of_the_relay_need_the_authority_of_the_orbiter(tmp_path
     needed = AuthoritySettings(needed=True)
     settings = replace(load_settings("jackal"), authority=needed)
     with RelayedBench(tmp_path, settings) as bench:
-        authority = bench.executive.authority
+        authority = AskedAuthority(bench)
         authority.request("MOE")
         own = authority.state.epoch
         authority.hand_over("MOE", own, needed.relay)

@@ -36,6 +36,7 @@ from executive.record import StopLatch
 from executive.reports import Identity, Stage
 from executive.settings import AuthoritySettings, load_settings
 from tests.mrs.aboard import Aboard
+from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 from tests.support.plans import PlanBench, plan
 
@@ -81,7 +82,7 @@ def test_a_stop_that_is_refused_says_why_and_acts(
 def test_a_stop_needs_no_authority(tmp_path: Path) -> None:
     settings = replace(load_settings("jackal"), authority=AuthoritySettings(needed=True))
     with Bench(tmp_path, settings) as bench:
-        state = bench.executive.authority.request("MOE")
+        state = AskedAuthority(bench).request("MOE")
         assert not isinstance(state, Refusal)
         bench.submit(MoveForward(5.0), 1, authority=state.epoch)
         bench.run(1.0)
@@ -329,6 +330,7 @@ import sys, time
 from pathlib import Path
 from executive.commands import Stop
 from executive.geometry import STANDING
+from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 
 folder = Path(sys.argv[1])

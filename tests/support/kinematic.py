@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, sin
 from pathlib import Path
-from typing import Self, cast
+from typing import ClassVar, Self, cast
 
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, MoveForward, Request
@@ -137,9 +137,11 @@ class Bench:
         charge_ratio: the charge that its battery tells; None where it tells none.
         ledger: that of the executive.
         tape: takes a recording of it; None for none.
+        new_tape: gives each bench its tape that is not given one.
     """
 
     ledger: Ledger
+    new_tape: ClassVar[Callable[[], Tape | None]] = staticmethod(lambda: None)
 
     def __init__(
         self,
@@ -153,7 +155,8 @@ class Bench:
         all_sensors: bool = False,
     ) -> None:
         self.folder = folder
-        self.tape = tape
+        # The tree of a recording is that of the rover.
+        self.tape = tape or (Bench.new_tape() if build_tree is RoverTree else None)
         asset = settings or load_settings("jackal")
         told = asset.sensors
         fewer = Sensors(laser=told.laser, second_odometry=told.second_odometry)

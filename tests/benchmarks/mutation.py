@@ -1,0 +1,341 @@
+"""Mutants: one small change each of the rules by which the core decides, made in its source."""
+
+import ast
+import copy
+import difflib
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum, unique
+from itertools import chain, islice, zip_longest
+from pathlib import Path
+from random import Random
+from typing import Final
+
+ROOMS: Final = ("executive", "trees")
+NO_RULES: Final = (
+    "executive/record/",  # the ledger, and what else is kept
+    "executive/clock.py",  # time and the order of arrivals are inputs
+    "executive/inbox.py",
+    "executive/notifications.py",
+    "executive/state/files.py",
+    "executive/settings.py",  # those of a run are in its recording, with the rows of its faults
+    "executive/settings_files.py",
+    "executive/prediction_settings.py",
+    "executive/mpc_settings.py",
+    "executive/fault_table.py",
+    "executive/fault_section.py",
+    "executive/fault_declaration.py",
+    "executive/motion/minimum_time.py",  # the solver, whose plans are inputs of the core
+    "executive/motion/motion_model.py",
+    "executive/motion/obstacles.py",
+    "executive/motion/polylines.py",
+    "executive/motion/programme.py",
+    "executive/reasons.py",  # their numbers, by which they are known to the ground
+    "executive/recording.py",  # the recorder
+    "executive/recorded_executive.py",
+    "trees/cli.py",
+    "trees/screen.py",
+    "trees/snapshot.py",
+)
+"""What decides nothing in a run: files, and folders."""
+SAYS_NOTHING: Final = ("_LOG.", "assert_never(")
+"""Calls that no decision depends on."""
+GREATER: Final = 1.2
+CLOSED: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt,
+}  # fmt: skip
+NEGATED: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
+    ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
+}  # fmt: skip
+
+
+@unique
+class MutantKind(Enum):
+    """What is changed."""
+
+    FLIP = "comparison or truth negated"
+    CASE = "case of a match dropped"
+    JUNCTION = "and for or"
+    BOUND = "number 20 % greater"
+    CALL = "call dropped"
+    IF = "if never so"
+    EDGE = "bound itself on the other side"
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """A change of one file.
+
+    Attributes:
+        path: of the file, below the checkout.
+        first, last: lines of the statement, or of the head of one, that is changed.
+        within: whether that is within a function: it decides only where it is run.
+        constant: the name that a module gives to it; empty where it gives none.
+        start, end: octets of the source that are replaced.
+        text: what replaces them.
+    """
+
+    kind: MutantKind
+    path: str
+    first: int
+    last: int
+    within: bool
+    constant: str
+    start: int
+    end: int
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.first}: {self.kind.value}"
+
+    def applied(self, source: bytes) -> bytes:
+        """Return the source of the file, changed."""
+        return source[: self.start] + self.text.encode() + source[self.end :]
+
+    def diff(self, source: bytes) -> list[str]:
+        """Return the lines that are changed, as `-` and `+`."""
+        before, after = source.decode().splitlines(), self.applied(source).decode().splitlines()
+        lines = list(difflib.unified_diff(before, after, n=0, lineterm=""))[3:]
+        return [f"{line[0]} {line[1:].strip()}" for line in lines if line[0] in "-+"]
+
+
+def sample(checkout: Path, number: int, seed: int) -> list[Mutant]:
+    """Return so many mutants of a checkout, as many of each kind, by the seed."""
+    found: defaultdict[MutantKind, list[Mutant]] = defaultdict(list)
+    for mutant in mutants(checkout):
+        found[mutant.kind].append(mutant)
+    random = Random(seed)
+    for each in found.values():
+        random.shuffle(each)
+    turns = zip_longest(*(found[kind] for kind in MutantKind))
+    return list(islice(filter(None, chain.from_iterable(turns)), number))
+
+
+def uses(checkout: Path, constant: str) -> dict[str, set[int]] | None:
+    """Return the lines of functions that use a constant; None where modules or classes do, too."""
+    found: dict[str, set[int]] = {}
+    for room in ROOMS:
+        for path in sorted((checkout / room).rglob("*.py")):
+            source = path.read_text(encoding="utf-8")
+            if not re.search(rf"\b{constant}\b", source):
+                continue
+            finder = _Uses(constant)
+            finder.visit(ast.parse(source))
+            if finder.at_import:
+                return None
+            found[path.relative_to(checkout).as_posix()] = finder.lines
+    return found
+
+
+class _Uses(ast.NodeVisitor):
+    def __init__(self, constant: str) -> None:
+        self.lines: set[int] = set()
+        self.at_import = False
+        self._constant = constant
+        self._depth = 0
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        self.visit(node.args)
+        self._depth += 1
+        for part in node.body:
+            self.visit(part)
+        self._depth -= 1
+
+    def visit_Name(self, node: ast.Name) -> None:
+        if node.id == self._constant and isinstance(node.ctx, ast.Load):
+            self.lines.add(node.lineno)
+            self.at_import = self.at_import or self._depth == 0
+
+
+def mutants(checkout: Path) -> Iterator[Mutant]:
+    """Yield all mutants, file by file."""
+    for room in ROOMS:
+        for path in sorted((checkout / room).rglob("*.py")):
+            name = path.relative_to(checkout).as_posix()
+            if not name.startswith(NO_RULES):
+                yield from _Finder(name, path.read_bytes()).found
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where a node stands: the lines of its statement, whether in a function, and what it sets."""
+
+    first: int
+    last: int
+    within: bool
+    constant: str = ""
+
+
+class _Finder(ast.NodeVisitor):
+    """Finds the mutants of a file."""
+
+    def __init__(self, path: str, source: bytes) -> None:
+        self.found: list[Mutant] = []
+        self._path = path
+        self._source = source
+        self._lines = [0]
+        for line in source.splitlines(keepends=True):
+            self._lines.append(self._lines[-1] + len(line))
+        self._place = _Place(1, 1, within=False)
+        self._in_class = False
+        self.visit(ast.parse(source))
+
+    def visit(self, node: ast.AST) -> None:
+        """Look at a node, and at all below it."""
+        if isinstance(node, ast.stmt):
+            within = self._place.within
+            constant = "" if within or self._in_class else _target(node)
+            self._place = _Place(node.lineno, _end_of_head(node), within, constant)
+        super().visit(node)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        """Look into a function: what stands in its head is run where it is defined."""
+        outer = self._place
+        self.visit(node.args)
+        self._place = _Place(node.lineno, node.lineno, within=True)
+        for part in node.body:
+            self.visit(part)
+            self._place = _Place(node.lineno, node.lineno, within=True)
+        self._place = outer
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        """Look into a class, but not at what makes a dataclass of it."""
+        outer, self._in_class = self._in_class, True
+        for part in node.body:
+            self.visit(part)
+        self._in_class = outer
+
+    def visit_keyword(self, node: ast.keyword) -> None:
+        """Leave out checks of those who wrote the code."""
+        if node.arg != "strict":
+            self.visit(node.value)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        """Leave out the annotation."""
+        if node.value is not None:
+            self.visit(node.value)
+
+    def visit_arg(self, node: ast.arg) -> None:
+        """Leave out the annotation."""
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
+        """Leave out texts: what is in them has no place of its own before Python 3.12."""
+
+    def visit_Raise(self, node: ast.Raise) -> None:
+        """Leave out errors of those who wrote the code."""
+
+    def visit_Compare(self, node: ast.Compare) -> None:
+        """Negate a comparison; have its bound on the other side."""
+        if len(node.ops) == 1:
+            kind = type(node.ops[0])
+            self._replace(MutantKind.FLIP, node, _with(node, ops=[NEGATED[kind]()]))
+            if kind in CLOSED:
+                self._replace(MutantKind.EDGE, node, _with(node, ops=[CLOSED[kind]()]))
+        self.generic_visit(node)
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
+        """Leave out a `not`."""
+        if isinstance(node.op, ast.Not):
+            self._put(MutantKind.FLIP, node, f"bool({ast.unparse(node.operand)})")
+        self.generic_visit(node)
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> None:
+        """Have all where one was enough, and one where it took all."""
+        other = ast.And() if isinstance(node.op, ast.Or) else ast.Or()
+        self._put(MutantKind.JUNCTION, node, f"({ast.unparse(_with(node, op=other))})")
+        self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        """Negate a truth, enlarge a number."""
+        match node.value:
+            case bool(value):
+                self._put(MutantKind.FLIP, node, str(not value))
+            case float(value) if value != 0.0 and math.isfinite(value):
+                self._put(MutantKind.BOUND, node, repr(value * GREATER))
+            case int(value) if value > 1:
+                self._put(MutantKind.BOUND, node, repr(math.ceil(value * GREATER)))
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        """Leave out a call whose result nobody takes."""
+        if isinstance(node.value, ast.Call):
+            if ast.unparse(node.value).startswith(SAYS_NOTHING):
+                return
+            self._put(MutantKind.CALL, node, "pass")
+        self.generic_visit(node)
+
+    def visit_If(self, node: ast.If) -> None:
+        """Never do what is done under a condition."""
+        if ast.unparse(node.test) != "TYPE_CHECKING":
+            self._put(MutantKind.IF, node.test, "False")
+        self.generic_visit(node)
+
+    def visit_match_case(self, node: ast.match_case) -> None:
+        """Leave out a case."""
+        outer = self._place
+        self._place = _Place(node.pattern.lineno, node.pattern.end_lineno or 0, outer.within)
+        if not ast.unparse(node.body[0]).startswith(SAYS_NOTHING):
+            if node.guard is None:
+                end = self._at(node.pattern.end_lineno, node.pattern.end_col_offset)
+                self._add(MutantKind.CASE, end, end, " if False")
+            else:
+                self._put(MutantKind.CASE, node.guard, "False")
+        self.generic_visit(node)
+        self._place = outer
+
+    def _replace(self, kind: MutantKind, node: ast.expr, other: ast.expr) -> None:
+        self._put(kind, node, ast.unparse(other))
+
+    def _put(self, kind: MutantKind, node: ast.expr | ast.stmt, text: str) -> None:
+        start = self._at(node.lineno, node.col_offset)
+        self._add(kind, start, self._at(node.end_lineno, node.end_col_offset), text)
+
+    def _add(self, kind: MutantKind, start: int, end: int, text: str) -> None:
+        place = self._place
+        self.found.append(
+            Mutant(
+                kind,
+                self._path,
+                place.first,
+                place.last,
+                place.within,
+                place.constant,
+                start,
+                end,
+                text,
+            )
+        )
+
+    def _at(self, line: int | None, column: int | None) -> int:
+        assert line is not None
+        assert column is not None
+        return self._lines[line - 1] + column
+
+
+def _with(node: ast.expr, **changed: object) -> ast.expr:
+    other = copy.copy(node)
+    for name, value in changed.items():
+        setattr(other, name, value)
+    return other
+
+
+def _target(node: ast.stmt) -> str:
+    """Return the name that a statement gives to what it makes; empty if it gives none."""
+    match node:
+        case ast.Assign(targets=[ast.Name(name)]) | ast.AnnAssign(target=ast.Name(name)):
+            return name
+        case _:
+            return ""
+
+
+def _end_of_head(node: ast.stmt) -> int:
+    """Return the last line of a statement, or of its head where others are in it."""
+    body: Sequence[ast.AST] = getattr(node, "body", ()) or getattr(node, "cases", ())
+    if not body:
+        return node.end_lineno or node.lineno
+    first = body[0]
+    inner = first.pattern if isinstance(first, ast.match_case) else first
+    return max(node.lineno, getattr(inner, "lineno", node.lineno) - 1)

@@ -1,0 +1,94 @@
+"""What is exactly at a bound, and what is just beyond it."""
+
+from dataclasses import replace
+from math import pi
+from pathlib import Path
+
+import pytest
+
+from executive.commands import ActivatePlan, DeleteFile, DriveFor, FollowPath, SubmitPlan
+from executive.commands.lifecycle import Admitted
+from executive.geometry import STANDING, Velocity
+from executive.plans.builder import MOST_NODES
+from executive.reasons import Reason
+from executive.reports import PlanStatus, Stage
+from executive.settings import load_settings
+from executive.zones import KnownRock, Zones
+from tests.support.kinematic import Bench, KinematicRover, ignoring
+from tests.support.plans import PlanBench, plan
+
+STEP = '<setTravelSpeed speed="0.5" deadline_s="9"/>'
+
+
+def test_a_plan_has_so_many_nodes_and_no_more(tmp_path: Path) -> None:
+    most, more = (f"<Sequence>{STEP * (MOST_NODES - 2 + each)}</Sequence>" for each in (0, 1))
+    with PlanBench(tmp_path) as bench:
+        assert isinstance(bench.ask(SubmitPlan(plan(most))), Admitted)
+        refused = bench.plan_refusal(SubmitPlan(plan(more, "larger")))
+        assert refused.reason is Reason.PLAN_TOO_LARGE
+
+
+def test_a_path_without_places_is_none(bench: Bench) -> None:
+    assert bench.refusal(FollowPath(()), 1).argument == 1
+
+
+def test_a_plan_that_leads_into_a_rock_is_predicted_to_and_fails_there(tmp_path: Path) -> None:
+    jackal = load_settings("jackal")
+    settings = replace(jackal, zones=Zones(rocks=(KnownRock("boulder", 3.0, 0.0, 0.3),)))
+    ahead = '<moveForward distance="1" deadline_s="60"/>'
+    with PlanBench(tmp_path, settings) as bench:
+        bench.ask(SubmitPlan(plan(f"<Sequence>{ahead * 3}</Sequence>")))
+        bench.ask(ActivatePlan("survey"))
+        assert bench.until(PlanStatus.COMPLETED, PlanStatus.FAILED) is PlanStatus.FAILED
+
+
+class Restless(KinematicRover):
+    """Creeps on when it is to stand."""
+
+    def drive(self, velocity: Velocity) -> None:
+        super().drive(Velocity(0.06, 0.0) if velocity == STANDING else velocity)
+
+
+def test_a_velocity_that_does_not_end_fails_once_its_time_is_up(tmp_path: Path) -> None:
+    settings = ignoring("off_command", "steady_off_command", "drives_uncommanded")
+    with Bench(tmp_path, settings, rover=Restless()) as bench:
+        bench.submit(DriveFor(0.2, 0.0, 1.0), 1)
+        assert bench.finish(1) is Stage.FAILED
+
+
+def test_a_turn_of_more_than_a_round_is_driven_past_a_rock(tmp_path: Path) -> None:
+    rocks = (KnownRock("boulder", 0.0, 2.0, 0.3),)
+    settings = replace(load_settings("jackal"), zones=Zones(rocks=rocks))
+    with Bench(tmp_path, settings) as bench:
+        refused = bench.refusal(DriveFor(0.5, 0.5, 5 * pi), 1)
+        assert refused.reason is Reason.PATH_BLOCKED
+
+
+def test_what_is_not_there_or_has_no_name_is_refused(bench: Bench) -> None:
+    assert bench.refusal(DeleteFile("nowhere/picture.jpg"), 1).reason is Reason.NO_SUCH_FILE
+    for number, (body, line) in enumerate(
+        (
+            (f'<Sequence name="a/b">{STEP}</Sequence>', 3),
+            (f'<Timeout msec="86400001">{STEP}</Timeout>', 3),
+        ),
+        2,
+    ):
+        refused = bench.refusal(SubmitPlan(plan(body)), number)
+        assert refused.reason is Reason.PLAN_BAD_ARGUMENT
+        assert f"line {line}" in refused.text
+
+
+def test_a_plan_is_predicted_with_the_speed_that_it_sets(tmp_path: Path) -> None:
+    with PlanBench(tmp_path) as bench:
+        ahead = '<moveForward distance="2" deadline_s="60"/>'
+        slow = '<setTravelSpeed speed="0.2" deadline_s="9"/>'
+        bench.begin(f"<Sequence>{slow}{ahead}</Sequence>")
+        assert bench.until(PlanStatus.COMPLETED) is PlanStatus.COMPLETED
+        predicted = [
+            figure.value
+            for report in bench.heard.reports
+            for figure in report.figures
+            if figure.name == "predicted duration" and report.identity is None
+        ]
+        assert predicted == [pytest.approx(10.2, abs=0.5)] * len(predicted)
+        assert predicted

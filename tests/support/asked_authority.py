@@ -1,0 +1,37 @@
+"""The authority over a bench, asked for as links do: in a turn of the core."""
+
+from executive.authority import AuthorityAct, AuthorityAsked, AuthorityState
+from executive.reasons import Refusal
+from tests.support.kinematic import Bench
+
+
+class AskedAuthority:
+    """Asks the executive of a bench, whichever runs now."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+
+    @property
+    def state(self) -> AuthorityState:
+        return self._bench.executive.authority.state
+
+    def request(self, source: str) -> AuthorityState | Refusal:
+        return self._ask(AuthorityAsked(AuthorityAct.REQUEST, source))
+
+    def take(self, source: str) -> AuthorityState | Refusal:
+        return self._ask(AuthorityAsked(AuthorityAct.TAKE, source))
+
+    def hand_over(
+        self, source: str, epoch: int, to: str, lease_s: float | None = None
+    ) -> AuthorityState | Refusal:
+        return self._ask(AuthorityAsked(AuthorityAct.HAND_OVER, source, epoch, to, lease_s))
+
+    def release(self, source: str, epoch: int) -> AuthorityState | Refusal:
+        return self._ask(AuthorityAsked(AuthorityAct.RELEASE, source, epoch))
+
+    def _ask(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
+        executive, answers = self._bench.executive, list[AuthorityState | Refusal]()
+        executive.ask(lambda: answers.append(executive.ask_authority(asked)))
+        executive.turn()
+        (answer,) = answers
+        return answer
