@@ -317,7 +317,7 @@ def authority(count: int, seed: int) -> "list[Figure]":
 def mutants(count: int, seed: int, recordings: Path | None) -> "list[Figure]":
     """Small changes of the core's rules: are they noticed by replaying recordings of it?
 
-    Recordings are made of all scenarios and of the tests of the core (about half an hour).
+    Recordings are made of scenarios, campaigns and the tests of the core (more than an hour).
     """
     from tests.benchmarks import mutants
 
