@@ -37,7 +37,7 @@ class Life:
         latch: the file of the stop latch; empty if there was none.
         files: what lies in the folder of files.
         solver_lead_ticks: that of what plans motion; None where nothing does.
-        video: whether its video is there; None in older recordings, which do not tell.
+        video: whether its video is there.
     """
 
     settings: Settings
@@ -45,7 +45,7 @@ class Life:
     latch: bytes
     files: tuple[KeptFile, ...]
     solver_lead_ticks: int | None
-    video: bool | None = None
+    video: bool
 
 
 @unique

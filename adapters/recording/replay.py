@@ -33,7 +33,6 @@ from executive.recording import (
     Noticed,
     Observed,
     Reported,
-    SwitchedVideo,
     TreeChanged,
     is_within,
 )
@@ -313,7 +312,7 @@ class _Core:
 
     def difference(self, recorded: RecordedEntry, number: int, time_s: float) -> Difference | None:
         """Return the first decision of the entry that is another one."""
-        pairs = zip_longest(recorded.decisions, self._compared())
+        pairs = zip_longest(recorded.decisions, self.decisions)
         then, now = next((pair for pair in pairs if pair[0] != pair[1]), (None, None))
         if then is None and now is None and not self.raised:
             return None
@@ -322,12 +321,6 @@ class _Core:
             tree = self._executive.tree.nodes()
         name = topic_of(recorded.entry).name
         return Difference(number, name, time_s, then, now, self.raised, tree, self._then(tree))
-
-    def _compared(self) -> Sequence[RecordedMessage]:
-        """Return the decisions, without those that older recordings do not hold."""
-        if self._life.video is not None:
-            return self.decisions
-        return [each for each in self.decisions if each.topic.kind is not SwitchedVideo]
 
     def _then(self, tree: Sequence[Node]) -> dict[str, str]:
         """Return what each node was in the recording, of those that were something else."""
@@ -371,9 +364,7 @@ class _Core:
                 self._executive = None
 
     def _start(self) -> RecordedExecutive:
-        settings, video = self._life.settings, self._life.video
-        if video is None:
-            video = settings.video is not None
+        settings = self._life.settings
         executive = RecordedExecutive(
             self._tape,
             settings=settings,
@@ -383,7 +374,7 @@ class _Core:
             files=self._folder / "files",
             downlinks=[],
             build_tree=RoverTree,
-            video=StillVideo() if video else None,
+            video=StillVideo() if self._life.video else None,
             solver=self._solver,
             inbox=self._inbox,
         )

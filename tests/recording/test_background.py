@@ -23,7 +23,7 @@ def tick(number: int) -> Called:
 
 def life(octets: int) -> Life:
     """Return a beginning that cannot be packed to less than so many octets."""
-    return Life(JACKAL, os.urandom(octets), b"", (KeptFile("a", 1),), None)
+    return Life(JACKAL, os.urandom(octets), b"", (KeptFile("a", 1),), None, video=False)
 
 
 def recordings(folder: Path) -> list[Path]:

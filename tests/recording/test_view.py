@@ -44,7 +44,7 @@ LAYOUT = config_folder() / "rover.foxglove.json"
 
 
 def life() -> Life:
-    return Life(SETTINGS, b"", b"", (), None)
+    return Life(SETTINGS, b"", b"", (), None, video=False)
 
 
 def tick(at_s: float) -> Called:
