@@ -17,10 +17,10 @@ LIMIT_S = 240
 )
 @pytest.mark.usefixtures("ros_domain")
 def test_hold_over_real_processes(names: tuple[str, ...]) -> None:
-    """Scenarios are played at once and at twice real time, to save time."""
+    """Scenarios are played at once, to save time."""
     playing = [
         subprocess.Popen(
-            [ROVER, "scenario", name, "--live", "--speed", "2", "--verbose"],
+            [ROVER, "scenario", name, "--live", "--verbose"],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -123,7 +123,7 @@ def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
         return once(f"{name}-again", *arguments) if ran.status and watch.stalled else ran
 
     return Played(
-        play("jackal", "--speed", "2"),
-        play("mocup", "--mocup", "--speed", "2"),
+        play("jackal", "--speed", "1.5"),
+        play("mocup", "--mocup", "--speed", "1.5"),
         play("relay", "--relay"),
     )
