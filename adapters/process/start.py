@@ -23,6 +23,10 @@ EXTRAS: Final = {
     "distributed": "campaign",
     "jinja2": "campaign",
     "pyarrow": "campaign",
+    "aiohttp": "console",
+    "alembic": "console",
+    "sqlalchemy": "console",
+    "psycopg": "postgresql",
     "scipy": "campaign",
 }
 """Optional packages that are imported, and the extra of this distribution that brings them."""
@@ -100,6 +104,7 @@ def _run(module: str) -> None:
     process.main()
 
 
+console = partial(_run, "adapters.console.process")
 executive = partial(_run, "adapters.onboard.process")
 simulation = partial(_run, "sim.ros.process")
 orbiter = partial(_run, "adapters.relay.orbiter.process")

@@ -1,6 +1,6 @@
 """The sub-commands of `rover` that speak the MRS, each a module beside this face."""
 
-from adapters.mrs.cli.options import Target, add_terms_options, json_option, to_option
+from adapters.mrs.cli.options import Target, add_terms_options, json_option, to_option, to_options
 from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, run, say
 
 __all__ = [
@@ -14,4 +14,5 @@ __all__ = [
     "run",
     "say",
     "to_option",
+    "to_options",
 ]

@@ -52,6 +52,23 @@ def to_option(function: Callable[..., Any]) -> Callable[..., Any]:
     def with_target(*arguments: Any, to: str, terms: Terms, **others: Any) -> Any:
         return function(*arguments, to=Target(to, terms), **others)
 
+    return _add_address(with_target, multiple=False)
+
+
+def to_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the same for any number of rovers; the function gets them as `to`, a tuple of `Target`s.
+
+    All are spoken to on the same terms.
+    """
+
+    @wraps(function)
+    def with_targets(*arguments: Any, to: tuple[str, ...], terms: Terms, **others: Any) -> Any:
+        return function(*arguments, to=tuple(Target(uri, terms) for uri in to), **others)
+
+    return _add_address(with_targets, multiple=True)
+
+
+def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..., Any]:
     add_terms = _terms_options(
         {
             "certificate": "PEM file with your certificate",
@@ -62,16 +79,18 @@ def to_option(function: Callable[..., Any]) -> Callable[..., Any]:
         click.Path(exists=True, dir_okay=False, readable=True, path_type=Path),
         environment=True,
     )
+    where = "Where the rover is: maltcp://host:port/MRS, host:port or host."
     add_address = click.option(
         "--to",
         envvar="ROVER_URI",
-        default=ADDRESS,
+        multiple=multiple,
+        default=(ADDRESS,) if multiple else ADDRESS,
         show_default=True,
         show_envvar=True,
         metavar="URI",
-        help="Where the rover is: maltcp://host:port/MRS, host:port or host.",
+        help=f"{where} Once for each rover." if multiple else where,
     )
-    return add_address(add_terms(with_target))
+    return add_address(add_terms(function))
 
 
 def add_terms_options(whom: str) -> Decorator:

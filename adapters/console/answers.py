@@ -1,0 +1,101 @@
+"""How requests are answered: JSON of values, and one shape for all that is refused."""
+
+import json
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from http import HTTPStatus
+from json import JSONDecodeError
+from typing import Any, Final
+
+from aiohttp import web
+
+from adapters.console.messages import CommandStatus, plain
+
+MOST_OCTETS: Final = 1 << 20
+"""Of the body of a request."""
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Why a request was refused; what is None is left out.
+
+    Attributes:
+        error: one sentence for people, with what to do.
+        field: which argument is wrong, with `low` and `high`, or `choices`, where they are known.
+        holder: who holds the authority.
+        command: how the command stands that was posted before.
+        revision: the one that is kept here.
+    """
+
+    error: str
+    field: str | None = None
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] | None = None
+    holder: str | None = None
+    command: CommandStatus | None = None
+    revision: int | None = None
+
+
+class RefusedError(Exception):
+    """A request is refused."""
+
+    def __init__(self, status: HTTPStatus, problem: Problem) -> None:
+        super().__init__(problem.error)
+        self.status = status
+        self.problem = problem
+
+
+def refused(status: HTTPStatus, error: str, **more: Any) -> RefusedError:
+    """Return the refusal of a request; `more` are fields of a `Problem`."""
+    return RefusedError(status, Problem(error, **more))
+
+
+def answer(value: Any, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
+    """Return a value as JSON."""
+    text = json.dumps(plain(value), separators=(",", ":"))
+    return web.Response(text=text, status=status, content_type="application/json")
+
+
+@web.middleware
+async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Answer what is refused, also by aiohttp itself, in the same shape."""
+    try:
+        return await handler(request)
+    except RefusedError as refusal:
+        told = {name: value for name, value in plain(refusal.problem).items() if value is not None}
+        return answer(told, refusal.status)
+    except web.HTTPException as error:
+        if error.status < HTTPStatus.BAD_REQUEST or not request.path.startswith("/api/"):
+            raise
+        return answer({"error": error.reason}, HTTPStatus(error.status))
+
+
+async def body_of(request: web.Request) -> dict[str, Any]:
+    """Return the JSON object that a request carries.
+
+    Raises:
+        RefusedError: it carries none.
+    """
+    try:
+        body = await request.json()
+    except (JSONDecodeError, UnicodeDecodeError, RecursionError):
+        body = None
+    if not isinstance(body, dict):
+        raise refused(HTTPStatus.BAD_REQUEST, "the body is to be a JSON object")
+    return body
+
+
+def text_of(body: dict[str, Any], name: str, longest: int = 256) -> str:
+    """Return a text of a body.
+
+    Raises:
+        RefusedError: there is none of that name.
+    """
+    value = body.get(name)
+    if not isinstance(value, str) or not 0 < len(value) <= longest or not value.isprintable():
+        text = f"{name}: a text of 1 to {longest} printable characters is needed"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name)
+    return value

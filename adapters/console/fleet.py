@@ -1,0 +1,337 @@
+"""The assets: the links to each, and what is heard of them as messages."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from adapters.console.dictionary import AssetEntry, command_entries, parameter_entries
+from adapters.console.messages import (
+    AssetState,
+    AuthorityHeld,
+    Broadcast,
+    DictionaryChanged,
+    FileChanged,
+    Link,
+    LinkState,
+    LinkStatus,
+    Notified,
+    PlanProgress,
+    Quality,
+    Sample,
+    Scalar,
+)
+from adapters.console.rover_link import Known, RoverLink
+from adapters.mal import NamedValue, Typed
+from adapters.mrs.ground import FileNews
+from adapters.mrs.spec import (
+    AssetStatus,
+    AuthorityStatus,
+    Notification,
+    ParameterDefinition,
+    ParameterValue,
+    PlanUpdate,
+    ServiceDescriptor,
+    Validity,
+)
+from adapters.mrs.terms import Terms
+from executive.reports import Identity
+from executive.settings import Settings, load_settings
+from executive.settings_files import SettingsError, config_folder, names_in
+
+_LOG: Final = logging.getLogger(__name__)
+
+NS_PER_S: Final = 1e9
+RENEWAL_S: Final = 0.5
+"""A lease that ends so much later than was told is told anew."""
+_LAYER: Final = ".ServiceLayer"
+
+
+@dataclass(slots=True)
+class Asset:
+    """An asset that was reached.
+
+    Attributes:
+        settings: what it may do, by the settings of its name that are installed here; None where
+            there are none.
+        entry: what there is to see and to command.
+        links: the ways to it.
+    """
+
+    settings: Settings | None
+    entry: AssetEntry
+    links: dict[Link, RoverLink] = field(default_factory=dict)
+
+    def best_link(self) -> RoverLink | None:
+        """Return the link by which it is reached soonest; None if it cannot be reached."""
+        found = [self.links[kind] for kind in Link if kind in self.links]
+        return next((link for link in found if link.state is LinkState.UP), None)
+
+
+class Fleet:
+    """Keeps a link with each address, and with what is registered there; a `Listener` of them.
+
+    Args:
+        uris: the addresses.
+        terms: agreed on with all of them.
+        publish: sends a message to whoever wants it.
+        sample: the same for a telemetry value.
+        last_known: returns the last notification that was kept of an asset by a link.
+        on_notification: called with a notification and the link's asset; returns the id of the
+            command that it is of, if it is of one.
+        on_new_ledger: called with an asset that knows nothing more of commands.
+    """
+
+    def __init__(
+        self,
+        uris: Iterable[str],
+        terms: Terms,
+        publish: Callable[[Broadcast], None],
+        sample: Callable[[Sample], None],
+        last_known: Callable[[str, Link], Awaitable[Known | None]],
+    ) -> None:
+        self._terms = terms
+        self._publish = publish
+        self._sample = sample
+        self._last_known = last_known
+        self._links = [RoverLink(uri, terms, self) for uri in uris]
+        self._running: set[asyncio.Task[None]] = set()
+        self.assets: dict[str, Asset] = {}
+        self._newest: dict[tuple[str, str, Link], ParameterValue] = {}
+        self._states: dict[tuple[str, Link], AssetState] = {}
+        self._authorities: dict[tuple[str, Link], AuthorityHeld] = {}
+
+    def start(self) -> None:
+        """Begin to connect."""
+        for link in self._links:
+            self._run(link)
+
+    async def close(self) -> None:
+        """Hang up everywhere."""
+        for task in self._running:
+            task.cancel()
+        await asyncio.gather(*self._running, return_exceptions=True)
+
+    def entries(self) -> Iterator[AssetEntry]:
+        """Yield what there is of each asset that was reached."""
+        return (asset.entry for asset in self.assets.values())
+
+    def on_asset(self, link: RoverLink, definitions: tuple[ParameterDefinition, ...]) -> None:
+        """Take in what an asset is."""
+        assert link.info is not None
+        name = link.asset
+        known = self.assets.get(name)
+        settings = _settings_of(name) if known is None else known.settings
+        parameters = {
+            entry.key: entry
+            for entry in (
+                *(() if known is None else known.entry.parameters),
+                *parameter_entries(definitions, settings),
+            )
+        }
+        entry = AssetEntry(
+            asset=name,
+            description=link.info.description,
+            version=link.info.softwareVersion,
+            ranges_known=settings is not None,
+            parameters=tuple(parameters.values()),
+            commands=command_entries(settings),
+        )
+        if known is None:
+            known = self.assets[name] = Asset(settings, entry)
+        known.links[link.kind] = link
+        if known.entry != entry or len(known.links) == 1:
+            known.entry = entry
+            self._publish(DictionaryChanged(name))
+
+    def on_state(self, link: RoverLink) -> None:
+        """Tell how a link is."""
+        self._publish(
+            LinkStatus(
+                link.asset,
+                link.kind,
+                link.uri,
+                link.state,
+                link.since_s,
+                link.heard_s,
+                link.detail,
+            )
+        )
+
+    def on_value(self, link: RoverLink, value: ParameterValue, rx_s: float) -> None:
+        """Pass a value on; the same once more is not passed on."""
+        key = (link.asset, value.name, link.kind)
+        newest = self._newest.get(key)
+        if newest == value:
+            return
+        late = newest is not None and value.timestamp < newest.timestamp
+        if not late:
+            self._newest[key] = value
+        if value.validity is not Validity.VALID or value.value is None:
+            quality = Quality.INVALID
+        else:
+            quality = Quality.LATE if late else Quality.GOOD
+        self._sample(
+            Sample(
+                link.asset,
+                value.name,
+                link.kind,
+                value.timestamp / NS_PER_S,
+                rx_s,
+                None if quality is Quality.INVALID else scalar_of(value.value),
+                quality,
+            )
+        )
+
+    def on_notification(self, link: RoverLink, notification: Notification, rx_s: float) -> None:
+        """Pass a notification on."""
+        self._publish(notified(link, notification, rx_s))
+
+    def on_status(self, link: RoverLink, status: AssetStatus) -> None:
+        """Tell what an asset is about, if that is news."""
+        state = AssetState(
+            link.asset,
+            link.kind,
+            status.timestamp / NS_PER_S,
+            status.mode.name,
+            None if status.activeCommandId is None else str(status.activeCommandId),
+            status.queuedCommands,
+            status.activePlan,
+        )
+        before = self._states.get((link.asset, link.kind))
+        if before is None or replace(before, utc=state.utc) != state:
+            self._states[link.asset, link.kind] = state
+            self._publish(state)
+
+    def on_authority(self, link: RoverLink, authority: AuthorityStatus) -> None:
+        """Tell who may command, if that is news."""
+        self.tell_authority(link, authority)
+
+    def tell_authority(self, link: RoverLink, authority: AuthorityStatus) -> AuthorityHeld:
+        """Return who may command, and tell it if that is news."""
+        held = AuthorityHeld(
+            link.asset,
+            link.kind,
+            link.heard_s or link.since_s,
+            authority.holder,
+            authority.epoch,
+            authority.needed,
+            authority.leaseLeft,
+            authority.lease,
+            authority.askedBy,
+        )
+        before = self._authorities.get((link.asset, link.kind))
+        if before is None or _is_news(before, held):
+            self._authorities[link.asset, link.kind] = held
+            self._publish(held)
+        return held
+
+    def authority(self, link: RoverLink) -> AuthorityHeld | None:
+        """Return who may command by a link, as last heard."""
+        return self._authorities.get((link.asset, link.kind))
+
+    def on_plan(self, link: RoverLink, update: PlanUpdate) -> None:
+        """Tell how far a plan is."""
+        self._publish(
+            PlanProgress(
+                link.asset,
+                update.planId,
+                update.status.name,
+                update.timestamp / NS_PER_S,
+                update.node,
+                update.done,
+                update.total,
+                update.text or "",
+            )
+        )
+
+    def on_file(self, link: RoverLink, news: FileNews) -> None:
+        """Tell what happened to a file."""
+        file = news.file
+        self._publish(
+            FileChanged(
+                link.asset,
+                news.event.name,
+                file.path,
+                file.size,
+                file.modified / NS_PER_S,
+                file.mimeType,
+            )
+        )
+
+    def on_services(self, _: RoverLink, services: tuple[ServiceDescriptor, ...]) -> None:
+        """Connect with the assets that are registered there and not known yet."""
+        for service in services:
+            asset = service.name.removesuffix(_LAYER)
+            known = asset in self.assets or service.providerURI in {
+                link.uri for link in self._links
+            }
+            if service.name.endswith(_LAYER) and not known:
+                _LOG.info("%s is registered at %s", asset, service.providerURI)
+                self._links.append(RoverLink(service.providerURI, self._terms, self))
+                self._run(self._links[-1])
+
+    async def last_known(self, link: RoverLink) -> Known | None:
+        """Return the last notification that was kept."""
+        return await self._last_known(link.asset, link.kind)
+
+    def on_new_ledger(self, link: RoverLink) -> None:
+        """Say that what was under way is not known any more."""
+        _LOG.warning("%s came back with another ledger", link.asset)
+
+    def _run(self, link: RoverLink) -> None:
+        task = asyncio.create_task(link.run())
+        self._running.add(task)
+
+
+def notified(link: RoverLink, notification: Notification, rx_s: float) -> Notified:
+    """Return a notification as pages have it."""
+    command = None
+    if notification.source is not None and notification.commandId is not None:
+        command = str(Identity(notification.source, notification.commandId))
+    return Notified(
+        asset=link.asset,
+        link=link.kind,
+        sequence=notification.sequence,
+        utc=notification.timestamp / NS_PER_S,
+        rx=rx_s,
+        kind=notification.kind.name,
+        severity=notification.severity.name,
+        text=notification.text or "",
+        command=command,
+        stage=None if notification.stage is None else notification.stage.name,
+        code=notification.code,
+        step=notification.step,
+        steps=notification.stepCount,
+        figures=figures_of(notification.parameters),
+    )
+
+
+def figures_of(parameters: tuple[NamedValue, ...] | None) -> dict[str, Scalar]:
+    """Return the figures of a notification."""
+    return {each.name: scalar_of(each.value) for each in parameters or ()}
+
+
+def scalar_of(value: Typed | None) -> Scalar:
+    """Return a value that JSON can hold."""
+    if value is None:
+        return None
+    found = value.value
+    return found if isinstance(found, bool | int | float | str) else str(found)
+
+
+def _is_news(before: AuthorityHeld, now: AuthorityHeld) -> bool:
+    ends_s = (before.utc + before.lease_left, now.utc + now.lease_left)
+    renewed = now.holder is not None and abs(ends_s[1] - ends_s[0]) > RENEWAL_S
+    return renewed or replace(now, utc=before.utc, lease_left=before.lease_left) != before
+
+
+def _settings_of(asset: str) -> Settings | None:
+    if asset not in names_in(config_folder()):
+        return None
+    try:
+        return load_settings(asset)
+    except SettingsError as error:
+        _LOG.warning("ranges of %s are not known here: %s", asset, error)
+        return None

@@ -1,0 +1,204 @@
+"""What goes to the pages: messages in batches, telemetry that may be dropped, the rest never.
+
+What is not telemetry is numbered, and kept for pages that come back after a loss of their
+connection. The last message on each thing is kept for pages that are new.
+"""
+
+import asyncio
+import secrets
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from typing import Final
+
+from adapters.console.messages import (
+    PROTOCOL,
+    Broadcast,
+    CommandStatus,
+    FileChanged,
+    Gap,
+    Hello,
+    LinkStatus,
+    Message,
+    Notified,
+    ObjectChanged,
+    Presence,
+    Present,
+    Sample,
+    encode,
+    is_wanted,
+    topic_of,
+)
+
+BATCH_S: Final = 0.05
+"""Between two batches to a page."""
+MOST_SAMPLES: Final = 2000
+"""Telemetry values that wait for a slow page; then the oldest are dropped."""
+MOST_WAITING: Final = 20_000
+"""Other messages that wait for a slow page; then it has to come again, and resume."""
+KEPT: Final = 20_000
+"""Messages that can be sent again."""
+KEPT_COMMANDS: Final = 500
+"""Commands that a new page is told of."""
+
+
+class Page:
+    """What waits for one open page.
+
+    Args:
+        hub: what it is one of.
+        console, operator: its name, and who is at it.
+
+    Attributes:
+        too_slow: whether more waits than may; what waits is gone then.
+    """
+
+    def __init__(self, hub: "Hub", console: str, operator: str) -> None:
+        self._hub = hub
+        self.present = Present(console, operator, time.time())
+        self.too_slow = False
+        self._topics: frozenset[str] = frozenset()
+        self._waiting: deque[str] = deque()
+        self._samples: deque[str] = deque(maxlen=MOST_SAMPLES)
+        self._dropped = 0
+        self._something = asyncio.Event()
+
+    def subscribe(self, topics: Iterable[str]) -> None:
+        """Get what belongs to these topics from now on, and of those that are new how it stands."""
+        before, self._topics = self._topics, frozenset(topics)
+        for message in self._hub.standing():
+            topic = topic_of(message)
+            if is_wanted(topic, self._topics) and not is_wanted(topic, before):
+                self.put(message, encode(message))
+
+    def resume(self, topics: Iterable[str], since: int) -> None:
+        """Get what belongs to these topics since a message, and of telemetry how it stands."""
+        self._topics = frozenset(topics)
+        for topic, text in self._hub.since(since):
+            if is_wanted(topic, self._topics):
+                self._put(text)
+        for message in self._hub.standing():
+            if isinstance(message, Sample) and self.wants(topic_of(message)):
+                self.put(message, encode(message))
+
+    def wants(self, topic: str) -> bool:
+        """Whether it subscribed to a topic."""
+        return is_wanted(topic, self._topics)
+
+    def put(self, message: Message, text: str) -> None:
+        """Have a message sent; a telemetry value may be dropped later."""
+        if not isinstance(message, Sample):
+            self._put(text)
+            return
+        self._dropped += len(self._samples) == MOST_SAMPLES
+        self._samples.append(text)
+        self._something.set()
+
+    async def batch(self) -> str:
+        """Return what is to be sent next, as one JSON array; waits until there is something."""
+        await self._something.wait()
+        await asyncio.sleep(BATCH_S)
+        self._something.clear()
+        texts = [*self._waiting, *self._samples]
+        if self._dropped:
+            texts.append(encode(Gap(self._dropped)))
+        self._waiting.clear()
+        self._samples.clear()
+        self._dropped = 0
+        return f"[{','.join(texts)}]"
+
+    def _put(self, text: str) -> None:
+        if len(self._waiting) >= MOST_WAITING:
+            self.too_slow = True
+            self._waiting.clear()
+        self._waiting.append(text)
+        self._something.set()
+
+
+class Hub:
+    """Sends messages to all pages that want them.
+
+    Args:
+        utc: the time.
+
+    Attributes:
+        instance: of this run; numbers of messages mean something within it only.
+    """
+
+    def __init__(self, utc: Callable[[], float] = time.time) -> None:
+        self.instance = secrets.token_hex(8)
+        self._utc = utc
+        self._seq = 0
+        self._kept: deque[tuple[str, str]] = deque(maxlen=KEPT)
+        self._standing: dict[tuple[object, ...], Message] = {}
+        self._commands: dict[str, CommandStatus] = {}
+        self._pages: list[Page] = []
+
+    def publish(self, message: Broadcast) -> None:
+        """Send a message to the pages that want it, now or when they are back."""
+        self._seq += 1
+        topic, text = topic_of(message), encode(message, self._seq)
+        self._kept.append((topic, text))
+        self._keep(message)
+        for page in self._pages:
+            if page.wants(topic):
+                page.put(message, text)
+
+    def sample(self, sample: Sample) -> None:
+        """Send a telemetry value to the pages that want it."""
+        self._standing[sample.ty, sample.asset, sample.key, sample.link] = sample
+        topic, text = topic_of(sample), ""
+        for page in self._pages:
+            if page.wants(topic):
+                text = text or encode(sample)
+                page.put(sample, text)
+
+    def open(self, console: str, operator: str) -> Page:
+        """Return what will wait for a page, which all are told of."""
+        page = Page(self, console, operator)
+        self._pages.append(page)
+        self._tell_presence()
+        return page
+
+    def close(self, page: Page) -> None:
+        """Forget a page."""
+        self._pages.remove(page)
+        self._tell_presence()
+
+    def hello(self, page: Page, *, resumed: bool) -> Hello:
+        """Return the first message to a page."""
+        operator = page.present.operator
+        return Hello(PROTOCOL, self.instance, self._seq, self._utc(), operator, resumed)
+
+    def can_resume(self, instance: object, seq: object) -> bool:
+        """Whether all that was sent since a message can be sent again."""
+        oldest = self._seq - len(self._kept)
+        return instance == self.instance and isinstance(seq, int) and oldest <= seq <= self._seq
+
+    def since(self, seq: int) -> Iterator[tuple[str, str]]:
+        """Yield topic and text of each message after the one of a number."""
+        return islice(self._kept, len(self._kept) - (self._seq - seq), None)
+
+    def standing(self) -> tuple[Message, ...]:
+        """Return the last message on each thing; commands in the order in which they began."""
+        return (*self._standing.values(), *self._commands.values())
+
+    def _tell_presence(self) -> None:
+        self.publish(Presence(tuple(page.present for page in self._pages)))
+
+    def _keep(self, message: Broadcast) -> None:
+        match message:
+            case CommandStatus(id=name):
+                self._commands[name] = message
+                if len(self._commands) > KEPT_COMMANDS:
+                    del self._commands[next(iter(self._commands))]
+            case Notified() | FileChanged() | ObjectChanged():
+                pass
+            case Presence():
+                self._standing[message.ty,] = message
+            case LinkStatus(uri=uri):
+                self._standing[message.ty, uri] = message
+            case _:
+                parts = (getattr(message, name, None) for name in ("asset", "link", "plan"))
+                self._standing[message.ty, *parts] = message

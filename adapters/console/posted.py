@@ -1,0 +1,145 @@
+"""What a page posts as a command, made into a request of the catalogue.
+
+It is checked against the form that the page was given; what only the asset can know, it refuses
+itself.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from math import isfinite
+from typing import Any, Final
+
+from adapters.console.dictionary import FORMS, ArgumentEntry, CommandEntry
+from executive.commands import Argument, Request, arguments_of
+
+MOST_TEXT: Final = 1024
+"""Characters of an argument that is a text."""
+
+
+@dataclass(frozen=True, slots=True)
+class BadArgument:
+    """What is wrong with a command that was posted.
+
+    Attributes:
+        field: the argument, of a list as `waypoints[2].heading`; empty where it is the whole.
+        low, high: between which it has to be, where that is known.
+        choices: what it may be, where there are few.
+    """
+
+    field: str
+    text: str
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] | None = None
+
+
+class _BadArgumentError(Exception):
+    """Carries what is wrong to where the whole is read."""
+
+    def __init__(self, wrong: BadArgument) -> None:
+        super().__init__(wrong.text)
+        self.wrong = wrong
+
+
+def request_of(form: CommandEntry, given: object) -> Request | BadArgument:
+    """Return the request of the arguments that were posted for a form, or what is wrong."""
+    declaration = FORMS[form.name]
+    try:
+        if not isinstance(given, Mapping):
+            raise _wrong("", "args: an object of the command's arguments is needed")
+        if form.at_least_one and all(given.get(each.name) is None for each in form.arguments):
+            names = ", ".join(each.name for each in form.arguments)
+            raise _wrong(form.arguments[0].name, f"give at least one of {names}")
+        values = _values("", form.arguments, declaration.written, given)
+    except _BadArgumentError as error:
+        return error.wrong
+    if form.at_least_one:
+        values = [
+            0.0 if value is None and not argument.optional else value
+            for argument, value in zip(declaration.written, values, strict=True)
+        ]
+    request: Request = declaration.make(*values)
+    return request
+
+
+def _values(
+    prefix: str,
+    entries: Sequence[ArgumentEntry],
+    arguments: Sequence[Argument],
+    given: Mapping[str, Any],
+) -> list[Any]:
+    known = {entry.name for entry in entries}
+    if unknown := next((name for name in given if name not in known), None):
+        names = ", ".join(sorted(known)) or "none"
+        raise _wrong(f"{prefix}{unknown}", f"there is no argument {unknown!r}; there are: {names}")
+    return [
+        _value(f"{prefix}{entry.name}", entry, argument, given.get(entry.name))
+        for entry, argument in zip(entries, arguments, strict=True)
+    ]
+
+
+def _value(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> Any:
+    if value is None:
+        if not entry.optional:
+            raise _wrong(field, f"{field} is needed")
+        return None
+    match entry.type:
+        case "number":
+            return _number(field, entry, value)
+        case "integer":
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise _wrong(field, f"{field}: a whole number is needed", entry)
+            _number(field, entry, value)
+            return value
+        case "choice":
+            if value not in (entry.choices or ()):
+                choices = ", ".join(entry.choices or ())
+                raise _wrong(field, f"{field}: one of {choices} is needed", entry)
+            return argument.kind(value) if issubclass(argument.kind, Enum) else value
+        case "list":
+            return _items(field, entry, argument, value)
+        case _:
+            if not isinstance(value, str) or not 0 < len(value) <= MOST_TEXT:
+                raise _wrong(field, f"{field}: a text of at most {MOST_TEXT} characters is needed")
+            return value
+
+
+def _number(field: str, entry: ArgumentEntry, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise _wrong(field, f"{field}: a finite number is needed", entry)
+    if entry.or_zero and value == 0:
+        return 0.0
+    if (entry.low is not None and value < entry.low) or (
+        entry.high is not None and value > entry.high
+    ):
+        low, high = entry.low, entry.high
+        bounds = (
+            f"{low:g} to {high:g}"
+            if low is not None and high is not None
+            else (f"at least {low:g}" if low is not None else f"at most {high:g}")
+        )
+        unit = f" {entry.unit}" if entry.unit else ""
+        raise _wrong(field, f"{field} {value:g}{unit} is out of its range, {bounds}{unit}", entry)
+    return float(value)
+
+
+def _items(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> tuple[Any, ...]:
+    least, most = entry.least or 0, entry.most
+    if not isinstance(value, list) or any(not isinstance(each, Mapping) for each in value):
+        raise _wrong(field, f"{field}: a list of objects is needed")
+    if len(value) < least or (most is not None and len(value) > most):
+        bounds = f"at least {least}" if most is None else f"{least} to {most}"
+        text = f"{field}: {len(value)} are given, {bounds} are needed"
+        raise _BadArgumentError(BadArgument(field, text, least, most))
+    parts = arguments_of(argument.kind)
+    return tuple(
+        argument.kind(*_values(f"{field}[{index}].", entry.items, parts, each))
+        for index, each in enumerate(value)
+    )
+
+
+def _wrong(field: str, text: str, entry: ArgumentEntry | None = None) -> _BadArgumentError:
+    if entry is None:
+        return _BadArgumentError(BadArgument(field, text))
+    return _BadArgumentError(BadArgument(field, text, entry.low, entry.high, entry.choices))

@@ -1,0 +1,85 @@
+"""`rover-console`: the process on the ground from which operators see and command rovers."""
+
+import asyncio
+from pathlib import Path
+from typing import Final
+
+import click
+
+from adapters.mrs.cli import Target, to_options
+from adapters.process import (
+    EXISTING_FILE,
+    PORT_NUMBER,
+    data_option,
+    default_folder,
+    log_level_option,
+    process,
+)
+
+FOLDER: Final = "console"
+PORT: Final = 21080
+"""TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
+
+
+@process("rover-console", ros=False)
+@to_options
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address of the console.")
+@click.option(
+    "--port",
+    type=PORT_NUMBER,
+    default=PORT,
+    show_default=True,
+    help="TCP port of the console; 0 takes a free one, which is printed.",
+)
+@click.option(
+    "--tokens",
+    type=EXISTING_FILE,
+    metavar="FILE",
+    help="Who may log in: lines NAME TOKEN. Needed where other computers reach the console.",
+)
+@click.option(
+    "--tls-certificate",
+    type=EXISTING_FILE,
+    metavar="PEM",
+    help="HTTPS: certificate of the console. Needed where other computers reach it.",
+)
+@click.option("--tls-key", type=EXISTING_FILE, metavar="PEM", help="HTTPS: its private key.")
+@data_option("the archive", FOLDER)
+@log_level_option
+def main(
+    to: tuple[Target, ...],
+    host: str,
+    port: int,
+    tokens: Path | None,
+    tls_certificate: Path | None,
+    tls_key: Path | None,
+    data: Path | None,
+) -> None:
+    """Serve the operations console until SIGINT or SIGTERM.
+
+    It prints its address, for a browser, then logs one line an event. It is a client of the rovers
+    as any other is, connects again by itself, and finds the assets that are registered at them.
+
+    \b
+    Examples:
+      rover-console
+      rover-console --to rover.local:21000 --to 192.0.2.7:21001
+      rover-console --host 0.0.0.0 --tokens operators.txt --tls-certificate console.pem \\
+          --tls-key console.key
+
+    \b
+    Exit status:
+      0  ended by a signal
+      1  cannot start; the text says why
+      2  the command line makes no sense
+    """
+    from adapters.console.service import Options, serve
+
+    if (tls_certificate is None) != (tls_key is None):
+        raise click.UsageError("HTTPS needs both: --tls-certificate and --tls-key")
+    tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)
+    asyncio.run(serve(Options(to, host, port, tokens, tls, data or default_folder(FOLDER))))
+
+
+if __name__ == "__main__":
+    main()

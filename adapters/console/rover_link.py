@@ -1,0 +1,275 @@
+"""One link to one asset: a session that is made again whenever it is lost, and what it hears."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Final, Protocol, TypeVar
+
+from adapters.console.messages import Link, LinkState
+from adapters.mal import CertificateError, MalError
+from adapters.mrs.ground import NEXT_CONTACT, FileNews, MrsClient, Stream
+from adapters.mrs.spec import (
+    AssetInfo,
+    AssetStatus,
+    AuthorityStatus,
+    Notification,
+    ParameterDefinition,
+    ParameterValue,
+    PlanUpdate,
+    ServiceDescriptor,
+)
+from adapters.mrs.terms import Terms
+
+_LOG: Final = logging.getLogger(__name__)
+T = TypeVar("T")
+
+ANSWER_S: Final = 5.0
+"""For each answer; what takes longer is a link that is silent."""
+STATUS_S: Final = 1.0
+"""Between two questions for mode and authority, by which it is known that the asset is there."""
+DIRECTORY_S: Final = 5.0
+"""Between two looks at which other assets are registered there."""
+FIRST_PAUSE_S: Final = 0.5
+LONGEST_PAUSE_S: Final = 5.0
+CATCH_UP: Final = 1000
+"""Notifications of the past that are asked for where none is known yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The last notification that is known of an asset."""
+
+    sequence: int
+    timestamp: int
+
+
+class Listener(Protocol):
+    """Who hears what a link hears; called on the loop."""
+
+    def on_asset(self, link: "RoverLink", definitions: tuple[ParameterDefinition, ...]) -> None:
+        """The asset at the other end is known: `link.info` and `link.kind`."""
+
+    def on_state(self, link: "RoverLink") -> None:
+        """`link.state` has changed."""
+
+    def on_value(self, link: "RoverLink", value: ParameterValue, rx_s: float) -> None:
+        """A telemetry value."""
+
+    def on_notification(self, link: "RoverLink", notification: Notification, rx_s: float) -> None:
+        """A notification, each once."""
+
+    def on_status(self, link: "RoverLink", status: AssetStatus) -> None:
+        """Mode and work."""
+
+    def on_authority(self, link: "RoverLink", authority: AuthorityStatus) -> None:
+        """Who may command."""
+
+    def on_plan(self, link: "RoverLink", update: PlanUpdate) -> None:
+        """How far a plan is."""
+
+    def on_file(self, link: "RoverLink", news: FileNews) -> None:
+        """Something happened to a file."""
+
+    def on_services(self, link: "RoverLink", services: tuple[ServiceDescriptor, ...]) -> None:
+        """What is registered there."""
+
+    async def last_known(self, link: "RoverLink") -> Known | None:
+        """Return the last notification that is known of the asset by this link; None for none."""
+
+    def on_new_ledger(self, link: "RoverLink") -> None:
+        """The asset has another ledger: what it knew of commands is gone."""
+
+
+class RoverLink:
+    """Keeps a session with what serves the MRS at an address.
+
+    Args:
+        uri: the address.
+        terms: agreed on with it.
+        listener: hears all.
+
+    Attributes:
+        info: what the asset is; None until it was reached.
+        kind: whether it is the asset itself, or an orbiter on the way to it.
+        state, since_s, detail: how it is, since when, and why.
+        heard_s: when something last came; None for never.
+        client: the session while it is up.
+    """
+
+    def __init__(self, uri: str, terms: Terms, listener: Listener) -> None:
+        self.uri = uri
+        self._terms = terms
+        self._listener = listener
+        self.info: AssetInfo | None = None
+        self.kind = Link.DIRECT
+        self.state = LinkState.CONNECTING
+        self.since_s = time.time()
+        self.detail = ""
+        self.heard_s: float | None = None
+        self.client: MrsClient | None = None
+
+    @property
+    def asset(self) -> str:
+        """The asset's name; empty until it was reached."""
+        return "" if self.info is None else self.info.asset
+
+    async def run(self) -> None:
+        """Connect, and listen, again and again."""
+        pause_s = FIRST_PAUSE_S
+        while True:
+            try:
+                await self._session()
+            except* (ConnectionError, MalError, TimeoutError) as lost:
+                self._turn(LinkState.DOWN, _why(lost))
+            except* CertificateError as wrong:
+                self._turn(LinkState.DOWN, _why(wrong))
+            pause_s = FIRST_PAUSE_S if self._was_up else min(2 * pause_s, LONGEST_PAUSE_S)
+            await asyncio.sleep(pause_s)
+
+    async def _session(self) -> None:
+        self._was_up = False
+        client = await MrsClient.connect(
+            self.uri, timeout_s=ANSWER_S, patience_s=0.0, terms=self._terms
+        )
+        async with client:
+            notifications = client.notifications()  # before anything else is awaited
+            self.info = await client.get_asset()
+            definitions = await client.list_definition()
+            relayed = any(each.name == NEXT_CONTACT for each in definitions)
+            self.kind = Link.RELAY if relayed else Link.DIRECT
+            self.client, self._was_up = client, True
+            try:
+                self._listener.on_asset(self, definitions)
+                self._turn(LinkState.UP, "")
+                await self._listen(client, notifications)
+            finally:
+                self.client = None
+
+    async def _listen(self, client: MrsClient, notifications: Stream[Notification]) -> None:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._notifications(client, notifications))
+            tasks.create_task(self._stream(client.telemetry, self._value))
+            tasks.create_task(self._stream(client.plan_updates, self._listener.on_plan, self))
+            tasks.create_task(self._stream(client.file_events, self._listener.on_file, self))
+            tasks.create_task(self._ask_status(client))
+            if self.kind is Link.DIRECT:
+                tasks.create_task(self._ask_directory(client))
+
+    async def _notifications(self, client: MrsClient, stream: Stream[Notification]) -> None:
+        missed, anew = await _missed(client, await self._listener.last_known(self))
+        if anew:
+            self._listener.on_new_ledger(self)
+        for notification in missed:
+            self._notification(notification)
+        seen = {notification.sequence for notification in missed}
+        async for notification in stream:
+            if notification.sequence not in seen:
+                self._notification(notification)
+            seen.discard(notification.sequence)
+
+    def _notification(self, notification: Notification) -> None:
+        self._listener.on_notification(self, notification, self._heard())
+
+    def _value(self, value: ParameterValue) -> None:
+        self._listener.on_value(self, value, self._heard())
+
+    async def _stream(
+        self,
+        subscribe: Callable[[], Awaitable[Stream[T]]],
+        hear: Callable[..., None],
+        *first: Any,
+    ) -> None:
+        try:
+            stream = await subscribe()
+        except MalError as error:
+            _LOG.info("%s: %s", self.uri, error)  # a part of the MRS that is not served there
+            return
+        async for item in stream:
+            self._heard()
+            hear(*first, item)
+
+    async def _ask_status(self, client: MrsClient) -> None:
+        while True:
+            try:
+                status = await client.get_status()
+                self._heard()
+                self._turn(LinkState.UP, "")
+                self._listener.on_status(self, status)
+                with suppress(MalError):  # not everybody serves the authority
+                    self._listener.on_authority(self, await client.authority.status())
+            except MalError as error:
+                self._turn(LinkState.SILENT, str(error))
+            await asyncio.sleep(STATUS_S)
+
+    async def _ask_directory(self, client: MrsClient) -> None:
+        while True:
+            with suppress(MalError):
+                self._listener.on_services(self, await client.get_services())
+            await asyncio.sleep(DIRECTORY_S)
+
+    def _heard(self) -> float:
+        self.heard_s = time.time()
+        return self.heard_s
+
+    def _turn(self, state: LinkState, detail: str) -> None:
+        if (state, detail) == (self.state, self.detail):
+            return
+        if state is not self.state:
+            self.since_s = time.time()
+            log = _LOG.info if state is LinkState.UP else _LOG.warning
+            log("%s %s is %s%s", self.uri, self.asset, state.value, detail and f": {detail}")
+        self.state, self.detail = state, detail
+        self._listener.on_state(self)
+
+
+async def _missed(client: MrsClient, known: Known | None) -> tuple[list[Notification], bool]:
+    """Return the notifications after a known one, oldest first, and whether the ledger is another.
+
+    Where none is known, and of another ledger, they are the last ones.
+    """
+    pages = [] if known is None else [await client.get_notifications(known.sequence)]
+    anew = known is not None and not _continues(known, pages[0])
+    if known is None or anew:
+        first = max(await _last_sequence(client) - CATCH_UP, 0) + 1
+        pages = [await client.get_notifications(first)]
+    while pages[-1]:
+        pages.append(await client.get_notifications(pages[-1][-1].sequence + 1))
+    found = [notification for page in pages for notification in page]
+    if known is not None and not anew:
+        found = [each for each in found if each.sequence > known.sequence]
+        if found and found[0].sequence > known.sequence + 1:
+            gone = (known.sequence + 1, found[0].sequence - 1)
+            _LOG.warning("%s has notifications %d to %d no more", client.source, *gone)
+    return found, anew
+
+
+def _continues(known: Known, page: tuple[Notification, ...]) -> bool:
+    """Whether a page, asked for from a known notification on, is of the same ledger."""
+    if not page:
+        return False
+    first = page[0]
+    return first.sequence > known.sequence or first.timestamp == known.timestamp
+
+
+async def _last_sequence(client: MrsClient) -> int:
+    """Return the number of the last notification, by trying: nothing tells it."""
+    low, high = 0, 1
+    while await client.get_notifications(high, max_count=1):
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        if await client.get_notifications(middle, max_count=1):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _why(group: BaseExceptionGroup[BaseException]) -> str:
+    error: BaseException = group
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return str(error)

@@ -1,0 +1,137 @@
+"""`/ws`: what a page says, and the batches that it gets."""
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass
+from json import JSONDecodeError, loads
+from typing import Any, Final
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from adapters.console.access import OPERATOR, Access
+from adapters.console.hub import Hub, Page
+from adapters.console.messages import encode
+from executive.commands.intake import is_source
+
+HEARTBEAT_S: Final = 20.0
+HELLO_S: Final = 10.0
+LONGEST_MESSAGE: Final = 1 << 16
+MOST_TOPICS: Final = 1000
+LONGEST_NAME: Final = 64
+
+
+class _NoSenseError(ValueError):
+    """A page said something that makes no sense; the text is for who wrote it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Hello:
+    console: str
+    operator: str | None
+    topics: tuple[str, ...]
+    instance: object
+    seq: object
+
+
+class Sockets:
+    """Serves `/ws`.
+
+    Args:
+        hub: what the pages get.
+        access: whether names are proven.
+    """
+
+    def __init__(self, hub: Hub, access: Access) -> None:
+        self._hub = hub
+        self._access = access
+        self._open: set[web.WebSocketResponse] = set()
+
+    async def serve(self, request: web.Request) -> web.WebSocketResponse:
+        """Serve a page until it goes."""
+        socket = web.WebSocketResponse(
+            heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_MESSAGE
+        )
+        await socket.prepare(request)
+        self._open.add(socket)
+        page = sending = None
+        try:
+            hello = _hello(await _receive(socket, HELLO_S))
+            operator = request[OPERATOR]
+            if hello.operator is not None and not self._access.named:
+                operator = hello.operator
+            page = self._hub.open(hello.console, operator)
+            resumed = self._hub.can_resume(hello.instance, hello.seq)
+            await socket.send_str(f"[{encode(self._hub.hello(page, resumed=resumed))}]")
+            if resumed and isinstance(hello.seq, int):
+                page.resume(hello.topics, hello.seq)
+            else:
+                page.subscribe(hello.topics)
+            sending = asyncio.create_task(_send(socket, page))
+            while True:
+                page.subscribe(_topics(await _receive(socket)))
+        except _NoSenseError as error:
+            await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error).encode()[:120])
+        except (ConnectionError, TimeoutError):
+            await socket.close()
+        finally:
+            self._open.discard(socket)
+            if sending is not None:
+                sending.cancel()
+            if page is not None:
+                self._hub.close(page)
+        return socket
+
+    async def close(self, _: web.Application) -> None:
+        """Send all pages away: they come back when the console does."""
+        for socket in tuple(self._open):
+            await socket.close(code=WSCloseCode.GOING_AWAY)
+
+
+async def _send(socket: web.WebSocketResponse, page: Page) -> None:
+    with suppress(ConnectionError):
+        while not page.too_slow:
+            await socket.send_str(await page.batch())
+        await socket.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too slow: resume")
+
+
+async def _receive(socket: web.WebSocketResponse, within_s: float | None = None) -> dict[str, Any]:
+    message = await socket.receive(within_s)
+    if message.type is not WSMsgType.TEXT:
+        raise ConnectionError
+    try:
+        said = loads(message.data)
+    except (JSONDecodeError, RecursionError) as error:
+        raise _NoSenseError("no JSON") from error
+    if not isinstance(said, dict):
+        raise _NoSenseError("an object is needed")
+    return said
+
+
+def _hello(said: dict[str, Any]) -> _Hello:
+    if said.get("op") != "hello":
+        raise _NoSenseError("op hello is needed first")
+    console, operator = said.get("console"), said.get("operator")
+    if not isinstance(console, str) or not 0 < len(console) <= LONGEST_NAME:
+        raise _NoSenseError(f"console: a name of 1 to {LONGEST_NAME} characters")
+    if operator is not None and not (isinstance(operator, str) and is_source(operator)):
+        raise _NoSenseError("operator: a name of 1 to 256 printable characters")
+    resume = said.get("resume")
+    resume = resume if isinstance(resume, dict) else {}
+    topics = _list(said.get("topics", []))
+    return _Hello(console, operator, topics, resume.get("instance"), resume.get("seq"))
+
+
+def _topics(said: dict[str, Any]) -> tuple[str, ...]:
+    if said.get("op") != "sub":
+        raise _NoSenseError("op sub is what may be said")
+    return _list(said.get("topics"))
+
+
+def _list(topics: object) -> tuple[str, ...]:
+    if (
+        not isinstance(topics, list)
+        or len(topics) > MOST_TOPICS
+        or any(not isinstance(topic, str) for topic in topics)
+    ):
+        raise _NoSenseError(f"topics: a list of at most {MOST_TOPICS} texts")
+    return tuple(topics)
