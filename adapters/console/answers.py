@@ -3,9 +3,11 @@
 import json
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from enum import Enum
 from http import HTTPStatus
 from json import JSONDecodeError
-from typing import Any, Final
+from math import isfinite, nan
+from typing import Any, Final, TypeVar
 
 from aiohttp import web
 
@@ -14,6 +16,11 @@ from adapters.console.messages import CommandStatus, plain
 MOST_OCTETS: Final = 1 << 20
 """Of the body of a request."""
 
+HIGHEST: Final = 1e11
+"""Of a number in a query: seconds of three thousand years."""
+
+T = TypeVar("T")
+E = TypeVar("E", bound=Enum)
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -99,3 +106,52 @@ def text_of(body: dict[str, Any], name: str, longest: int = 256) -> str:
         text = f"{name}: a text of 1 to {longest} printable characters is needed"
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name)
     return value
+
+
+def number_of(request: web.Request, name: str, default: T) -> float | T:
+    """Return a finite number of the query, or what stands for none.
+
+    Raises:
+        RefusedError: it is none.
+    """
+    given = request.query.get(name)
+    if given is None:
+        return default
+    try:
+        number = float(given)
+    except ValueError:
+        number = nan
+    if not isfinite(number) or abs(number) > HIGHEST:
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, f"{name}: a number is needed", field=name)
+    return number
+
+
+def count_of(request: web.Request, name: str, default: int, most: int) -> int:
+    """Return a count of the query, from 1 to the most.
+
+    Raises:
+        RefusedError: it is none.
+    """
+    number = number_of(request, name, default)
+    if not 1 <= number <= most:
+        text = f"{name}: a number from 1 to {most} is needed"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name, low=1, high=most)
+    return int(number)
+
+
+def one_of(kind: type[E], name: str, value: object) -> E:
+    """Return the choice of an Enum by its value.
+
+    Raises:
+        RefusedError: it is none.
+    """
+    choices = tuple(str(each.value) for each in kind)
+    if value not in choices:
+        text = f"{name}: one of {', '.join(choices)} is needed"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name, choices=choices)
+    return kind(value)
+
+
+def json_answer(text: str) -> web.Response:
+    """Return JSON that is written already."""
+    return web.Response(text=text, content_type="application/json")

@@ -6,10 +6,10 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from adapters.console.authority_desk import AuthorityDesk
 from adapters.console.dictionary import AssetEntry, command_entries, parameter_entries
 from adapters.console.messages import (
     AssetState,
-    AuthorityHeld,
     Broadcast,
     DictionaryChanged,
     FileChanged,
@@ -23,6 +23,7 @@ from adapters.console.messages import (
     Scalar,
 )
 from adapters.console.rover_link import Known, RoverLink
+from adapters.console.tracker import CommandTracker
 from adapters.mal import NamedValue, Typed
 from adapters.mrs.ground import FileNews
 from adapters.mrs.spec import (
@@ -34,6 +35,7 @@ from adapters.mrs.spec import (
     PlanUpdate,
     ServiceDescriptor,
     Validity,
+    given_up,
 )
 from adapters.mrs.terms import Terms
 from executive.reports import Identity
@@ -43,8 +45,6 @@ from executive.settings_files import SettingsError, config_folder, names_in
 _LOG: Final = logging.getLogger(__name__)
 
 NS_PER_S: Final = 1e9
-RENEWAL_S: Final = 0.5
-"""A lease that ends so much later than was told is told anew."""
 _LAYER: Final = ".ServiceLayer"
 
 
@@ -78,9 +78,8 @@ class Fleet:
         publish: sends a message to whoever wants it.
         sample: the same for a telemetry value.
         last_known: returns the last notification that was kept of an asset by a link.
-        on_notification: called with a notification and the link's asset; returns the id of the
-            command that it is of, if it is of one.
-        on_new_ledger: called with an asset that knows nothing more of commands.
+        tracker: hears what becomes of commands.
+        desk: hears who may command.
     """
 
     def __init__(
@@ -90,17 +89,19 @@ class Fleet:
         publish: Callable[[Broadcast], None],
         sample: Callable[[Sample], None],
         last_known: Callable[[str, Link], Awaitable[Known | None]],
+        tracker: CommandTracker,
+        desk: AuthorityDesk,
     ) -> None:
         self._terms = terms
         self._publish = publish
         self._sample = sample
         self._last_known = last_known
+        self._tracker, self._desk = tracker, desk
         self._links = [RoverLink(uri, terms, self) for uri in uris]
         self._running: set[asyncio.Task[None]] = set()
         self.assets: dict[str, Asset] = {}
         self._newest: dict[tuple[str, str, Link], ParameterValue] = {}
         self._states: dict[tuple[str, Link], AssetState] = {}
-        self._authorities: dict[tuple[str, Link], AuthorityHeld] = {}
 
     def start(self) -> None:
         """Begin to connect."""
@@ -185,8 +186,15 @@ class Fleet:
         )
 
     def on_notification(self, link: RoverLink, notification: Notification, rx_s: float) -> None:
-        """Pass a notification on."""
-        self._publish(notified(link, notification, rx_s))
+        """Pass a notification on, with the id of the command that it is of."""
+        said = notified(link, notification, rx_s)
+        lost = given_up(notification)
+        if lost is not None:
+            said = replace(said, command=self._tracker.hear_given_up(said, lost))
+        elif notification.source is not None and notification.commandId is not None:
+            identity = Identity(notification.source, notification.commandId)
+            said = replace(said, command=self._tracker.hear(said, identity))
+        self._publish(said)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
         """Tell what an asset is about, if that is news."""
@@ -204,32 +212,9 @@ class Fleet:
             self._states[link.asset, link.kind] = state
             self._publish(state)
 
-    def on_authority(self, link: RoverLink, authority: AuthorityStatus) -> None:
-        """Tell who may command, if that is news."""
-        self.tell_authority(link, authority)
-
-    def tell_authority(self, link: RoverLink, authority: AuthorityStatus) -> AuthorityHeld:
-        """Return who may command, and tell it if that is news."""
-        held = AuthorityHeld(
-            link.asset,
-            link.kind,
-            link.heard_s or link.since_s,
-            authority.holder,
-            authority.epoch,
-            authority.needed,
-            authority.leaseLeft,
-            authority.lease,
-            authority.askedBy,
-        )
-        before = self._authorities.get((link.asset, link.kind))
-        if before is None or _is_news(before, held):
-            self._authorities[link.asset, link.kind] = held
-            self._publish(held)
-        return held
-
-    def authority(self, link: RoverLink) -> AuthorityHeld | None:
-        """Return who may command by a link, as last heard."""
-        return self._authorities.get((link.asset, link.kind))
+    def on_authority(self, link: RoverLink, status: AuthorityStatus) -> None:
+        """Pass on who may command."""
+        self._desk.hear(link, status)
 
     def on_plan(self, link: RoverLink, update: PlanUpdate) -> None:
         """Tell how far a plan is."""
@@ -252,6 +237,7 @@ class Fleet:
         self._publish(
             FileChanged(
                 link.asset,
+                link.heard_s or link.since_s,
                 news.event.name,
                 file.path,
                 file.size,
@@ -279,6 +265,7 @@ class Fleet:
     def on_new_ledger(self, link: RoverLink) -> None:
         """Say that what was under way is not known any more."""
         _LOG.warning("%s came back with another ledger", link.asset)
+        self._tracker.doubt_all(link.asset, "the asset came back without its ledger")
 
     def _run(self, link: RoverLink) -> None:
         task = asyncio.create_task(link.run())
@@ -286,10 +273,7 @@ class Fleet:
 
 
 def notified(link: RoverLink, notification: Notification, rx_s: float) -> Notified:
-    """Return a notification as pages have it."""
-    command = None
-    if notification.source is not None and notification.commandId is not None:
-        command = str(Identity(notification.source, notification.commandId))
+    """Return a notification as pages have it, of no command yet."""
     return Notified(
         asset=link.asset,
         link=link.kind,
@@ -299,7 +283,7 @@ def notified(link: RoverLink, notification: Notification, rx_s: float) -> Notifi
         kind=notification.kind.name,
         severity=notification.severity.name,
         text=notification.text or "",
-        command=command,
+        command=None,
         stage=None if notification.stage is None else notification.stage.name,
         code=notification.code,
         step=notification.step,
@@ -319,12 +303,6 @@ def scalar_of(value: Typed | None) -> Scalar:
         return None
     found = value.value
     return found if isinstance(found, bool | int | float | str) else str(found)
-
-
-def _is_news(before: AuthorityHeld, now: AuthorityHeld) -> bool:
-    ends_s = (before.utc + before.lease_left, now.utc + now.lease_left)
-    renewed = now.holder is not None and abs(ends_s[1] - ends_s[0]) > RENEWAL_S
-    return renewed or replace(now, utc=before.utc, lease_left=before.lease_left) != before
 
 
 def _settings_of(asset: str) -> Settings | None:

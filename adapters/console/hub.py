@@ -166,6 +166,10 @@ class Hub:
         self._pages.remove(page)
         self._tell_presence()
 
+    def is_present(self, operator: str) -> bool:
+        """Whether an operator has a page open."""
+        return any(page.present.operator == operator for page in self._pages)
+
     def hello(self, page: Page, *, resumed: bool) -> Hello:
         """Return the first message to a page."""
         operator = page.present.operator

@@ -201,6 +201,8 @@ class AuthorityHeld:
     """Who may command an asset.
 
     Attributes:
+        holder: its name, as the asset knows it; None if nobody holds it.
+        operator: for whom of the operators the holder has it; None where that is not known.
         needed: whether commands need it.
         lease_left: seconds, at `utc`, until it ends if its holder is silent.
         lease: seconds for which its holder may be silent.
@@ -213,6 +215,7 @@ class AuthorityHeld:
     link: Link
     utc: float
     holder: str | None
+    operator: str | None
     epoch: int
     needed: bool
     lease_left: float
@@ -317,12 +320,14 @@ class FileChanged:
     """Something happened to a file aboard.
 
     Attributes:
+        rx: when it was heard here.
         event: STORED, CHANGED, DELETED or TRANSFERRED.
     """
 
     ty: ClassVar[str] = "file"
 
     asset: str
+    rx: float
     event: str
     path: str
     size: int
@@ -430,6 +435,18 @@ def encode(message: Message, seq: int | None = None) -> str:
     """Return a message as JSON, with its number if it has one."""
     numbered = {} if seq is None else {"seq": seq}
     return json.dumps({"ty": message.ty, **numbered, **plain(message)}, separators=(",", ":"))
+
+
+def decode_command(body: dict[str, Any]) -> CommandStatus:
+    """Return a command of what `encode` wrote."""
+    given = {name: body[name] for name in _names(CommandStatus)}
+    history = tuple(StageReached(**reached) for reached in body["history"])
+    given |= {
+        "link": Link(body["link"]),
+        "state": CommandState(body["state"]),
+        "history": history,
+    }
+    return CommandStatus(**given)
 
 
 _NOT_FINITE: Final = {float("inf"): "Infinity", float("-inf"): "-Infinity"}

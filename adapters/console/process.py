@@ -45,6 +45,26 @@ PORT: Final = 21080
 )
 @click.option("--tls-key", type=EXISTING_FILE, metavar="PEM", help="HTTPS: its private key.")
 @data_option("the archive", FOLDER)
+@click.option(
+    "--archive",
+    metavar="URL",
+    help="Database of the archive: sqlite:///FILE or postgresql://USER@HOST/DATABASE.  [default:"
+    " archive.sqlite in --data]",
+)
+@click.option(
+    "--keep-days",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=30.0,
+    show_default=True,
+    help="How old what was heard may be in the archive.",
+)
+@click.option(
+    "--keep-mb",
+    type=click.FloatRange(min=1.0),
+    default=2000.0,
+    show_default=True,
+    help="How much of it there may be; the oldest goes first.",
+)
 @log_level_option
 def main(
     to: tuple[Target, ...],
@@ -54,6 +74,9 @@ def main(
     tls_certificate: Path | None,
     tls_key: Path | None,
     data: Path | None,
+    archive: str | None,
+    keep_days: float,
+    keep_mb: float,
 ) -> None:
     """Serve the operations console until SIGINT or SIGTERM.
 
@@ -73,12 +96,15 @@ def main(
       1  cannot start; the text says why
       2  the command line makes no sense
     """
+    from adapters.console.archive import Retention
     from adapters.console.service import Options, serve
 
     if (tls_certificate is None) != (tls_key is None):
         raise click.UsageError("HTTPS needs both: --tls-certificate and --tls-key")
     tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)
-    asyncio.run(serve(Options(to, host, port, tokens, tls, data or default_folder(FOLDER))))
+    retention = Retention(keep_days, keep_mb)
+    folder = data or default_folder(FOLDER)
+    asyncio.run(serve(Options(to, host, port, tokens, tls, folder, archive, retention)))
 
 
 if __name__ == "__main__":

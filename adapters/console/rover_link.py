@@ -40,10 +40,10 @@ CATCH_UP: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The last notification that is known of an asset."""
+    """The last notification that is known of an asset: its number, and when it was made."""
 
     sequence: int
-    timestamp: int
+    utc_us: int
 
 
 class Listener(Protocol):
@@ -64,7 +64,7 @@ class Listener(Protocol):
     def on_status(self, link: "RoverLink", status: AssetStatus) -> None:
         """Mode and work."""
 
-    def on_authority(self, link: "RoverLink", authority: AuthorityStatus) -> None:
+    def on_authority(self, link: "RoverLink", status: AuthorityStatus) -> None:
         """Who may command."""
 
     def on_plan(self, link: "RoverLink", update: PlanUpdate) -> None:
@@ -91,7 +91,11 @@ class RoverLink:
         terms: agreed on with it.
         listener: hears all.
 
+    Raises:
+        CertificateError: the certificate of the terms cannot be used.
+
     Attributes:
+        proven_name: what the certificate proves to the asset; None where names prove nothing.
         info: what the asset is; None until it was reached.
         kind: whether it is the asset itself, or an orbiter on the way to it.
         state, since_s, detail: how it is, since when, and why.
@@ -102,6 +106,8 @@ class RoverLink:
     def __init__(self, uri: str, terms: Terms, listener: Listener) -> None:
         self.uri = uri
         self._terms = terms
+        certificates = terms.certificates
+        self.proven_name = None if certificates is None else certificates.name()
         self._listener = listener
         self.info: AssetInfo | None = None
         self.kind = Link.DIRECT
@@ -251,7 +257,7 @@ def _continues(known: Known, page: tuple[Notification, ...]) -> bool:
     if not page:
         return False
     first = page[0]
-    return first.sequence > known.sequence or first.timestamp == known.timestamp
+    return first.sequence > known.sequence or first.timestamp // 1000 == known.utc_us
 
 
 async def _last_sequence(client: MrsClient) -> int:

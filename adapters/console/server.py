@@ -1,5 +1,6 @@
 """The console's HTTP server: its routes, and how they are answered."""
 
+from collections.abc import Sequence
 from http import HTTPStatus
 from pathlib import Path
 from typing import Final
@@ -26,11 +27,15 @@ class Server:
         hub: what goes to the pages.
         fleet: the assets.
         access: who may ask.
+        routes: where else is answered.
     """
 
-    def __init__(self, hub: Hub, fleet: Fleet, access: Access) -> None:
+    def __init__(
+        self, hub: Hub, fleet: Fleet, access: Access, routes: Sequence[web.RouteDef]
+    ) -> None:
         self._hub, self._fleet = hub, fleet
         self._access = access
+        self._routes = routes
 
     def application(self) -> web.Application:
         """Return what a runner serves."""
@@ -44,6 +49,7 @@ class Server:
                 web.get("/healthz", self._health),
                 web.post("/api/login", self._access.login),
                 web.get("/api/dictionary", self._dictionary),
+                *self._routes,
                 web.get("/ws", sockets.serve),
                 web.get("/", self._index),
                 web.static("/", STATIC, append_version=False),

@@ -1,9 +1,11 @@
 """Puts the console together, and serves it until a signal."""
 
+import asyncio
 import ssl
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -11,12 +13,26 @@ import click
 from aiohttp import web
 
 from adapters.console.access import Access, read_tokens
+from adapters.console.archive import (
+    Archive,
+    Retention,
+    last_commands,
+    last_notification,
+    open_database,
+    read_command,
+    retain,
+)
+from adapters.console.authority_desk import AuthorityDesk
+from adapters.console.commanding import Commanding
 from adapters.console.fleet import Fleet
-from adapters.console.hub import Hub
-from adapters.console.messages import Link
+from adapters.console.history import History
+from adapters.console.hub import KEPT_COMMANDS, Hub
+from adapters.console.messages import Broadcast, CommandStatus, Link, Sample
+from adapters.console.operations import Operations
 from adapters.console.rover_link import Known
 from adapters.console.server import Server
-from adapters.mal import is_loopback
+from adapters.console.tracker import CommandTracker
+from adapters.mal import CertificateError, is_loopback
 from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
@@ -34,6 +50,8 @@ class Options:
         tokens: the file that says who may log in.
         tls: certificate and key, for HTTPS.
         data: the folder of what must survive the process.
+        archive: the URL of the database; None for a file in the folder.
+        retention: how long the archive keeps what was heard.
     """
 
     to: tuple[Target, ...]
@@ -42,6 +60,8 @@ class Options:
     tokens: Path | None
     tls: tuple[Path, Path] | None
     data: Path
+    archive: str | None = None
+    retention: Retention = field(default_factory=Retention)
 
 
 async def serve(options: Options) -> None:
@@ -65,35 +85,71 @@ async def running(options: Options) -> AsyncIterator[str]:
     """
     access, context = _access(options)
     with exclusive(options.data, LOCK):
-        hub = Hub()
-        fleet = Fleet(
-            [_uri(target) for target in options.to],
-            options.to[0].terms,
-            hub.publish,
-            hub.sample,
-            _nothing_known,
-        )
-        runner = web.AppRunner(Server(hub, fleet, access).application(), access_log=None)
-        await runner.setup()
-        site = web.TCPSite(
-            runner, options.host, options.port, ssl_context=context, shutdown_timeout=1.0
-        )
+        archive = Archive(open_database(options.archive, options.data))
+        try:
+            async with _serving(options, archive, access, context) as address:
+                yield address
+        finally:
+            await archive.close()
+
+
+@asynccontextmanager
+async def _serving(
+    options: Options, archive: Archive, access: Access, context: ssl.SSLContext | None
+) -> AsyncIterator[str]:
+    hub = Hub()
+
+    def publish(message: Broadcast) -> None:
+        hub.publish(message)
+        archive.put(message)
+
+    def sample(value: Sample) -> None:
+        hub.sample(value)
+        archive.put(value)
+
+    async def find(name: str) -> CommandStatus | None:
+        return await archive.read(partial(read_command, name=name))
+
+    async def last_known(asset: str, link: Link) -> Known | None:
+        await archive.flush()
+        last = partial(last_notification, asset=asset, link=link)
+        found = await archive.read(last)
+        return None if found is None else Known(*found)
+
+    tracker = CommandTracker(publish)
+    tracker.restore(await archive.read(partial(last_commands, count=KEPT_COMMANDS)))
+    desk = AuthorityDesk(publish, hub.is_present)
+    uris = [_uri(target) for target in options.to]
+    try:
+        fleet = Fleet(uris, options.to[0].terms, publish, sample, last_known, tracker, desk)
+    except CertificateError as error:
+        raise StartError(f"TLS: {error}") from error
+    commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
+    routes = [*Operations(commanding, desk).routes(), *History(archive, publish).routes()]
+    runner = web.AppRunner(Server(hub, fleet, access, routes).application(), access_log=None)
+    await runner.setup()
+    site = web.TCPSite(
+        runner, options.host, options.port, ssl_context=context, shutdown_timeout=1.0
+    )
+    working = [archive.run(), tracker.run(), desk.run(), retain(archive, options.retention)]
+    tasks = [asyncio.create_task(each) for each in working]
+    try:
         try:
             await site.start()
-            fleet.start()
-            yield _address(options, runner)
         except OSError as error:
             raise StartError(
                 f"{options.host}:{options.port} cannot be served ({error.strerror}): stop what is"
                 " there, or give another with --port"
             ) from error
-        finally:
-            await fleet.close()
-            await runner.cleanup()
-
-
-async def _nothing_known(_: str, __: Link) -> Known | None:
-    return None
+        fleet.start()
+        yield _address(options, runner)
+    finally:
+        await commanding.close()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await fleet.close()
+        await runner.cleanup()
 
 
 def _access(options: Options) -> tuple[Access, ssl.SSLContext | None]:

@@ -21,14 +21,17 @@ class SessionAuthority:
 
     Args:
         ask: calls an operation of the service Authority.
+        source: who commands.
+        renews: whether to keep it; else each request of its own renews the lease.
 
     Attributes:
         source: who commands.
         epoch: of the authority that commands claim; None for no claim.
     """
 
-    def __init__(self, ask: Ask, source: str) -> None:
+    def __init__(self, ask: Ask, source: str, *, renews: bool = True) -> None:
         self._ask = ask
+        self._renews = renews
         self.source = source
         self.epoch: int | None = None
         self._renewing: asyncio.Task[None] | None = None
@@ -82,7 +85,7 @@ class SessionAuthority:
 
     def _held(self, status: AuthorityStatus) -> AuthorityStatus:
         self.epoch = status.epoch
-        if self._renewing is None:
+        if self._renews and self._renewing is None:
             self._renewing = asyncio.create_task(self._renew(status.lease))
         return status
 

@@ -146,24 +146,43 @@ class MrsClient(Queries):
         await self._session.close()
         self._end(None, ConnectionError("the session was closed"))
 
+    def authority_of(self, source: str) -> SessionAuthority:
+        """Return what asks for the authority under another name, and leaves its renewal to others.
+
+        So several people command over one session. With certificates the rover knows it under
+        their name alone.
+        """
+        return SessionAuthority(self._ask_authority, source, renews=False)
+
     def command(
         self,
         request: Request,
         *,
+        source: str | None = None,
         command_id: int | None = None,
         lifetime_s: float | None = None,
         arrival: Arrival = Arrival.APPEND,
+        authority: int | None = None,
     ) -> Command:
-        """Return a command of this source, made now, under a new number unless one is given."""
+        """Return a command, made now.
+
+        Args:
+            request: what is commanded.
+            source: who commands; None for this session.
+            command_id: its number; None for a new one.
+            lifetime_s: how long it may wait; None for as long as it takes.
+            arrival: what it does to motion under way.
+            authority: the epoch that it claims; None for that of this session.
+        """
         number = self._numbers.take() if command_id is None else command_id
         return Command(
-            identity=Identity(self.source, number),
+            identity=Identity(source or self.source, number),
             request=request,
             link=LINK,
             created_utc_s=time.time(),
             lifetime_s=lifetime_s,
             arrival=arrival,
-            authority=self.authority.epoch,
+            authority=self.authority.epoch if authority is None else authority,
         )
 
     async def run(

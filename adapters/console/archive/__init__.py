@@ -1,0 +1,58 @@
+"""What the console keeps: telemetry, commands, notifications and what operators make."""
+
+from adapters.console.archive.archive import Archive, to_us
+from adapters.console.archive.database import open_database
+from adapters.console.archive.objects import (
+    Conflict,
+    Stored,
+    delete_object,
+    get_object,
+    list_objects,
+    put_object,
+)
+from adapters.console.archive.queries import (
+    MOST_SAMPLES,
+    Page,
+    Strategy,
+    Wanted,
+    export_page,
+    find_parameters,
+    last_commands,
+    last_notification,
+    read_command,
+    read_commands,
+    read_last_sample,
+    read_notifications,
+    read_records,
+    read_samples,
+)
+from adapters.console.archive.retention import Retention, delete_old, retain
+
+__all__ = [
+    "MOST_SAMPLES",
+    "Archive",
+    "Conflict",
+    "Page",
+    "Retention",
+    "Stored",
+    "Strategy",
+    "Wanted",
+    "delete_object",
+    "delete_old",
+    "export_page",
+    "find_parameters",
+    "get_object",
+    "last_commands",
+    "last_notification",
+    "list_objects",
+    "open_database",
+    "put_object",
+    "read_command",
+    "read_commands",
+    "read_last_sample",
+    "read_notifications",
+    "read_records",
+    "read_samples",
+    "retain",
+    "to_us",
+]

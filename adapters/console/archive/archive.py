@@ -1,0 +1,230 @@
+"""Writes down what was heard, a batch at a time, and finds it again.
+
+One thread writes, so that the order stays; another reads. The loop waits for neither.
+"""
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any, Final, TypeVar, assert_never
+
+from sqlalchemy import Connection, Engine, Table, select
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import SQLAlchemyError
+
+from adapters.console.archive.database import SQLITE
+from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
+from adapters.console.messages import (
+    AssetState,
+    AuthorityHeld,
+    Broadcast,
+    CommandStatus,
+    DictionaryChanged,
+    FileChanged,
+    LinkStatus,
+    Notified,
+    ObjectChanged,
+    PlanProgress,
+    Presence,
+    Quality,
+    Sample,
+    encode,
+    plain,
+)
+
+_LOG: Final = logging.getLogger(__name__)
+T = TypeVar("T")
+
+WRITE_S: Final = 0.5
+"""Between two batches."""
+MOST_WAITING: Final = 100_000
+"""Messages that wait while the database cannot be written; then the oldest are lost."""
+US_PER_S: Final = 1e6
+QUALITIES: Final = list(Quality)
+
+Rows = list[dict[str, Any]]
+
+
+def to_us(utc_s: float) -> int:
+    """Return a time as the tables have it."""
+    return round(utc_s * US_PER_S)
+
+
+class Archive:
+    """Keeps what was heard.
+
+    Args:
+        engine: of a database whose tables are up to date.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._is_sqlite = engine.dialect.name == SQLITE
+        self._writer = ThreadPoolExecutor(1, "archive writer")
+        self._reader = ThreadPoolExecutor(1, "archive reader")
+        self._waiting: deque[Sample | Broadcast] = deque(maxlen=MOST_WAITING)
+        self._parameters: dict[tuple[str, str, str], int] = {}
+        self._failing = False
+
+    def put(self, message: Sample | Broadcast) -> None:
+        """Have a message written with the next batch."""
+        self._waiting.append(message)
+
+    async def run(self) -> None:
+        """Write a batch again and again."""
+        while True:
+            await asyncio.sleep(WRITE_S)
+            await self.flush()
+
+    async def flush(self) -> None:
+        """Write what waits; where that fails, it goes on waiting, and the log says so."""
+        batch = tuple(self._waiting)
+        self._waiting.clear()
+        if not batch:
+            return
+        try:
+            await self.write(lambda connection: self._write(connection, batch))
+        except SQLAlchemyError as error:
+            self._waiting.extendleft(reversed(batch))
+            if not self._failing:
+                cause = str(getattr(error, "orig", None) or error).strip()
+                _LOG.error("the archive cannot be written, what comes waits: %s", cause)
+            self._failing = True
+        else:
+            if self._failing:
+                _LOG.warning("the archive can be written again")
+            self._failing = False
+
+    async def keep_command(self, command: CommandStatus) -> None:
+        """Write a command down before this returns.
+
+        Raises:
+            SQLAlchemyError: it cannot be written.
+        """
+        await self.write(lambda connection: self._commands(connection, [command]))
+
+    async def write(self, act: Callable[[Connection], T]) -> T:
+        """Do something in a transaction, after what was to be written before."""
+
+        def transaction() -> T:
+            with self._engine.begin() as connection:
+                return act(connection)
+
+        return await asyncio.get_running_loop().run_in_executor(self._writer, transaction)
+
+    async def read(self, act: Callable[[Connection], T]) -> T:
+        """Read something."""
+
+        def reading() -> T:
+            with self._engine.connect() as connection:
+                return act(connection)
+
+        return await asyncio.get_running_loop().run_in_executor(self._reader, reading)
+
+    async def close(self) -> None:
+        """Write what waits, and close the database."""
+        with suppress(SQLAlchemyError):
+            await self.flush()
+        self._writer.shutdown()
+        self._reader.shutdown()
+        self._engine.dispose()
+
+    def _write(self, connection: Connection, batch: Sequence[Sample | Broadcast]) -> None:
+        samples: Rows = []
+        notifications: Rows = []
+        records: Rows = []
+        commands: dict[str, CommandStatus] = {}
+        for message in batch:
+            match message:
+                case Sample():
+                    samples.append(self._sample(connection, message))
+                case Notified():
+                    notifications.append(
+                        {
+                            "asset": message.asset,
+                            "link": message.link.value,
+                            "sequence": message.sequence,
+                            "utc_us": to_us(message.utc),
+                            "body": encode(message),
+                        }
+                    )
+                case CommandStatus():
+                    commands[message.id] = message
+                case AssetState() | AuthorityHeld() | PlanProgress():
+                    records.append(_record(message, message.utc))
+                case LinkStatus():
+                    records.append(_record(message, message.since))
+                case FileChanged():
+                    records.append(_record(message, message.rx))
+                case Presence() | DictionaryChanged() | ObjectChanged():
+                    pass
+                case _:
+                    assert_never(message)
+        self._insert(connection, SAMPLE, samples)
+        self._insert(connection, NOTIFICATION, notifications)
+        if records:
+            connection.execute(RECORD.insert(), records)
+        self._commands(connection, list(commands.values()))
+
+    def _sample(self, connection: Connection, sample: Sample) -> dict[str, Any]:
+        value = plain(sample.value)  # what is not finite is a text
+        is_text = isinstance(value, str)
+        return {
+            "parameter": self._parameter(connection, sample),
+            "utc_us": to_us(sample.utc),
+            "rx_us": to_us(sample.rx),
+            "value": None if is_text or value is None else float(value),
+            "text": value if is_text else None,
+            "quality": QUALITIES.index(sample.q),
+        }
+
+    def _parameter(self, connection: Connection, sample: Sample) -> int:
+        key = (sample.asset, sample.key, sample.link.value)
+        if key not in self._parameters:
+            named = dict(zip(("asset", "key", "link"), key, strict=True))
+            self._insert(connection, PARAMETER, [named])
+            wanted = [PARAMETER.c[name] == value for name, value in named.items()]
+            number = connection.execute(select(PARAMETER.c.id).where(*wanted)).scalar_one()
+            self._parameters[key] = number
+        return self._parameters[key]
+
+    def _insert(self, connection: Connection, table: Table, rows: Rows) -> None:
+        """Insert rows; what is there already stays."""
+        if rows:
+            connection.execute(self._insert_into(table).on_conflict_do_nothing(), rows)
+
+    def _insert_into(self, table: Table) -> Any:
+        return sqlite.insert(table) if self._is_sqlite else postgresql.insert(table)
+
+    def _commands(self, connection: Connection, commands: Sequence[CommandStatus]) -> None:
+        """Write how commands stand, in place of how they stood."""
+        if not commands:
+            return
+        rows = [
+            {
+                "id": each.id,
+                "asset": each.asset,
+                "made_us": to_us(each.made),
+                "ended": int(each.ended),
+                "body": encode(each),
+            }
+            for each in commands
+        ]
+        insert = self._insert_into(COMMAND)
+        changed = {name: insert.excluded[name] for name in ("ended", "body")}
+        update = insert.on_conflict_do_update(index_elements=[COMMAND.c.id], set_=changed)
+        connection.execute(update, rows)
+
+
+def _record(
+    message: AssetState | AuthorityHeld | PlanProgress | LinkStatus | FileChanged, utc_s: float
+) -> dict[str, Any]:
+    return {
+        "ty": message.ty,
+        "asset": message.asset,
+        "utc_us": to_us(utc_s),
+        "body": encode(message),
+    }

@@ -1,0 +1,76 @@
+"""Opens the archive's database, SQLite or PostgreSQL, and brings its tables up to date."""
+
+import logging
+import sqlite3
+from pathlib import Path
+from typing import Any, Final
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Engine, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
+
+from adapters.process import StartError, require
+
+MIGRATIONS: Final = Path(__file__).parent / "migrations"
+FILE: Final = "archive.sqlite"
+SQLITE: Final = "sqlite"
+POSTGRESQL: Final = "postgresql"
+_DRIVERS: Final = {SQLITE: SQLITE, POSTGRESQL: "postgresql+psycopg"}
+_HOW: Final = "write sqlite:///FILE or postgresql://USER@HOST/DATABASE"
+
+
+def open_database(url: str | None, folder: Path) -> Engine:
+    """Return the engine of a database whose tables are as this version has them.
+
+    Args:
+        url: where it is; None for a file in the folder.
+        folder: the data folder.
+
+    Raises:
+        StartError: it cannot be opened, or is of a newer version.
+        ModuleNotFoundError: its driver is not installed.
+    """
+    try:
+        parsed = make_url(f"{SQLITE}:///{(folder / FILE).absolute()}" if url is None else url)
+        driver = _DRIVERS[parsed.get_backend_name()]
+    except (ArgumentError, KeyError, NoSuchModuleError) as error:
+        raise StartError(f"--archive: {url} is no database that is known: {_HOW}") from error
+    if driver != SQLITE:
+        require("psycopg")
+    engine = create_engine(parsed.set(drivername=driver), pool_pre_ping=True)
+    if engine.dialect.name == SQLITE:
+        event.listen(engine, "connect", _prepare)
+    try:
+        _migrate(engine)
+    except (DBAPIError, OSError) as error:
+        engine.dispose()
+        cause = str(getattr(error, "orig", None) or error).strip().partition("\n")[0]
+        where = parsed.render_as_string(hide_password=True)
+        raise StartError(f"the archive {where} cannot be opened: {cause}; {_HOW}") from error
+    return engine
+
+
+def _prepare(connection: Any, _: object) -> None:
+    assert isinstance(connection, sqlite3.Connection)
+    for pragma in ("auto_vacuum=INCREMENTAL", "journal_mode=WAL", "synchronous=NORMAL"):
+        connection.execute(f"PRAGMA {pragma}").close()
+    connection.execute("PRAGMA busy_timeout=5000").close()
+
+
+def _migrate(engine: Engine) -> None:
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    known = {each.revision for each in ScriptDirectory.from_config(config).walk_revisions()}
+    with engine.begin() as connection:
+        current = MigrationContext.configure(connection).get_current_revision()
+        if current is not None and current not in known:
+            raise StartError(
+                f"the archive is of a newer version (revision {current}): start that version of"
+                " rover-console, or give another archive with --archive"
+            )
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")

@@ -1,0 +1,93 @@
+"""The first tables."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0001"
+down_revision = None
+
+
+def upgrade() -> None:
+    """Bring the tables to this revision."""
+    op.create_table(
+        "command",
+        sa.Column("id", sa.String(length=512), nullable=False),
+        sa.Column("asset", sa.String(length=256), nullable=False),
+        sa.Column("made_us", sa.BigInteger(), nullable=False),
+        sa.Column("ended", sa.SmallInteger(), nullable=False),
+        sa.Column("body", sa.Text(), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_command")),
+    )
+    op.create_index(op.f("ix_command_made_us"), "command", ["made_us"], unique=False)
+    op.create_table(
+        "notification",
+        sa.Column("id", sa.Integer(), nullable=False),
+        sa.Column("asset", sa.String(length=256), nullable=False),
+        sa.Column("link", sa.String(length=16), nullable=False),
+        sa.Column("sequence", sa.BigInteger(), nullable=False),
+        sa.Column("utc_us", sa.BigInteger(), nullable=False),
+        sa.Column("body", sa.Text(), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_notification")),
+        sa.UniqueConstraint(
+            "asset",
+            "link",
+            "sequence",
+            "utc_us",
+            name=op.f("uq_notification_asset_link_sequence_utc_us"),
+        ),
+    )
+    op.create_index(op.f("ix_notification_utc_us"), "notification", ["utc_us"], unique=False)
+    op.create_table(
+        "object",
+        sa.Column("key", sa.String(length=256), nullable=False),
+        sa.Column("revision", sa.Integer(), nullable=False),
+        sa.Column("operator", sa.String(length=256), nullable=False),
+        sa.Column("changed_us", sa.BigInteger(), nullable=False),
+        sa.Column("value", sa.Text(), nullable=False),
+        sa.PrimaryKeyConstraint("key", name=op.f("pk_object")),
+    )
+    op.create_table(
+        "parameter",
+        sa.Column("id", sa.Integer(), nullable=False),
+        sa.Column("asset", sa.String(length=256), nullable=False),
+        sa.Column("key", sa.String(length=256), nullable=False),
+        sa.Column("link", sa.String(length=16), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_parameter")),
+        sa.UniqueConstraint("asset", "key", "link", name=op.f("uq_parameter_asset_key_link")),
+    )
+    op.create_table(
+        "plan",
+        sa.Column("id", sa.Integer(), nullable=False),
+        sa.Column("asset", sa.String(length=256), nullable=False),
+        sa.Column("plan", sa.String(length=256), nullable=False),
+        sa.Column("operator", sa.String(length=256), nullable=False),
+        sa.Column("utc_us", sa.BigInteger(), nullable=False),
+        sa.Column("content", sa.Text(), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_plan")),
+    )
+    op.create_index(op.f("ix_plan_asset_plan_id"), "plan", ["asset", "plan", "id"], unique=False)
+    op.create_table(
+        "record",
+        sa.Column("id", sa.Integer(), nullable=False),
+        sa.Column("ty", sa.String(length=16), nullable=False),
+        sa.Column("asset", sa.String(length=256), nullable=False),
+        sa.Column("utc_us", sa.BigInteger(), nullable=False),
+        sa.Column("body", sa.Text(), nullable=False),
+        sa.PrimaryKeyConstraint("id", name=op.f("pk_record")),
+    )
+    op.create_index(
+        op.f("ix_record_ty_asset_utc_us"), "record", ["ty", "asset", "utc_us"], unique=False
+    )
+    op.create_index(op.f("ix_record_utc_us"), "record", ["utc_us"], unique=False)
+    op.create_table(
+        "sample",
+        sa.Column("parameter", sa.Integer(), nullable=False),
+        sa.Column("utc_us", sa.BigInteger(), autoincrement=False, nullable=False),
+        sa.Column("rx_us", sa.BigInteger(), nullable=False),
+        sa.Column("value", sa.Float(precision=53), nullable=True),
+        sa.Column("text", sa.Text(), nullable=True),
+        sa.Column("quality", sa.SmallInteger(), nullable=False),
+        sa.ForeignKeyConstraint(["parameter"], ["parameter.id"], name=op.f("fk_sample_parameter")),
+        sa.PrimaryKeyConstraint("parameter", "utc_us", name=op.f("pk_sample")),
+        sqlite_with_rowid=False,
+    )

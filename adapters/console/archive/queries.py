@@ -1,0 +1,270 @@
+"""What is asked of the archive: samples of a time, thinned out; commands; notifications; records.
+
+Answers are JSON, written on the thread that reads.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, unique
+from typing import Any, Final
+
+from sqlalchemy import Column, Connection, Row, Select, Table, func, or_, select
+
+from adapters.console.archive.archive import QUALITIES, US_PER_S
+from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
+from adapters.console.messages import CommandStatus, Link, decode_command
+
+MOST_SAMPLES: Final = 20_000
+"""Of one answer."""
+PAGE: Final = 10_000
+"""Samples that are read at once for an export."""
+
+
+@unique
+class Strategy(Enum):
+    """Which samples of a time are wanted.
+
+    Attributes:
+        LATEST: the last ones.
+        MINMAX: of each of so many equal parts of the time, the lowest and the highest.
+    """
+
+    LATEST = "latest"
+    MINMAX = "minmax"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Samples of a parameter.
+
+    Attributes:
+        link: by which it was heard; None for any.
+        start_us, end_us: from when to when it was sampled, both included.
+        size: how many samples, or parts of the time.
+    """
+
+    asset: str
+    key: str
+    link: Link | None
+    start_us: int
+    end_us: int
+    strategy: Strategy
+    size: int
+
+
+def read_samples(connection: Connection, wanted: Wanted) -> str:
+    """Return samples as a JSON array, oldest first."""
+    by_id = {
+        each.id: each for each in find_parameters(connection, wanted.asset, wanted.key, wanted.link)
+    }
+    if not by_id:
+        return "[]"
+    chosen = (
+        select(SAMPLE)
+        .where(
+            SAMPLE.c.parameter.in_(list(by_id)),
+            SAMPLE.c.utc_us.between(wanted.start_us, wanted.end_us),
+        )
+        .order_by(SAMPLE.c.utc_us.desc())
+    )
+    match wanted.strategy:
+        case Strategy.LATEST:
+            rows = connection.execute(chosen.limit(wanted.size)).all()[::-1]
+        case Strategy.MINMAX:
+            rows = connection.execute(chosen.limit(2 * wanted.size + 1)).all()[::-1]
+            if len(rows) > 2 * wanted.size:
+                rows = connection.execute(_extremes(connection, wanted, list(by_id))).all()
+    return json.dumps([_sample(by_id[row.parameter], row) for row in rows], separators=(",", ":"))
+
+
+def _extremes(connection: Connection, wanted: Wanted, numbers: Sequence[int]) -> Select[Any]:
+    """Return what selects the lowest and the highest sample of each part of a time."""
+    chosen = (
+        SAMPLE.c.parameter.in_(numbers),
+        SAMPLE.c.utc_us.between(wanted.start_us, wanted.end_us),
+        SAMPLE.c.value.is_not(None),
+    )
+    at = SAMPLE.c.utc_us
+    first_us, last_us = connection.execute(select(func.min(at), func.max(at)).where(*chosen)).one()
+    width_us = ((last_us or 0) - (first_us or 0)) // wanted.size + 1
+    part = (at - (first_us or 0)) // width_us
+    within = (SAMPLE.c.parameter, part)
+    rank = func.row_number()
+    rising = (SAMPLE.c.value, SAMPLE.c.utc_us)
+    falling = (SAMPLE.c.value.desc(), SAMPLE.c.utc_us)
+    ranked = (
+        select(
+            *SAMPLE.c,
+            rank.over(partition_by=within, order_by=rising).label("lowest"),
+            rank.over(partition_by=within, order_by=falling).label("highest"),
+        )
+        .where(*chosen)
+        .subquery()
+    )
+    return (
+        select(ranked)
+        .where(or_(ranked.c.lowest == 1, ranked.c.highest == 1))
+        .order_by(ranked.c.utc_us)
+    )
+
+
+def read_last_sample(
+    connection: Connection, asset: str, key: str, link: Link | None
+) -> list[dict[str, Any]]:
+    """Return the last sample of a parameter by each link."""
+    found = []
+    for parameter in find_parameters(connection, asset, key, link):
+        newest = (
+            select(SAMPLE)
+            .where(SAMPLE.c.parameter == parameter.id)
+            .order_by(SAMPLE.c.utc_us.desc())
+            .limit(1)
+        )
+        found += [_sample(parameter, row) for row in connection.execute(newest)]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A telemetry parameter of which there are samples."""
+
+    id: int
+    asset: str
+    key: str
+    link: str
+
+
+def find_parameters(
+    connection: Connection,
+    asset: str | None = None,
+    key: str | None = None,
+    link: Link | None = None,
+) -> list[Parameter]:
+    """Return parameters; None for any."""
+    chosen = select(PARAMETER)
+    for column, wanted in (
+        (PARAMETER.c.asset, asset),
+        (PARAMETER.c.key, key),
+        (PARAMETER.c.link, None if link is None else link.value),
+    ):
+        if wanted is not None:
+            chosen = chosen.where(column == wanted)
+    rows = connection.execute(chosen.order_by(PARAMETER.c.id))
+    return [Parameter(row.id, row.asset, row.key, row.link) for row in rows]
+
+
+def export_page(
+    connection: Connection, parameter: Parameter, start_us: int, end_us: int
+) -> tuple[list[tuple[Any, ...]], int | None]:
+    """Return samples from a time on, and where the next page starts; None for no more.
+
+    A row is: utc, rx, asset, link, key, value, quality.
+    """
+    rows = connection.execute(
+        select(SAMPLE)
+        .where(SAMPLE.c.parameter == parameter.id, SAMPLE.c.utc_us.between(start_us, end_us))
+        .order_by(SAMPLE.c.utc_us)
+        .limit(PAGE)
+    ).all()
+    page = [
+        (
+            row.utc_us / US_PER_S,
+            row.rx_us / US_PER_S,
+            parameter.asset,
+            parameter.link,
+            parameter.key,
+            row.text if row.value is None else row.value,
+            QUALITIES[row.quality].value,
+        )
+        for row in rows
+    ]
+    return page, rows[-1].utc_us + 1 if len(rows) == PAGE else None
+
+
+def read_command(connection: Connection, name: str) -> CommandStatus | None:
+    """Return a command by its id."""
+    body = connection.execute(select(COMMAND.c.body).where(COMMAND.c.id == name)).scalar()
+    return None if body is None else decode_command(json.loads(body))
+
+
+def last_commands(connection: Connection, count: int) -> list[CommandStatus]:
+    """Return the last commands, and before them all that have not ended, oldest first."""
+    newest = select(COMMAND.c.made_us, COMMAND.c.body).order_by(COMMAND.c.made_us.desc())
+    found = {row.body: row.made_us for row in connection.execute(newest.limit(count))}
+    found |= {
+        row.body: row.made_us for row in connection.execute(newest.where(COMMAND.c.ended == 0))
+    }
+    bodies = sorted(found, key=lambda body: found[body])
+    return [decode_command(json.loads(body)) for body in bodies]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """Part of a table, newest first.
+
+    Attributes:
+        asset: whose; None for all.
+        start_us, before_us: from when, and before when; None for no bound.
+    """
+
+    asset: str | None
+    start_us: int | None
+    before_us: int | None
+    limit: int
+
+
+def read_commands(connection: Connection, page: Page) -> str:
+    """Return commands as a JSON array."""
+    return _bodies(connection, COMMAND, COMMAND.c.made_us, page)
+
+
+def read_notifications(connection: Connection, page: Page) -> str:
+    """Return notifications as a JSON array."""
+    return _bodies(connection, NOTIFICATION, NOTIFICATION.c.utc_us, page)
+
+
+def read_records(connection: Connection, ty: str, page: Page) -> str:
+    """Return what else was told, of a type, as a JSON array."""
+    return _bodies(connection, RECORD, RECORD.c.utc_us, page, RECORD.c.ty == ty)
+
+
+def last_notification(connection: Connection, asset: str, link: Link) -> tuple[int, int] | None:
+    """Return sequence and time of the last notification that was kept; None for none."""
+    newest = (
+        select(NOTIFICATION.c.sequence, NOTIFICATION.c.utc_us)
+        .where(
+            NOTIFICATION.c.asset == asset,
+            NOTIFICATION.c.link == link.value,
+            NOTIFICATION.c.sequence > 0,
+        )
+        .order_by(NOTIFICATION.c.id.desc())
+        .limit(1)
+    )
+    row = connection.execute(newest).first()
+    return None if row is None else (row.sequence, row.utc_us)
+
+
+def _bodies(connection: Connection, table: Table, at: Column[int], page: Page, *others: Any) -> str:
+    chosen = select(table.c.body).where(*others)
+    if page.asset is not None:
+        chosen = chosen.where(table.c.asset == page.asset)
+    if page.start_us is not None:
+        chosen = chosen.where(at >= page.start_us)
+    if page.before_us is not None:
+        chosen = chosen.where(at < page.before_us)
+    rows = connection.execute(chosen.order_by(at.desc()).limit(page.limit))
+    return f"[{','.join(row.body for row in rows)}]"
+
+
+def _sample(parameter: Parameter, row: Row[Any]) -> dict[str, Any]:
+    return {
+        "ty": "tm",
+        "asset": parameter.asset,
+        "key": parameter.key,
+        "link": parameter.link,
+        "utc": row.utc_us / US_PER_S,
+        "rx": row.rx_us / US_PER_S,
+        "value": row.text if row.value is None else row.value,
+        "q": QUALITIES[row.quality].value,
+    }

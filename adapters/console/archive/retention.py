@@ -1,0 +1,112 @@
+"""How long the archive keeps what it heard: by age, and by how much there is.
+
+Operators' objects and plans stay. So does the last notification of each link, from which on the
+console asks for more.
+"""
+
+import asyncio
+import logging
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from sqlalchemy import Column, Connection, func, select
+from sqlalchemy.exc import SQLAlchemyError
+
+from adapters.console.archive.archive import Archive, to_us
+from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
+
+_LOG: Final = logging.getLogger(__name__)
+
+DAY_S: Final = 86_400.0
+CHECK_S: Final = 600.0
+SAMPLE_OCTETS: Final = 40
+"""Of one sample in the database, with its share of the index."""
+ROW_OCTETS: Final = 120
+"""Of one other row, beside its body."""
+LESS: Final = 0.9
+"""Of the bound, so much is left where it was exceeded."""
+STEPS: Final = 20
+_DATED: Final = (
+    (NOTIFICATION, NOTIFICATION.c.utc_us),
+    (COMMAND, COMMAND.c.made_us),
+    (RECORD, RECORD.c.utc_us),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Retention:
+    """What is kept.
+
+    Attributes:
+        days: at most so old.
+        megabytes: at most so much, of what was heard; the oldest goes first.
+    """
+
+    days: float = 30.0
+    megabytes: float = 2000.0
+
+
+async def retain(archive: Archive, retention: Retention) -> None:
+    """Delete what is too old or too much, again and again."""
+    while True:
+        try:
+            deleted = await delete_old(archive, retention, time.time())
+            if deleted:
+                _LOG.info("%d rows of the archive were too old or too many", deleted)
+        except SQLAlchemyError as error:
+            _LOG.error("the archive cannot be cleared: %s", error)
+        await asyncio.sleep(CHECK_S)
+
+
+async def delete_old(archive: Archive, retention: Retention, utc_s: float) -> int:
+    """Delete what is too old, then the oldest until the rest is not too much; return how many.
+
+    It goes by steps, between which commands are written.
+    """
+    oldest_us = to_us(utc_s - retention.days * DAY_S)
+    deleted = await archive.write(partial(_delete_before, utc_us=oldest_us))
+    most = retention.megabytes * 1e6
+    if await archive.read(_octets) <= most:
+        return deleted
+    first_us = await archive.read(_first)
+    step_us = max((to_us(utc_s) - first_us) // STEPS, 1)
+    while first_us < to_us(utc_s) and await archive.read(_octets) > LESS * most:
+        first_us += step_us
+        deleted += await archive.write(partial(_delete_before, utc_us=first_us))
+    return deleted
+
+
+def _delete_before(connection: Connection, utc_us: int) -> int:
+    deleted = 0
+    for parameter in connection.execute(select(PARAMETER.c.id)).scalars().all():
+        old = SAMPLE.delete().where(SAMPLE.c.parameter == parameter, SAMPLE.c.utc_us < utc_us)
+        deleted += connection.execute(old).rowcount
+    newest = select(func.max(NOTIFICATION.c.id)).group_by(NOTIFICATION.c.asset, NOTIFICATION.c.link)
+    kept = connection.execute(newest).scalars().all()
+    for table, at in _DATED:
+        gone = table.delete().where(at < utc_us)
+        if table is NOTIFICATION:
+            gone = gone.where(NOTIFICATION.c.id.not_in(kept))
+        if table is COMMAND:
+            gone = gone.where(COMMAND.c.ended == 1)
+        deleted += connection.execute(gone).rowcount
+    return deleted
+
+
+def _octets(connection: Connection) -> float:
+    count = connection.execute(select(func.count()).select_from(SAMPLE)).scalar_one()
+    octets = float(count * SAMPLE_OCTETS)
+    for table, _ in _DATED:
+        rows, bodies = connection.execute(
+            select(func.count(), func.coalesce(func.sum(func.length(table.c.body)), 0))
+        ).one()
+        octets += rows * ROW_OCTETS + float(bodies)
+    return octets
+
+
+def _first(connection: Connection) -> int:
+    columns: list[Column[int]] = [SAMPLE.c.utc_us, *(at for _, at in _DATED)]
+    found = [connection.execute(select(func.min(column))).scalar() for column in columns]
+    return min((each for each in found if each is not None), default=0)

@@ -1,0 +1,117 @@
+"""The tables of the archive. Times are whole microseconds since 1970-01-01 UTC.
+
+A change here needs a migration in `migrations/versions`, as docs/console.md shows.
+"""
+
+from typing import Final
+
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    SmallInteger,
+    String,
+    Table,
+    Text,
+    UniqueConstraint,
+)
+
+METADATA: Final = MetaData(
+    naming_convention={
+        "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+        "fk": "fk_%(table_name)s_%(column_0_N_name)s",
+        "pk": "pk_%(table_name)s",
+    }
+)
+
+PARAMETER: Final = Table(
+    "parameter",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("asset", String(256), nullable=False),
+    Column("key", String(256), nullable=False),
+    Column("link", String(16), nullable=False),
+    UniqueConstraint("asset", "key", "link"),
+)
+"""A telemetry parameter of an asset, as heard by a link."""
+
+SAMPLE: Final = Table(
+    "sample",
+    METADATA,
+    Column("parameter", ForeignKey("parameter.id"), primary_key=True),
+    Column("utc_us", BigInteger, primary_key=True, autoincrement=False),
+    Column("rx_us", BigInteger, nullable=False),
+    Column("value", Float(53)),
+    Column("text", Text),
+    Column("quality", SmallInteger, nullable=False),
+    sqlite_with_rowid=False,
+)
+"""A telemetry value: a number, or else a text; neither where it is not known."""
+
+NOTIFICATION: Final = Table(
+    "notification",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("asset", String(256), nullable=False),
+    Column("link", String(16), nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("utc_us", BigInteger, nullable=False),
+    Column("body", Text, nullable=False),
+    UniqueConstraint("asset", "link", "sequence", "utc_us"),
+    Index(None, "utc_us"),
+)
+"""A notification, whole as the JSON that pages get."""
+
+COMMAND: Final = Table(
+    "command",
+    METADATA,
+    Column("id", String(512), primary_key=True),
+    Column("asset", String(256), nullable=False),
+    Column("made_us", BigInteger, nullable=False),
+    Column("ended", SmallInteger, nullable=False),
+    Column("body", Text, nullable=False),
+    Index(None, "made_us"),
+)
+"""A command and its life so far, whole as the JSON that pages get."""
+
+RECORD: Final = Table(
+    "record",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("ty", String(16), nullable=False),
+    Column("asset", String(256), nullable=False),
+    Column("utc_us", BigInteger, nullable=False),
+    Column("body", Text, nullable=False),
+    Index(None, "ty", "asset", "utc_us"),
+    Index(None, "utc_us"),
+)
+"""What else was told: modes, authority, links, plans, files, trees; as the JSON that pages get."""
+
+OBJECT: Final = Table(
+    "object",
+    METADATA,
+    Column("key", String(256), primary_key=True),
+    Column("revision", Integer, nullable=False),
+    Column("operator", String(256), nullable=False),
+    Column("changed_us", BigInteger, nullable=False),
+    Column("value", Text, nullable=False),
+)
+"""What operators made and share, such as a display; it is kept until one deletes it."""
+
+PLAN: Final = Table(
+    "plan",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("asset", String(256), nullable=False),
+    Column("plan", String(256), nullable=False),
+    Column("operator", String(256), nullable=False),
+    Column("utc_us", BigInteger, nullable=False),
+    Column("content", Text, nullable=False),
+    Index(None, "asset", "plan", "id"),
+)
+"""Each revision of a plan that was submitted here."""

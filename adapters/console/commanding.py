@@ -1,0 +1,310 @@
+"""What operators ask of assets: commands, stops, previews.
+
+The assets decide: a command claims the epoch of the authority that its operator holds there, and a
+stop claims nothing.
+"""
+
+import asyncio
+import logging
+import secrets
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any, Final, get_args
+
+from adapters.console.answers import one_of, refused
+from adapters.console.authority_desk import AuthorityDesk
+from adapters.console.dictionary import FORMS
+from adapters.console.fleet import Asset, Fleet
+from adapters.console.messages import CommandState, CommandStatus, Link, LinkState, StageReached
+from adapters.console.posted import BadArgument, request_of
+from adapters.console.rover_link import RoverLink
+from adapters.console.tracker import CONSOLE, HEARD_WITHIN_S, ORBITER, SENT, CommandTracker
+from adapters.mal import MalError
+from adapters.mrs.spec import AreaError, Preview, describe_error
+from executive.commands import Arrival, Command, Family, Motion, Request, Stop
+
+_LOG: Final = logging.getLogger(__name__)
+
+LONGEST_ID: Final = 64
+LONGEST_LIFETIME_S: Final = 7 * 86_400.0
+PREVIEW_S: Final = 60.0
+_REFUSALS: Final = {error.value for error in AreaError}
+
+Keep = Callable[[CommandStatus], Awaitable[None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Posted:
+    """A command as a page posts it.
+
+    Attributes:
+        id: made by the page: the same again is not sent a second time.
+        link: by which to send it; None for the one by which it is there soonest.
+        lifetime_s: how long it may wait; None for as long as it takes.
+    """
+
+    id: str
+    asset: str
+    name: str
+    args: object
+    link: Link | None = None
+    arrival: Arrival = Arrival.APPEND
+    lifetime_s: float | None = None
+
+
+def posted_command(body: dict[str, Any]) -> Posted:
+    """Return the command of a body.
+
+    Raises:
+        RefusedError: a field makes no sense.
+    """
+    return Posted(
+        id=identifier(body.get("id")),
+        asset=str(body.get("asset")),
+        name=str(body.get("name")),
+        args=body.get("args", {}),
+        link=None if body.get("link") is None else one_of(Link, "link", body["link"]),
+        arrival=one_of(Arrival, "arrival", body.get("arrival", Arrival.APPEND.value)),
+        lifetime_s=_lifetime(body.get("lifetime")),
+    )
+
+
+class Commanding:
+    """Sends what operators ask for.
+
+    Args:
+        fleet: the assets.
+        tracker: hears what becomes of commands.
+        desk: who holds the authority.
+        keep: writes a command down, so that it is not sent again after a restart.
+        find: returns a command that was written down, by its id.
+    """
+
+    def __init__(
+        self,
+        fleet: Fleet,
+        tracker: CommandTracker,
+        desk: AuthorityDesk,
+        keep: Keep,
+        find: Callable[[str], Awaitable[CommandStatus | None]],
+    ) -> None:
+        self._fleet, self._tracker, self._desk = fleet, tracker, desk
+        self._keep, self._find = keep, find
+        self._sending: set[asyncio.Task[None]] = set()
+
+    async def post(self, operator: str, posted: Posted) -> CommandStatus:
+        """Send a command; return how it stands, which is on its way.
+
+        Raises:
+            RefusedError: it is not sent.
+        """
+        await self._require_new(posted.id)
+        asset = self._asset(posted.asset)
+        request = self._request(asset, posted.name, posted.args)
+        link = self._link(asset, posted.link)
+        epoch = None
+        if not isinstance(request, Stop):
+            epoch = self._desk.claim(link, operator)
+        command = self._desk.client(link).command(
+            request,
+            source=self._desk.source(link, operator),
+            lifetime_s=posted.lifetime_s,
+            arrival=posted.arrival,
+            authority=epoch,
+        )
+        status = self._begin(operator, posted, link, command)
+        if isinstance(request, Stop):  # nothing stands before it
+            self._send(link, status.id, command)
+            await self._keep(status)
+        else:
+            await self._keep(status)
+            self._send(link, status.id, command)
+        return status
+
+    async def stop(self, operator: str, asset: str, name: str | None) -> CommandStatus:
+        """Stop an asset, whoever holds the authority; by all links that are there.
+
+        Args:
+            operator: who stops it.
+            asset: its name.
+            name: the id of the command; None for a new one. A stop is sent again each time.
+
+        Raises:
+            RefusedError: it cannot be reached.
+        """
+        _LOG.warning("%s stops %s", operator, asset)
+        found = [
+            link
+            for link in self._asset(asset).links.values()
+            if link.state is not LinkState.DOWN and link.client is not None
+        ]
+        if not found:
+            raise _unreachable(asset)
+        first, *others = found
+        fresh = name is None or self._tracker.get(name) is not None
+        posted = Posted(secrets.token_hex(8) if fresh or name is None else name, asset, STOP, {})
+        source = self._desk.source(first, operator)
+        command = self._desk.client(first).command(Stop(), source=source)
+        status = self._begin(operator, posted, first, command)
+        self._send(first, status.id, command)
+        for link in others:
+            self._send(link, status.id, command)
+        await self._keep(status)
+        return status
+
+    async def preview(self, name: str, motion: str, args: object) -> Preview:
+        """Return what a motion of an asset would come to.
+
+        Raises:
+            RefusedError: it would be refused, or cannot be worked out.
+        """
+        asset = self._asset(name)
+        request = self._request(asset, motion, args)
+        if not isinstance(request, get_args(Motion)):
+            text = f"{motion} is no motion: it has no preview"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="name")
+        link = self._link(asset, None)
+        try:
+            async with asyncio.timeout(PREVIEW_S):
+                return await self._desk.client(link).preview(request)
+        except MalError as error:
+            text = describe_error(error)
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text) from error
+        except (ConnectionError, TimeoutError) as error:
+            raise _unreachable(name) from error
+
+    async def close(self) -> None:
+        """Wait for what is being sent, not for long."""
+        if self._sending:
+            await asyncio.wait(self._sending, timeout=1.0)
+        for task in self._sending:
+            task.cancel()
+
+    async def _require_new(self, name: str) -> None:
+        known = self._tracker.get(name) or await self._find(name)
+        if known is not None:
+            text = f"{name} was posted before, and is not sent again: below is how it stands"
+            raise refused(HTTPStatus.CONFLICT, text, command=known)
+
+    def _asset(self, name: str) -> Asset:
+        asset = self._fleet.assets.get(name)
+        if asset is None:
+            known = ", ".join(self._fleet.assets) or "none was reached yet"
+            text = f"asset: there is no {name[:64]!r}; there are: {known}"
+            raise refused(HTTPStatus.NOT_FOUND, text, field="asset")
+        return asset
+
+    def _request(self, asset: Asset, name: str, args: object) -> Request:
+        form = next((each for each in asset.entry.commands if each.name == name), None)
+        if form is None:
+            text = f"name: there is no command {name[:64]!r}; the dictionary has what there is"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="name")
+        request = request_of(form, args)
+        if isinstance(request, BadArgument):
+            raise refused(
+                HTTPStatus.UNPROCESSABLE_ENTITY,
+                request.text,
+                field=request.field,
+                low=request.low,
+                high=request.high,
+                choices=request.choices,
+            )
+        return request
+
+    def link(self, asset: str, wanted: Link | None) -> RoverLink:
+        """Return the link to an asset, the one that is wanted or the one that is there soonest.
+
+        Raises:
+            RefusedError: there is none, or it is not up.
+        """
+        return self._link(self._asset(asset), wanted)
+
+    def _link(self, asset: Asset, wanted: Link | None) -> RoverLink:
+        link = asset.best_link() if wanted is None else asset.links.get(wanted)
+        if link is None or link.state is not LinkState.UP or link.client is None:
+            by = "" if wanted is None else f" by the {wanted.value} link"
+            raise _unreachable(asset.entry.asset, by)
+        return link
+
+    def _begin(
+        self, operator: str, posted: Posted, link: RoverLink, command: Command
+    ) -> CommandStatus:
+        now_s = time.time()
+        status = CommandStatus(
+            id=posted.id,
+            asset=posted.asset,
+            name=posted.name,
+            args=posted.args if isinstance(posted.args, dict) else {},
+            by=operator,
+            source=command.identity.source,
+            number=command.identity.command_id,
+            link=link.kind,
+            state=CommandState.SENDING,
+            ended=False,
+            made=now_s,
+            deadline=now_s + HEARD_WITHIN_S,
+            history=(StageReached(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
+        )
+        _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
+        self._tracker.begin(status)
+        return status
+
+    def _send(self, link: RoverLink, name: str, command: Command) -> None:
+        task = asyncio.create_task(self._submit(link, name, command))
+        self._sending.add(task)
+        task.add_done_callback(self._sending.discard)
+
+    async def _submit(self, link: RoverLink, name: str, command: Command) -> None:
+        node = ORBITER if link.kind is Link.RELAY else link.asset
+        try:
+            await self._desk.client(link).submit(command)
+        except MalError as error:
+            if error.number in _REFUSALS:
+                self._tracker.refused(name, node, describe_error(error))
+            else:
+                self._tracker.doubt(name, f"the answer is missing: {describe_error(error)}")
+        except ConnectionError as error:
+            self._tracker.doubt(name, f"the link was lost before it was answered: {error}")
+        else:
+            self._tracker.taken(name, node)
+
+
+STOP: Final = next(each.name for each in FORMS.values() if each.family is Family.STOP)
+
+
+def _unreachable(asset: str, by: str = "") -> Exception:
+    text = f"{asset} cannot be reached{by} now: nothing was sent; try again when its link is up"
+    return refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+
+
+def identifier(value: object) -> str:
+    """Return the id of a command.
+
+    Raises:
+        RefusedError: it is none.
+    """
+    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_ID or not value.isprintable():
+        text = f"id: a text of 1 to {LONGEST_ID} printable characters is needed, new for each"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="id")
+    return value
+
+
+def _lifetime(value: object) -> float | None:
+    if value is None:
+        return None
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not 0 < value <= LONGEST_LIFETIME_S
+    ):
+        text = f"lifetime: seconds above 0 and at most {LONGEST_LIFETIME_S:g} are needed"
+        raise refused(
+            HTTPStatus.UNPROCESSABLE_ENTITY,
+            text,
+            field="lifetime",
+            low=0.0,
+            high=LONGEST_LIFETIME_S,
+        )
+    return float(value)

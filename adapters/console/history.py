@@ -1,0 +1,249 @@
+"""The requests that read the archive, and those for what operators share."""
+
+import csv
+import io
+import json
+import time
+from collections.abc import Callable
+from functools import partial
+from http import HTTPStatus
+from typing import Any, Final, TypeVar
+
+from aiohttp import web
+from sqlalchemy import Connection
+
+from adapters.console.access import OPERATOR
+from adapters.console.answers import (
+    HIGHEST,
+    answer,
+    body_of,
+    count_of,
+    json_answer,
+    number_of,
+    one_of,
+    refused,
+)
+from adapters.console.archive import (
+    MOST_SAMPLES,
+    Archive,
+    Conflict,
+    Page,
+    Strategy,
+    Wanted,
+    delete_object,
+    export_page,
+    find_parameters,
+    get_object,
+    list_objects,
+    put_object,
+    read_commands,
+    read_last_sample,
+    read_notifications,
+    read_records,
+    read_samples,
+    to_us,
+)
+from adapters.console.messages import Link, ObjectChanged
+
+T = TypeVar("T")
+
+LIMIT: Final = 200
+MOST: Final = 1000
+SIZE: Final = 500
+MOST_KEYS: Final = 1000
+LONGEST_KEY: Final = 256
+MOST_VALUE: Final = 512 * 1024
+COLUMNS: Final = ("utc", "rx", "asset", "link", "key", "value", "quality")
+
+
+class History:
+    """Answers these requests.
+
+    Args:
+        archive: what was kept.
+        publish: tells pages that an object has changed.
+    """
+
+    def __init__(self, archive: Archive, publish: Callable[[ObjectChanged], None]) -> None:
+        self._archive = archive
+        self._publish = publish
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return where they are answered."""
+        return [
+            web.get("/api/tm/{asset}/{key}", self._samples),
+            web.post("/api/tm:batch", self._last_samples),
+            web.get("/api/commands", self._commands),
+            web.get("/api/notifications", self._notifications),
+            web.get("/api/records/{ty}", self._records),
+            web.get("/api/export", self._export),
+            web.get("/api/objects", self._list),
+            web.get("/api/objects/{key}", self._get),
+            web.put("/api/objects/{key}", self._put),
+            web.delete("/api/objects/{key}", self._delete),
+        ]
+
+    async def _read(self, act: Callable[[Connection], T]) -> T:
+        """Read what was heard so far."""
+        await self._archive.flush()
+        return await self._archive.read(act)
+
+    async def _samples(self, request: web.Request) -> web.Response:
+        wanted = Wanted(
+            asset=request.match_info["asset"],
+            key=request.match_info["key"],
+            link=_link(request.query.get("link")),
+            start_us=to_us(number_of(request, "start", 0.0)),
+            end_us=to_us(number_of(request, "end", HIGHEST)),
+            strategy=one_of(Strategy, "strategy", request.query.get("strategy", "latest")),
+            size=count_of(request, "size", SIZE, MOST_SAMPLES),
+        )
+        found = await self._read(partial(read_samples, wanted=wanted))
+        return json_answer(f'{{"samples":{found}}}')
+
+    async def _last_samples(self, request: web.Request) -> web.Response:
+        keys = (await body_of(request)).get("keys")
+        if not isinstance(keys, list) or len(keys) > MOST_KEYS or not all(map(_is_key, keys)):
+            text = (
+                f"keys: a list of at most {MOST_KEYS} [asset, key] or [asset, key, link] is needed"
+            )
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="keys")
+        wanted = [(asset, key, _link(link[0] if link else None)) for asset, key, *link in keys]
+        found = await self._read(
+            lambda connection: [
+                sample for each in wanted for sample in read_last_sample(connection, *each)
+            ]
+        )
+        return answer({"samples": found})
+
+    async def _commands(self, request: web.Request) -> web.Response:
+        found = await self._read(partial(read_commands, page=_page(request)))
+        return json_answer(f'{{"commands":{found}}}')
+
+    async def _notifications(self, request: web.Request) -> web.Response:
+        found = await self._read(partial(read_notifications, page=_page(request)))
+        return json_answer(f'{{"notifications":{found}}}')
+
+    async def _records(self, request: web.Request) -> web.Response:
+        ty = request.match_info["ty"]
+        found = await self._read(partial(read_records, ty=ty, page=_page(request)))
+        return json_answer(f'{{"records":{found}}}')
+
+    async def _export(self, request: web.Request) -> web.StreamResponse:
+        form = request.query.get("fmt", "csv")
+        if form != "csv":
+            text = "fmt: csv is what there is"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="fmt", choices=("csv",))
+        asset = request.query.get("asset")
+        start_us = to_us(number_of(request, "start", 0.0))
+        end_us = to_us(number_of(request, "end", HIGHEST))
+        parameters = await self._read(partial(find_parameters, asset=asset))
+        response = web.StreamResponse()
+        response.content_type, response.charset = "text/csv", "utf-8"
+        response.headers["Content-Disposition"] = 'attachment; filename="telemetry.csv"'
+        await response.prepare(request)
+        await response.write(_csv([COLUMNS]))
+        for parameter in parameters:
+            since_us: int | None = start_us
+            while since_us is not None:
+                page, since_us = await self._archive.read(
+                    partial(export_page, parameter=parameter, start_us=since_us, end_us=end_us)
+                )
+                await response.write(_csv(page))
+        await response.write_eof()
+        return response
+
+    async def _list(self, _: web.Request) -> web.Response:
+        found = await self._archive.read(list_objects)
+        return answer({"objects": [{"key": key, "revision": number} for key, number in found]})
+
+    async def _get(self, request: web.Request) -> web.Response:
+        key = request.match_info["key"]
+        found = await self._archive.read(partial(get_object, key=key))
+        if found is None:
+            raise refused(HTTPStatus.NOT_FOUND, f"there is no object {key!r}")
+        response = answer(
+            {
+                "key": key,
+                "revision": found.revision,
+                "operator": found.operator,
+                "value": json.loads(found.value),
+            }
+        )
+        response.headers["ETag"] = f'"{found.revision}"'
+        return response
+
+    async def _put(self, request: web.Request) -> web.Response:
+        key = request.match_info["key"]
+        if not 0 < len(key) <= LONGEST_KEY or not key.isprintable():
+            text = f"a key has 1 to {LONGEST_KEY} printable characters"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="key")
+        body = await body_of(request)
+        value = json.dumps(body.get("value"), separators=(",", ":"))
+        if "value" not in body or len(value) > MOST_VALUE:
+            text = f"value: any JSON of at most {MOST_VALUE} characters is needed"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="value")
+        revision = None if request.headers.get("If-None-Match") == "*" else _if_match(request)
+        done = await self._archive.write(
+            lambda connection: put_object(
+                connection, key, value, revision, request[OPERATOR], time.time()
+            )
+        )
+        if isinstance(done, Conflict):
+            raise _conflict(key, done)
+        self._publish(ObjectChanged(key, done.revision))
+        response = answer({"key": key, "revision": done.revision})
+        response.headers["ETag"] = f'"{done.revision}"'
+        return response
+
+    async def _delete(self, request: web.Request) -> web.Response:
+        key, revision = request.match_info["key"], _if_match(request)
+        conflict = await self._archive.write(partial(delete_object, key=key, revision=revision))
+        if conflict is not None:
+            raise _conflict(key, conflict)
+        self._publish(ObjectChanged(key, None))
+        return web.Response(status=HTTPStatus.NO_CONTENT)
+
+
+def _page(request: web.Request) -> Page:
+    start, before = number_of(request, "start", None), number_of(request, "before", None)
+    return Page(
+        asset=request.query.get("asset"),
+        start_us=None if start is None else to_us(start),
+        before_us=None if before is None else to_us(before),
+        limit=count_of(request, "limit", LIMIT, MOST),
+    )
+
+
+def _link(value: object) -> Link | None:
+    return None if value is None else one_of(Link, "link", value)
+
+
+def _is_key(key: object) -> bool:
+    return (
+        isinstance(key, list) and len(key) in {2, 3} and all(isinstance(each, str) for each in key)
+    )
+
+
+def _csv(rows: Any) -> bytes:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue().encode()
+
+
+def _if_match(request: web.Request) -> int:
+    given = request.headers.get("If-Match", "").strip('"')
+    if not given.isdecimal():
+        text = (
+            'the header If-Match: "REVISION" is needed, which is the one that is changed; for a'
+            " new object If-None-Match: *"
+        )
+        raise refused(HTTPStatus.PRECONDITION_REQUIRED, text)
+    return int(given)
+
+
+def _conflict(key: str, conflict: Conflict) -> Exception:
+    if conflict.revision is None:
+        return refused(HTTPStatus.PRECONDITION_FAILED, f"there is no object {key!r} any more")
+    text = f"{key!r} is at revision {conflict.revision}: get it, and change that"
+    return refused(HTTPStatus.PRECONDITION_FAILED, text, revision=conflict.revision)

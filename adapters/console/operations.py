@@ -1,0 +1,77 @@
+"""The requests by which operators act: commands, stops, previews, the authority."""
+
+import asyncio
+from http import HTTPStatus
+
+from aiohttp import web
+
+from adapters.console.access import OPERATOR
+from adapters.console.answers import answer, body_of, one_of, refused, text_of
+from adapters.console.authority_desk import Act, Asked, AuthorityDesk
+from adapters.console.commanding import Commanding, identifier, posted_command
+from adapters.console.messages import Link
+
+ASK_S = 10.0
+"""For an answer on the authority."""
+
+
+class Operations:
+    """Answers these requests.
+
+    Args:
+        commanding: sends what operators ask for.
+        desk: asks for the authority.
+    """
+
+    def __init__(self, commanding: Commanding, desk: AuthorityDesk) -> None:
+        self._commanding, self._desk = commanding, desk
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return where they are answered."""
+        return [
+            web.post("/api/commands", self._command),
+            web.post("/api/stop/{asset}", self._stop),
+            web.post("/api/preview", self._preview),
+            web.get("/api/authority", self._authority),
+            web.post("/api/authority/{asset}", self._ask),
+        ]
+
+    async def _command(self, request: web.Request) -> web.Response:
+        posted = posted_command(await body_of(request))
+        status = await self._commanding.post(request[OPERATOR], posted)
+        return answer(status, HTTPStatus.ACCEPTED)
+
+    async def _stop(self, request: web.Request) -> web.Response:
+        body = await body_of(request) if request.can_read_body else {}
+        name = identifier(body["id"]) if "id" in body else None
+        asset = request.match_info["asset"]
+        status = await self._commanding.stop(request[OPERATOR], asset, name)
+        return answer(status, HTTPStatus.ACCEPTED)
+
+    async def _preview(self, request: web.Request) -> web.Response:
+        body = await body_of(request)
+        asset, name = text_of(body, "asset"), text_of(body, "name")
+        return answer(await self._commanding.preview(asset, name, body.get("args", {})))
+
+    async def _authority(self, _: web.Request) -> web.Response:
+        return answer({"authority": self._desk.held})
+
+    async def _ask(self, request: web.Request) -> web.Response:
+        body = await body_of(request)
+        act = one_of(Act, "act", body.get("act"))
+        wanted = None if body.get("link") is None else one_of(Link, "link", body["link"])
+        to = text_of(body, "to") if act is Act.HAND_OVER else ""
+        lease_s = body.get("lease")
+        if lease_s is not None and (
+            isinstance(lease_s, bool) or not isinstance(lease_s, int | float)
+        ):
+            text = "lease: seconds are needed"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="lease")
+        link = self._commanding.link(request.match_info["asset"], wanted)
+        asked = Asked(act, request[OPERATOR], to, None if lease_s is None else float(lease_s))
+        try:
+            async with asyncio.timeout(ASK_S):
+                return answer(await self._desk.ask(link, asked))
+        except TimeoutError as error:
+            text = f"{link.asset} does not answer: whether it was done is not known"
+            raise refused(HTTPStatus.GATEWAY_TIMEOUT, text) from error
