@@ -1,0 +1,1 @@
+"""What the pages of the console take from npm, kept as files so that no user needs Node."""
