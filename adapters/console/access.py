@@ -26,10 +26,11 @@ SHORTEST_TOKEN: Final = 16
 DEFAULT_OPERATOR: Final = "MOE"
 _READING: Final = {"GET", "HEAD"}
 _POLICY: Final = (
-    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:;"
-    " font-src 'self' data:; worker-src 'self' blob:; object-src 'none'; base-uri 'self';"
-    " frame-ancestors 'self'"
+    "default-src 'self'; script-src 'self'{scripts}; style-src 'self' 'unsafe-inline';"
+    " img-src 'self' data: blob:; font-src 'self' data:; worker-src 'self' blob:;"
+    " object-src 'none'; base-uri 'self'; frame-ancestors 'self'"
 )
+_POLICY_HEADER: Final = "Content-Security-Policy"
 
 OPERATOR: Final = web.RequestKey("operator", str)
 
@@ -88,11 +89,15 @@ class Access:
             request[OPERATOR] = self._operator(request)
         response = await handler(request)
         if not response.prepared:
-            response.headers["Content-Security-Policy"] = _POLICY
+            response.headers.setdefault(_POLICY_HEADER, _POLICY.format(scripts=""))
             response.headers["X-Content-Type-Options"] = "nosniff"
             response.headers["Referrer-Policy"] = "no-referrer"
             response.headers.setdefault("Cache-Control", "no-cache")
         return response
+
+    def allow_templates(self, page: web.StreamResponse) -> None:
+        """Let a page compile templates, as Open MCT does with its own: it runs what it reads."""
+        page.headers[_POLICY_HEADER] = _POLICY.format(scripts=" 'unsafe-eval'")
 
     async def login(self, request: web.Request) -> web.Response:
         """Take a token, and let the browser keep it where no script can read it."""

@@ -28,6 +28,7 @@ from executive.commands import (
 )
 from executive.settings import Settings
 from executive.state import Parameter
+from executive.zones import Footprint, KeepIn, KeepOut, KnownRock
 
 _IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s"}
 
@@ -114,11 +115,32 @@ class CommandEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class ZoneEntry:
+    """What an asset keeps away from, or within, in the frame of its odometry.
+
+    Attributes:
+        kind: `keep_in`, `keep_out` or `rock`.
+        title: what it is, with its name, for people.
+        corners: of a zone, [x, y] each.
+        x, y, radius: of a rock.
+    """
+
+    kind: str
+    title: str
+    corners: tuple[tuple[float, ...], ...] = ()
+    x: float | None = None
+    y: float | None = None
+    radius: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class AssetEntry:
     """What there is of an asset.
 
     Attributes:
-        ranges_known: whether its settings are known here, by which ranges are given.
+        ranges_known: whether its settings are known here, by which ranges are given; zones and
+            footprint are, too.
+        footprint: length and width about base_link; None where they are not known.
     """
 
     asset: str
@@ -127,6 +149,26 @@ class AssetEntry:
     ranges_known: bool
     parameters: tuple[ParameterEntry, ...]
     commands: tuple[CommandEntry, ...]
+    zones: tuple[ZoneEntry, ...]
+    footprint: Footprint | None
+
+
+def zone_entries(settings: Settings | None) -> tuple[ZoneEntry, ...]:
+    """Return the zones and rocks that an asset's settings tell of."""
+    return () if settings is None else tuple(map(_zone, settings.zones))
+
+
+def _zone(obstacle: KeepIn | KeepOut | KnownRock) -> ZoneEntry:
+    match obstacle:
+        case KeepIn():
+            return ZoneEntry("keep_in", obstacle.title, obstacle.corners_m)
+        case KeepOut():
+            return ZoneEntry("keep_out", obstacle.title, obstacle.corners_m)
+        case KnownRock():
+            place = (obstacle.x_m, obstacle.y_m, obstacle.radius_m)
+            return ZoneEntry("rock", obstacle.title, (), *place)
+        case _:
+            assert_never(obstacle)
 
 
 def parameter_entries(

@@ -7,7 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from adapters.console.authority_desk import AuthorityDesk
-from adapters.console.dictionary import AssetEntry, command_entries, parameter_entries
+from adapters.console.dictionary import (
+    AssetEntry,
+    command_entries,
+    parameter_entries,
+    zone_entries,
+)
 from adapters.console.messages import (
     AssetState,
     Broadcast,
@@ -138,6 +143,8 @@ class Fleet:
             ranges_known=settings is not None,
             parameters=tuple(parameters.values()),
             commands=command_entries(settings),
+            zones=zone_entries(settings),
+            footprint=None if settings is None else settings.footprint,
         )
         if known is None:
             known = self.assets[name] = Asset(settings, entry)

@@ -1,23 +1,19 @@
 """The console's HTTP server: its routes, and how they are answered."""
 
 from collections.abc import Sequence
-from http import HTTPStatus
 from pathlib import Path
 from typing import Final
 
 from aiohttp import web
 
 from adapters.console.access import Access
-from adapters.console.answers import MOST_OCTETS, answer, refusals
+from adapters.console.answers import MOST_OCTETS, Handler, answer, refusals
 from adapters.console.fleet import Fleet
 from adapters.console.hub import Hub
 from adapters.console.sockets import Sockets
 
 STATIC: Final = Path(__file__).parent / "static"
-_NO_PAGES: Final = (
-    "The console is running; its pages are not installed. What it serves is in"
-    " adapters/console/README.md."
-)
+_PAGES: Final = {"/": "index.html", "/lite": "lite.html"}
 
 
 class Server:
@@ -40,7 +36,8 @@ class Server:
     def application(self) -> web.Application:
         """Return what a runner serves."""
         application = web.Application(
-            middlewares=[refusals, self._access.middleware], client_max_size=MOST_OCTETS
+            middlewares=[refusals, self._access.middleware, _compressed],
+            client_max_size=MOST_OCTETS,
         )
         sockets = Sockets(self._hub, self._access)
         application.on_shutdown.append(sockets.close)
@@ -51,7 +48,7 @@ class Server:
                 web.get("/api/dictionary", self._dictionary),
                 *self._routes,
                 web.get("/ws", sockets.serve),
-                web.get("/", self._index),
+                *(web.get(path, self._page) for path in _PAGES),
                 web.static("/", STATIC, append_version=False),
             ]
         )
@@ -63,8 +60,19 @@ class Server:
     async def _dictionary(self, _: web.Request) -> web.Response:
         return answer({"assets": {each.asset: each for each in self._fleet.entries()}})
 
-    async def _index(self, _: web.Request) -> web.StreamResponse:
-        index = STATIC / "index.html"
-        if not index.is_file():
-            return web.Response(text=_NO_PAGES, status=HTTPStatus.OK)
-        return web.FileResponse(index)
+    async def _page(self, request: web.Request) -> web.StreamResponse:
+        response = web.FileResponse(STATIC / _PAGES[request.path])
+        if request.path == "/":
+            self._access.allow_templates(response)
+        return response
+
+
+@web.middleware
+async def _compressed(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Compress pages and JSON for whoever takes it; what is kept compressed is sent as it is."""
+    response = await handler(request)
+    is_page = isinstance(response, web.FileResponse) and not request.path.startswith("/api/")
+    is_json = isinstance(response, web.Response) and response.content_type == "application/json"
+    if not response.prepared and (is_page or is_json):
+        response.enable_compression()
+    return response
