@@ -1,0 +1,176 @@
+/** What this page knows of one asset, told to the views by topics. */
+
+/** @typedef {{asset: string, key: string, link: string, utc: number, rx: number, value: any, q: string}} Sample */
+/** @typedef {{stage: string, node: string, utc: number, rx: number, detail: string, code: number | null, step: number | null, steps: number | null, figures: Record<string, any>}} Stage */
+/** @typedef {{id: string, asset: string, name: string, args: Record<string, any> | null, by: string, source: string, number: number, link: string, state: string, ended: boolean, made: number, deadline: number | null, history: Stage[]}} Command */
+/** @typedef {{sequence: number, link: string, utc: number, rx: number, kind: string, severity: string, text: string, command: string | null, stage: string | null, figures: Record<string, any>}} Notice */
+/** @typedef {{path: string, name: string, depth: number, kind: string, look: string, message: string}} TreeNode */
+/** @typedef {{kind: string, title: string, corners: [number, number][], x: number | null, y: number | null, radius: number | null}} Zone */
+/** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
+
+const POSE = ["POS_X", "POS_Y", "HEAD"];
+const MOST_FIXES = 20000;
+const MOST_NOTICES = 2000;
+const UNKNOWN_FOOTPRINT = { length_m: 0.5, width_m: 0.4 };
+const MOST_WAITING = 50;
+
+export class Asset {
+  #listeners = new Map();
+  #fixes = new Map();
+  /** @type {any} its entry in the dictionary; null until it is known */
+  entry = null;
+  /** @type {Map<string, Map<string, Sample>>} the newest of each parameter, by link */
+  values = new Map();
+  /** @type {Fix[]} where it was, in the order of time */
+  track = [];
+  /** @type {Map<string, Command>} */
+  commands = new Map();
+  /** @type {Notice[]} in the order of time */
+  notices = [];
+  /** @type {Map<string, any>} by link */
+  links = new Map();
+  /** @type {any} who may command it; null until it is known */
+  authority = null;
+  /** @type {any} mode, command under way, plan; null until it is known */
+  status = null;
+  /** @type {{utc: number, why: string, mode: string, active: string | null, faults: string[], nodes: TreeNode[]} | null} */
+  tree = null;
+  /** @type {any} the plan that has the rover; null for none */
+  plan = null;
+
+  /** what it keeps away from */
+  get zones() {
+    return this.entry?.zones ?? [];
+  }
+
+  get footprint() {
+    return this.entry?.footprint ?? UNKNOWN_FOOTPRINT;
+  }
+
+  /** @param {string} name */
+  constructor(name) {
+    this.name = name;
+  }
+
+  /**
+   * @param {string} topic
+   * @param {(what?: any) => void} listener
+   * @returns {() => void} ends it
+   */
+  on(topic, listener) {
+    if (!this.#listeners.has(topic)) this.#listeners.set(topic, new Set());
+    this.#listeners.get(topic).add(listener);
+    return () => this.#listeners.get(topic).delete(listener);
+  }
+
+  /** @param {string} topic */
+  changed(topic, what) {
+    for (const listener of [...(this.#listeners.get(topic) ?? [])]) listener(what);
+  }
+
+  /** @param {Sample} sample */
+  addSample(sample) {
+    const links = this.values.get(sample.key) ?? new Map();
+    this.values.set(sample.key, links);
+    const last = links.get(sample.link);
+    if (!last || last.utc <= sample.utc) links.set(sample.link, sample);
+    if (POSE.includes(sample.key)) this.#addToFix(sample);
+    this.changed("sample", sample);
+    this.changed("values");
+  }
+
+  /** The newest sample of a parameter by whatever link. @param {string} key */
+  newest(key) {
+    let best = null;
+    for (const sample of this.values.get(key)?.values() ?? []) {
+      if (!best || sample.utc > best.utc) best = sample;
+    }
+    return best;
+  }
+
+  /** A fix is complete when all its figures of one moment are there. */
+  #addToFix(sample) {
+    if (typeof sample.value !== "number") return;
+    const fix = this.#fixes.get(sample.utc) ?? {};
+    fix[sample.key] = sample.value;
+    this.#fixes.set(sample.utc, fix);
+    if (this.#fixes.size > MOST_WAITING) this.#fixes.delete(this.#fixes.keys().next().value);
+    if (!POSE.every((key) => key in fix)) return;
+    this.#fixes.delete(sample.utc);
+    this.addFixes([{ utc: sample.utc, x: fix.POS_X, y: fix.POS_Y, heading: fix.HEAD }]);
+  }
+
+  /** Put fixes where they belong in time. @param {Fix[]} fixes in the order of time */
+  addFixes(fixes) {
+    for (const fix of fixes) {
+      let place = this.track.length;
+      while (place > 0 && this.track[place - 1].utc > fix.utc) place--;
+      if (this.track[place - 1]?.utc !== fix.utc) this.track.splice(place, 0, fix);
+    }
+    if (this.track.length > MOST_FIXES) this.track.splice(0, this.track.length - MOST_FIXES);
+    this.changed("track");
+  }
+
+  /** Where it was last known to be. */
+  get pose() {
+    return this.track.at(-1) ?? null;
+  }
+
+  /** The last fix until a moment. @param {number} utc */
+  poseAt(utc) {
+    let low = 0;
+    let high = this.track.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (this.track[middle].utc <= utc) low = middle + 1;
+      else high = middle;
+    }
+    return this.track[low - 1] ?? null;
+  }
+
+  /** @param {Command} command */
+  setCommand(command) {
+    this.commands.set(command.id, command);
+    this.changed("commands", command);
+  }
+
+  /** Commands, the last first. */
+  get lastCommands() {
+    return [...this.commands.values()].sort((one, other) => other.made - one.made);
+  }
+
+  /** The command under way, of which the asset tells the number; null for none. */
+  get activeCommand() {
+    const active = this.status?.active;
+    if (!active) return null;
+    return this.lastCommands.find((each) => each.id === active || String(each.number) === String(active)) ?? null;
+  }
+
+  /** When a command began to be carried out, and when it ended. @param {Command} command */
+  spanOf(command) {
+    const began = command.history.find((each) => each.stage === "STARTED" || each.stage === "ACCEPTED");
+    if (!began) return null;
+    const last = command.history.at(-1);
+    return [began.utc, command.ended ? last.utc : Infinity];
+  }
+
+  /** Add notifications; the same one may come by both links, and numbers start anew with a new ledger. @param {Notice[]} notices */
+  addNotices(notices) {
+    for (const notice of notices) {
+      let place = this.notices.length;
+      while (place > 0 && isAfter(this.notices[place - 1], notice)) place--;
+      const before = this.notices[place - 1];
+      if (before?.sequence !== notice.sequence || before.utc !== notice.utc) this.notices.splice(place, 0, notice);
+    }
+    if (this.notices.length > MOST_NOTICES) this.notices.splice(0, this.notices.length - MOST_NOTICES);
+    this.changed("notices");
+  }
+
+  /** Whether anything can be heard of it now. */
+  get isReached() {
+    return [...this.links.values()].some((link) => link.state === "up");
+  }
+}
+
+/** @param {Notice} one @param {Notice} other */
+const isAfter = (one, other) => one.utc > other.utc || (one.utc === other.utc && one.sequence > other.sequence);

@@ -1,0 +1,208 @@
+/**
+ * What is above every page: STOP, who may command, how the links are, which pages are open, and whether
+ * this page is connected at all.
+ */
+
+import { ask, operator } from "./connection.js";
+import { contextOf } from "./context.js";
+import { eachFrame, html, keep, say, set } from "./dom.js";
+import { age, clock } from "./words.js";
+
+/** @typedef {import("./session.js").Session} Session */
+/** @typedef {import("./asset.js").Asset} Asset */
+
+const STOP_KEYS = ["F8", "Pause"];
+const RETRIES = 5;
+const RETRY_MS = 400;
+const TOLD_MS = 8000;
+
+/**
+ * @param {HTMLElement} element
+ * @param {Session} session
+ * @param {{name: string | null, choose: (name: string) => void}} shown the asset that the page shows
+ * @returns {() => void}
+ */
+export function mount(element, session, shown) {
+  const picker = html("select", { "aria-label": "rover", onchange: () => shown.choose(picker.value) });
+  const mode = html("span", { className: "mode", "data-testid": "mode" });
+  const doing = html("span", { className: "doing" });
+  const links = html("span", { className: "links" });
+  const authority = html("span", { className: "authority" });
+  const pages = html("span", { className: "pages dim" });
+  const name = html("button", {
+    type: "button",
+    className: "operator",
+    title: "under which name you command; click to change it",
+    onclick: rename,
+  });
+  const stop = html(
+    "button",
+    { type: "button", className: "stop", "data-testid": "stop", onclick: () => pressed() },
+    html("b", { textContent: "STOP" }),
+    html("small", { textContent: STOP_KEYS[0] }),
+  );
+  const told = html("div", { className: "told", role: "alert", hidden: true });
+  const lost = html("div", { className: "lost", role: "alert", hidden: true });
+  const root = html(
+    "header",
+    { className: "rover-bar" },
+    html("div", { className: "row" }, picker, mode, doing, links, authority, html("span", { className: "who" }, name, pages), stop),
+    told,
+    lost,
+  );
+  element.append(root);
+  let hiding = 0;
+
+  /** Say something for a while. @param {string} text @param {"good" | "bad"} look */
+  function tell(text, look) {
+    say(told, text);
+    told.className = `told ${look}`;
+    told.hidden = false;
+    clearTimeout(hiding);
+    hiding = setTimeout(() => (told.hidden = true), TOLD_MS);
+  }
+
+  const asset = () => (shown.name === null ? null : session.asset(shown.name));
+
+  async function pressed() {
+    const rover = asset();
+    if (!rover) return tell("There is no rover to stop.", "bad");
+    stop.classList.add("pressed");
+    tell(`STOP is being sent to ${rover.name} …`, "bad");
+    try {
+      await stopRover(rover.name);
+      tell(`STOP was sent to ${rover.name}. It stays stopped until “resume”.`, "good");
+    } catch (error) {
+      tell(`STOP may not have reached ${rover.name}: ${error.message}. Press it again.`, "bad");
+    } finally {
+      stop.classList.remove("pressed");
+    }
+  }
+
+  async function act(what, more = {}) {
+    const rover = asset();
+    try {
+      await ask(`/api/authority/${encodeURIComponent(rover.name)}`, { json: { act: what, ...more } });
+    } catch (error) {
+      tell(error.message, "bad");
+    }
+  }
+
+  function rename() {
+    const next = prompt("Under which name do you command?", operator.name)?.trim();
+    if (!next || next === operator.name) return;
+    operator.name = next;
+    location.reload();
+  }
+
+  function render() {
+    const rover = asset();
+    const names = [...session.assets.keys()].sort();
+    picker.hidden = names.length === 0;
+    keep(picker, names, (each) => each, (each) => html("option", { value: each, textContent: each }), () => {});
+    if (shown.name !== null && picker.value !== shown.name) picker.value = shown.name;
+    say(mode, rover?.status?.mode ?? "");
+    mode.hidden = !rover?.status;
+    mode.dataset.mode = rover?.status?.mode ?? "";
+    say(doing, rover ? doingOf(rover) : session.unreached());
+    keep(links, rover ? [...rover.links.values()] : [], (link) => link.link, () => html("span", { className: "link" }), drawLink);
+    drawAuthority(rover);
+    say(name, operator.name);
+    const others = session.presence.length - 1;
+    say(pages, others > 0 ? `and ${others} more page${others > 1 ? "s" : ""}` : "alone here");
+    set(pages, { title: session.presence.map((each) => `${each.operator} since ${clock(each.since)}`).join("\n") });
+    stop.disabled = rover === null;
+    lost.hidden = session.connection.status !== "lost";
+    if (!lost.hidden) {
+      const ago = age((Date.now() - session.connection.since_ms) / 1000);
+      say(lost, `No connection to rover-console for ${ago === "now" ? "a moment" : ago}. What you see is old; STOP is still tried.`);
+    }
+  }
+
+  function drawLink(element, link) {
+    const heard = link.heard === null ? "" : age(session.now - Math.max(link.heard, lastHeard(link)));
+    element.dataset.state = link.state;
+    say(element, `${link.link} ${link.state === "up" ? "" : link.state}`.trim());
+    set(element, { title: `${link.uri}\n${link.state} since ${clock(link.since)}${link.detail ? `: ${link.detail}` : ""}\nheard ${heard || "never"}` });
+  }
+
+  function lastHeard(link) {
+    let last = 0;
+    for (const samples of asset()?.values.values() ?? []) last = Math.max(last, samples.get(link.link)?.rx ?? 0);
+    return last;
+  }
+
+  function drawAuthority(rover) {
+    const held = rover?.authority;
+    if (!held) return authority.replaceChildren();
+    const mine = held.holder === operator.name;
+    const left = Math.max(0, held.lease_left - (session.now - held.utc));
+    const words = !held.needed && !held.holder ? "anyone may command" : held.holder ? `${mine ? "you command" : `${held.holder} commands`}` : "nobody commands";
+    const parts = [html("span", { className: `holder ${mine ? "mine" : held.holder ? "other" : "none"}`, textContent: words, "data-testid": "holder", title: held.holder ? `lease of ${age(held.lease)}, ${age(left)} left, grant ${held.epoch}` : "" })];
+    const button = (textContent, title, onclick) => html("button", { type: "button", textContent, title, onclick });
+    if (mine) {
+      if (held.asked_by && held.asked_by !== operator.name) {
+        parts.push(button(`hand over to ${held.asked_by}`, "let them command", () => act("hand_over", { to: held.asked_by })));
+      }
+      parts.push(button("release", "let nobody command", () => act("release")));
+    } else {
+      parts.push(button(held.asked_by === operator.name ? "asked for" : "request", "ask for the right to command", () => act("request")));
+      if (held.holder) parts.push(button("take", "take it without being asked, where the rover's settings let you", () => act("take")));
+      else if (left > 0 && held.holder) parts.push(html("small", { textContent: age(left) }));
+    }
+    authority.replaceChildren(...parts);
+  }
+
+  function onKey(event) {
+    if (!STOP_KEYS.includes(event.key) || event.repeat) return;
+    event.preventDefault();
+    event.stopPropagation();
+    pressed();
+  }
+
+  const draw = eachFrame(render);
+  const offs = new Map();
+  function watch() {
+    for (const rover of session.assets.values()) {
+      if (offs.has(rover)) continue;
+      const topics = ["links", "authority", "status", "commands", "entry"];
+      offs.set(rover, topics.map((topic) => rover.on(topic, draw)));
+    }
+    draw();
+  }
+  const ends = [
+    session.on("assets", watch),
+    session.on("presence", draw),
+    session.onSecond(draw),
+    session.connection.on(draw),
+  ];
+  addEventListener("keydown", onKey, { capture: true });
+  watch();
+  return () => {
+    removeEventListener("keydown", onKey, { capture: true });
+    [...ends, ...[...offs.values()].flat()].forEach((off) => off());
+    clearTimeout(hiding);
+    root.remove();
+  };
+}
+
+/** Send a stop, and again while the server cannot be reached. @param {string} name */
+async function stopRover(name) {
+  for (let attempt = 1; ; attempt++) {
+    try {
+      return await ask(`/api/stop/${encodeURIComponent(name)}`, { json: {}, keepalive: true });
+    } catch (error) {
+      if (error.status !== 0 || attempt === RETRIES) throw error;
+      await new Promise((done) => setTimeout(done, RETRY_MS));
+    }
+  }
+}
+
+/** @param {Asset} rover */
+function doingOf(rover) {
+  const status = rover.status;
+  if (!status) return "";
+  const work = rover.activeCommand?.name ?? status.plan ?? "";
+  const queued = status.queued ? `, ${status.queued} waiting` : "";
+  return `${work}${queued}`;
+}

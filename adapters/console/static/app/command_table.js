@@ -1,0 +1,198 @@
+/**
+ * The commands of an asset, newest first, and the life of each, stage by stage. What was sent is not
+ * shown as done: only EXECUTED is green, and a command of which nothing was heard is UNKNOWN.
+ */
+
+import { ask } from "./connection.js";
+import { eachFrame, html, keep, say, set } from "./dom.js";
+import { UNITS, clock, number } from "./words.js";
+
+/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("./asset.js").Command} Command */
+
+const MOST_ROWS = 100;
+/** The way of a command that is carried out. */
+const WAY = ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"];
+const WORDS = {
+  sending: ["sending", "on its way; not answered yet"],
+  taken: ["with the relay", "the other end of the link has it; the rover may not"],
+  received: ["received", "the rover has it"],
+  accepted: ["accepted", "it will be carried out"],
+  started: ["under way", "it is being carried out"],
+  executed: ["executed", "it was carried out"],
+  rejected: ["rejected", "it was not carried out"],
+  failed: ["failed", "it was begun and not completed"],
+  cancelled: ["cancelled", "ended by a later command"],
+  expired: ["expired", "its time was over before it began"],
+  given_up: ["given up", "the relay gave it up; the rover may have carried it out"],
+  unknown: ["unknown", "nothing was heard of it in time; the rover may have carried it out"],
+};
+
+/**
+ * @param {HTMLElement} element
+ * @param {Context} context
+ * @returns {() => void}
+ */
+export function mount(element, context) {
+  const { asset, session, selection } = context;
+  /** @type {Map<string, string[]>} */
+  const told = new Map();
+  const rows = html("div", { className: "commands", role: "list" });
+  const empty = html("p", { className: "empty" });
+  const root = html("section", { className: "rover-view commands-view" }, empty, html("div", { className: "scroll" }, rows));
+  element.append(root);
+
+  function render() {
+    const shown = asset.lastCommands.slice(0, MOST_ROWS);
+    empty.hidden = shown.length > 0;
+    say(empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
+    keep(rows, shown, (command) => command.id, make, update);
+  }
+
+  const make = (command) =>
+    html(
+      "article",
+      { role: "listitem", onclick: () => selection.selectCommand(command.id) },
+      html(
+        "div",
+        { className: "head" },
+        html("time"),
+        html("b"),
+        html("span", { className: "arguments" }),
+        html("span", { className: "by dim" }),
+        html("span", { className: "state" }),
+      ),
+      lifeLine(),
+      html("p", { className: "detail" }),
+      html("div", { className: "whole", hidden: true }),
+    );
+
+  /** @param {any} row @param {Command} command */
+  function update(row, command) {
+    const [head, life, detail, whole] = row.children;
+    const [time, name, args, by, state] = head.children;
+    const [word, meaning] = WORDS[command.state] ?? [command.state, ""];
+    const chosen = selection.command === command.id || selection.isOfNode(asset, command);
+    row.className = `command ${command.state}${chosen ? " selected" : ""}`;
+    row.dataset.state = command.state;
+    row.dataset.name = command.name;
+    say(time, clock(command.made));
+    say(name, command.name);
+    say(args, shortly(command, asset));
+    say(by, `${command.by}${command.link === "relay" ? ", by relay" : ""}`);
+    say(state, word);
+    set(state, { title: meaning });
+    drawLife(life, command);
+    const last = command.history.at(-1);
+    const awaited = command.deadline !== null && !command.ended ? `; heard of by ${clock(command.deadline)}, or unknown` : "";
+    say(detail, ["sending", "taken"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
+    whole.hidden = selection.command !== command.id;
+    if (!whole.hidden) whole.replaceChildren(stageTable(command), comparison(command) ?? "", why(command));
+  }
+
+  /** Why it ended as it did, or what it is about: asked for once when it is looked at, and again when it has ended. */
+  function why(command) {
+    const key = `${command.id} ${command.ended}`;
+    if (!told.has(key)) {
+      told.set(key, []);
+      ask(`/api/why/${encodeURIComponent(asset.name)}/${encodeURIComponent(command.id)}`)
+        .then(({ lines }) => (told.set(key, lines), draw()))
+        .catch(() => {});
+    }
+    return html("pre", { className: "why-lines", textContent: told.get(key).join("\n") });
+  }
+
+  const draw = eachFrame(render);
+  const offs = [asset.on("commands", draw), asset.on("links", draw), selection.on(draw)];
+  draw();
+  return () => {
+    offs.forEach((off) => off());
+    root.remove();
+  };
+}
+
+/** Dots from "sent" to the end, each with the time since it was sent. */
+function lifeLine() {
+  return html(
+    "div",
+    { className: "life" },
+    ...WAY.map(() => html("span", { className: "step" }, html("i"), html("span", { className: "what" }), html("span", { className: "when" }))),
+  );
+}
+
+/** @param {any} life @param {Command} command */
+function drawLife(life, command) {
+  const reached = new Map(command.history.map((each) => [each.stage, each]));
+  const last = command.history.at(-1)?.stage;
+  const end = WAY.includes(last ?? "") ? null : command.ended || ["unknown", "given_up"].includes(command.state) ? last : null;
+  WAY.forEach((stage, index) => {
+    const [, what, when] = life.children[index].children;
+    const isEnd = index === WAY.length - 1;
+    const shown = isEnd && end ? end : stage;
+    const at = reached.get(shown);
+    const progress = stage === "STARTED" ? command.history.findLast((each) => each.step !== null && each.step !== undefined) : undefined;
+    const steps = progress && !command.ended ? ` ${progress.step}${progress.steps ? `/${progress.steps}` : ""}` : "";
+    set(life.children[index], {
+      class: `step ${at ? "reached" : ""} ${shown.toLowerCase()}`,
+      "data-stage": shown,
+      "data-reached": String(Boolean(at)),
+      title: at ? `${shown}: ${clock(at.utc, true)} by the clock of ${at.node}, heard ${clock(at.rx, true)}` : `${shown}: not yet`,
+    });
+    say(what, shown.toLowerCase().replace("_", " ") + steps);
+    say(when, !at ? "" : index === 0 ? "" : `+${(at.rx - command.made).toFixed(2)} s`);
+  });
+}
+
+/** All stages, with both times. @param {Command} command */
+function stageTable(command) {
+  return html(
+    "table",
+    { className: "stages" },
+    html("tr", {}, ...["stage", "by", "its time", "heard", ""].map((textContent) => html("th", { textContent }))),
+    ...command.history.map((each) =>
+      html(
+        "tr",
+        {},
+        ...[each.stage, each.node, clock(each.utc, true), clock(each.rx, true), each.detail].map((textContent) => html("td", { textContent: textContent ?? "" })),
+      ),
+    ),
+  );
+}
+
+/**
+ * What became of a command beside what was predicted of it; nothing where nothing was.
+ * @param {Command} command
+ */
+export function comparison(command) {
+  const figures = command.history.at(-1)?.figures ?? {};
+  const predicted = command.history.findLast((each) => each.stage === "PREDICTED")?.figures ?? {};
+  const names = Object.keys(figures).filter((name) => `predicted ${name}` in figures);
+  const rows = names.length
+    ? names.map((name) => [name, figures[`predicted ${name}`], figures[name]])
+    : Object.entries(predicted).map(([name, value]) => [name.replace(/^predicted /, ""), value, null]);
+  if (!rows.length) return null;
+  const words = (value) => (value === null ? "" : typeof value === "number" ? number(value) : String(value));
+  return html(
+    "table",
+    { className: "comparison" },
+    html("tr", {}, ...["", "predicted", "came to"].map((textContent) => html("th", { textContent }))),
+    ...rows.map(([name, before, after]) =>
+      html("tr", {}, html("td", { textContent: name }), html("td", { className: "figure", textContent: words(before) }), html("td", { className: "figure", textContent: words(after) })),
+    ),
+  );
+}
+
+/** The arguments in a few characters. @param {Command} command @param {import("./asset.js").Asset} asset */
+function shortly(command, asset) {
+  const entry = asset.entry?.commands.find((each) => each.name === command.name);
+  return Object.entries(command.args ?? {})
+    .map(([name, value]) => {
+      if (Array.isArray(value)) return `${value.length} ${name}`;
+      const argument = entry?.arguments.find((each) => each.name === name);
+      if (typeof value !== "number") return `${name} ${value}`;
+      const factor = argument?.typed?.per_unit ?? 1;
+      const unit = argument?.typed ? (UNITS[argument.typed.unit] ?? argument.typed.unit) : "";
+      return `${name} ${Math.round(value * factor * 1000) / 1000}${unit}`;
+    })
+    .join("  ");
+}

@@ -1,0 +1,36 @@
+/**
+ * What a view gets. `mount(element, context)` puts it into an element and returns a function that takes
+ * it out again; views of the same asset share selection, time cursor and draft.
+ */
+
+import { Draft } from "./draft.js";
+import { Cursor, Selection } from "./selection.js";
+
+/**
+ * @typedef {object} Context
+ * @property {import("./session.js").Session} session
+ * @property {import("./asset.js").Asset} asset
+ * @property {Selection} selection
+ * @property {Cursor} cursor
+ * @property {Draft} draft
+ */
+
+/** @type {Map<string, Context>} */
+const contexts = new Map();
+/** One for the page: time is the same for all rovers. */
+export const cursor = new Cursor();
+
+/**
+ * @param {import("./session.js").Session} session
+ * @param {string} name of the asset
+ * @returns {Context}
+ */
+export function contextOf(session, name) {
+  let context = contexts.get(name);
+  if (!context) {
+    const asset = session.asset(name);
+    context = { session, asset, cursor, selection: new Selection(), draft: new Draft(asset) };
+    contexts.set(name, context);
+  }
+  return context;
+}

@@ -1,0 +1,100 @@
+/** Makes elements, and draws at most once a frame. */
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/**
+ * Make an HTML element. Properties are set as such (`className`, `onclick`), `data-` and `aria-` as attributes.
+ * @param {string} name
+ * @param {Record<string, any>} [properties]
+ * @param {...(Node | string | null | undefined | false)} children
+ * @returns {any}
+ */
+export function html(name, properties = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(properties)) {
+    if (key.includes("-") || key === "role" || key === "for") made.setAttribute(key, value);
+    else made[key] = value;
+  }
+  made.append(...children.filter((child) => child || child === ""));
+  return made;
+}
+
+/**
+ * Make an SVG element.
+ * @param {string} name
+ * @param {Record<string, any>} [attributes]
+ * @param {...(Node | string)} children
+ * @returns {any}
+ */
+export function svg(name, attributes = {}, ...children) {
+  const made = document.createElementNS(SVG, name);
+  set(made, attributes);
+  made.append(...children);
+  return made;
+}
+
+/**
+ * Set attributes that differ from what is there.
+ * @param {Element} element
+ * @param {Record<string, any>} attributes
+ */
+export function set(element, attributes) {
+  for (const [key, value] of Object.entries(attributes)) {
+    const text = String(value);
+    if (element.getAttribute(key) !== text) element.setAttribute(key, text);
+  }
+}
+
+/**
+ * Set a text that differs from what is there.
+ * @param {Node} node
+ * @param {string} text
+ */
+export function say(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+/**
+ * Return a function that asks for one drawing in the next frame, however often it is called.
+ * @param {() => void} draw
+ * @returns {() => void}
+ */
+export function eachFrame(draw) {
+  let asked = false;
+  return () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => {
+      asked = false;
+      draw();
+    });
+  };
+}
+
+/**
+ * Keep the rows of a container in the order of some items, reusing the element of each.
+ * @template T
+ * @param {HTMLElement} container
+ * @param {T[]} items
+ * @param {(item: T) => string} keyOf
+ * @param {(item: T) => any} make
+ * @param {(element: any, item: T) => void} update
+ */
+export function keep(container, items, keyOf, make, update) {
+  const known = new Map([...container.children].map((child) => [child.getAttribute("data-key"), child]));
+  let before = null;
+  for (const item of items) {
+    const key = keyOf(item);
+    let element = known.get(key);
+    known.delete(key);
+    if (!element) {
+      element = make(item);
+      element.setAttribute("data-key", key);
+    }
+    update(element, item);
+    const place = before ? before.nextSibling : container.firstChild;
+    if (place !== element) container.insertBefore(element, place);
+    before = element;
+  }
+  for (const gone of known.values()) gone.remove();
+}

@@ -1,0 +1,213 @@
+/**
+ * A command that is being prepared for one asset: what it is, its arguments as typed, what a preview
+ * says it would come to. The form fills it, the map shows it, and nothing is sent before `send`.
+ */
+
+import { ask } from "./connection.js";
+import { UNITS, number } from "./words.js";
+
+const PAUSE_MS = 250;
+
+/** @typedef {{name: string, type: string, unit: string, typed: {unit: string, per_unit: number} | null, optional: boolean, help: string, low: number | null, high: number | null, or_zero: boolean, choices: string[] | null, items: any[], least: number | null, most: number | null}} Argument */
+
+export class Draft {
+  #listeners = new Set();
+  #timer = 0;
+  #asked = 0;
+  /** @type {any} the entry of the command in the dictionary; null for none */
+  entry = null;
+  /** @type {Record<string, any>} as typed: texts; of a list, one such record an item */
+  typed = {};
+  /** whether it replaces the motions under way and waiting */
+  replace = false;
+  /** @type {any} null while there is none */
+  preview = null;
+  /** what the rover says against it, or why there is no preview */
+  objection = "";
+  /** whether a preview is being worked out */
+  waits = false;
+
+  /** @param {import("./asset.js").Asset} asset */
+  constructor(asset) {
+    this.asset = asset;
+  }
+
+  /** @param {() => void} listener */
+  on(listener) {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  }
+
+  #changed() {
+    for (const listener of [...this.#listeners]) listener();
+  }
+
+  /**
+   * Begin anew.
+   * @param {string | null} name of the command; null for none
+   * @param {Record<string, any>} [values] in SI units
+   */
+  prepare(name, values = {}) {
+    this.entry = this.asset.entry?.commands.find((each) => each.name === name) ?? null;
+    this.typed = {};
+    this.replace = false;
+    for (const argument of this.entry?.arguments ?? []) {
+      this.typed[argument.name] =
+        argument.type === "list" ? (values[argument.name] ?? [{}]) : shown(argument, values[argument.name]);
+    }
+    this.#edited();
+  }
+
+  /**
+   * Change what is typed.
+   * @param {Record<string, any>} record `typed`, or an item of one of its lists
+   * @param {string} name
+   * @param {string} text
+   */
+  type(record, name, text) {
+    record[name] = text;
+    this.#edited();
+  }
+
+  /** Add a place to a path. @param {string} list @param {Record<string, any>} item */
+  addItem(list, item) {
+    const items = this.typed[list];
+    const blank = items.length === 1 && Object.values(items[0]).every((each) => each === "" || each === undefined);
+    if (blank) items.splice(0, 1, item);
+    else items.push(item);
+    this.#edited();
+  }
+
+  /** @param {string} list @param {number} index */
+  removeItem(list, index) {
+    this.typed[list].splice(index, 1);
+    this.#edited();
+  }
+
+  /** @param {boolean} replace */
+  setReplace(replace) {
+    this.replace = replace;
+    this.#edited();
+  }
+
+  #edited() {
+    clearTimeout(this.#timer);
+    this.#asked++;
+    this.preview = null;
+    this.objection = "";
+    this.waits = Boolean(this.entry?.motion) && this.problems.size === 0;
+    if (this.waits) this.#timer = setTimeout(() => this.#ask(this.#asked), PAUSE_MS);
+    this.#changed();
+  }
+
+  async #ask(asked) {
+    let preview = null;
+    let objection = "";
+    try {
+      preview = await ask("/api/preview", {
+        json: { asset: this.asset.name, name: this.entry.name, args: this.values },
+      });
+    } catch (error) {
+      objection = error.message;
+    }
+    if (asked !== this.#asked) return;
+    Object.assign(this, { preview, objection, waits: false });
+    this.#changed();
+  }
+
+  /** What is wrong with what is typed, by the name of the argument. */
+  get problems() {
+    const found = new Map();
+    for (const argument of this.entry?.arguments ?? []) {
+      if (argument.type !== "list") {
+        const problem = problemOf(argument, this.typed[argument.name]);
+        if (problem) found.set(argument.name, problem);
+        continue;
+      }
+      this.typed[argument.name].forEach((item, index) => {
+        for (const part of argument.items) {
+          const problem = problemOf(part, item[part.name]);
+          if (problem) found.set(`${argument.name}.${index}.${part.name}`, problem);
+        }
+      });
+      if (argument.most !== null && this.typed[argument.name].length > argument.most) {
+        found.set(argument.name, `${argument.most} at most`);
+      }
+    }
+    if (this.entry?.at_least_one && Object.keys(this.values).length === 0) {
+      found.set("", "fill in one of these");
+    }
+    return found;
+  }
+
+  /** The arguments in SI units, without those that are left out. */
+  get values() {
+    const values = {};
+    for (const argument of this.entry?.arguments ?? []) {
+      const typed = this.typed[argument.name];
+      const value =
+        argument.type === "list" ? typed.map((item) => valuesOf(argument.items, item)) : valueOf(argument, typed);
+      if (value !== undefined) values[argument.name] = value;
+    }
+    return values;
+  }
+
+  /** Where it would go, as far as is known: the last place typed. */
+  get target() {
+    const { x, y, waypoints } = this.values;
+    const last = waypoints?.at(-1) ?? { x, y };
+    return Number.isFinite(last.x) && Number.isFinite(last.y) ? last : null;
+  }
+}
+
+/** @param {Argument[]} parts @param {Record<string, any>} item */
+function valuesOf(parts, item) {
+  const pairs = parts.map((part) => [part.name, valueOf(part, item[part.name])]);
+  return Object.fromEntries(pairs.filter(([, value]) => value !== undefined));
+}
+
+/** @param {Argument} argument @param {string | undefined} text */
+function valueOf(argument, text) {
+  if (text === undefined || text === "") return undefined;
+  if (argument.type === "text" || argument.type === "choice") return text;
+  return Number(text) / (argument.typed?.per_unit ?? 1);
+}
+
+/** @param {Argument} argument @param {any} value in SI units */
+function shown(argument, value) {
+  if (value === undefined || value === null) return "";
+  if (typeof value !== "number") return String(value);
+  return String(Math.round(value * (argument.typed?.per_unit ?? 1) * 1000) / 1000);
+}
+
+/** @param {Argument} argument @param {string | undefined} text */
+function problemOf(argument, text) {
+  if (text === undefined || text === "") return argument.optional ? "" : "needed";
+  if (argument.type === "text" || argument.type === "choice") return "";
+  const value = Number(text);
+  if (!Number.isFinite(value)) return "not a number";
+  if (argument.type === "integer" && !Number.isInteger(value)) return "not a whole number";
+  const { low, high } = argument;
+  const factor = argument.typed?.per_unit ?? 1;
+  const slack = 1e-9 + 1e-6 * Math.abs(value);
+  if (argument.or_zero && value === 0) return "";
+  if ((low !== null && value < low * factor - slack) || (high !== null && value > high * factor + slack)) {
+    return `not in ${rangeOf(argument)}`;
+  }
+  return "";
+}
+
+/**
+ * A range in the unit that people type; empty where none is known.
+ * @param {Pick<Argument, "typed" | "unit" | "low" | "high">} argument
+ * @param {string} [unit] as it is shown
+ */
+export function rangeOf(argument, unit = UNITS[argument.typed?.unit ?? ""] ?? argument.typed?.unit ?? argument.unit) {
+  const factor = argument.typed?.per_unit ?? 1;
+  const { low, high } = argument;
+  const words = (figure) => number(Math.round(figure * factor * 100) / 100);
+  if (low === null && high === null) return "";
+  if (low === null) return `≤ ${words(high)} ${unit}`.trim();
+  if (high === null) return `≥ ${words(low)} ${unit}`.trim();
+  return `${words(low)} … ${words(high)} ${unit}`.trim();
+}

@@ -1,0 +1,69 @@
+/** All rovers that were heard of, a line each; where there is none, how to get one. */
+
+import { eachFrame, html, keep, say } from "./dom.js";
+import { age, fixed } from "./words.js";
+
+/**
+ * @param {HTMLElement} element
+ * @param {import("./session.js").Session} session
+ * @param {(name: string) => void} choose
+ * @returns {() => void}
+ */
+export function mount(element, session, choose) {
+  const rows = html("tbody");
+  const table = html(
+    "table",
+    {},
+    html("thead", {}, html("tr", {}, ...["rover", "mode", "does", "is at", "links", "who commands", "heard"].map((textContent) => html("th", { textContent })))),
+    rows,
+  );
+  const where = html("p", { className: "dim" });
+  const nobody = html(
+    "div",
+    { className: "nobody" },
+    html("p", { className: "title", textContent: "No rover is connected." }),
+    html("p", {}, "Start a simulated one with ", html("code", { textContent: "./rover demo --stay" }), "; it appears here by itself."),
+    where,
+  );
+  const root = html("section", { className: "rover-view fleet-view" }, nobody, html("div", { className: "scroll" }, table));
+  element.append(root);
+
+  function render() {
+    const assets = [...session.assets.values()].sort((one, other) => one.name.localeCompare(other.name));
+    nobody.hidden = assets.length > 0;
+    table.hidden = !nobody.hidden;
+    const tried = session.tried.join(", ");
+    say(where, tried ? `rover-console looks for one at ${tried}; others are named by its option --to.` : "");
+    keep(rows, assets, (asset) => asset.name, make, update);
+  }
+
+  const make = (asset) =>
+    html(
+      "tr",
+      { onclick: () => choose(asset.name) },
+      html("td", {}, html("button", { type: "button", textContent: asset.name })),
+      ...Array.from({ length: 6 }, () => html("td")),
+    );
+
+  function update(row, asset) {
+    const { pose, status, authority } = asset;
+    const heard = Math.max(0, ...[...asset.values.values()].flatMap((links) => [...links.values()].map((each) => each.rx)));
+    const words = [
+      status?.mode ?? "",
+      asset.activeCommand?.name ?? status?.plan ?? "",
+      pose ? `${fixed(pose.x, 1)}, ${fixed(pose.y, 1)} m` : "",
+      [...asset.links.values()].map((link) => `${link.link} ${link.state}`).join(", "),
+      authority?.holder ?? (authority?.needed ? "nobody" : "anyone"),
+      heard ? age(session.now - heard) : "never",
+    ];
+    words.forEach((text, index) => say(row.children[index + 1], text));
+  }
+
+  const draw = eachFrame(render);
+  const offs = [session.on("assets", draw), session.onSecond(draw)];
+  draw();
+  return () => {
+    offs.forEach((off) => off());
+    root.remove();
+  };
+}

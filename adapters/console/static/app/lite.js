@@ -1,0 +1,58 @@
+/** The light page, for weak links: STOP, map, commands and values, and nothing of Open MCT. */
+
+import * as bar from "./bar.js";
+import * as commandForm from "./command_form.js";
+import * as commandTable from "./command_table.js";
+import { contextOf } from "./context.js";
+import { html } from "./dom.js";
+import * as fleet from "./fleet.js";
+import { login } from "./login.js";
+import * as map from "./map.js";
+import { Session } from "./session.js";
+import * as values from "./values.js";
+
+const PANELS = [
+  ["Map", map],
+  ["Command", commandForm],
+  ["Commands", commandTable],
+  ["Latest values", values],
+];
+
+await login();
+const session = new Session();
+/** @type {{name: string | null, choose: (name: string) => void}} */
+const shown = { name: null, choose: show };
+const top = html("div");
+const panels = html("main", { className: "panels" });
+const nobody = html("div");
+document.body.append(
+  top,
+  nobody,
+  panels,
+  html("footer", {}, html("a", { href: "/", textContent: "whole console" }), "This page is light: it loads without Open MCT."),
+);
+let unmounts = [];
+
+/** @param {string} name */
+function show(name) {
+  shown.name = name;
+  for (const unmount of unmounts) unmount();
+  panels.replaceChildren();
+  const context = contextOf(session, name);
+  unmounts = PANELS.map(([title, view]) => {
+    const inside = html("div");
+    panels.append(html("section", { className: "panel", "aria-label": title }, html("h2", { textContent: title }), inside));
+    return view.mount(inside, context);
+  });
+}
+
+function choose() {
+  if (shown.name === null && session.assets.size > 0) show([...session.assets.keys()].sort()[0]);
+  nobody.hidden = shown.name !== null;
+  panels.hidden = shown.name === null;
+}
+
+bar.mount(top, session, shown);
+fleet.mount(nobody, session, show);
+session.on("assets", choose);
+choose();

@@ -1,0 +1,153 @@
+/**
+ * The rovers as objects of Open MCT: for each asset a folder with its views, a layout of all of them,
+ * and its telemetry by link. They follow from the dictionary, are not stored and cannot be edited.
+ */
+
+import { UNITS } from "../words.js";
+import { VIEWS } from "./views.js";
+
+export const NAMESPACE = "rover";
+export const ROOT = "rovers";
+const MARK = "~";
+
+/** @typedef {import("../session.js").Session} Session */
+
+/** @param {...string} parts */
+export const identifierOf = (...parts) => ({ namespace: NAMESPACE, key: parts.map(encodeURIComponent).join(MARK) });
+
+/** @param {{key: string}} identifier */
+export const partsOf = (identifier) => identifier.key.split(MARK).map(decodeURIComponent);
+
+/** Which frame of the layout is how large, a column each. */
+const LAYOUT = [
+  [40, [["map", 60], ["commands", 40]]],
+  [31, [["tree", 58], ["log", 42]]],
+  [29, [["form", 56], ["values", 44]]],
+];
+
+/** @param {Session} session */
+export function objects(session) {
+  return (openmct) => {
+    openmct.types.addType("rover.telemetry", { name: "Telemetry", cssClass: "icon-telemetry", description: "A parameter by one link" });
+    openmct.objects.addRoot({ namespace: NAMESPACE, key: ROOT }, openmct.priority.HIGH);
+    openmct.objects.addProvider(NAMESPACE, {
+      get: async (identifier) => {
+        await session.ready;
+        return objectOf(session, identifier);
+      },
+    });
+    openmct.composition.addProvider(composition(session));
+  };
+}
+
+function objectOf(session, identifier) {
+  const [name, kind, link, key] = partsOf(identifier);
+  if (identifier.key === ROOT) {
+    return { identifier, name: "Rovers", type: "rover.fleet", location: "ROOT" };
+  }
+  const root = `${NAMESPACE}:${ROOT}`;
+  if (kind === undefined) return { identifier, name, type: "folder", location: root };
+  const location = `${NAMESPACE}:${identifierOf(name).key}`;
+  if (kind === "layout") return layoutOf(identifier, name, location);
+  if (kind === "telemetry" && key === undefined) {
+    return { identifier, name: `Telemetry, ${link} link`, type: "folder", location };
+  }
+  if (kind === "telemetry") {
+    const entry = session.asset(name).entry?.parameters.find((each) => each.key === key);
+    return telemetryOf(identifier, key, entry, `${NAMESPACE}:${identifierOf(name, "telemetry", link).key}`);
+  }
+  const view = VIEWS[kind];
+  return { identifier, name: view?.name ?? kind, type: view ? `rover.${kind}` : "unknown", location };
+}
+
+function layoutOf(identifier, name, location) {
+  const frames = LAYOUT.flatMap(([, each]) => each.map(([kind]) => kind));
+  return {
+    identifier,
+    name: `${name}: operations`,
+    type: "flexible-layout",
+    location,
+    composition: frames.map((kind) => identifierOf(name, kind)),
+    configuration: {
+      rowsLayout: false,
+      objectStyles: {},
+      containers: LAYOUT.map(([size, each], column) => ({
+        id: `column-${column}`,
+        size,
+        frames: each.map(([kind, height]) => ({
+          id: `frame-${kind}`,
+          domainObjectIdentifier: identifierOf(name, kind),
+          size: height,
+          noFrame: false,
+        })),
+      })),
+    },
+  };
+}
+
+function telemetryOf(identifier, key, entry, location) {
+  const isText = entry?.type === "STRING";
+  const unit = entry?.typed ? (UNITS[entry.typed.unit] ?? entry.typed.unit) : (entry?.unit ?? "");
+  return {
+    identifier,
+    name: key,
+    type: "rover.telemetry",
+    location,
+    telemetry: {
+      values: [
+        { key: "utc", name: "Time aboard", source: "utc", format: "utc", hints: { domain: 1 } },
+        { key: "value", name: key, unit, format: isText ? "string" : "number", hints: { range: 1 } },
+        { key: "rx", name: "Heard", format: "utc", hints: { domain: 2 } },
+      ],
+    },
+  };
+}
+
+/** What is below the root, an asset, and its telemetry; assets and parameters may come later. */
+function composition(session) {
+  const below = (object) => {
+    const [name, kind, link] = partsOf(object.identifier);
+    if (object.identifier.key === ROOT) return [...session.assets.keys()].sort().map((each) => identifierOf(each));
+    const asset = session.asset(name);
+    if (kind === undefined) {
+      const links = [...asset.links.keys()].sort();
+      return [
+        identifierOf(name, "layout"),
+        ...Object.keys(VIEWS).map((each) => identifierOf(name, each)),
+        ...links.map((each) => identifierOf(name, "telemetry", each)),
+      ];
+    }
+    return (asset.entry?.parameters ?? []).map((each) => identifierOf(name, "telemetry", link, each.key));
+  };
+  const watched = new Map();
+  return {
+    appliesTo: (object) =>
+      object.identifier.namespace === NAMESPACE && ["rover.fleet", "folder"].includes(object.type),
+    load: async (object) => {
+      await session.ready;
+      return below(object);
+    },
+    on: (object, event, callback, context) => {
+      if (event !== "add") return;
+      const known = new Set(below(object).map((each) => each.key));
+      const look = () => {
+        for (const identifier of below(object)) {
+          if (known.has(identifier.key)) continue;
+          known.add(identifier.key);
+          callback.call(context, identifier);
+        }
+      };
+      const [name] = partsOf(object.identifier);
+      const offs =
+        object.identifier.key === ROOT
+          ? [session.on("assets", look)]
+          : ["links", "entry"].map((topic) => session.asset(name).on(topic, look));
+      watched.set(callback, offs);
+    },
+    off: (_, __, callback) => {
+      watched.get(callback)?.forEach((off) => off());
+      watched.delete(callback);
+    },
+    includes: (parent, child) => below(parent).some((each) => each.key === child.key),
+  };
+}

@@ -1,0 +1,122 @@
+/** Telemetry of Open MCT: live, of the past, limits, and whether it is stale. One object is one parameter by one link. */
+
+import { ask } from "../connection.js";
+import { limitOf } from "../values.js";
+import { NAMESPACE, partsOf } from "./objects.js";
+
+const GATHERED_MS = 20;
+const STALE_S = 5;
+const FAR = 1e9;
+const BEYOND = { cssClass: "is-limit--red", name: "beyond its limits" };
+
+/** @param {import("../session.js").Session} session */
+export function telemetry(session) {
+  const latest = gathered(session);
+
+  /** @param {any} object */
+  function known(object) {
+    const [name, , link, key] = partsOf(object.identifier);
+    const asset = session.asset(name);
+    const entry = asset.entry?.parameters.find((each) => each.key === key);
+    return { asset, link, key, entry, factor: entry?.typed?.per_unit ?? 1 };
+  }
+
+  const isOurs = (object) => object.identifier.namespace === NAMESPACE && object.type === "rover.telemetry";
+  const datum = (sample, factor) => ({
+    utc: sample.utc * 1000,
+    rx: sample.rx * 1000,
+    value: typeof sample.value === "number" ? sample.value * factor : sample.value,
+  });
+
+  return (openmct) => {
+    openmct.telemetry.addProvider({
+      supportsSubscribe: isOurs,
+      subscribe: (object, callback) => {
+        const { asset, link, key, factor } = known(object);
+        return asset.on("sample", (sample) => {
+          // What comes late is in the history; a live plot of Open MCT 4.2 would draw it as the newest.
+          if (sample.key === key && sample.link === link && sample.q === "good") callback(datum(sample, factor));
+        });
+      },
+      supportsRequest: isOurs,
+      request: async (object, options) => {
+        const { asset, link, key, factor } = known(object);
+        if (options.strategy === "latest" && options.size === 1) {
+          const sample = await latest(asset.name, key, link);
+          const inside = sample && sample.utc * 1000 <= options.end;
+          return inside && sample.value !== null ? [datum(sample, factor)] : [];
+        }
+        const query = new URLSearchParams({ link, start: String(options.start / 1000), end: String(options.end / 1000) });
+        if (options.strategy) query.set("strategy", options.strategy);
+        if (options.size) query.set("size", String(Math.round(options.size)));
+        const path = `/api/tm/${encodeURIComponent(asset.name)}/${encodeURIComponent(key)}?${query}`;
+        const { samples } = await ask(path, { signal: options.signal });
+        return samples.filter((each) => each.value !== null).map((each) => datum(each, factor));
+      },
+      supportsLimits: isOurs,
+      getLimitEvaluator: (object) => ({
+        evaluate: ({ value }, metadata) => {
+          const { entry, factor } = known(object);
+          if (metadata?.key !== "value" || !entry) return undefined;
+          return limitOf(entry, value / factor) ? BEYOND : undefined;
+        },
+      }),
+      getLimits: (object) => ({
+        limits: async () => {
+          const { entry, factor } = known(object);
+          const { low = null, high = null } = entry ?? {};
+          if (low === null && high === null) return {};
+          // Open MCT asks for both ends of a limit.
+          return {
+            DISTRESS: {
+              low: { color: "red", value: low === null ? -FAR : low * factor },
+              high: { color: "red", value: high === null ? FAR : high * factor },
+            },
+          };
+        },
+      }),
+      supportsStaleness: isOurs,
+      isStale: async (object) => staleness(known(object), session),
+      subscribeToStaleness: (object, callback) => {
+        let was = null;
+        return session.onSecond(() => {
+          const now = staleness(known(object), session);
+          if (now.isStale !== was) callback(now);
+          was = now.isStale;
+        });
+      },
+    });
+  };
+}
+
+function staleness({ asset, link, key }, session) {
+  const sample = asset.values.get(key)?.get(link);
+  return { isStale: !sample || session.now - sample.utc > STALE_S, timestamp: session.now * 1000 };
+}
+
+/** Ask for the last values of many parameters at once: a table of Open MCT asks row by row. */
+function gathered(session) {
+  let waiting = [];
+  async function send() {
+    const asked = waiting;
+    waiting = [];
+    try {
+      const keys = asked.map((each) => each.key);
+      const { samples } = await ask("/api/tm:batch", { json: { keys } });
+      for (const each of asked) {
+        const [asset, key, link] = each.key;
+        each.resolve(samples.find((sample) => sample.asset === asset && sample.key === key && sample.link === link));
+      }
+    } catch (error) {
+      asked.forEach((each) => each.reject(error));
+    }
+  }
+  return (asset, key, link) => {
+    const live = session.asset(asset).values.get(key)?.get(link);
+    if (live) return Promise.resolve(live);
+    return new Promise((resolve, reject) => {
+      waiting.push({ key: [asset, key, link], resolve, reject });
+      if (waiting.length === 1) setTimeout(send, GATHERED_MS);
+    });
+  };
+}

@@ -1,0 +1,56 @@
+/** Our views as views of Open MCT: each of an object of its own, by an asset. */
+
+import * as commandForm from "../command_form.js";
+import * as commandTable from "../command_table.js";
+import { contextOf } from "../context.js";
+import * as files from "../files.js";
+import * as fleet from "../fleet.js";
+import * as log from "../log.js";
+import * as map from "../map.js";
+import * as tree from "../tree.js";
+import * as values from "../values.js";
+import { NAMESPACE, partsOf } from "./objects.js";
+
+/** By the last part of the object's key. */
+export const VIEWS = {
+  map: { name: "Map", icon: "icon-map", view: map },
+  form: { name: "Command", icon: "icon-command", view: commandForm },
+  commands: { name: "Commands", icon: "icon-activity", view: commandTable },
+  tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
+  values: { name: "Latest values", icon: "icon-tabular-lad", view: values },
+  log: { name: "Log", icon: "icon-list-view", view: log },
+  files: { name: "Files and pictures", icon: "icon-image", view: files },
+};
+
+/**
+ * @param {import("../session.js").Session} session
+ * @param {(name: string) => void} choose shows a rover
+ */
+export function views(session, choose) {
+  return (openmct) => {
+    addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => fleet.mount(element, session, choose));
+    for (const [kind, { name, icon, view }] of Object.entries(VIEWS)) {
+      addView(openmct, `rover.${kind}`, name, icon, (object, element) =>
+        view.mount(element, contextOf(session, partsOf(object.identifier)[0])),
+      );
+    }
+  };
+}
+
+/** Add a type of object and the view of it. */
+function addView(openmct, type, name, cssClass, mount) {
+  openmct.types.addType(type, { name, cssClass, description: `${name}, as rover-console tells it` });
+  openmct.objectViews.addProvider({
+    key: type,
+    name,
+    cssClass,
+    canView: (object) => object.identifier.namespace === NAMESPACE && object.type === type,
+    view: (object) => {
+      let unmount = () => {};
+      return {
+        show: (element) => (unmount = mount(object, element)),
+        destroy: () => unmount(),
+      };
+    },
+  });
+}

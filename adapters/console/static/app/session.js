@@ -1,0 +1,196 @@
+/** One page at work: its connection, the assets, who else is there, and the second that views tick by. */
+
+import { Asset } from "./asset.js";
+import { Connection, ask, operator } from "./connection.js";
+
+const TOPICS = ["tm", "cmd", "auth", "ntf", "link", "asset", "tree", "plan", "file", "presence", "dictionary", "obj"];
+const HISTORY_S = 3600;
+const MOST_NOTICES = 500;
+const POSE = ["POS_X", "POS_Y", "HEAD"];
+
+export class Session {
+  #listeners = new Map();
+  #heard = { instance: "", seq: 0 };
+  #tried = new Map();
+  #becomeReady = () => {};
+  /** @type {Map<string, Asset>} */
+  assets = new Map();
+  /** @type {any[]} pages that are open */
+  presence = [];
+  /** when the dictionary was read for the first time */
+  ready = new Promise((resolve) => (this.#becomeReady = resolve));
+
+  constructor() {
+    this.name = `page-${Math.random().toString(36).slice(2, 8)}`;
+    this.connection = new Connection(
+      (message) => this.#receive(message),
+      () => ({
+        op: "hello",
+        console: this.name,
+        operator: operator.name,
+        topics: TOPICS,
+        resume: this.#heard,
+      }),
+    );
+    setInterval(() => this.#tell("second"), 1000);
+  }
+
+  /** The addresses at which no rover was reached yet. */
+  get tried() {
+    return [...this.#tried.keys()];
+  }
+
+  /** The time by the server's clock, seconds since 1970-01-01 UTC. */
+  get now() {
+    return Date.now() / 1000 + this.connection.ahead_s;
+  }
+
+  /**
+   * @param {"second" | "assets" | "presence" | "object"} topic
+   * @param {(what?: any) => void} listener
+   */
+  on(topic, listener) {
+    if (!this.#listeners.has(topic)) this.#listeners.set(topic, new Set());
+    this.#listeners.get(topic).add(listener);
+    return () => this.#listeners.get(topic).delete(listener);
+  }
+
+  /** @param {() => void} listener */
+  onSecond(listener) {
+    return this.on("second", listener);
+  }
+
+  #tell(topic, what) {
+    for (const listener of [...(this.#listeners.get(topic) ?? [])]) listener(what);
+  }
+
+  /** Return an asset, new if it was not heard of. @param {string} name */
+  asset(name) {
+    let asset = this.assets.get(name);
+    if (!asset) {
+      asset = new Asset(name);
+      this.assets.set(name, asset);
+      this.#tell("assets");
+      this.#readPast(asset);
+    }
+    return asset;
+  }
+
+  /** Why nothing is there to be seen, and what to do. @param {Asset} [asset] */
+  unreached(asset) {
+    if (this.connection.status !== "open") {
+      return "rover-console does not answer. This page goes on by itself when it is back.";
+    }
+    if (!asset) return "No rover is connected: start one with ./rover demo --stay";
+    const links = [...asset.links.values()].map((each) => `${each.link} link (${each.uri}) ${each.state}`);
+    return `${asset.name} cannot be reached: ${links.join(", ") || "no link"}. Start it, for example with ./rover demo --stay`;
+  }
+
+  /** @param {any} message */
+  #receive(message) {
+    if (message.seq !== undefined) this.#heard.seq = message.seq;
+    switch (message.ty) {
+      case "hello":
+        if (message.operator !== operator.name) operator.name = message.operator;
+        if (!message.resumed) this.#catchUp();
+        this.#heard = { instance: message.instance, seq: message.resumed ? this.#heard.seq : message.seq };
+        break;
+      case "tm":
+        this.asset(message.asset).addSample(message);
+        break;
+      case "cmd":
+        this.asset(message.asset).setCommand(message);
+        break;
+      case "ntf":
+        this.asset(message.asset).addNotices([message]);
+        break;
+      case "auth":
+        this.#set(message, "authority");
+        break;
+      case "asset":
+        this.#set(message, "status");
+        break;
+      case "tree":
+        this.#set(message, "tree");
+        break;
+      case "plan":
+        this.#set(message, "plan");
+        break;
+      case "link": {
+        if (message.asset === "") {
+          this.#tried.set(message.uri, message);
+          this.#tell("assets");
+          break;
+        }
+        this.#tried.delete(message.uri);
+        const asset = this.asset(message.asset);
+        asset.links.set(message.link, message);
+        asset.changed("links");
+        break;
+      }
+      case "file":
+        this.asset(message.asset).changed("files", message);
+        break;
+      case "presence":
+        this.presence = message.consoles;
+        this.#tell("presence");
+        break;
+      case "dictionary":
+        this.#readDictionary();
+        break;
+      case "obj":
+        this.#tell("object", message);
+        break;
+    }
+  }
+
+  /** Read anew what the socket will not tell again. */
+  #catchUp() {
+    this.#readDictionary();
+    for (const asset of this.assets.values()) this.#readPast(asset);
+  }
+
+  #set(message, field) {
+    const asset = this.asset(message.asset);
+    asset[field] = message;
+    asset.changed(field);
+  }
+
+  async #readDictionary() {
+    try {
+      const dictionary = await ask("/api/dictionary");
+      for (const [name, entry] of Object.entries(dictionary.assets)) {
+        const asset = this.asset(name);
+        asset.entry = entry;
+        asset.changed("entry");
+      }
+      this.#becomeReady();
+      this.#tell("assets");
+    } catch (error) {
+      console.warn(error.message);
+    }
+  }
+
+  /** Read where it was, and what it told, before this page listened. @param {Asset} asset */
+  async #readPast(asset) {
+    const start = this.now - HISTORY_S;
+    const name = encodeURIComponent(asset.name);
+    try {
+      const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_NOTICES}`);
+      asset.addNotices(told.notifications.reverse());
+      const [xs, ys, headings] = await Promise.all(POSE.map((key) => ask(`/api/tm/${name}/${key}?start=${start}`)));
+      asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
+    } catch (error) {
+      console.warn(error.message);
+    }
+  }
+}
+
+/** Join samples of the same moment. */
+function fixesOf(xs, ys, headings) {
+  const at = (samples) => new Map(samples.map((each) => [each.utc, each.value]));
+  const [y, heading] = [at(ys), at(headings)];
+  return xs
+    .filter((each) => typeof each.value === "number" && typeof y.get(each.utc) === "number" && typeof heading.get(each.utc) === "number")
+    .map((each) => ({ utc: each.utc, x: each.value, y: y.get(each.utc), heading: heading.get(each.utc) }));
+}

@@ -1,0 +1,155 @@
+/** The whole console: Open MCT with the rovers as its objects, and the bar with STOP above it. */
+
+import * as bar from "./bar.js";
+import { cursor } from "./context.js";
+import { login } from "./login.js";
+import { identifierOf, objects, partsOf } from "./openmct/objects.js";
+import { storedObjects } from "./openmct/stored_objects.js";
+import { telemetry } from "./openmct/telemetry.js";
+import { views } from "./openmct/views.js";
+import { Session } from "./session.js";
+
+const MINUTE_MS = 60_000;
+const AHEAD_MS = 5_000;
+const TICK_MS = 250;
+const TRIES = 20;
+const SPANS = { "5 minutes": 5, "15 minutes": 15, "1 hour": 60, "6 hours": 360 };
+const LOOKS = "hideInspector=true&hideRecents=true";
+
+await login();
+const session = new Session();
+const { openmct } = window;
+
+/** The clock of rover-console: that of this browser may be wrong. */
+class ConsoleClock {
+  key = "console";
+  name = "Console clock";
+  description = "The time by the clock of rover-console";
+  cssClass = "icon-clock";
+  #listeners = new Set();
+
+  constructor() {
+    setInterval(() => this.#listeners.forEach((each) => each(this.currentValue())), TICK_MS);
+  }
+
+  on(_, listener) {
+    this.#listeners.add(listener);
+  }
+
+  off(_, listener) {
+    this.#listeners.delete(listener);
+  }
+
+  currentValue() {
+    return session.now * 1000;
+  }
+}
+
+const { plugins } = openmct;
+openmct.setAssetPath("/vendor/openmct/");
+for (const plugin of [
+  plugins.Espresso(),
+  plugins.UTCTimeSystem(),
+  plugins.DisplayLayout({ showAsView: ["summary-widget"] }),
+  plugins.LADTable(),
+  plugins.Notebook(),
+  plugins.Timeline(),
+  plugins.Hyperlink(),
+  plugins.BarChart(),
+  plugins.ScatterPlot(),
+  plugins.ClearData(["table", "telemetry.plot.overlay", "telemetry.plot.stacked"], { indicator: false }),
+  objects(session),
+  views(session, (name) => shown.choose(name)),
+  telemetry(session),
+  storedObjects(session),
+]) {
+  openmct.install(plugin);
+}
+
+openmct.time.addClock(new ConsoleClock());
+openmct.install(
+  plugins.Conductor({
+    menuOptions: [
+      {
+        name: "Real-time",
+        timeSystem: "utc",
+        clock: "console",
+        clockOffsets: { start: -5 * MINUTE_MS, end: AHEAD_MS },
+        presets: Object.entries(SPANS).map(([label, minutes]) => ({
+          label,
+          bounds: { start: -minutes * MINUTE_MS, end: AHEAD_MS },
+        })),
+      },
+      {
+        name: "Fixed",
+        timeSystem: "utc",
+        bounds: { start: Date.now() - 60 * MINUTE_MS, end: Date.now() },
+        presets: Object.entries(SPANS).map(([label, minutes]) => ({
+          label: `Last ${label}`,
+          bounds: { start: () => Date.now() - minutes * MINUTE_MS, end: () => Date.now() },
+        })),
+      },
+    ],
+  }),
+);
+openmct.time.setTimeSystem("utc");
+openmct.time.setClock("console");
+openmct.time.setClockOffsets({ start: -5 * MINUTE_MS, end: AHEAD_MS });
+openmct.time.setMode("realtime");
+
+/** In fixed time the map shows where the rover was at the end of the span. */
+function followTime() {
+  const isFixed = openmct.time.isFixed();
+  if (isFixed) cursor.set(openmct.time.getBounds().end / 1000);
+  else if (wasFixed) cursor.set(null);
+  wasFixed = isFixed;
+}
+let wasFixed = false;
+openmct.time.on("boundsChanged", (_, isTick) => isTick || followTime());
+openmct.time.on("modeChanged", followTime);
+
+/** @type {{name: string | null, choose: (name: string) => void}} */
+const shown = {
+  name: null,
+  choose: (name) => {
+    shown.name = name;
+    const path = [identifierOf(), identifierOf(name), identifierOf(name, "layout")];
+    const keys = path.map((each, index) => (index ? `rover:${each.key}` : "rover:rovers")).join("/");
+    location.hash = `#/browse/${keys}?${LOOKS}`;
+  },
+};
+
+/** The asset of the object that is shown; else the first. */
+function chosen() {
+  const found = /rover:([^/?]+)(?:[?]|$)/.exec(location.hash.replace(/rover:rovers\/?/, ""));
+  const name = found ? partsOf({ key: found[1] })[0] : null;
+  if (name && session.assets.has(name)) return name;
+  return [...session.assets.keys()].sort()[0] ?? null;
+}
+
+/** Without a place in the address show the first rover, as soon as there is one. */
+function choose() {
+  const name = chosen();
+  if (isUnplaced && name !== null) {
+    isUnplaced = false;
+    shown.choose(name);
+  }
+  shown.name = name;
+}
+let isUnplaced = !location.hash.includes(":");
+if (isUnplaced) location.hash = `#/browse/rover:rovers?${LOOKS}`;
+
+/** Open the branch of what is shown, when it is there. @param {number} tries */
+function openTree(tries) {
+  if (tries === 0 || document.querySelector(".l-shell__pane-tree .is-navigated-object")) return;
+  document.querySelector(".l-shell__sync-tree-button")?.click();
+  setTimeout(() => openTree(tries - 1), TICK_MS);
+}
+
+session.on("assets", choose);
+addEventListener("hashchange", choose);
+bar.mount(document.querySelector("#top"), session, shown);
+await session.ready;
+choose();
+openmct.on("start", () => openTree(TRIES));
+openmct.start(document.querySelector("#openmct"));

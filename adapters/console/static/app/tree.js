@@ -1,0 +1,229 @@
+/**
+ * The behaviour tree, live: a node a row, what it says beside its name, and in words why the rover
+ * stands or what moves it. Branches in which nothing is done are folded until somebody opens them.
+ */
+
+import { eachFrame, html, keep, say, set, svg } from "./dom.js";
+import { clock } from "./words.js";
+
+/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("./asset.js").TreeNode} TreeNode */
+
+const ROW = 22;
+const INDENT = 18;
+const LEFT = 14;
+const LATE_S = 5;
+const MARKS = {
+  selector: ["?", "selector: the first child that does not fail"],
+  sequence: ["→", "sequence: one child after the other"],
+  parallel: ["⇉", "parallel: all children side by side"],
+  decorator: ["◆", "decorator"],
+  condition: ["◇", "condition"],
+  take: ["▹", "takes a goal of a queue"],
+  leaf: ["▸", "leaf"],
+  planned: ["·", "of a plan"],
+};
+const LOOKS = {
+  running: "running",
+  success: "success",
+  declined: "nothing to do",
+  failure: "failed",
+  idle: "not ticked",
+};
+
+/**
+ * @param {HTMLElement} element
+ * @param {Context} context
+ * @returns {() => void}
+ */
+export function mount(element, context) {
+  const { asset, session, selection } = context;
+  /** @type {Map<string, boolean>} what the operator folded or opened, by path */
+  const chosen = new Map();
+
+  const mode = html("span", { className: "mode" });
+  const why = html("span", { className: "why" });
+  const search = html("input", {
+    type: "search",
+    placeholder: "find a node",
+    "aria-label": "find a node",
+    oninput: () => draw(),
+  });
+  const all = html("button", {
+    type: "button",
+    textContent: "open all",
+    onclick: () => openAll(all.textContent === "open all"),
+  });
+  const rows = svg("svg", { class: "tree", role: "tree", "aria-label": "behaviour tree" });
+  const empty = html("p", { className: "empty" });
+  const legend = html(
+    "p",
+    { className: "legend" },
+    ...Object.entries(LOOKS).map(([look, words]) =>
+      html("span", {}, svg("svg", { width: 14, height: 14, class: look }, sign(7, 7)), words),
+    ),
+  );
+  const head = html("header", {}, mode, why, html("span", { className: "tools" }, search, all));
+  const root = html(
+    "section",
+    { className: "rover-view tree-view" },
+    head,
+    empty,
+    html("div", { className: "scroll" }, rows),
+    legend,
+  );
+  element.append(root);
+
+  function openAll(open) {
+    chosen.clear();
+    for (const node of nodes()) chosen.set(node.path, open);
+    if (!open) chosen.clear();
+    all.textContent = open ? "fold" : "open all";
+    draw();
+  }
+
+  const isFresh = () => session.now - asset.tree.utc < LATE_S;
+
+  /** @returns {TreeNode[]} */
+  const nodes = () => asset.tree?.nodes ?? [];
+
+  function render() {
+    const tree = asset.tree;
+    root.classList.toggle("stale", tree !== null && !isFresh());
+    empty.hidden = tree !== null;
+    legend.hidden = head.hidden = tree === null;
+    if (tree === null) {
+      say(mode, "");
+      say(why, "");
+      say(empty, asset.isReached ? "The rover has not told of its behaviour tree yet." : session.unreached(asset));
+      rows.replaceChildren();
+      return;
+    }
+    say(mode, tree.mode);
+    mode.dataset.mode = tree.mode;
+    say(why, isFresh() ? tree.why : `as of ${clock(tree.utc)}: ${tree.why}`);
+    drawRows(visible(tree.nodes, search.value.trim().toLowerCase(), chosen));
+  }
+
+  function drawRows(shown) {
+    const width = Math.max(320, ...shown.map((row) => row.x + 30 + 7.3 * (row.node.name.length + row.node.message.length + 4)));
+    set(rows, { width, height: shown.length * ROW + 6, viewBox: `0 0 ${width} ${shown.length * ROW + 6}` });
+    keep(rows, shown, (row) => row.node.path, makeRow, updateRow);
+  }
+
+  function makeRow(row) {
+    const title = svg("title", {}, MARKS[row.node.kind]?.[1] ?? row.node.kind);
+    const made = svg(
+      "g",
+      { role: "treeitem", tabindex: -1 },
+      svg("rect", { class: "back", x: 0, height: ROW, width: "100%" }),
+      svg("path", { class: "branch" }),
+      svg("text", { class: "fold" }),
+      svg("g", { class: "status" }, sign(0, 0)),
+      svg("text", { class: "name" }, title, svg("tspan", { class: "mark" }), svg("tspan")),
+      svg("text", { class: "message" }),
+    );
+    made.querySelector(".fold").addEventListener("click", (event) => {
+      event.stopPropagation();
+      chosen.set(made.dataset.key, made.getAttribute("aria-expanded") !== "true");
+      draw();
+    });
+    made.addEventListener("click", () => selection.selectNode(made.dataset.key));
+    return made;
+  }
+
+  function updateRow(made, row) {
+    const { node, index, x, look, children, open, hit } = row;
+    const y = index * ROW + ROW / 2 + 3;
+    const [back, branch, fold, status, name, message] = made.children;
+    set(made, { class: `${look}${hit ? " hit" : ""}${selection.isNode(asset, node) ? " selected" : ""}`, "data-look": look });
+    if (children) made.setAttribute("aria-expanded", String(open));
+    set(back, { y: y - ROW / 2 });
+    const up = row.parent === null ? 0 : (row.index - row.parent) * ROW;
+    set(branch, {
+      d: row.parent === null ? "" : `M${x - INDENT + 1} ${y - up + 9}V${y}H${x - 8}`,
+    });
+    set(fold, { x: x + 12, y: y + 4 });
+    say(fold, children ? (open ? "▾" : "▸") : "");
+    set(status, { transform: `translate(${x} ${y})` });
+    const at = x + (children ? 26 : 12);
+    set(name, { x: at, y: y + 4.5 });
+    const [, mark, words] = name.children;
+    say(mark, `${MARKS[node.kind]?.[0] ?? ""} `);
+    say(words, open || !children ? node.name : `${node.name}  (${children})`);
+    const label = node.name.length + (open || !children ? 0 : 3 + String(children).length) + 3;
+    set(message, { x: at + 4 + 7.3 * label, y: y + 4.5 });
+    say(message, look === "running" || look === "failure" ? node.message : "");
+  }
+
+  const draw = eachFrame(render);
+  const offs = [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(draw)];
+  draw();
+  return () => {
+    offs.forEach((off) => off());
+    root.remove();
+  };
+}
+
+/** The signs of a status, of which the style shows the one that fits. */
+function sign(x, y) {
+  return svg(
+    "g",
+    { transform: `translate(${x} ${y})`, class: "sign" },
+    svg("circle", { r: 5 }),
+    svg("path", { class: "tick", d: "M-2.6 .2L-.7 2.2L2.8-2" }),
+    svg("path", { class: "cross", d: "M-2-2L2 2M2-2L-2 2" }),
+    svg("path", { class: "dash", d: "M-2.4 0H2.4" }),
+  );
+}
+
+/**
+ * Return the rows to draw, of nodes in depth-first order.
+ * @param {TreeNode[]} nodes
+ * @param {string} sought
+ * @param {Map<string, boolean>} chosen
+ */
+export function visible(nodes, sought, chosen) {
+  const parents = parentsOf(nodes);
+  const below = nodes.map(() => 0);
+  const matters = nodes.map((node) => node.look === "running" || node.look === "failure");
+  const hits = nodes.map((node) => sought !== "" && node.name.toLowerCase().includes(sought));
+  const holdsHit = [...hits];
+  for (let index = nodes.length - 1; index > 0; index--) {
+    const parent = parents[index];
+    if (parent === null) continue;
+    below[parent] += 1 + below[index];
+    holdsHit[parent] ||= holdsHit[index];
+  }
+  const rows = [];
+  const places = new Map();
+  for (const [index, node] of nodes.entries()) {
+    const parent = parents[index];
+    if (parent !== null && !places.get(parent)?.open) continue;
+    if (sought !== "" && !holdsHit[index]) continue;
+    const open = sought !== "" || (chosen.get(node.path) ?? (matters[index] || node.depth === 0));
+    const row = {
+      node,
+      index: rows.length,
+      parent: parent === null ? null : places.get(parent).index,
+      x: LEFT + node.depth * INDENT,
+      look: node.look,
+      children: below[index],
+      open,
+      hit: hits[index],
+    };
+    places.set(index, row);
+    rows.push(row);
+  }
+  return rows;
+}
+
+/** Return the index of each node's parent, null for a root. */
+function parentsOf(nodes) {
+  const path = [];
+  return nodes.map((node, index) => {
+    path.length = node.depth;
+    path.push(index);
+    return path.length > 1 ? (path[path.length - 2] ?? null) : null;
+  });
+}
