@@ -1,0 +1,97 @@
+"""A simulated rover, its executive and a console, as processes; and browsers that look at it."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from playwright.sync_api import Browser, Page, Request, sync_playwright
+
+from tests.support.browser import BROWSER
+from tests.support.processes import Running, executive, running, simulation
+
+SIZE: Final = (1600, 1000)
+LIMIT_MS: Final = 30_000
+_OPTIONS: Final = (
+    "--headless",
+    "--no-sandbox",  # it does not start as root otherwise
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+_NAMED: Final = "sessionStorage.setItem('rover-console-operator', {name!r})"
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A console that runs."""
+
+    folder: Path
+    port: int
+    to: str
+
+    @property
+    def url(self) -> str:
+        """Where it is."""
+        return f"http://127.0.0.1:{self.port}/"
+
+    @contextmanager
+    def console(self) -> Iterator[Running]:
+        """Run it for the time of the with."""
+        arguments = ("--port", str(self.port), "--to", self.to, "--data", str(self.folder / "data"))
+        number = len(list(self.folder.glob("console-*.log")))
+        with running(self.folder / f"console-{number}.log", "rover-console", *arguments) as process:
+            process.said(re.escape(self.url))
+            yield process
+
+
+@contextmanager
+def rover(folder: Path) -> Iterator[str]:
+    """Run a simulated rover and its executive; give the address of its link."""
+    with simulation(folder), executive(folder) as (_, uri):
+        yield uri
+
+
+@dataclass(slots=True)
+class Visitors:
+    """People with a browser each; what went wrong on their pages is kept.
+
+    Attributes:
+        errors: of scripts, and what the pages wrote to their console as errors.
+        requests: what was asked for elsewhere than at the console.
+    """
+
+    browser: Browser
+    errors: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def visit(self, url: str, operator: str, size: tuple[int, int] = SIZE) -> Page:
+        """Open a page under a name, in a browser profile of its own."""
+        context = self.browser.new_context(viewport={"width": size[0], "height": size[1]})
+        context.set_default_timeout(LIMIT_MS)
+        context.add_init_script(_NAMED.format(name=operator))
+        page = context.new_page()
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("request", lambda request: self._note(request))
+        page.goto(url)
+        return page
+
+    def _note(self, request: Request) -> None:
+        if not re.match(r"(https?|wss?)://127\.0\.0\.1:|data:|blob:", request.url):
+            self.requests.append(request.url)
+
+
+@contextmanager
+def visitors() -> Iterator[Visitors]:
+    """Give people a browser for the time of the with."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=list(_OPTIONS))
+        try:
+            yield Visitors(browser)
+        finally:
+            browser.close()

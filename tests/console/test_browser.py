@@ -1,0 +1,228 @@
+"""The console in a real browser, against a simulated rover over the real services."""
+
+import re
+import shutil
+import signal
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.conftest import port_of
+from tests.console.site import LIMIT_MS, Site, Visitors, rover, visitors
+from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
+]
+
+ZONES = """
+zones:
+  keep_out: [{name: crater, corners_m: [[1, -3.2], [3, -3.4], [3.4, -1.6], [1.2, -1.4]]}]
+  rocks: [{name: boulder, x_m: -1.2, y_m: 1.4, radius_m: 0.4}]
+"""
+
+expect.set_options(timeout=LIMIT_MS)
+
+
+@pytest.fixture(scope="module")
+def site(
+    module_ros_domain: int, patient: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Site]:
+    """Give a console that runs, of a rover whose commands need the authority."""
+    folder = tmp_path_factory.mktemp("console")
+    config = folder / "config"
+    shutil.copytree(patient, config)
+    with (config / "jackal.yaml").open("a", encoding="utf-8") as settings:
+        settings.write(f"\nauthority: {{needed: true}}{ZONES}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROVER_CONFIG", str(config))
+        with rover(folder) as uri:
+            site = Site(folder, port_of(module_ros_domain), uri)
+            with site.console():
+                yield site
+
+
+@pytest.fixture(scope="module")
+def people() -> Iterator[Visitors]:
+    """Give browsers; nothing may fail on any page, and nothing may be asked for elsewhere."""
+    with visitors() as people:
+        yield people
+    assert people.errors == []
+    assert people.requests == []
+
+
+@pytest.fixture
+def page(site: Site, people: Visitors) -> Iterator[Page]:
+    """Give the whole console, as anna sees it, who holds the authority."""
+    page = people.visit(site.url, "anna")
+    page.get_by_role("button", name="request", exact=True).click()
+    expect(page.get_by_test_id("holder")).to_have_text("you command")
+    yield page
+    page.get_by_role("button", name="release").click()
+    expect(page.get_by_test_id("holder")).to_have_text("nobody commands")
+    page.context.close()
+
+
+def test_a_command_is_previewed_sent_and_executed_and_the_rover_moves_on_the_map(
+    page: Page,
+) -> None:
+    marker = page.get_by_test_id("rover")
+    expect(marker).to_have_attribute("data-x", re.compile(r"^-?0\.[0-9]+$"))
+    click_at(page, 1.0, 0.5)
+    expect(page.get_by_label("x", exact=True)).to_have_value(re.compile(r"^(0\.9|1)"))
+    expect(page.get_by_test_id("preview")).to_contain_text(re.compile(r"takes [0-9.]+ s"))
+    page.screenshot(path=picture("console-preview"))
+    page.get_by_role("button", name="Send moveTo to jackal").click()
+    command = commands(page, "moveTo").first
+    expect(command).to_have_attribute("data-state", "started")
+    expect(command.locator("[data-stage=EXECUTED]")).to_have_attribute("data-reached", "false")
+    expect(marker).to_have_attribute("data-x", re.compile(r"^0\.[3-9]"))
+    page.screenshot(path=picture("console"))
+    expect(command).to_have_attribute("data-state", "executed")
+    for stage in ("SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"):
+        reached = command.locator(f"[data-stage={stage}]")
+        expect(reached).to_have_attribute("data-reached", "true")
+    expect(marker).to_have_attribute("data-x", re.compile(r"^(0\.9|1\.0)"))
+    expect(page.get_by_test_id("outcome")).to_contain_text("predicted")
+    page.screenshot(path=picture("console-executed"))
+
+
+def test_what_the_rover_refuses_and_what_makes_no_sense_is_told(page: Page) -> None:
+    choose(page, "moveForward")
+    distance = page.get_by_label("distance", exact=True)
+    distance.fill("1000")
+    expect(page.get_by_text("not in -100 … 100 m")).to_be_visible()
+    expect(page.get_by_role("button", name="Send moveForward")).to_be_disabled()
+    distance.fill("95")
+    expect(page.get_by_test_id("preview")).to_contain_text(re.compile(r"takes [0-9.]+ s"))
+
+
+def test_a_second_console_is_refused_and_then_granted(
+    site: Site, page: Page, people: Visitors
+) -> None:
+    other = people.visit(f"{site.url}lite", "bert")
+    expect(other.get_by_test_id("holder")).to_have_text("anna commands")
+    choose(other, "rotateBy")
+    other.get_by_label("angle", exact=True).fill("10")
+    expect(other.get_by_text("anna commands: request it above")).to_be_visible()
+    refused = other.request.post(
+        f"{site.url}api/commands",
+        headers={"X-Rover-Operator": "bert"},
+        data={"id": "bert-1", "asset": "jackal", "name": "rotateBy", "args": {"angle": 0.1}},
+    )
+    assert (refused.status, refused.json()["holder"]) == (403, "anna")
+    other.get_by_role("button", name="request", exact=True).click()
+    page.get_by_role("button", name="hand over to bert").click()
+    expect(other.get_by_test_id("holder")).to_have_text("you command")
+    other.get_by_role("button", name="Send rotateBy to jackal").click()
+    expect(commands(page, "rotateBy").first).to_have_attribute("data-state", "executed")
+    page.get_by_role("button", name="request", exact=True).click()
+    other.get_by_role("button", name="hand over to anna").click()
+    expect(page.get_by_test_id("holder")).to_have_text("you command")
+    other.context.close()
+
+
+def test_a_stop_from_whoever_has_no_authority_stops_the_rover(
+    site: Site, page: Page, people: Visitors
+) -> None:
+    other = people.visit(f"{site.url}lite", "bert")
+    choose(page, "moveForward")
+    page.get_by_label("distance", exact=True).fill("20")
+    page.get_by_role("button", name="Send moveForward to jackal").click()
+    moving = commands(other, "moveForward").first
+    expect(moving).to_have_attribute("data-state", "started")
+    other.keyboard.press("F8")
+    expect(moving).to_have_attribute("data-state", "cancelled")
+    expect(page.get_by_test_id("mode")).to_have_text("STOPPED")
+    expect(page.get_by_test_id("holder")).to_have_text("you command")
+    other.screenshot(path=picture("console-light"))
+    choose(page, "resume")
+    page.get_by_role("button", name="Send resume to jackal").click()
+    expect(page.get_by_test_id("mode")).to_have_text("IDLE")
+    other.context.close()
+
+
+def test_the_light_page_loads_without_open_mct(site: Site, people: Visitors) -> None:
+    asked: list[str] = []
+    page = people.visit("about:blank", "bert", (420, 800))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(f"{site.url}lite")
+    expect(page.get_by_test_id("value-POS_X")).to_have_text(re.compile(r"^-?[0-9.]+$"))
+    expect(page.get_by_test_id("stop")).to_be_visible()
+    assert not [url for url in asked if "vendor" in url]
+    page.screenshot(path=picture("console-light-narrow"))
+    page.context.close()
+
+
+def test_a_page_recovers_by_itself_when_the_console_was_killed(
+    site: Site, people: Visitors, module_ros_domain: int
+) -> None:
+    own = Site(site.folder / "killed", port_of(module_ros_domain), site.to)
+    own.folder.mkdir()
+    with own.console() as process:
+        page = people.visit(own.url, "anna")
+        heard = page.get_by_test_id("value-POS_X")
+        expect(heard).to_have_text(re.compile(r"^-?[0-9.]+$"))
+        process.end(signal.SIGKILL)
+    lost = page.get_by_text("No connection to rover-console")
+    expect(lost).to_be_visible()
+    people.errors.clear()  # a browser writes each attempt to connect to its console
+    with own.console():
+        expect(lost).to_be_hidden()
+        before = heard.get_attribute("title")
+        expect(heard).not_to_have_attribute("title", before or "")
+        page.context.close()
+
+
+def test_a_console_without_a_rover_says_how_to_start_one(
+    site: Site, people: Visitors, module_ros_domain: int
+) -> None:
+    nobody = f"maltcp://127.0.0.1:{port_of(module_ros_domain)}/MRS"
+    own = Site(site.folder / "alone", port_of(module_ros_domain), nobody)
+    own.folder.mkdir()
+    with own.console():
+        for path in ("", "lite"):
+            page = people.visit(f"{own.url}{path}", "anna")
+            expect(page.get_by_text("./rover demo --stay").first).to_be_visible()
+            page.screenshot(path=picture(f"console-empty{path and '-light'}"))
+            page.context.close()
+
+
+def test_what_is_served_is_light_enough_for_a_first_visit(site: Site) -> None:
+    request = urllib.request.Request(
+        f"{site.url}vendor/openmct/openmct.js", headers={"Accept-Encoding": "gzip"}
+    )
+    with urllib.request.urlopen(request) as answer:
+        assert answer.headers["Content-Encoding"] == "gzip"
+        assert int(answer.headers["Content-Length"]) < 1.2e6
+
+
+def click_at(page: Page, x_m: float, y_m: float) -> None:
+    """Click the map at a place, as it is drawn around the rover."""
+    marker = page.get_by_test_id("rover")
+    box = page.locator("svg.map").bounding_box()
+    assert box is not None
+    here = [float(marker.get_attribute(f"data-{axis}") or "nan") for axis in "xy"]
+    scale = float(page.locator("svg.map").get_attribute("data-scale") or "nan")
+    page.mouse.click(
+        box["x"] + box["width"] / 2 + (x_m - here[0]) * scale,
+        box["y"] + box["height"] / 2 - (y_m - here[1]) * scale,
+    )
+
+
+def choose(page: Page, command: str) -> None:
+    page.get_by_label("command", exact=True).select_option(command)
+
+
+def commands(page: Page, name: str) -> Locator:
+    return page.locator(f".command[data-name={name}]")
+
+
+def picture(name: str) -> Path:
+    ARTIFACTS.mkdir(parents=True, exist_ok=True)
+    return ARTIFACTS / f"{name}.png"
