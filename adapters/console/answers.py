@@ -16,6 +16,8 @@ from adapters.console.messages import CommandStatus, plain
 MOST_OCTETS: Final = 1 << 20
 """Of the body of a request."""
 
+COMPRESSED_ASIDE: Final = 1 << 16
+"""Octets of an answer from which on a thread compresses it, so that the loop goes on."""
 HIGHEST: Final = 1e11
 """Of a number in a query: seconds of three thousand years."""
 
@@ -63,7 +65,7 @@ def refused(status: HTTPStatus, error: str, **more: Any) -> RefusedError:
 def answer(value: Any, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
     """Return a value as JSON."""
     text = json.dumps(plain(value), separators=(",", ":"))
-    return web.Response(text=text, status=status, content_type="application/json")
+    return json_answer(text, status)
 
 
 @web.middleware
@@ -152,6 +154,11 @@ def one_of(kind: type[E], name: str, value: object) -> E:
     return kind(value)
 
 
-def json_answer(text: str) -> web.Response:
+def json_answer(text: str, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
     """Return JSON that is written already."""
-    return web.Response(text=text, content_type="application/json")
+    return web.Response(
+        text=text,
+        status=status,
+        content_type="application/json",
+        zlib_executor_size=COMPRESSED_ASIDE,
+    )

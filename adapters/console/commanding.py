@@ -14,6 +14,7 @@ from http import HTTPStatus
 from typing import Any, Final, get_args
 
 from adapters.console.answers import one_of, refused
+from adapters.console.archive import ArchiveError
 from adapters.console.authority_desk import AuthorityDesk
 from adapters.console.dictionary import FORMS
 from adapters.console.fleet import Asset, Fleet
@@ -22,6 +23,7 @@ from adapters.console.posted import BadArgument, request_of
 from adapters.console.rover_link import RoverLink
 from adapters.console.tracker import CONSOLE, HEARD_WITHIN_S, ORBITER, SENT, CommandTracker
 from adapters.mal import MalError
+from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError, Preview, describe_error
 from executive.commands import Arrival, Command, Family, Motion, Request, Stop
 
@@ -92,6 +94,7 @@ class Commanding:
     ) -> None:
         self._fleet, self._tracker, self._desk = fleet, tracker, desk
         self._keep, self._find = keep, find
+        self._posting: set[str] = set()
         self._sending: set[asyncio.Task[None]] = set()
 
     async def post(self, operator: str, posted: Posted) -> CommandStatus:
@@ -100,27 +103,30 @@ class Commanding:
         Raises:
             RefusedError: it is not sent.
         """
+        if posted.name == STOP:  # nothing stands before it
+            return await self.stop(operator, posted.asset, posted.id)
         await self._require_new(posted.id)
-        asset = self._asset(posted.asset)
-        request = self._request(asset, posted.name, posted.args)
-        link = self._link(asset, posted.link)
-        epoch = None
-        if not isinstance(request, Stop):
-            epoch = self._desk.claim(link, operator)
-        command = self._desk.client(link).command(
-            request,
-            source=self._desk.source(link, operator),
-            lifetime_s=posted.lifetime_s,
-            arrival=posted.arrival,
-            authority=epoch,
-        )
-        status = self._begin(operator, posted, link, command)
-        if isinstance(request, Stop):  # nothing stands before it
-            self._send(link, status.id, command)
+        try:
+            asset = self._asset(posted.asset)
+            request = self._request(asset, posted.name, posted.args)
+            link = self._link(asset, posted.link)
+            client = self._desk.client(link)
+            command = client.command(
+                request,
+                source=self._desk.source(link, operator),
+                lifetime_s=posted.lifetime_s,
+                arrival=posted.arrival,
+                authority=self._desk.claim(link, operator),
+            )
+            status = _status(operator, posted, link, command)
             await self._keep(status)
-        else:
-            await self._keep(status)
-            self._send(link, status.id, command)
+            self._tracker.begin(status)
+        except ArchiveError as error:
+            text = f"{error}: nothing was sent; make room, then post it again"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
+        finally:
+            self._posting.discard(posted.id)
+        self._send(client, link, status.id, command)
         return status
 
     async def stop(self, operator: str, asset: str, name: str | None) -> CommandStatus:
@@ -135,23 +141,18 @@ class Commanding:
             RefusedError: it cannot be reached.
         """
         _LOG.warning("%s stops %s", operator, asset)
-        found = [
-            link
-            for link in self._asset(asset).links.values()
-            if link.state is not LinkState.DOWN and link.client is not None
-        ]
+        links = self._asset(asset).links.values()
+        found = [(link, link.client) for link in links if link.client is not None]
         if not found:
             raise _unreachable(asset)
-        first, *others = found
-        fresh = name is None or self._tracker.get(name) is not None
-        posted = Posted(secrets.token_hex(8) if fresh or name is None else name, asset, STOP, {})
-        source = self._desk.source(first, operator)
-        command = self._desk.client(first).command(Stop(), source=source)
-        status = self._begin(operator, posted, first, command)
-        self._send(first, status.id, command)
-        for link in others:
-            self._send(link, status.id, command)
-        await self._keep(status)
+        if name is None or self._tracker.get(name) is not None:
+            name = secrets.token_hex(8)
+        link, client = found[0]
+        command = client.command(Stop(), source=self._desk.source(link, operator))
+        status = _status(operator, Posted(name, asset, STOP, {}), link, command)
+        self._tracker.begin(status)
+        for link, client in found:
+            self._send(client, link, name, command)
         return status
 
     async def preview(self, name: str, motion: str, args: object) -> Preview:
@@ -183,10 +184,17 @@ class Commanding:
             task.cancel()
 
     async def _require_new(self, name: str) -> None:
-        known = self._tracker.get(name) or await self._find(name)
-        if known is not None:
-            text = f"{name} was posted before, and is not sent again: below is how it stands"
-            raise refused(HTTPStatus.CONFLICT, text, command=known)
+        """Check that an id was never posted, and take it: it is in `_posting` then."""
+        if name not in self._posting:
+            self._posting.add(name)
+            known = self._tracker.get(name) or await self._find(name)
+            if known is None:
+                return
+            self._posting.discard(name)
+        else:
+            known = None
+        text = f"{name} was posted before, and is not sent again: `command` is how it stands"
+        raise refused(HTTPStatus.CONFLICT, text, command=known)
 
     def _asset(self, name: str) -> Asset:
         asset = self._fleet.assets.get(name)
@@ -228,38 +236,17 @@ class Commanding:
             raise _unreachable(asset.entry.asset, by)
         return link
 
-    def _begin(
-        self, operator: str, posted: Posted, link: RoverLink, command: Command
-    ) -> CommandStatus:
-        now_s = time.time()
-        status = CommandStatus(
-            id=posted.id,
-            asset=posted.asset,
-            name=posted.name,
-            args=posted.args if isinstance(posted.args, dict) else {},
-            by=operator,
-            source=command.identity.source,
-            number=command.identity.command_id,
-            link=link.kind,
-            state=CommandState.SENDING,
-            ended=False,
-            made=now_s,
-            deadline=now_s + HEARD_WITHIN_S,
-            history=(StageReached(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
-        )
-        _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
-        self._tracker.begin(status)
-        return status
-
-    def _send(self, link: RoverLink, name: str, command: Command) -> None:
-        task = asyncio.create_task(self._submit(link, name, command))
+    def _send(self, client: MrsClient, link: RoverLink, name: str, command: Command) -> None:
+        task = asyncio.create_task(self._submit(client, link, name, command))
         self._sending.add(task)
         task.add_done_callback(self._sending.discard)
 
-    async def _submit(self, link: RoverLink, name: str, command: Command) -> None:
+    async def _submit(
+        self, client: MrsClient, link: RoverLink, name: str, command: Command
+    ) -> None:
         node = ORBITER if link.kind is Link.RELAY else link.asset
         try:
-            await self._desk.client(link).submit(command)
+            await client.submit(command)
         except MalError as error:
             if error.number in _REFUSALS:
                 self._tracker.refused(name, node, describe_error(error))
@@ -269,6 +256,27 @@ class Commanding:
             self._tracker.doubt(name, f"the link was lost before it was answered: {error}")
         else:
             self._tracker.taken(name, node)
+
+
+def _status(operator: str, posted: Posted, link: RoverLink, command: Command) -> CommandStatus:
+    """Return how a command stands that is about to be sent."""
+    _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
+    now_s = time.time()
+    return CommandStatus(
+        id=posted.id,
+        asset=posted.asset,
+        name=posted.name,
+        args=posted.args if isinstance(posted.args, dict) else {},
+        by=operator,
+        source=command.identity.source,
+        number=command.identity.command_id,
+        link=link.kind,
+        state=CommandState.SENDING,
+        ended=False,
+        made=now_s,
+        deadline=now_s + HEARD_WITHIN_S,
+        history=(StageReached(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
+    )
 
 
 STOP: Final = next(each.name for each in FORMS.values() if each.family is Family.STOP)

@@ -1,13 +1,14 @@
 """The console's HTTP server: its routes, and how they are answered."""
 
 from collections.abc import Sequence
+from http import HTTPStatus
 from pathlib import Path
 from typing import Final
 
 from aiohttp import web
 
 from adapters.console.access import Access
-from adapters.console.answers import MOST_OCTETS, Handler, answer, refusals
+from adapters.console.answers import MOST_OCTETS, Handler, answer, refusals, refused
 from adapters.console.fleet import Fleet
 from adapters.console.hub import Hub
 from adapters.console.sockets import Sockets
@@ -48,6 +49,7 @@ class Server:
                 web.get("/api/dictionary", self._dictionary),
                 *self._routes,
                 web.get("/ws", sockets.serve),
+                web.get("/api/{rest:.*}", _nothing),
                 *(web.get(path, self._page) for path in _PAGES),
                 web.static("/", STATIC, append_version=False),
             ]
@@ -76,3 +78,8 @@ async def _compressed(request: web.Request, handler: Handler) -> web.StreamRespo
     if not response.prepared and (is_page or is_json):
         response.enable_compression()
     return response
+
+
+async def _nothing(request: web.Request) -> web.Response:
+    text = f"there is no {request.path}: docs/console.md has what there is"
+    raise refused(HTTPStatus.NOT_FOUND, text)

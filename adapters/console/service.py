@@ -126,11 +126,11 @@ async def _serving(
         raise StartError(f"TLS: {error}") from error
     commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
     routes = [*Operations(commanding, desk).routes(), *History(archive, publish).routes()]
-    runner = web.AppRunner(Server(hub, fleet, access, routes).application(), access_log=None)
-    await runner.setup()
-    site = web.TCPSite(
-        runner, options.host, options.port, ssl_context=context, shutdown_timeout=1.0
+    runner = web.AppRunner(
+        Server(hub, fleet, access, routes).application(), access_log=None, shutdown_timeout=1.0
     )
+    await runner.setup()
+    site = web.TCPSite(runner, options.host, options.port, ssl_context=context)
     working = [archive.run(), tracker.run(), desk.run(), retain(archive, options.retention)]
     tasks = [asyncio.create_task(each) for each in working]
     try:

@@ -1,7 +1,7 @@
 """What the console keeps: telemetry, commands, notifications and what operators make."""
 
 from adapters.console.archive.archive import Archive, to_us
-from adapters.console.archive.database import open_database
+from adapters.console.archive.database import ArchiveError, open_database
 from adapters.console.archive.objects import (
     Conflict,
     Stored,
@@ -27,10 +27,13 @@ from adapters.console.archive.queries import (
     read_samples,
 )
 from adapters.console.archive.retention import Retention, delete_old, retain
+from adapters.console.archive.tables import METADATA
 
 __all__ = [
+    "METADATA",
     "MOST_SAMPLES",
     "Archive",
+    "ArchiveError",
     "Conflict",
     "Page",
     "Retention",

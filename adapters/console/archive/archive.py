@@ -15,7 +15,7 @@ from sqlalchemy import Connection, Engine, Table, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import SQLAlchemyError
 
-from adapters.console.archive.database import SQLITE
+from adapters.console.archive.database import SQLITE, ArchiveError, cause_of
 from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
 from adapters.console.messages import (
     AssetState,
@@ -88,10 +88,10 @@ class Archive:
         try:
             await self.write(lambda connection: self._write(connection, batch))
         except SQLAlchemyError as error:
+            self._parameters.clear()  # those that are new were not written either
             self._waiting.extendleft(reversed(batch))
             if not self._failing:
-                cause = str(getattr(error, "orig", None) or error).strip()
-                _LOG.error("the archive cannot be written, what comes waits: %s", cause)
+                _LOG.error("the archive cannot be written, what comes waits: %s", cause_of(error))
             self._failing = True
         else:
             if self._failing:
@@ -102,9 +102,12 @@ class Archive:
         """Write a command down before this returns.
 
         Raises:
-            SQLAlchemyError: it cannot be written.
+            ArchiveError: it cannot be written.
         """
-        await self.write(lambda connection: self._commands(connection, [command]))
+        try:
+            await self.write(lambda connection: self._commands(connection, [command]))
+        except SQLAlchemyError as error:
+            raise ArchiveError(f"the archive cannot be written: {cause_of(error)}") from error
 
     async def write(self, act: Callable[[Connection], T]) -> T:
         """Do something in a transaction, after what was to be written before."""

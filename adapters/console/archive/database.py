@@ -22,6 +22,15 @@ _DRIVERS: Final = {SQLITE: SQLITE, POSTGRESQL: "postgresql+psycopg"}
 _HOW: Final = "write sqlite:///FILE or postgresql://USER@HOST/DATABASE"
 
 
+class ArchiveError(Exception):
+    """Something was not written down; the text says why."""
+
+
+def cause_of(error: Exception) -> str:
+    """Return why a database did not do something, in one line."""
+    return str(getattr(error, "orig", None) or error).strip().partition("\n")[0]
+
+
 def open_database(url: str | None, folder: Path) -> Engine:
     """Return the engine of a database whose tables are as this version has them.
 
@@ -45,11 +54,13 @@ def open_database(url: str | None, folder: Path) -> Engine:
         event.listen(engine, "connect", _prepare)
     try:
         _migrate(engine)
+    except StartError:
+        engine.dispose()
+        raise
     except (DBAPIError, OSError) as error:
         engine.dispose()
-        cause = str(getattr(error, "orig", None) or error).strip().partition("\n")[0]
         where = parsed.render_as_string(hide_password=True)
-        raise StartError(f"the archive {where} cannot be opened: {cause}; {_HOW}") from error
+        raise StartError(f"the archive {where} cannot be opened: {cause_of(error)}") from error
     return engine
 
 

@@ -117,7 +117,7 @@ class MrsClient(Queries):
             source: the name under which to command; None for that of the certificate, and MOE in
                 clear text.
             timeout_s: how long to wait for each answer.
-            patience_s: how long to try to connect again after a loss.
+            patience_s: how long to try to connect again after a loss; 0 for not at all.
             terms: the encoding and the certificates agreed on with the rover.
 
         Raises:

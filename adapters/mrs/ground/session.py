@@ -48,7 +48,7 @@ class Session:
         restore: called with every new consumer before anybody else gets it.
         give_up: called once, when the rover did not come back.
         timeout_s: how long to wait for a connection, and for each reply.
-        patience_s: how long to go on trying after a loss.
+        patience_s: how long to go on trying after a loss; 0 for not at all.
     """
 
     def __init__(
@@ -125,6 +125,8 @@ class Session:
             await consumer.close()
             _LOG.warning("connection with %s lost", self.uri)
             try:
+                if self._patience_s <= 0.0:
+                    raise ConnectionError(f"the connection with {self.uri} was lost")
                 consumer = await self._connect_again()
             except ConnectionError as fault:
                 self._consumer, self._fault = None, fault

@@ -1,0 +1,68 @@
+"""Rovers in lock step, or running by themselves many times as fast as real time."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import Engine
+
+from adapters.console.archive import open_database
+from executive.settings import AuthoritySettings
+from tests.console.postgres import NEEDED as POSTGRES_NEEDED
+from tests.console.postgres import cluster, fresh
+from tests.mrs.aboard import Aboard
+
+NEEDED = AuthoritySettings(needed=True, lease_s=3600.0)
+
+Launch = Callable[..., Aboard]
+
+
+@pytest.fixture
+def launch(tmp_path: Path) -> Iterator[Launch]:
+    """Give what launches rovers, which land with the test."""
+    with ExitStack() as launched:
+
+        def launch(name: str = "jackal", **settings: Any) -> Aboard:
+            rover = Aboard(tmp_path / name, asset=name, **settings)
+            return launched.enter_context(closing(rover))
+
+        yield launch
+
+
+@pytest.fixture
+def rover(launch: Launch) -> Aboard:
+    """Give a rover whose time runs, which anybody may command."""
+    rover = launch()
+    rover.runs = True
+    return rover
+
+
+@pytest.fixture
+def guarded(launch: Launch) -> Aboard:
+    """Give a rover whose time runs, and whose commands need the authority."""
+    rover = launch(authority=NEEDED)
+    rover.runs = True
+    return rover
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[str]:
+    """Give the URL of a PostgreSQL of our own."""
+    if not POSTGRES_NEEDED:
+        pytest.skip("PostgreSQL is not installed: apt install postgresql")
+    with cluster() as url:
+        yield url
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def engine(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Engine]:
+    """Give an archive's database that is empty, once of each kind."""
+    if request.param == "sqlite":
+        engine = open_database(None, tmp_path)
+    else:
+        url: str = request.getfixturevalue("postgres")
+        engine = open_database(fresh(url), tmp_path)
+    yield engine
+    engine.dispose()

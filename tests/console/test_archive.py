@@ -1,0 +1,263 @@
+"""The archive on SQLite and on PostgreSQL: what is kept, found, thinned out and deleted."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy import Engine, text
+
+from adapters.console.archive import (
+    METADATA,
+    Archive,
+    Conflict,
+    Page,
+    Retention,
+    Stored,
+    Strategy,
+    Wanted,
+    delete_object,
+    delete_old,
+    get_object,
+    last_commands,
+    last_notification,
+    list_objects,
+    open_database,
+    put_object,
+    read_command,
+    read_notifications,
+    read_records,
+    read_samples,
+    to_us,
+)
+from adapters.console.messages import (
+    AssetState,
+    CommandState,
+    CommandStatus,
+    Link,
+    Notified,
+    Quality,
+    Sample,
+    StageReached,
+)
+from adapters.process import StartError
+
+DAY_S = 86_400.0
+
+
+def sample(utc: float, value: float | str | None, link: Link = Link.DIRECT) -> Sample:
+    quality = Quality.INVALID if value is None else Quality.GOOD
+    return Sample("jackal", "POS_X", link, utc, utc + 1, value, quality)
+
+
+def notified(sequence: int, utc: float = 100.0) -> Notified:
+    return Notified(
+        "jackal", Link.DIRECT, sequence, utc, utc, "EVENT", "WARNING", "dust", None, None, None,
+        None, None, {"depth": float("inf")},
+    )  # fmt: skip
+
+
+def command(name: str, state: CommandState, made: float = 5.0) -> CommandStatus:
+    ended = state is CommandState.EXECUTED
+    history = (StageReached("SENT", "console", made, made, "by anna", figures={"x": 1.5}),)
+    args = {"waypoints": [{"x": 1.0}]}
+    return CommandStatus(
+        name, "jackal", "followPath", args, "anna", "anna", 7, Link.RELAY, state, ended, made,
+        None, history,
+    )  # fmt: skip
+
+
+async def found(
+    archive: Archive,
+    strategy: Strategy = Strategy.LATEST,
+    size: int = 100,
+    link: Link | None = None,
+    start: float = 0.0,
+    end: float = 1e9,
+) -> list[tuple[float, float | str | None, str]]:
+    wanted = Wanted("jackal", "POS_X", link, to_us(start), to_us(end), strategy, size)
+    answer = json.loads(await archive.read(partial(read_samples, wanted=wanted)))
+    return [(each["utc"], each["value"], each["q"]) for each in answer]
+
+
+async def test_samples_are_found_by_time_and_link_each_once(engine: Engine) -> None:
+    archive = Archive(engine)
+    for utc, value in ((3.0, 30.0), (1.0, 10.0), (2.0, None), (3.0, 31.0), (4.5, "Infinity")):
+        archive.put(sample(utc, value))
+    archive.put(sample(2.0, 21.0, Link.RELAY))
+    await archive.flush()
+    assert await found(archive, link=Link.DIRECT) == [
+        (1.0, 10.0, "good"),
+        (2.0, None, "invalid"),
+        (3.0, 30.0, "good"),
+        (4.5, "Infinity", "good"),
+    ]
+    assert await found(archive, link=Link.RELAY) == [(2.0, 21.0, "good")]
+    assert len(await found(archive)) == 5
+    assert [utc for utc, _, _ in await found(archive, size=2)] == [3.0, 4.5]
+    assert [utc for utc, _, _ in await found(archive, start=2.0, end=3.0)] == [2.0, 2.0, 3.0]
+    assert (
+        await archive.read(
+            partial(
+                read_samples,
+                wanted=Wanted("no", "POS_X", None, 0, 1, Strategy.LATEST, 1),
+            )
+        )
+        == "[]"
+    )
+    await archive.close()
+
+
+async def test_a_long_time_is_thinned_out_without_losing_its_extremes(engine: Engine) -> None:
+    archive = Archive(engine)
+    for number in range(1000):
+        archive.put(sample(float(number), {333: -50.0, 666: 50.0}.get(number, number % 7)))
+    await archive.flush()
+    thin = await found(archive, Strategy.MINMAX, size=20)
+    assert len(thin) <= 40
+    assert thin == sorted(thin)
+    assert (333.0, -50.0, "good") in thin
+    assert (666.0, 50.0, "good") in thin
+    few = await found(archive, Strategy.MINMAX, size=20, start=10.0, end=40.0)
+    assert len(few) == 31  # as they are
+    await archive.close()
+
+
+async def test_commands_notifications_and_records_come_back_as_they_were(engine: Engine) -> None:
+    archive = Archive(engine)
+    began = command("one", CommandState.SENDING)
+    await archive.keep_command(began)
+    assert await archive.read(partial(read_command, name="one")) == began
+    ended = command("one", CommandState.EXECUTED)
+    archive.put(ended)
+    archive.put(command("old", CommandState.STARTED, made=1.0))
+    for number in range(9):
+        archive.put(command(f"c{number}", CommandState.EXECUTED, made=10.0 + number))
+    for sequence in (1, 2, 2, 3):
+        archive.put(notified(sequence))
+    archive.put(AssetState("jackal", Link.DIRECT, 3.0, "IDLE", None, 0, None))
+    await archive.flush()
+    assert await archive.read(partial(read_command, name="one")) == ended
+    last = await archive.read(partial(last_commands, count=2))
+    assert [each.id for each in last] == ["old", "c7", "c8"]
+    told = json.loads(
+        await archive.read(partial(read_notifications, page=Page("jackal", None, None, 2)))
+    )
+    assert len(told) == 2
+    assert told[0]["figures"] == {"depth": "Infinity"}
+    known = partial(last_notification, asset="jackal", link=Link.DIRECT)
+    assert await archive.read(known) == (3, to_us(100.0))
+    assert await archive.read(partial(last_notification, asset="no", link=Link.DIRECT)) is None
+    page = Page(None, to_us(0.0), to_us(4.0), 10)
+    (state,) = json.loads(await archive.read(partial(read_records, ty="asset", page=page)))
+    assert state["mode"] == "IDLE"
+    await archive.close()
+
+
+async def test_objects_change_by_their_revision_only(engine: Engine) -> None:
+    archive = Archive(engine)
+
+    async def put(value: str, revision: int | None) -> Stored | Conflict:
+        return await archive.write(
+            lambda connection: put_object(connection, "plot", value, revision, "anna", 1.0)
+        )
+
+    assert await put("1", 1) == Conflict(None)
+    assert await put("1", None) == Stored("plot", 1, "anna", "1")
+    assert await put("2", None) == Conflict(1)
+    assert await put("2", 1) == Stored("plot", 2, "anna", "2")
+    assert await put("3", 1) == Conflict(2)
+    assert await archive.read(list_objects) == [("plot", 2)]
+    assert await archive.read(partial(get_object, key="plot")) == Stored("plot", 2, "anna", "2")
+    assert await archive.write(partial(delete_object, key="plot", revision=1)) == Conflict(2)
+    assert await archive.write(partial(delete_object, key="plot", revision=2)) is None
+    assert await archive.read(partial(get_object, key="plot")) is None
+    await archive.close()
+
+
+async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine) -> None:
+    archive = Archive(engine)
+    now_s = 100 * DAY_S
+    for day in range(100):
+        for number in range(50):
+            archive.put(sample(day * DAY_S + number, float(number)))
+        archive.put(notified(day + 1, utc=day * DAY_S))
+    archive.put(command("open", CommandState.UNKNOWN, made=1.0))
+    await archive.flush()
+    await archive.write(lambda connection: put_object(connection, "plot", "1", None, "anna", 1.0))
+    await delete_old(archive, Retention(days=30.0), now_s)
+    kept = await found(archive, size=10_000)
+    assert len(kept) == 30 * 50
+    assert kept[0][0] == 70 * DAY_S
+    await delete_old(archive, Retention(days=30.0, megabytes=0.04), now_s)
+    fewer = await found(archive, size=10_000)
+    assert 0 < len(fewer) < 1000
+    assert fewer[-1] == kept[-1]
+    await delete_old(archive, Retention(days=0.001), now_s)
+    assert await found(archive) == []
+    known = partial(last_notification, asset="jackal", link=Link.DIRECT)
+    assert await archive.read(known) == (100, to_us(99 * DAY_S))
+    assert await archive.read(partial(read_command, name="open")) is not None
+    assert await archive.read(list_objects) == [("plot", 1)]
+    await archive.close()
+
+
+async def test_what_cannot_be_written_waits(
+    engine: Engine, caplog: pytest.LogCaptureFixture
+) -> None:
+    archive = Archive(engine)
+
+    def rename(old: str, new: str) -> None:
+        with engine.begin() as connection:
+            connection.execute(text(f"ALTER TABLE {old} RENAME TO {new}"))
+
+    rename("sample", "away")
+    archive.put(sample(1.0, 1.0))
+    await archive.flush()
+    await archive.flush()
+    assert caplog.text.count("the archive cannot be written") == 1
+    rename("away", "sample")
+    await archive.flush()
+    assert "can be written again" in caplog.text
+    assert len(await found(archive)) == 1
+    await archive.close()
+
+
+def test_the_migrations_make_the_tables(engine: Engine) -> None:
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection)
+        assert compare_metadata(context, METADATA) == []
+
+
+def test_an_archive_is_opened_again_and_a_newer_one_is_refused(
+    engine: Engine, tmp_path: Path
+) -> None:
+    url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
+    open_database(url, tmp_path).dispose()
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+    with pytest.raises(StartError, match="newer version"):
+        open_database(url, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("nonsense", "no database that is known: write sqlite:///FILE"),
+        ("mysql://localhost/x", "no database that is known"),
+        ("sqlite:////nowhere/at/all.sqlite", "cannot be opened: unable to open"),
+        ("postgresql://me:secret@127.0.0.1:1/x", "127.0.0.1:1/x cannot be opened"),
+    ],
+)
+def test_a_database_that_cannot_be_opened_is_told(url: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(StartError, match=said) as raised:
+        open_database(url, tmp_path)
+    assert "secret" not in str(raised.value)
+
+
+def test_a_file_that_is_no_database_is_told(tmp_path: Path) -> None:
+    (tmp_path / "archive.sqlite").write_text("something else, and more than a header of it" * 9)
+    with pytest.raises(StartError, match="not a database"):
+        open_database(None, tmp_path)

@@ -1,0 +1,80 @@
+"""What goes to pages that are slow, new or back."""
+
+import json
+
+from adapters.console.hub import KEPT, MOST_SAMPLES, MOST_WAITING, Hub
+from adapters.console.messages import (
+    DictionaryChanged,
+    Link,
+    LinkState,
+    LinkStatus,
+    Quality,
+    Sample,
+    encode,
+)
+
+
+def sample(number: int, value: float | None = None) -> Sample:
+    given = float(number) if value is None else value
+    return Sample("jackal", "POS_X", Link.DIRECT, float(number), 0.0, given, Quality.GOOD)
+
+
+async def test_of_a_slow_page_the_oldest_telemetry_is_dropped_and_nothing_else() -> None:
+    hub = Hub()
+    page = hub.open("A", "anna")
+    page.subscribe(["tm:*", "dictionary"])
+    for number in range(MOST_SAMPLES + 500):
+        hub.sample(sample(number))
+        if number % 10 == 0:
+            hub.publish(DictionaryChanged(f"asset{number}"))
+    batch = json.loads(await page.batch())
+    values = [said["value"] for said in batch if said["ty"] == "tm"]
+    assert values == [float(number) for number in range(500, MOST_SAMPLES + 500)]
+    assert batch[-1] == {"ty": "gap", "dropped": 500}
+    assert sum(said["ty"] == "dictionary" for said in batch) == (MOST_SAMPLES + 500) // 10
+    hub.sample(sample(0))
+    assert [said["ty"] for said in json.loads(await page.batch())] == ["tm"]
+
+
+async def test_a_page_that_takes_nothing_is_sent_away_and_can_resume() -> None:
+    hub = Hub()
+    page = hub.open("A", "anna")
+    page.subscribe(["dictionary"])
+    began = hub.hello(page, resumed=False).seq
+    for number in range(MOST_WAITING + 1):
+        hub.publish(DictionaryChanged(str(number)))
+    assert page.too_slow
+    assert not hub.can_resume(hub.instance, began)
+    assert hub.can_resume(hub.instance, began + 1 + MOST_WAITING - KEPT)
+    assert not hub.can_resume(hub.instance, began + MOST_WAITING + 2)
+    back = hub.open("A", "anna")
+    back.resume(["dictionary"], began + MOST_WAITING - 1)
+    assert [said["asset"] for said in json.loads(await back.batch())] == ["19999", "20000"]
+
+
+async def test_a_new_page_gets_how_things_stand() -> None:
+    hub = Hub()
+    for state in (LinkState.CONNECTING, LinkState.UP):
+        hub.publish(LinkStatus("jackal", Link.DIRECT, "uri", state, 0.0, None, ""))
+    hub.sample(sample(1))
+    hub.sample(sample(2))
+    page = hub.open("A", "anna")
+    page.subscribe(["link:jackal", "tm:jackal:POS_X"])
+    batch = json.loads(await page.batch())
+    assert [(said["ty"], said.get("state"), said.get("value")) for said in batch] == [
+        ("link", "up", None),
+        ("tm", None, 2.0),
+    ]
+    page.subscribe(["link"])  # nothing is new in it
+    hub.publish(DictionaryChanged("jackal"))
+    hub.sample(sample(3))
+    hub.publish(LinkStatus("jackal", Link.DIRECT, "uri", LinkState.DOWN, 0.0, None, ""))
+    assert [said["state"] for said in json.loads(await page.batch())] == ["down"]
+
+
+def test_what_is_not_finite_is_written_so_that_browsers_read_it() -> None:
+    written = [
+        json.loads(encode(sample(0, value)))["value"]
+        for value in (float("nan"), float("inf"), -float("inf"), 1e300)
+    ]
+    assert written == ["NaN", "Infinity", "-Infinity", 1e300]

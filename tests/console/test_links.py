@@ -1,0 +1,140 @@
+"""What a console hears of rovers: in time, late, after a loss, and after it was down itself."""
+
+import asyncio
+from pathlib import Path
+
+from executive.commands import MoveForward, Stop
+from executive.state import Parameter, ParameterValue
+from tests.console.conftest import Launch
+from tests.console.consoles import Operator, Said, at_console
+from tests.mrs.aboard import Aboard
+
+
+async def test_values_come_with_both_times_link_and_quality(launch: Launch, tmp_path: Path) -> None:
+    rover = launch()
+    async with at_console(
+        tmp_path, rover.uri, "anna", topics=["link", "tm:jackal:BATERY_VOLTAGE"]
+    ) as (anna,):
+        await anna.page.is_up()
+
+        async def tell(utc_s: float, value: float | None) -> Said:
+            told = ParameterValue(Parameter.BATERY_VOLTAGE, utc_s, value)
+            rover.do(lambda bench: bench.link.telemetry([told]))
+            return await anna.page.until(lambda said: said["ty"] == "tm" and said["utc"] == utc_s)
+
+        first = await tell(2e9, 26.0)
+        assert (first["value"], first["link"], first["q"]) == (26.0, "direct", "good")
+        assert 0 < first["rx"] < 2e9
+        assert (await tell(2e9 + 2, 25.0))["q"] == "good"
+        assert (await tell(2e9 + 1, 25.5))["q"] == "late"
+        unknown = await tell(2e9 + 3, None)
+        assert (unknown["value"], unknown["q"]) == (None, "invalid")
+        rover.do(
+            lambda bench: bench.link.telemetry(
+                [ParameterValue(Parameter.BATERY_VOLTAGE, 2e9 + 3, None)]
+            )
+        )
+        assert (await tell(2e9 + 4, 24.0))["q"] == "good"
+        repeats = [said for said in anna.page.got if said.get("utc") == 2e9 + 3]
+        assert len(repeats) == 1
+        found = await anna.get("api/tm/jackal/BATERY_VOLTAGE", start=2e9, strategy="latest")
+        assert [each["value"] for each in found["samples"]] == [26.0, 25.5, 25.0, None, 24.0]
+        last = await anna.post("api/tm:batch", keys=[["jackal", "BATERY_VOLTAGE"], ["no", "X"]])
+        assert [each["value"] for each in last[1]["samples"]] == [24.0]
+
+
+async def test_a_rover_that_restarts_is_found_again_and_what_was_missed_comes(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+        rover.hang_up()
+        await anna.page.until(lambda said: said.get("state") == "down")
+        rover.do(lambda bench: bench.submit(Stop(), 77))
+        rover.listen()
+        await anna.page.is_up()
+        await anna.page.until(lambda said: said["ty"] == "cmd" and said["name"] == "Stop")
+
+
+async def test_what_happened_while_the_console_was_down_is_asked_for_again(
+    rover: Aboard, tmp_path: Path
+) -> None:
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+        await anna.send("drive", "moveForward", distance=3.0)
+        await anna.page.command("drive", "started")
+    await asyncio.to_thread(rover.carry_out, MoveForward(0.5))
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        assert (await anna.page.command("drive", "executed"))["by"] == "anna"
+        other = await anna.page.until(lambda said: said["ty"] == "cmd" and said["by"] == "MOE")
+        assert (other["name"], other["args"]) == ("MoveForward", None)
+        await anna.page.command(other["id"], "executed")
+        sequences = [
+            each["sequence"]
+            for each in (await anna.get("api/notifications", limit=1000))["notifications"]
+        ]
+        assert sorted(sequences) == list(range(1, max(sequences) + 1))
+
+
+async def test_a_rover_without_its_ledger_leaves_commands_unknown(tmp_path: Path) -> None:
+    rover = Aboard(tmp_path / "first")
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+        await anna.send("drive", "moveForward", distance=5.0)
+        rover.run(0.5)
+        await anna.page.command("drive", "started")
+        rover.die()
+        other = Aboard(tmp_path / "other", port=rover.port)
+        doubted = await anna.page.command("drive", "unknown")
+        assert not doubted["ended"]
+        assert "without its ledger" in doubted["history"][-1]["detail"]
+        other.close()
+
+
+async def test_assets_that_are_registered_appear_by_themselves(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+        scout = launch("scout", service_layer=rover.uri)
+        scout.runs = True
+        await anna.page.is_up("scout")
+        dictionary = await anna.get("api/dictionary")
+        assert list(dictionary["assets"]) == ["jackal", "scout"]
+        assert not dictionary["assets"]["scout"]["ranges_known"]
+        assert (await anna.send("there", "moveForward", "scout", distance=0.5))[0] == 202
+        await anna.page.command("there", "executed")
+
+
+async def test_a_page_that_comes_back_gets_what_it_missed(rover: Aboard, tmp_path: Path) -> None:
+    async with at_console(tmp_path, rover.uri, "anna") as (anna,):
+        await anna.page.is_up()
+        hello = anna.page.got[0]
+        await anna.send("drive", "moveForward", distance=0.5)
+        await anna.page.command("drive", "started")
+        seq = anna.page.last_seq
+        async with anna.open_page() as other:
+            await other.command("drive", "executed")
+        await _resumes(anna, {"instance": hello["instance"], "seq": seq}, missed=True)
+        await _resumes(anna, {"instance": "another", "seq": seq}, missed=False)
+
+
+async def _resumes(anna: Operator, resume: Said, *, missed: bool) -> None:
+    async with anna.open_page("cmd", resume=resume) as page:
+        assert page.got[0]["resumed"] is missed
+        told = await page.command("drive", "executed")
+        assert ("seq" in told) is missed
+
+
+async def test_a_page_gets_what_it_subscribed_to(launch: Launch, tmp_path: Path) -> None:
+    rover = launch()
+    async with at_console(tmp_path, rover.uri, "anna", topics=["presence"]) as (anna,):
+        await anna.page.until(lambda said: said["ty"] == "presence")
+        await anna.page.say(op="sub", topics=["link"])
+        await anna.page.is_up()
+        assert {said["ty"] for said in anna.page.got} == {"hello", "presence", "link"}
+        async with anna.open_page("presence", console="other") as other:
+            seen = await other.until(lambda said: said["ty"] == "presence")
+            assert [each["console"] for each in seen["consoles"]] == ["test", "other"]
