@@ -26,6 +26,8 @@ from adapters.console.messages import (
     Quality,
     Sample,
     Scalar,
+    TreeNode,
+    TreeState,
 )
 from adapters.console.rover_link import Known, RoverLink
 from adapters.console.tracker import CommandTracker
@@ -46,6 +48,7 @@ from adapters.mrs.terms import Terms
 from executive.reports import Identity
 from executive.settings import Settings, load_settings
 from executive.settings_files import SettingsError, config_folder, names_in
+from trees import Snapshot, looks
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -82,6 +85,7 @@ class Fleet:
         terms: agreed on with all of them.
         publish: sends a message to whoever wants it.
         sample: the same for a telemetry value.
+        tree: the same for a behaviour tree.
         last_known: returns the last notification that was kept of an asset by a link.
         tracker: hears what becomes of commands.
         desk: hears who may command.
@@ -93,6 +97,7 @@ class Fleet:
         terms: Terms,
         publish: Callable[[Broadcast], None],
         sample: Callable[[Sample], None],
+        tree: Callable[[TreeState], None],
         last_known: Callable[[str, Link], Awaitable[Known | None]],
         tracker: CommandTracker,
         desk: AuthorityDesk,
@@ -100,6 +105,7 @@ class Fleet:
         self._terms = terms
         self._publish = publish
         self._sample = sample
+        self._tree = tree
         self._last_known = last_known
         self._tracker, self._desk = tracker, desk
         self._links = [RoverLink(uri, terms, self) for uri in uris]
@@ -223,6 +229,10 @@ class Fleet:
         """Pass on who may command."""
         self._desk.hear(link, status)
 
+    def on_tree(self, link: RoverLink, snapshot: Snapshot) -> None:
+        """Pass a behaviour tree on."""
+        self._tree(tree_of(link, snapshot))
+
     def on_plan(self, link: RoverLink, update: PlanUpdate) -> None:
         """Tell how far a plan is."""
         self._publish(
@@ -296,6 +306,26 @@ def notified(link: RoverLink, notification: Notification, rx_s: float) -> Notifi
         step=notification.step,
         steps=notification.stepCount,
         figures=figures_of(notification.parameters),
+    )
+
+
+def tree_of(link: RoverLink, snapshot: Snapshot) -> TreeState:
+    """Return a behaviour tree as pages have it."""
+    return TreeState(
+        asset=link.asset,
+        link=link.kind,
+        utc=snapshot.utc_s,
+        tick=snapshot.tick,
+        mode=snapshot.mode,
+        why=snapshot.why,
+        active=None if snapshot.active is None else str(snapshot.active),
+        faults=snapshot.faults,
+        nodes=tuple(
+            TreeNode(
+                node.path, node.name, node.depth, node.kind.value, look.name.lower(), node.message
+            )
+            for node, look in zip(snapshot.nodes, looks(snapshot.nodes), strict=True)
+        ),
     )
 
 

@@ -26,6 +26,7 @@ from adapters.console.messages import (
     Presence,
     Present,
     Sample,
+    TreeState,
     encode,
     is_wanted,
     topic_of,
@@ -61,6 +62,7 @@ class Page:
         self._topics: frozenset[str] = frozenset()
         self._waiting: deque[str] = deque()
         self._samples: deque[str] = deque(maxlen=MOST_SAMPLES)
+        self._trees: dict[str, str] = {}
         self._dropped = 0
         self._something = asyncio.Event()
 
@@ -79,7 +81,7 @@ class Page:
             if is_wanted(topic, self._topics):
                 self._put(text)
         for message in self._hub.standing():
-            if isinstance(message, Sample) and self.wants(topic_of(message)):
+            if isinstance(message, Sample | TreeState) and self.wants(topic_of(message)):
                 self.put(message, encode(message))
 
     def wants(self, topic: str) -> bool:
@@ -87,7 +89,11 @@ class Page:
         return is_wanted(topic, self._topics)
 
     def put(self, message: Message, text: str) -> None:
-        """Have a message sent; a telemetry value may be dropped later."""
+        """Have a message sent; telemetry may be dropped later, and a tree is by the next one."""
+        if isinstance(message, TreeState):
+            self._trees[topic_of(message)] = text
+            self._something.set()
+            return
         if not isinstance(message, Sample):
             self._put(text)
             return
@@ -100,11 +106,12 @@ class Page:
         await self._something.wait()
         await asyncio.sleep(BATCH_S)
         self._something.clear()
-        texts = [*self._waiting, *self._samples]
+        texts = [*self._waiting, *self._samples, *self._trees.values()]
         if self._dropped:
             texts.append(encode(Gap(self._dropped)))
         self._waiting.clear()
         self._samples.clear()
+        self._trees.clear()
         self._dropped = 0
         return f"[{','.join(texts)}]"
 
@@ -148,11 +155,19 @@ class Hub:
     def sample(self, sample: Sample) -> None:
         """Send a telemetry value to the pages that want it."""
         self._standing[sample.ty, sample.asset, sample.key, sample.link] = sample
-        topic, text = topic_of(sample), ""
+        self._send(sample)
+
+    def tree(self, tree: TreeState) -> None:
+        """Send how a tree is to the pages that want it."""
+        self._standing[tree.ty, tree.asset] = tree
+        self._send(tree)
+
+    def _send(self, message: Sample | TreeState) -> None:
+        topic, text = topic_of(message), ""
         for page in self._pages:
             if page.wants(topic):
-                text = text or encode(sample)
-                page.put(sample, text)
+                text = text or encode(message)
+                page.put(message, text)
 
     def open(self, console: str, operator: str) -> Page:
         """Return what will wait for a page, which all are told of."""

@@ -141,6 +141,49 @@ class Gap:
 
 
 @dataclass(frozen=True, slots=True)
+class TreeNode:
+    """A node of a behaviour tree.
+
+    Attributes:
+        path: names from the root, joined by slashes.
+        kind: as `NodeKind` of the trees has it.
+        look: as `Look` has it, small: a guard that does not hold is `declined`, no `failure`.
+        message: what it says of itself.
+    """
+
+    path: str
+    name: str
+    depth: int
+    kind: str
+    look: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class TreeState:
+    """The behaviour tree of an asset: each message has all of it, and only the last one counts.
+
+    Attributes:
+        why: why it stands, or what moves it: one line.
+        active: the command under way, as SOURCE:NUMBER.
+        faults: a line for each that is not over.
+        nodes: depth first.
+    """
+
+    ty: ClassVar[str] = "tree"
+
+    asset: str
+    link: Link
+    utc: float
+    tick: int
+    mode: str
+    why: str
+    active: str | None
+    faults: tuple[str, ...]
+    nodes: tuple[TreeNode, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class StageReached:
     """A stage of a command's life.
 
@@ -386,7 +429,7 @@ Broadcast = (
 )
 """What is numbered, never dropped, and sent again to a page that comes back."""
 
-Message = Hello | Sample | Gap | Broadcast
+Message = Hello | Sample | TreeState | Gap | Broadcast
 
 
 def topic_of(message: Message) -> str:

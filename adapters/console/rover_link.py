@@ -22,6 +22,7 @@ from adapters.mrs.spec import (
     ServiceDescriptor,
 )
 from adapters.mrs.terms import Terms
+from trees import Snapshot
 
 _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -66,6 +67,9 @@ class Listener(Protocol):
 
     def on_authority(self, link: "RoverLink", status: AuthorityStatus) -> None:
         """Who may command."""
+
+    def on_tree(self, link: "RoverLink", snapshot: Snapshot) -> None:
+        """The behaviour tree."""
 
     def on_plan(self, link: "RoverLink", update: PlanUpdate) -> None:
         """How far a plan is."""
@@ -158,6 +162,7 @@ class RoverLink:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._notifications(client, notifications))
             tasks.create_task(self._stream(client.telemetry, self._value))
+            tasks.create_task(self._stream(client.tree_snapshots, self._listener.on_tree, self))
             tasks.create_task(self._stream(client.plan_updates, self._listener.on_plan, self))
             tasks.create_task(self._stream(client.file_events, self._listener.on_file, self))
             tasks.create_task(self._ask_status(client))

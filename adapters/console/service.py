@@ -121,7 +121,9 @@ async def _serving(
     desk = AuthorityDesk(publish, hub.is_present)
     uris = [_uri(target) for target in options.to]
     try:
-        fleet = Fleet(uris, options.to[0].terms, publish, sample, last_known, tracker, desk)
+        fleet = Fleet(
+            uris, options.to[0].terms, publish, sample, hub.tree, last_known, tracker, desk
+        )
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
     commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
