@@ -176,6 +176,19 @@ class Commanding:
         except (ConnectionError, TimeoutError) as error:
             raise _unreachable(name) from error
 
+    def client(self, asset: str) -> MrsClient:
+        """Return the session with an asset, by the link by which it is there soonest.
+
+        Raises:
+            RefusedError: there is none, or it is down.
+        """
+        return self._desk.client(self.link(asset, None))
+
+    async def identity(self, name: str) -> str:
+        """Return SOURCE:NUMBER of a command by its id; the same of what has no id here."""
+        known = self._tracker.get(name) or await self._find(name)
+        return name if known is None else f"{known.source}:{known.number}"
+
     async def close(self) -> None:
         """Wait for what is being sent, not for long."""
         if self._sending:

@@ -24,10 +24,11 @@ from adapters.console.archive import (
 )
 from adapters.console.authority_desk import AuthorityDesk
 from adapters.console.commanding import Commanding
+from adapters.console.explaining import Explaining
 from adapters.console.fleet import Fleet
 from adapters.console.history import History
 from adapters.console.hub import KEPT_COMMANDS, Hub
-from adapters.console.messages import Broadcast, CommandStatus, Link, Sample
+from adapters.console.messages import Broadcast, CommandStatus, Link, Sample, TreeState
 from adapters.console.operations import Operations
 from adapters.console.rover_link import Known
 from adapters.console.server import Server
@@ -107,6 +108,10 @@ async def _serving(
         hub.sample(value)
         archive.put(value)
 
+    def tree(state: TreeState) -> None:
+        hub.tree(state)
+        archive.put_tree(state)
+
     async def find(name: str) -> CommandStatus | None:
         return await archive.read(partial(read_command, name=name))
 
@@ -121,13 +126,15 @@ async def _serving(
     desk = AuthorityDesk(publish, hub.is_present)
     uris = [_uri(target) for target in options.to]
     try:
-        fleet = Fleet(
-            uris, options.to[0].terms, publish, sample, hub.tree, last_known, tracker, desk
-        )
+        fleet = Fleet(uris, options.to[0].terms, publish, sample, tree, last_known, tracker, desk)
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
     commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
-    routes = [*Operations(commanding, desk).routes(), *History(archive, publish).routes()]
+    routes = [
+        *Operations(commanding, desk).routes(),
+        *Explaining(commanding).routes(),
+        *History(archive, publish).routes(),
+    ]
     runner = web.AppRunner(
         Server(hub, fleet, access, routes).application(), access_log=None, shutdown_timeout=1.0
     )

@@ -15,6 +15,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
+from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import AttributeType, Consumer, MalError, MalUri, Typed, TypedList
 from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.link import MrsLink
@@ -38,6 +39,7 @@ from tests.support.kinematic import Bench
 T = TypeVar("T")
 
 ANSWER_S = 60.0
+KEPT = 1000
 ANYBODY = AuthoritySettings()
 HEADER = CommandHeader(commandId=1, source="MOE", reportStarted=True, reportProgress=True)
 
@@ -102,22 +104,30 @@ class LinkedBench(Bench):
         asset: str,
         service_layer: str | None,
         authority: AuthoritySettings,
+        explains: bool,
     ) -> None:
+        self._history = ChronicleBuilder(KEPT) if explains else None
         self._port = port
         self._terms = terms
         self._service_layer = None if service_layer is None else MalUri.parse(service_layer)
         settings = replace(
             load_settings("jackal"), asset=asset, domain=("meteron", asset), authority=authority
         )
-        super().__init__(folder, settings)
+        super().__init__(folder, settings, tape=self._history)
 
     def _start(self) -> Executive:
         self.link = MrsLink(
-            self.settings, port=self._port, terms=self._terms, service_layer=self._service_layer
+            self.settings,
+            port=self._port,
+            terms=self._terms,
+            service_layer=self._service_layer,
+            history=self._history,
         )
         return super()._start()
 
     def downlinks(self) -> list[Downlink]:
+        if self._history is not None:
+            self._history.begin(self.settings, self.ledger.reports(1, count=KEPT))
         return [self.heard, self.link]
 
 
@@ -131,6 +141,7 @@ class Aboard:
         asset: its name.
         service_layer: the URI of another's service layer, where it registers.
         authority: who may command it.
+        explains: whether it tells why.
     """
 
     def __init__(
@@ -141,8 +152,10 @@ class Aboard:
         asset: str = "jackal",
         service_layer: str | None = None,
         authority: AuthoritySettings = ANYBODY,
+        explains: bool = False,
     ) -> None:
         self.authority = authority
+        self.explains = explains
         self.runs = False
         self._ended = False
         self.terms = terms
@@ -252,7 +265,13 @@ class Aboard:
 
     def _serve(self, folder: Path) -> None:
         self._bench = LinkedBench(
-            folder, self.port, self.terms, self.asset, self.service_layer, self.authority
+            folder,
+            self.port,
+            self.terms,
+            self.asset,
+            self.service_layer,
+            self.authority,
+            self.explains,
         )
         while True:
             try:

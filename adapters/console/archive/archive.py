@@ -31,6 +31,7 @@ from adapters.console.messages import (
     Presence,
     Quality,
     Sample,
+    TreeState,
     encode,
     plain,
 )
@@ -45,6 +46,7 @@ MOST_WAITING: Final = 100_000
 US_PER_S: Final = 1e6
 QUALITIES: Final = list(Quality)
 
+Written = Sample | TreeState | Broadcast
 Rows = list[dict[str, Any]]
 
 
@@ -65,13 +67,21 @@ class Archive:
         self._is_sqlite = engine.dialect.name == SQLITE
         self._writer = ThreadPoolExecutor(1, "archive writer")
         self._reader = ThreadPoolExecutor(1, "archive reader")
-        self._waiting: deque[Sample | Broadcast] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[Written] = deque(maxlen=MOST_WAITING)
+        self._looks: dict[str, tuple[tuple[str, str], ...]] = {}
         self._parameters: dict[tuple[str, str, str], int] = {}
         self._failing = False
 
     def put(self, message: Sample | Broadcast) -> None:
         """Have a message written with the next batch."""
         self._waiting.append(message)
+
+    def put_tree(self, tree: TreeState) -> None:
+        """Have a behaviour tree written, if a node looks other than in the one before."""
+        looks = tuple((node.path, node.look) for node in tree.nodes)
+        if self._looks.get(tree.asset) != looks:
+            self._looks[tree.asset] = looks
+            self._waiting.append(tree)
 
     async def run(self) -> None:
         """Write a batch again and again."""
@@ -135,7 +145,7 @@ class Archive:
         self._reader.shutdown()
         self._engine.dispose()
 
-    def _write(self, connection: Connection, batch: Sequence[Sample | Broadcast]) -> None:
+    def _write(self, connection: Connection, batch: Sequence[Written]) -> None:
         samples: Rows = []
         notifications: Rows = []
         records: Rows = []
@@ -156,7 +166,7 @@ class Archive:
                     )
                 case CommandStatus():
                     commands[message.id] = message
-                case AssetState() | AuthorityHeld() | PlanProgress():
+                case AssetState() | AuthorityHeld() | PlanProgress() | TreeState():
                     records.append(_record(message, message.utc))
                 case LinkStatus():
                     records.append(_record(message, message.since))
@@ -223,7 +233,8 @@ class Archive:
 
 
 def _record(
-    message: AssetState | AuthorityHeld | PlanProgress | LinkStatus | FileChanged, utc_s: float
+    message: AssetState | AuthorityHeld | PlanProgress | TreeState | LinkStatus | FileChanged,
+    utc_s: float,
 ) -> dict[str, Any]:
     return {
         "ty": message.ty,

@@ -1,0 +1,109 @@
+"""The requests that ask an asset why: of a command, or of what it does now."""
+
+import asyncio
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from http import HTTPStatus
+from typing import Final
+
+from aiohttp import web
+
+from adapters.console.answers import answer, refused
+from adapters.console.commanding import Commanding
+from adapters.explanation import (
+    Explanation,
+    UnknownCommandError,
+    explain_command,
+    explain_now,
+    explanation_lines,
+)
+from adapters.mal import MalError
+from adapters.mrs.spec import describe_error
+
+ASK_S: Final = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What led there.
+
+    Attributes:
+        utc: when, by the clock aboard; None for what belongs to no moment.
+    """
+
+    utc: float | None
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Why:
+    """Why something is as it is.
+
+    Attributes:
+        headline: the answer in one sentence.
+        reason, code: name and number of the reason behind it, where there is one.
+        evidence: the figures that showed it.
+        lines: all of it, for people.
+    """
+
+    headline: str
+    reason: str | None
+    code: int | None
+    steps: tuple[Step, ...]
+    evidence: tuple[str, ...]
+    lines: tuple[str, ...]
+
+
+class Explaining:
+    """Answers these requests.
+
+    Args:
+        commanding: knows assets and commands.
+    """
+
+    def __init__(self, commanding: Commanding) -> None:
+        self._commanding = commanding
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return where they are answered."""
+        return [
+            web.get("/api/why/{asset}", self._why),
+            web.get("/api/why/{asset}/{command}", self._why),
+        ]
+
+    async def _why(self, request: web.Request) -> web.Response:
+        asset, name = request.match_info["asset"], request.match_info.get("command")
+        client = self._commanding.client(asset)
+        identity = None if name is None else await self._commanding.identity(name)
+        try:
+            async with asyncio.timeout(ASK_S):
+                chronicle = await client.get_history(identity)
+            explanation = (
+                explain_now(chronicle) if identity is None else explain_command(chronicle, identity)
+            )
+        except UnknownCommandError as error:
+            raise refused(HTTPStatus.NOT_FOUND, str(error), field="command") from error
+        except MalError as error:
+            text = f"{asset} does not tell: {describe_error(error)}"
+            raise refused(HTTPStatus.NOT_IMPLEMENTED, text) from error
+        except (ConnectionError, TimeoutError) as error:
+            text = f"{asset} does not answer: try again when its link is up"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
+        return answer(_told(explanation))
+
+
+def _told(explanation: Explanation) -> Why:
+    reason = explanation.reason
+    return Why(
+        headline=explanation.headline,
+        reason=None if reason is None else reason.name,
+        code=None if reason is None else reason.value,
+        steps=tuple(Step(each.utc_s, each.text) for each in explanation.steps),
+        evidence=tuple(map(str, explanation.evidence)),
+        lines=tuple(explanation_lines(explanation, _clock)),
+    )
+
+
+def _clock(utc_s: float) -> str:
+    at = datetime.fromtimestamp(utc_s, UTC)
+    return f"{at:%Y-%m-%d %H:%M:%S}.{at.microsecond // 10_000:02d}"
