@@ -25,6 +25,7 @@ from adapters.console.archive import (
 from adapters.console.authority_desk import AuthorityDesk
 from adapters.console.commanding import Commanding
 from adapters.console.explaining import Explaining
+from adapters.console.files import Files
 from adapters.console.fleet import Fleet
 from adapters.console.history import History
 from adapters.console.hub import KEPT_COMMANDS, Hub
@@ -39,6 +40,8 @@ from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
 
 LOCK: Final = "console.lock"
+FETCHED: Final = "fetched"
+"""The folder of the data folder in which fetched files are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +136,7 @@ async def _serving(
     routes = [
         *Operations(commanding, desk).routes(),
         *Explaining(commanding).routes(),
+        *Files(commanding, options.data / FETCHED).routes(),
         *History(archive, publish).routes(),
     ]
     runner = web.AppRunner(

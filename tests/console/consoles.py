@@ -71,14 +71,14 @@ class Operator:
 
     def __init__(self, address: str, name: str, session: ClientSession) -> None:
         self.name = name
-        self._address = address
+        self.address = address
         self.session = session
         self.page: Page
 
     @asynccontextmanager
     async def open_page(self, *topics: str, **hello: Any) -> AsyncIterator[Page]:
         """Open a page."""
-        async with self.session.ws_connect(f"{self._address}ws") as socket:
+        async with self.session.ws_connect(f"{self.address}ws") as socket:
             page = Page(socket)
             said = {"op": "hello", "console": "test", "operator": self.name} | hello
             await page.say(**said, topics=topics or ALL)
@@ -91,7 +91,7 @@ class Operator:
         return answer
 
     async def ask(self, method: str, path: str, **request: Any) -> tuple[int, Said]:
-        url = f"{self._address}{path}"
+        url = f"{self.address}{path}"
         async with self.session.request(method, url, **request) as answer:
             if answer.content_type != "application/json":
                 return answer.status, {}
