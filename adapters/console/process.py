@@ -6,6 +6,8 @@ from typing import Final
 
 import click
 
+from adapters.console.archive import Retention
+from adapters.console.service import PORT, Options, serve
 from adapters.mrs.cli import Target, to_options
 from adapters.process import (
     EXISTING_FILE,
@@ -17,8 +19,6 @@ from adapters.process import (
 )
 
 FOLDER: Final = "console"
-PORT: Final = 21080
-"""TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
 
 
 @process("rover-console", ros=False)
@@ -96,9 +96,6 @@ def main(
       1  cannot start; the text says why
       2  the command line makes no sense
     """
-    from adapters.console.archive import Retention
-    from adapters.console.service import Options, serve
-
     if (tls_certificate is None) != (tls_key is None):
         raise click.UsageError("HTTPS needs both: --tls-certificate and --tls-key")
     tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)

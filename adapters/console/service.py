@@ -39,6 +39,8 @@ from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
 
+PORT: Final = 21080
+"""TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
 LOCK: Final = "console.lock"
 FETCHED: Final = "fetched"
 """The folder of the data folder in which fetched files are."""

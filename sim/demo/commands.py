@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 FAILED: Final = 1
 DEFAULT: Final = "jackal"
+NO_CONSOLE: Final = "A console in a browser needs the extra console: rover-executive[console].\n"
 ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 
 
@@ -66,7 +67,8 @@ def demo(
     each command was where.
 
     Played without --stay it keeps to itself: a free port, and a free ROS domain on this machine.
-    With --stay the rover is where `rover command`, `rover status` and `rover watch` look for it.
+    With --stay the rover is where `rover command`, `rover status` and `rover watch` look for it,
+    and rover-console serves browsers at the address that is printed.
 
     \b
     Examples:
@@ -123,7 +125,7 @@ def demo(
 
                 as_planned = tell(played, participants, folder, console)
             if stay:
-                _stay(participants, console)
+                _stay(participants, folder, console)
             if not as_planned:
                 sys.exit(FAILED)
     except (ChildError, PlaceError) as error:
@@ -139,21 +141,31 @@ def _show(**asked: bool) -> str:
     return chosen[0] if chosen else DEFAULT
 
 
-def _stay(participants: "Participants", console: "Console") -> None:
-    """Leave the rovers running until Ctrl-C."""
-    from sim.demo.participants import proposals
+def _stay(participants: "Participants", folder: Path, console: "Console") -> None:
+    """Leave the rovers running until Ctrl-C, with an operations console."""
+    import asyncio
 
-    console.print(proposals(participants))
-    if participants.members[0].rover.place.domain != 0:
-        console.print(ELSEWHERE)
-    console.print("Ctrl-C ends it.")
-    processes = participants.processes
-    try:
-        while True:
-            processes.check()
-            time.sleep(0.2)
-    except KeyboardInterrupt:
-        console.print("ending")
+    from sim.demo.participants import proposals
+    from sim.processes import operations_console
+
+    uris = asyncio.run(participants.uris())
+    with operations_console(folder, uris) as operations:
+        console.print(proposals(participants))
+        if operations is None:
+            console.print(NO_CONSOLE, markup=False)
+        else:
+            console.print(f"In a browser on this computer: {operations.address}\n")
+        if participants.members[0].rover.place.domain != 0:
+            console.print(ELSEWHERE)
+        console.print("Ctrl-C ends it.")
+        processes = [participants.processes, *([operations.process] if operations else [])]
+        try:
+            while True:
+                for group in processes:
+                    group.check()
+                time.sleep(0.2)
+        except KeyboardInterrupt:
+            console.print("ending")
 
 
 def _make_folder(out: Path | None) -> Path:

@@ -41,6 +41,11 @@ class Participants:
         aboard = (child for rover in self.rovers for child in rover.children)
         return self.orbiter or ProcessGroup(*aboard)
 
+    async def uris(self) -> list[str]:
+        """Wait until all rovers are served, and return where, by all links."""
+        links = (Link.DIRECT, *(() if self.orbiter is None else (Link.RELAY,)))
+        return [await self.uri(member, link) for member in self.members for link in links]
+
     async def uri(self, member: Participant, link: Link) -> str:
         """Wait until a rover is served by a link, and return where."""
         if link is Link.RELAY and self.orbiter is not None:

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import urllib.request
 import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -63,11 +64,13 @@ class Desk:
 
     Attributes:
         proposed: the commands that the demonstration proposes once its rover stands there.
+        console: the address of its console.
     """
 
     folder: Path
     ports: dict[str, int]
     proposed: tuple[str, ...] = ()
+    console: str = ""
 
     def here(self, text: str) -> str:
         """Return a text with the commands, ports and addresses of this desk."""
@@ -147,7 +150,8 @@ def desk(
         patch.setenv("ROVER_DATA", str(folder / "data"))
         with desk.staying(STARTS[-1], STAYS[START]) as demo:
             proposed = re.findall(r"^  (\./rover .*)", demo.text, re.MULTILINE)
-            yield replace(desk, proposed=tuple(proposed))
+            (console,) = re.findall(r"http://127.0.0.1:\d+/", demo.text)
+            yield replace(desk, proposed=tuple(proposed), console=console)
 
 
 def pages(no_rover: bool) -> list[Path]:
@@ -173,6 +177,8 @@ def test_a_rover_that_stays_obeys_a_second_terminal(desk: Desk) -> None:
     for text in desk.proposed:
         desk.run(Line(f"{text} --once" if text == "./rover watch" else text, 0))
     assert " IDLE " in run_to_end(BIN / "rover", "watch", "--once").stdout
+    with urllib.request.urlopen(f"{desk.console}api/dictionary", timeout=LIMIT_S) as answer:
+        assert list(json.load(answer)["assets"]) == ["jackal"]
     second = run_to_end(BIN / "rover", "demo", "--no-play", "--out", desk.folder / "second")
     assert second.returncode == 1
     assert "is taken, probably by another rover" in second.stderr
