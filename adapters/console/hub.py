@@ -33,7 +33,9 @@ from adapters.console.messages import (
 )
 
 BATCH_S: Final = 0.05
-"""Between two batches to a page."""
+"""Between two batches to a page, at least."""
+GATHER_S: Final = 0.005
+"""What comes so soon after the first message goes with it."""
 MOST_SAMPLES: Final = 2000
 """Telemetry values that wait for a slow page; then the oldest are dropped."""
 MOST_WAITING: Final = 20_000
@@ -65,6 +67,7 @@ class Page:
         self._trees: dict[str, str] = {}
         self._dropped = 0
         self._something = asyncio.Event()
+        self._sent_s = -BATCH_S
 
     def subscribe(self, topics: Iterable[str]) -> None:
         """Get what belongs to these topics from now on, and of those that are new how it stands."""
@@ -104,7 +107,9 @@ class Page:
     async def batch(self) -> str:
         """Return what is to be sent next, as one JSON array; waits until there is something."""
         await self._something.wait()
-        await asyncio.sleep(BATCH_S)
+        now_s = asyncio.get_running_loop().time
+        await asyncio.sleep(max(GATHER_S, self._sent_s + BATCH_S - now_s()))
+        self._sent_s = now_s()
         self._something.clear()
         texts = [*self._waiting, *self._samples, *self._trees.values()]
         if self._dropped:

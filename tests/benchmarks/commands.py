@@ -178,6 +178,18 @@ def mal(seconds: float, subscribers: int) -> "list[Figure]":
     return mal.measure(duration_s=seconds, most_subscribers=subscribers)
 
 
+@benchmark(
+    "console --pages 3 --seconds 5",
+    click.option("--pages", type=click.IntRange(1), default=10, show_default=True),
+    click.option("--seconds", type=click.FloatRange(1.0), default=20.0, show_default=True),
+)
+def console(pages: int, seconds: float) -> "list[Figure]":
+    """CPU of the console for its pages, and how soon a value is there, from a rover on MAL."""
+    from tests.benchmarks import console
+
+    return console.measure(pages, seconds, tell)
+
+
 @benchmark("hostile --connections 200", count("--connections", 1000))
 def hostile(count: int) -> "list[Figure]":
     """Memory, and the round trip of who was there first, while a thousand connections attack."""

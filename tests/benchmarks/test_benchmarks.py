@@ -269,3 +269,13 @@ def test_goals_have_a_side_and_quantiles_a_rank() -> None:
     assert Figure("time", 1.36, "ratio").met is None
     assert quantile([3.0, 1.0, 2.0], 0.5) == 2.0
     assert quantile([3.0, 1.0, 2.0], 0.99) == 3.0
+
+
+def test_a_console_is_measured_with_its_pages(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    arguments = ["console", "--pages", "2", "--seconds", "1", "--json", str(out)]
+    result = CliRunner().invoke(bench, arguments)
+    assert result.exit_code in (0, 1), result.output  # the CPU is that of a loaded machine
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert values["console: values sent"] > 0
+    assert 0 < values["console: value to page, p50"] < 60_000
