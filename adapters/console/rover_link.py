@@ -159,6 +159,9 @@ class RoverLink:
                 self.client = None
 
     async def _listen(self, client: MrsClient, notifications: Stream[Notification]) -> None:
+        with suppress(MalError):  # telemetry may come seldom
+            for value in await client.get_value():
+                self._value(value)
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._notifications(client, notifications))
             tasks.create_task(self._stream(client.telemetry, self._value))

@@ -85,8 +85,9 @@ class CommandTracker:
         self._set(command)
 
     def taken(self, name: str, node: str) -> None:
-        """The other end of the link has it."""
-        self._reach(name, self._own(TAKEN, node))
+        """The other end of the link has it; that is no news once it was heard of."""
+        if self._commands[name].state not in _LIFE:
+            self._reach(name, self._own(TAKEN, node))
 
     def refused(self, name: str, node: str, why: str) -> None:
         """The other end of the link answered by an error."""

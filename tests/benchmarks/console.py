@@ -73,7 +73,12 @@ async def _measure(
     return [
         Figure("console: CPU", 100 * used_s / took_s, "% of a core", on, CPU),
         Figure("console: values sent", len(every) / took_s, "/s", on),
-        Figure("console: value to page, p50", 1e3 * quantile(every, 0.5), "ms", "at most a batch in 50 ms"),
+        Figure(
+            "console: value to page, p50",
+            1e3 * quantile(every, 0.5),
+            "ms",
+            "at most a batch in 50 ms",
+        ),
         Figure("console: value to page, p99", 1e3 * quantile(every, 0.99), "ms", "the same"),
         Figure("console: memory", process.memory_info().rss / 1e6, "MB", on),
     ]

@@ -27,14 +27,16 @@ LIMIT_S = 600
 START = "./rover demo --no-play"
 STARTS = (START, f"{START} --relay")
 """What pages start. Who has the second has the first."""
-KNOWN_PORTS = ("21000", "21001", "21100")
+KNOWN_PORTS = ("21000", "21001", "21081", "21100")
 ELSEWHERE = {"./rover demo": "tests/demo plays it", "./rover test": "is what runs this"}
+CONSOLE = ".venv/bin/rover-console"
 STAYS = {
     START: "Ctrl-C ends it.",
     "./rover watch": "? rover",
     "./rover files watch": "watching the files",
     ".venv/bin/rover-sim": "stands in world",
     ".venv/bin/rover-executive": "listens at",
+    CONSOLE: "http://127.0.0.1:",
 }
 """Commands that stay until Ctrl-C, and what they say once they are ready."""
 
@@ -224,6 +226,17 @@ def test_python_of_a_notebook(desk: Desk) -> None:
     for line in lines(page):
         desk.run(line)
     assert re.search("FAILED +the left wheels do not follow", printed(reading, desk))
+
+
+@pytest.mark.ros
+def test_python_asks_a_console(desk: Desk) -> None:
+    page = CHECKOUT / "docs" / "console.md"
+    (script,) = blocks(page, "python")
+    (console,) = (line.text for line in lines(page) if line.text.startswith(CONSOLE))
+    with desk.staying(console, STAYS[CONSOLE]):
+        told = printed(script, desk)
+    assert "executed ['SENT', 'RECEIVED', 'ACCEPTED'" in told
+    assert "('POS_X', " in told
 
 
 @pytest.mark.ros
