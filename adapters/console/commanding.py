@@ -105,11 +105,29 @@ class Commanding:
         """
         if posted.name == STOP:  # nothing stands before it
             return await self.stop(operator, posted.asset, posted.id)
+        return await self.send(
+            operator,
+            posted,
+            lambda: self._request(self._asset(posted.asset), posted.name, posted.args),
+        )
+
+    async def send(
+        self, operator: str, posted: Posted, make: Callable[[], Request]
+    ) -> CommandStatus:
+        """Send a command; return how it stands, which is on its way.
+
+        Args:
+            operator: who sends it.
+            posted: what is known of it.
+            make: returns its request, or raises RefusedError.
+
+        Raises:
+            RefusedError: it is not sent.
+        """
         await self._require_new(posted.id)
         try:
-            asset = self._asset(posted.asset)
-            request = self._request(asset, posted.name, posted.args)
-            link = self._link(asset, posted.link)
+            request = make()
+            link = self.link(posted.asset, posted.link)
             client = self._desk.client(link)
             command = client.command(
                 request,

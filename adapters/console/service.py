@@ -31,6 +31,7 @@ from adapters.console.history import History
 from adapters.console.hub import KEPT_COMMANDS, Hub
 from adapters.console.messages import Broadcast, CommandStatus, Link, Sample, TreeState
 from adapters.console.operations import Operations
+from adapters.console.plans import Plans
 from adapters.console.rover_link import Known
 from adapters.console.server import Server
 from adapters.console.tracker import CommandTracker
@@ -137,6 +138,7 @@ async def _serving(
     commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
     routes = [
         *Operations(commanding, desk).routes(),
+        *Plans(commanding, archive).routes(),
         *Explaining(commanding).routes(),
         *Files(commanding, options.data / FETCHED).routes(),
         *History(archive, publish).routes(),

@@ -10,6 +10,7 @@ from adapters.console.archive.objects import (
     list_objects,
     put_object,
 )
+from adapters.console.archive.plans import PlanRevision, get_plan, keep_plan, list_plans
 from adapters.console.archive.queries import (
     MOST_SAMPLES,
     Page,
@@ -36,6 +37,7 @@ __all__ = [
     "ArchiveError",
     "Conflict",
     "Page",
+    "PlanRevision",
     "Retention",
     "Stored",
     "Strategy",
@@ -45,9 +47,12 @@ __all__ = [
     "export_page",
     "find_parameters",
     "get_object",
+    "get_plan",
+    "keep_plan",
     "last_commands",
     "last_notification",
     "list_objects",
+    "list_plans",
     "open_database",
     "put_object",
     "read_command",

@@ -109,9 +109,10 @@ PLAN: Final = Table(
     Column("id", Integer, primary_key=True),
     Column("asset", String(256), nullable=False),
     Column("plan", String(256), nullable=False),
+    Column("command", String(512), nullable=False),
     Column("operator", String(256), nullable=False),
     Column("utc_us", BigInteger, nullable=False),
     Column("content", Text, nullable=False),
-    Index(None, "asset", "plan", "id"),
+    Index(None, "asset", "id"),
 )
 """Each revision of a plan that was submitted here."""

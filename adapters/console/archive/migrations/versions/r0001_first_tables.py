@@ -60,12 +60,13 @@ def upgrade() -> None:
         sa.Column("id", sa.Integer(), nullable=False),
         sa.Column("asset", sa.String(length=256), nullable=False),
         sa.Column("plan", sa.String(length=256), nullable=False),
+        sa.Column("command", sa.String(length=512), nullable=False),
         sa.Column("operator", sa.String(length=256), nullable=False),
         sa.Column("utc_us", sa.BigInteger(), nullable=False),
         sa.Column("content", sa.Text(), nullable=False),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_plan")),
     )
-    op.create_index(op.f("ix_plan_asset_plan_id"), "plan", ["asset", "plan", "id"], unique=False)
+    op.create_index(op.f("ix_plan_asset_id"), "plan", ["asset", "id"], unique=False)
     op.create_table(
         "record",
         sa.Column("id", sa.Integer(), nullable=False),

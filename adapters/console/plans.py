@@ -1,0 +1,81 @@
+"""The requests that submit plans, and find those that were submitted."""
+
+import time
+from collections.abc import Mapping
+from functools import partial
+from http import HTTPStatus
+from typing import Any, Final
+
+from aiohttp import web
+
+from adapters.console.access import OPERATOR
+from adapters.console.answers import answer, body_of, refused, text_of
+from adapters.console.archive import Archive, PlanRevision, get_plan, keep_plan, list_plans
+from adapters.console.commanding import Commanding, Posted, identifier
+from executive.commands import PlanArgument, PlanDefinition, SubmitPlan, declaration_of
+from executive.plans import FORMAT
+
+LARGEST: Final = 256 * 1024
+"""Octets of a plan that a rover takes."""
+SUBMIT: Final = declaration_of(SubmitPlan).name
+
+
+class Plans:
+    """Answers these requests.
+
+    Args:
+        commanding: sends plans.
+        archive: keeps them.
+    """
+
+    def __init__(self, commanding: Commanding, archive: Archive) -> None:
+        self._commanding, self._archive = commanding, archive
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return where they are answered."""
+        return [
+            web.post("/api/plans/{asset}", self._submit),
+            web.get("/api/plans/{asset}", self._list),
+            web.get("/api/plans/{asset}/{revision:[0-9]{1,18}}", self._get),
+        ]
+
+    async def _submit(self, request: web.Request) -> web.Response:
+        body = await body_of(request)
+        asset, operator = request.match_info["asset"], request[OPERATOR]
+        plan = _plan_of(body)
+        arguments = {each.name: each.text for each in plan.arguments}
+        shown = {"plan_id": plan.plan_id, "name": plan.name, "arguments": arguments}
+        posted = Posted(identifier(body.get("id")), asset, SUBMIT, shown)
+        status = await self._commanding.send(operator, posted, lambda: SubmitPlan(plan))
+        revision = PlanRevision(
+            asset, plan.plan_id, 0, status.id, operator, time.time(), plan.content.decode()
+        )
+        await self._archive.write(partial(keep_plan, revision=revision))
+        return answer(status, HTTPStatus.ACCEPTED)
+
+    async def _list(self, request: web.Request) -> web.Response:
+        asset = request.match_info["asset"]
+        return answer({"plans": await self._archive.read(partial(list_plans, asset=asset))})
+
+    async def _get(self, request: web.Request) -> web.Response:
+        asset, revision = request.match_info["asset"], int(request.match_info["revision"])
+        found = await self._archive.read(partial(get_plan, asset=asset, revision=revision))
+        if found is None:
+            raise refused(HTTPStatus.NOT_FOUND, f"{asset} has no plan of revision {revision}")
+        return answer(found)
+
+
+def _plan_of(body: dict[str, Any]) -> PlanDefinition:
+    plan_id = text_of(body, "plan_id")
+    content, arguments = body.get("content"), body.get("arguments", {})
+    if not isinstance(content, str) or not 0 < len(content.encode()) <= LARGEST:
+        text = f"content: the XML of a plan, of at most {LARGEST // 1024} KiB, is needed"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="content")
+    if not isinstance(arguments, Mapping) or not all(
+        isinstance(value, str) for value in arguments.values()
+    ):
+        text = "arguments: an object of texts is needed, as the plan reads them by {NAME}"
+        raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="arguments")
+    given = tuple(PlanArgument(name, value) for name, value in arguments.items())
+    name = text_of(body, "name") if "name" in body else plan_id
+    return PlanDefinition(plan_id, name, FORMAT, content.encode(), given)
