@@ -148,7 +148,10 @@ class Commanding:
         return status
 
     async def stop(self, operator: str, asset: str, name: str | None) -> CommandStatus:
-        """Stop an asset, whoever holds the authority; by all links that are there.
+        """Stop an asset, whoever holds the authority; by the direct link, if that is up.
+
+        Else it is sent by all links that are there. By a relay it may come much later, and would
+        stop the rover again that was resumed meanwhile.
 
         Args:
             operator: who stops it.
@@ -159,8 +162,10 @@ class Commanding:
             RefusedError: it cannot be reached.
         """
         _LOG.warning("%s stops %s", operator, asset)
-        links = self._asset(asset).links.values()
-        found = [(link, link.client) for link in links if link.client is not None]
+        links = self._asset(asset).links
+        direct = links.get(Link.DIRECT)
+        by = [direct] if direct is not None and direct.state is LinkState.UP else links.values()
+        found = [(link, link.client) for link in by if link.client is not None]
         if not found:
             raise _unreachable(asset)
         if name is None or self._tracker.get(name) is not None:

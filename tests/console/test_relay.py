@@ -1,0 +1,73 @@
+"""A rover behind an orbiter: real agents and sockets, an eclipse, and both links at once."""
+
+from pathlib import Path
+
+from tests.console.conftest import Launch
+from tests.console.consoles import at_console
+from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting
+
+
+async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
+    tmp_path: Path,
+) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with (
+        orbiting(sky, clock, eclipse(clock)) as (_, (station,)),
+        landed(sky, "jackal") as far,
+        at_console(tmp_path, str(station.uri), "anna") as (anna,),
+    ):
+        link = await anna.page.is_up()
+        assert link["link"] == "relay"
+        await anna.post(
+            "api/commands",
+            **{"id": "short", "asset": "jackal", "name": "moveForward", "lifetime": 30.0},
+            args={"distance": 1.0},
+        )
+        await anna.send("long", "moveForward", distance=2.0)
+        waiting = await anna.page.command("long", "taken")
+        assert (waiting["history"][-1]["node"], waiting["deadline"]) == ("orbiter", None)
+        clock.shift_s = 60.0
+        lost = await anna.page.command("short", "given_up")
+        assert not lost["ended"]  # whether the rover got it is not known
+        clock.shift_s = 3601.0
+        done = await anna.page.command("long", "executed")
+        nodes = {each["stage"]: each["node"] for each in done["history"]}
+        assert (nodes["TAKEN"], nodes["EXECUTED"]) == ("orbiter", "jackal")
+        assert len(far.commands) == 1
+
+
+async def test_one_rover_by_both_links_is_one_asset_with_two_sources(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover, sky = launch(), Sky(tmp_path, "jackal")
+    async with (
+        orbiting(sky) as (_, (station,)),
+        landed(sky, "jackal") as far,
+        at_console(
+            tmp_path, [rover.uri, str(station.uri)], "anna", topics=["tm", "link", "cmd"]
+        ) as (anna,),
+    ):
+        links = {(await anna.page.is_up())["link"], (await anna.page.is_up())["link"]}
+        assert links == {"direct", "relay"}
+        await far.telemetry(BATERY_VOLTAGE=25.5)
+        await anna.page.until(lambda said: (said.get("link"), said.get("value")) == ("relay", 25.5))
+        dictionary = (await anna.get("api/dictionary"))["assets"]
+        keys = [each["key"] for each in dictionary["jackal"]["parameters"]]
+        assert "DTN_NEXT_CONTACT" in keys
+        assert len(keys) == len(set(keys))
+        found = (await anna.post("api/tm:batch", keys=[["jackal", "BATERY_VOLTAGE"]]))[1]["samples"]
+        assert {(each["link"], each["value"]) for each in found} == {
+            ("direct", 26.0),
+            ("relay", 25.5),
+        }
+        status, sent = await anna.send("soon", "moveForward", distance=1.0)
+        assert (status, sent["link"]) == (202, "direct")
+        stop = (await anna.ask("POST", "api/stop/jackal"))[1]
+        rover.run(2.0)
+        assert (await anna.page.command(stop["id"], "executed"))["link"] == "direct"
+        assert not far.commands  # it might arrive long after a resume
+        rover.hang_up()
+        await anna.page.until(lambda said: said.get("state") == "down")
+        stop = (await anna.ask("POST", "api/stop/jackal"))[1]
+        assert (await anna.page.command(stop["id"], "executed"))["link"] == "relay"
+        assert [message.command for message in far.commands] == ["STOP"]
