@@ -129,6 +129,13 @@ class Fleet:
         """Yield what there is of each asset that was reached."""
         return (asset.entry for asset in self.assets.values())
 
+    def video_of(self, asset: str) -> tuple[str, int] | None:
+        """Return where an asset's video goes by its settings; None where that is not known."""
+        known = self.assets.get(asset)
+        if known is None or known.settings is None or known.settings.video is None:
+            return None
+        return known.settings.video.to_host, known.settings.video.to_port
+
     def on_asset(self, link: RoverLink, definitions: tuple[ParameterDefinition, ...]) -> None:
         """Take in what an asset is."""
         assert link.info is not None

@@ -17,8 +17,19 @@ from adapters.process import (
     log_level_option,
     process,
 )
+from adapters.video import parse_address
 
 FOLDER: Final = "console"
+
+
+def _addresses(
+    _: click.Context, __: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, tuple[str, int]]:
+    try:
+        pairs = [text.partition("=") for text in texts]
+        return {asset: parse_address(address) for asset, _, address in pairs}
+    except ValueError as error:
+        raise click.BadParameter(f"{error}; write ASSET=HOST:PORT") from error
 
 
 @process("rover-console", ros=False)
@@ -30,6 +41,13 @@ FOLDER: Final = "console"
     default=PORT,
     show_default=True,
     help="TCP port of the console; 0 takes a free one, which is printed.",
+)
+@click.option(
+    "--video",
+    multiple=True,
+    callback=_addresses,
+    metavar="ASSET=HOST:PORT",
+    help="Where an asset's video arrives, by UDP.  [default: section video of the asset]",
 )
 @click.option(
     "--tokens",
@@ -70,6 +88,7 @@ def main(
     to: tuple[Target, ...],
     host: str,
     port: int,
+    video: dict[str, tuple[str, int]],
     tokens: Path | None,
     tls_certificate: Path | None,
     tls_key: Path | None,
@@ -101,7 +120,7 @@ def main(
     tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)
     retention = Retention(keep_days, keep_mb)
     folder = data or default_folder(FOLDER)
-    asyncio.run(serve(Options(to, host, port, tokens, tls, folder, archive, retention)))
+    asyncio.run(serve(Options(to, host, port, tokens, tls, folder, archive, retention, video)))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import asyncio
 import ssl
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -35,6 +35,7 @@ from adapters.console.plans import Plans
 from adapters.console.rover_link import Known
 from adapters.console.server import Server
 from adapters.console.tracker import CommandTracker
+from adapters.console.video import Video
 from adapters.mal import CertificateError, is_loopback
 from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address
@@ -59,6 +60,7 @@ class Options:
         data: the folder of what must survive the process.
         archive: the URL of the database; None for a file in the folder.
         retention: how long the archive keeps what was heard.
+        video: where the video streams of assets arrive, by UDP; for others as their settings say.
     """
 
     to: tuple[Target, ...]
@@ -69,6 +71,7 @@ class Options:
     data: Path
     archive: str | None = None
     retention: Retention = field(default_factory=Retention)
+    video: Mapping[str, tuple[str, int]] = field(default_factory=dict)
 
 
 async def serve(options: Options) -> None:
@@ -141,6 +144,7 @@ async def _serving(
         *Plans(commanding, archive).routes(),
         *Explaining(commanding).routes(),
         *Files(commanding, options.data / FETCHED).routes(),
+        *Video(options.video, fleet.video_of).routes(),
         *History(archive, publish).routes(),
     ]
     runner = web.AppRunner(

@@ -1,0 +1,128 @@
+"""`/ws/video/{asset}`: the pictures of a rover's camera, as they come; the newest wins.
+
+The stream arrives by UDP, where the rover's VIDEO ON sends it. It is listened to while a page
+watches, so that other receivers have the port otherwise. A message is the time of arrival (seconds
+since 1970 UTC, 8 octets, big-endian float) and a JPEG file.
+"""
+
+import asyncio
+import logging
+import struct
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Final
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from adapters.video import JpegStream
+
+_LOG: Final = logging.getLogger(__name__)
+
+HEARTBEAT_S: Final = 20.0
+TIME: Final = struct.Struct(">d")
+
+Address = tuple[str, int]
+
+
+class Pictures(asyncio.DatagramProtocol):
+    """Puts the pictures of a stream together, and keeps the newest."""
+
+    def __init__(self) -> None:
+        self._stream = JpegStream()
+        self._newest = b""
+        self._number = 0
+        self._more = asyncio.Event()
+        self.watchers = 0
+
+    def datagram_received(self, data: bytes, _: object) -> None:
+        """Take a datagram."""
+        picture = self._stream.add(data)
+        if picture is None:
+            return
+        self._newest = TIME.pack(time.time()) + picture
+        self._number += 1
+        more, self._more = self._more, asyncio.Event()
+        more.set()
+
+    async def after(self, number: int) -> tuple[int, bytes]:
+        """Return the newest picture and its number, once there is one after a number."""
+        while self._number <= number:
+            await self._more.wait()
+        return self._number, self._newest
+
+
+class Video:
+    """Serves the streams.
+
+    Args:
+        given: where those of some assets arrive.
+        of_settings: returns where that of an asset arrives by its settings; None where it has none.
+    """
+
+    def __init__(
+        self, given: Mapping[str, Address], of_settings: Callable[[str], Address | None]
+    ) -> None:
+        self._given, self._of_settings = given, of_settings
+        self._streams: dict[Address, tuple[asyncio.DatagramTransport, Pictures]] = {}
+        self._listening = asyncio.Lock()
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return where they are served."""
+        return [web.get("/ws/video/{asset}", self._serve)]
+
+    async def _serve(self, request: web.Request) -> web.WebSocketResponse:
+        asset = request.match_info["asset"]
+        socket = web.WebSocketResponse(heartbeat=HEARTBEAT_S, compress=False, max_msg_size=1024)
+        await socket.prepare(request)
+        address = self._given.get(asset) or self._of_settings(asset)
+        if address is None:
+            await self._refuse(socket, f"{asset} has no video that is known here: --video")
+            return socket
+        try:
+            pictures = await self._listen(address)
+        except OSError as error:
+            where = f"{address[0]}:{address[1]}"
+            await self._refuse(
+                socket, f"cannot listen at {where} ({error.strerror}): `rover video`?"
+            )
+            return socket
+        sending = asyncio.create_task(_send(socket, pictures))
+        try:
+            while (await socket.receive()).type is WSMsgType.TEXT:
+                pass  # nothing that a page says means anything here
+        finally:
+            sending.cancel()
+            self._leave(address)
+        return socket
+
+    async def _refuse(self, socket: web.WebSocketResponse, why: str) -> None:
+        await socket.close(code=WSCloseCode.TRY_AGAIN_LATER, message=why.encode()[:120])
+
+    async def _listen(self, address: Address) -> Pictures:
+        async with self._listening:
+            if address not in self._streams:
+                loop = asyncio.get_running_loop()
+                transport, pictures = await loop.create_datagram_endpoint(
+                    Pictures, local_addr=address
+                )
+                self._streams[address] = transport, pictures
+                _LOG.info("listening for video at %s:%d", *address)
+        pictures = self._streams[address][1]
+        pictures.watchers += 1
+        return pictures
+
+    def _leave(self, address: Address) -> None:
+        transport, pictures = self._streams[address]
+        pictures.watchers -= 1
+        if pictures.watchers == 0:
+            del self._streams[address]
+            transport.close()
+
+
+async def _send(socket: web.WebSocketResponse, pictures: Pictures) -> None:
+    number = 0
+    with suppress(ConnectionError):
+        while True:
+            number, picture = await pictures.after(number)
+            await socket.send_bytes(picture)
