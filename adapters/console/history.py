@@ -1,13 +1,11 @@
 """The requests that read the archive, and those for what operators share."""
 
-import csv
-import io
 import json
 import time
 from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 from aiohttp import web
 from sqlalchemy import Connection
@@ -28,6 +26,7 @@ from adapters.console.archive import (
     Archive,
     Conflict,
     Page,
+    Parameter,
     Strategy,
     Wanted,
     delete_object,
@@ -43,6 +42,7 @@ from adapters.console.archive import (
     read_samples,
     to_us,
 )
+from adapters.console.export import Form, writing
 from adapters.console.messages import Link, ObjectChanged
 
 T = TypeVar("T")
@@ -53,7 +53,6 @@ SIZE: Final = 500
 MOST_KEYS: Final = 1000
 LONGEST_KEY: Final = 256
 MOST_VALUE: Final = 512 * 1024
-COLUMNS: Final = ("utc", "rx", "asset", "link", "key", "value", "quality")
 
 
 class History:
@@ -130,26 +129,32 @@ class History:
         return json_answer(f'{{"records":{found}}}')
 
     async def _export(self, request: web.Request) -> web.StreamResponse:
-        form = request.query.get("fmt", "csv")
-        if form != "csv":
-            text = "fmt: csv is what there is"
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="fmt", choices=("csv",))
+        form = one_of(Form, "fmt", request.query.get("fmt", Form.CSV.value))
         asset = request.query.get("asset")
         start_us = to_us(number_of(request, "start", 0.0))
         end_us = to_us(number_of(request, "end", HIGHEST))
         parameters = await self._read(partial(find_parameters, asset=asset))
+        file = writing(form)
+
+        def write_page(
+            connection: Connection, parameter: Parameter, since_us: int
+        ) -> tuple[bytes, int | None]:
+            rows, next_us = export_page(connection, parameter, since_us, end_us)
+            return file.page(rows), next_us
+
         response = web.StreamResponse()
-        response.content_type, response.charset = "text/csv", "utf-8"
-        response.headers["Content-Disposition"] = 'attachment; filename="telemetry.csv"'
+        response.content_type = file.content_type
+        response.headers["Content-Disposition"] = f'attachment; filename="telemetry.{form.value}"'
         await response.prepare(request)
-        await response.write(_csv([COLUMNS]))
+        await response.write(file.begin())
         for parameter in parameters:
             since_us: int | None = start_us
             while since_us is not None:
-                page, since_us = await self._archive.read(
-                    partial(export_page, parameter=parameter, start_us=since_us, end_us=end_us)
+                octets, since_us = await self._archive.read(
+                    partial(write_page, parameter=parameter, since_us=since_us)
                 )
-                await response.write(_csv(page))
+                await response.write(octets)
+        await response.write(file.end())
         await response.write_eof()
         return response
 
@@ -223,12 +228,6 @@ def _is_key(key: object) -> bool:
     return (
         isinstance(key, list) and len(key) in {2, 3} and all(isinstance(each, str) for each in key)
     )
-
-
-def _csv(rows: Any) -> bytes:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue().encode()
 
 
 def _if_match(request: web.Request) -> int:

@@ -185,12 +185,16 @@ async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine)
             archive.put(sample(day * DAY_S + number, float(number)))
         archive.put(notified(day + 1, utc=day * DAY_S))
     archive.put(command("open", CommandState.UNKNOWN, made=1.0))
+    clock_is_wrong = Sample("sim", "X", Link.DIRECT, 5.0, now_s - 1.0, 1.0, Quality.GOOD)
+    archive.put(clock_is_wrong)
     await archive.flush()
     await archive.write(lambda connection: put_object(connection, "plot", "1", None, "anna", 1.0))
     await delete_old(archive, Retention(days=30.0), now_s)
     kept = await found(archive, size=10_000)
     assert len(kept) == 30 * 50
     assert kept[0][0] == 70 * DAY_S
+    wrong = Wanted("sim", "X", None, 0, to_us(9.0), Strategy.LATEST, 9)
+    assert '"utc":5.0' in await archive.read(partial(read_samples, wanted=wrong))
     await delete_old(archive, Retention(days=30.0, megabytes=0.04), now_s)
     fewer = await found(archive, size=10_000)
     assert 0 < len(fewer) < 1000

@@ -13,7 +13,9 @@ from adapters.console.archive.objects import (
 from adapters.console.archive.plans import PlanRevision, get_plan, keep_plan, list_plans
 from adapters.console.archive.queries import (
     MOST_SAMPLES,
+    ExportRow,
     Page,
+    Parameter,
     Strategy,
     Wanted,
     export_page,
@@ -36,7 +38,9 @@ __all__ = [
     "Archive",
     "ArchiveError",
     "Conflict",
+    "ExportRow",
     "Page",
+    "Parameter",
     "PlanRevision",
     "Retention",
     "Stored",

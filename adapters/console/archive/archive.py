@@ -5,6 +5,7 @@ One thread writes, so that the order stays; another reads. The loop waits for ne
 
 import asyncio
 import logging
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -46,6 +47,7 @@ MOST_WAITING: Final = 100_000
 US_PER_S: Final = 1e6
 QUALITIES: Final = list(Quality)
 
+_Recorded = AssetState | AuthorityHeld | PlanProgress | TreeState | LinkStatus | FileChanged
 Written = Sample | TreeState | Broadcast
 Rows = list[dict[str, Any]]
 
@@ -60,9 +62,11 @@ class Archive:
 
     Args:
         engine: of a database whose tables are up to date.
+        utc: the time.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, utc: Callable[[], float] = time.time) -> None:
+        self._utc = utc
         self._engine = engine
         self._is_sqlite = engine.dialect.name == SQLITE
         self._writer = ThreadPoolExecutor(1, "archive writer")
@@ -161,17 +165,18 @@ class Archive:
                             "link": message.link.value,
                             "sequence": message.sequence,
                             "utc_us": to_us(message.utc),
+                            "rx_us": to_us(message.rx),
                             "body": encode(message),
                         }
                     )
                 case CommandStatus():
                     commands[message.id] = message
                 case AssetState() | AuthorityHeld() | PlanProgress() | TreeState():
-                    records.append(_record(message, message.utc))
+                    records.append(self._record(message, message.utc))
                 case LinkStatus():
-                    records.append(_record(message, message.since))
+                    records.append(self._record(message, message.since))
                 case FileChanged():
-                    records.append(_record(message, message.rx))
+                    records.append(self._record(message, message.rx))
                 case Presence() | DictionaryChanged() | ObjectChanged():
                     pass
                 case _:
@@ -181,6 +186,15 @@ class Archive:
         if records:
             connection.execute(RECORD.insert(), records)
         self._commands(connection, list(commands.values()))
+
+    def _record(self, message: _Recorded, utc_s: float) -> dict[str, Any]:
+        return {
+            "ty": message.ty,
+            "asset": message.asset,
+            "utc_us": to_us(utc_s),
+            "rx_us": to_us(self._utc()),
+            "body": encode(message),
+        }
 
     def _sample(self, connection: Connection, sample: Sample) -> dict[str, Any]:
         value = plain(sample.value)  # what is not finite is a text
@@ -230,15 +244,3 @@ class Archive:
         changed = {name: insert.excluded[name] for name in ("ended", "body")}
         update = insert.on_conflict_do_update(index_elements=[COMMAND.c.id], set_=changed)
         connection.execute(update, rows)
-
-
-def _record(
-    message: AssetState | AuthorityHeld | PlanProgress | TreeState | LinkStatus | FileChanged,
-    utc_s: float,
-) -> dict[str, Any]:
-    return {
-        "ty": message.ty,
-        "asset": message.asset,
-        "utc_us": to_us(utc_s),
-        "body": encode(message),
-    }

@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from sqlalchemy import Column, Connection, Row, Select, Table, func, or_, select
 
@@ -154,13 +154,22 @@ def find_parameters(
     return [Parameter(row.id, row.asset, row.key, row.link) for row in rows]
 
 
+class ExportRow(NamedTuple):
+    """A sample with all that is known of it; `value` is a text where it is no finite number."""
+
+    utc: float
+    rx: float
+    asset: str
+    link: str
+    key: str
+    value: float | str | None
+    quality: str
+
+
 def export_page(
     connection: Connection, parameter: Parameter, start_us: int, end_us: int
-) -> tuple[list[tuple[Any, ...]], int | None]:
-    """Return samples from a time on, and where the next page starts; None for no more.
-
-    A row is: utc, rx, asset, link, key, value, quality.
-    """
+) -> tuple[list[ExportRow], int | None]:
+    """Return samples from a time on, and where the next page starts; None for no more."""
     rows = connection.execute(
         select(SAMPLE)
         .where(SAMPLE.c.parameter == parameter.id, SAMPLE.c.utc_us.between(start_us, end_us))
@@ -168,7 +177,7 @@ def export_page(
         .limit(PAGE)
     ).all()
     page = [
-        (
+        ExportRow(
             row.utc_us / US_PER_S,
             row.rx_us / US_PER_S,
             parameter.asset,

@@ -1,7 +1,7 @@
 """How long the archive keeps what it heard: by age, and by how much there is.
 
-Operators' objects and plans stay. So does the last notification of each link, from which on the
-console asks for more.
+Age counts by the console's clock: that of a rover may be wrong. Operators' objects and plans stay.
+So does the last notification of each link, from which on the console asks for more.
 """
 
 import asyncio
@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from sqlalchemy import Column, Connection, func, select
+from sqlalchemy import Connection, Delete, func, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive.archive import Archive, to_us
-from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
+from adapters.console.archive.queries import find_parameters
+from adapters.console.archive.tables import COMMAND, NOTIFICATION, RECORD, SAMPLE
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -28,11 +29,6 @@ ROW_OCTETS: Final = 120
 LESS: Final = 0.9
 """Of the bound, so much is left where it was exceeded."""
 STEPS: Final = 20
-_DATED: Final = (
-    (NOTIFICATION, NOTIFICATION.c.utc_us),
-    (COMMAND, COMMAND.c.made_us),
-    (RECORD, RECORD.c.utc_us),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +62,7 @@ async def delete_old(archive: Archive, retention: Retention, utc_s: float) -> in
     It goes by steps, between which commands are written.
     """
     oldest_us = to_us(utc_s - retention.days * DAY_S)
-    deleted = await archive.write(partial(_delete_before, utc_us=oldest_us))
+    deleted = await _delete_before(archive, oldest_us)
     most = retention.megabytes * 1e6
     if await archive.read(_octets) <= most:
         return deleted
@@ -74,31 +70,33 @@ async def delete_old(archive: Archive, retention: Retention, utc_s: float) -> in
     step_us = max((to_us(utc_s) - first_us) // STEPS, 1)
     while first_us < to_us(utc_s) and await archive.read(_octets) > LESS * most:
         first_us += step_us
-        deleted += await archive.write(partial(_delete_before, utc_us=first_us))
+        deleted += await _delete_before(archive, first_us)
     return deleted
 
 
-def _delete_before(connection: Connection, utc_us: int) -> int:
+async def _delete_before(archive: Archive, rx_us: int) -> int:
     deleted = 0
-    for parameter in connection.execute(select(PARAMETER.c.id)).scalars().all():
-        old = SAMPLE.delete().where(SAMPLE.c.parameter == parameter, SAMPLE.c.utc_us < utc_us)
-        deleted += connection.execute(old).rowcount
+    for parameter in await archive.read(find_parameters):
+        old = SAMPLE.delete().where(SAMPLE.c.parameter == parameter.id, SAMPLE.c.rx_us < rx_us)
+        deleted += await archive.write(partial(_execute, deleting=old))
     newest = select(func.max(NOTIFICATION.c.id)).group_by(NOTIFICATION.c.asset, NOTIFICATION.c.link)
-    kept = connection.execute(newest).scalars().all()
-    for table, at in _DATED:
-        gone = table.delete().where(at < utc_us)
-        if table is NOTIFICATION:
-            gone = gone.where(NOTIFICATION.c.id.not_in(kept))
-        if table is COMMAND:
-            gone = gone.where(COMMAND.c.ended == 1)
-        deleted += connection.execute(gone).rowcount
+    for deleting in (
+        NOTIFICATION.delete().where(NOTIFICATION.c.rx_us < rx_us, NOTIFICATION.c.id.not_in(newest)),
+        COMMAND.delete().where(COMMAND.c.made_us < rx_us, COMMAND.c.ended == 1),
+        RECORD.delete().where(RECORD.c.rx_us < rx_us),
+    ):
+        deleted += await archive.write(partial(_execute, deleting=deleting))
     return deleted
+
+
+def _execute(connection: Connection, deleting: Delete) -> int:
+    return connection.execute(deleting).rowcount
 
 
 def _octets(connection: Connection) -> float:
     count = connection.execute(select(func.count()).select_from(SAMPLE)).scalar_one()
     octets = float(count * SAMPLE_OCTETS)
-    for table, _ in _DATED:
+    for table in (NOTIFICATION, COMMAND, RECORD):
         rows, bodies = connection.execute(
             select(func.count(), func.coalesce(func.sum(func.length(table.c.body)), 0))
         ).one()
@@ -107,6 +105,6 @@ def _octets(connection: Connection) -> float:
 
 
 def _first(connection: Connection) -> int:
-    columns: list[Column[int]] = [SAMPLE.c.utc_us, *(at for _, at in _DATED)]
+    columns = (SAMPLE.c.rx_us, NOTIFICATION.c.rx_us, COMMAND.c.made_us, RECORD.c.rx_us)
     found = [connection.execute(select(func.min(column))).scalar() for column in columns]
     return min((each for each in found if each is not None), default=0)

@@ -1,5 +1,7 @@
 """The tables of the archive. Times are whole microseconds since 1970-01-01 UTC.
 
+`utc_us` is by the clock aboard, `rx_us` by that of the console.
+
 A change here needs a migration in `migrations/versions`, as docs/console.md shows.
 """
 
@@ -61,6 +63,7 @@ NOTIFICATION: Final = Table(
     Column("link", String(16), nullable=False),
     Column("sequence", BigInteger, nullable=False),
     Column("utc_us", BigInteger, nullable=False),
+    Column("rx_us", BigInteger, nullable=False),
     Column("body", Text, nullable=False),
     UniqueConstraint("asset", "link", "sequence", "utc_us"),
     Index(None, "utc_us"),
@@ -86,6 +89,7 @@ RECORD: Final = Table(
     Column("ty", String(16), nullable=False),
     Column("asset", String(256), nullable=False),
     Column("utc_us", BigInteger, nullable=False),
+    Column("rx_us", BigInteger, nullable=False),
     Column("body", Text, nullable=False),
     Index(None, "ty", "asset", "utc_us"),
     Index(None, "utc_us"),

@@ -26,6 +26,7 @@ def upgrade() -> None:
         sa.Column("link", sa.String(length=16), nullable=False),
         sa.Column("sequence", sa.BigInteger(), nullable=False),
         sa.Column("utc_us", sa.BigInteger(), nullable=False),
+        sa.Column("rx_us", sa.BigInteger(), nullable=False),
         sa.Column("body", sa.Text(), nullable=False),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_notification")),
         sa.UniqueConstraint(
@@ -73,6 +74,7 @@ def upgrade() -> None:
         sa.Column("ty", sa.String(length=16), nullable=False),
         sa.Column("asset", sa.String(length=256), nullable=False),
         sa.Column("utc_us", sa.BigInteger(), nullable=False),
+        sa.Column("rx_us", sa.BigInteger(), nullable=False),
         sa.Column("body", sa.Text(), nullable=False),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_record")),
     )
