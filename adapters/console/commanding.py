@@ -21,6 +21,7 @@ from adapters.console.fleet import Asset, Fleet
 from adapters.console.messages import CommandState, CommandStatus, Link, LinkState, StageReached
 from adapters.console.posted import BadArgument, request_of
 from adapters.console.rover_link import RoverLink
+from adapters.console.tasks import begin
 from adapters.console.tracker import CONSOLE, HEARD_WITHIN_S, ORBITER, SENT, CommandTracker
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
@@ -273,7 +274,7 @@ class Commanding:
         return link
 
     def _send(self, client: MrsClient, link: RoverLink, name: str, command: Command) -> None:
-        task = asyncio.create_task(self._submit(client, link, name, command))
+        task = begin(self._submit(client, link, name, command))
         self._sending.add(task)
         task.add_done_callback(self._sending.discard)
 

@@ -30,6 +30,7 @@ from adapters.console.messages import (
     TreeState,
 )
 from adapters.console.rover_link import Known, RoverLink
+from adapters.console.tasks import begin
 from adapters.console.tracker import CommandTracker
 from adapters.mal import NamedValue, Typed
 from adapters.mrs.ground import FileNews
@@ -292,8 +293,7 @@ class Fleet:
         self._tracker.doubt_all(link.asset, "the asset came back without its ledger")
 
     def _run(self, link: RoverLink) -> None:
-        task = asyncio.create_task(link.run())
-        self._running.add(task)
+        self._running.add(begin(link.run()))
 
 
 def notified(link: RoverLink, notification: Notification, rx_s: float) -> Notified:

@@ -25,6 +25,7 @@ from adapters.console.messages import (
     ObjectChanged,
     Presence,
     Present,
+    Quality,
     Sample,
     TreeState,
     encode,
@@ -159,7 +160,8 @@ class Hub:
 
     def sample(self, sample: Sample) -> None:
         """Send a telemetry value to the pages that want it."""
-        self._standing[sample.ty, sample.asset, sample.key, sample.link] = sample
+        if sample.q is not Quality.LATE:
+            self._standing[sample.ty, sample.asset, sample.key, sample.link] = sample
         self._send(sample)
 
     def tree(self, tree: TreeState) -> None:

@@ -321,7 +321,7 @@ class AssetState:
 
     Attributes:
         mode: as the MRS spells it.
-        active: the id of the command under way.
+        active: the number of the command under way, as the asset tells it.
         queued: commands that wait.
         plan: the plan that has the rover.
     """

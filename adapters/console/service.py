@@ -34,6 +34,7 @@ from adapters.console.operations import Operations
 from adapters.console.plans import Plans
 from adapters.console.rover_link import Known
 from adapters.console.server import Server
+from adapters.console.tasks import begin
 from adapters.console.tracker import CommandTracker
 from adapters.console.video import Video
 from adapters.mal import CertificateError, is_loopback
@@ -153,7 +154,7 @@ async def _serving(
     await runner.setup()
     site = web.TCPSite(runner, options.host, options.port, ssl_context=context)
     working = [archive.run(), tracker.run(), desk.run(), retain(archive, options.retention)]
-    tasks = [asyncio.create_task(each) for each in working]
+    tasks = [begin(each) for each in working]
     try:
         try:
             await site.start()

@@ -1,6 +1,7 @@
 """What goes to pages that are slow, new or back."""
 
 import json
+from dataclasses import replace
 
 from adapters.console.hub import KEPT, MOST_SAMPLES, MOST_WAITING, Hub
 from adapters.console.messages import (
@@ -58,6 +59,7 @@ async def test_a_new_page_gets_how_things_stand() -> None:
         hub.publish(LinkStatus("jackal", Link.DIRECT, "uri", state, 0.0, None, ""))
     hub.sample(sample(1))
     hub.sample(sample(2))
+    hub.sample(replace(sample(1), q=Quality.LATE))
     page = hub.open("A", "anna")
     page.subscribe(["link:jackal", "tm:jackal:POS_X"])
     batch = json.loads(await page.batch())
