@@ -23,7 +23,7 @@ def test_what_comes_from_npm_is_what_its_manifest_and_the_lock_say() -> None:
     assert manifest["packages"] == {
         name.removeprefix("node_modules/"): package["version"]
         for name, package in lock["packages"].items()
-        if name
+        if name and not package.get("dev", False)
     }
 
 

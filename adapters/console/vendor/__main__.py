@@ -1,5 +1,8 @@
 """Makes `static/vendor` from npm: `python -m adapters.console.vendor`; `--check` only compares.
 
+The check goes on to the types that our own modules say they have (JSDoc), by the TypeScript of the
+lock.
+
 It asks npm for what package-lock.json names, by its hashes, and keeps of that what the pages load,
 compressed, with its licences. MANIFEST.json has versions, and hashes of what is inside the .gz:
 those do not depend on who compressed it.
@@ -49,6 +52,12 @@ def fetch(scratch: Path) -> Path:
     return scratch / "node_modules"
 
 
+def types_are_right(modules: Path) -> bool:
+    """Return whether our modules are what their comments say; the compiler tells what is not."""
+    compiler = modules / ".bin" / "tsc"
+    return subprocess.run([compiler, "-p", HERE / "jsconfig.json"], check=False).returncode == 0
+
+
 def chosen(modules: Path) -> dict[str, bytes]:
     """Return the files that are kept, by where they are served."""
     return {
@@ -92,11 +101,14 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="compare, and change nothing")
     check = parser.parse_args().check
     with tempfile.TemporaryDirectory() as scratch:
-        files = chosen(fetch(Path(scratch)))
-    if not check:
-        write(files)
-    elif files != kept() or manifest_of(files) != (KEPT / MANIFEST).read_text(encoding="utf-8"):
-        sys.exit(f"{KEPT} is not what npm gives: run python -m adapters.console.vendor")
+        modules = fetch(Path(scratch))
+        files = chosen(modules)
+        if not check:
+            write(files)
+        elif files != kept() or manifest_of(files) != (KEPT / MANIFEST).read_text(encoding="utf-8"):
+            sys.exit(f"{KEPT} is not what npm gives: run python -m adapters.console.vendor")
+        elif not types_are_right(modules):
+            sys.exit(1)
 
 
 if __name__ == "__main__":
