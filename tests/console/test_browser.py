@@ -56,16 +56,13 @@ def people() -> Iterator[Visitors]:
     assert people.requests == []
 
 
-@pytest.fixture
-def page(site: Site, people: Visitors) -> Iterator[Page]:
-    """Give the whole console, as anna sees it, who holds the authority."""
+@pytest.fixture(scope="module")
+def page(site: Site, people: Visitors) -> Page:
+    """Give the whole console, as anna sees it, who holds the authority between tests."""
     page = people.visit(site.url, "anna")
     page.get_by_role("button", name="request", exact=True).click()
     expect(page.get_by_test_id("holder")).to_have_text("you command")
-    yield page
-    page.get_by_role("button", name="release").click()
-    expect(page.get_by_test_id("holder")).to_have_text("nobody commands")
-    page.context.close()
+    return page
 
 
 def test_a_command_is_previewed_sent_and_executed_and_the_rover_moves_on_the_map(
@@ -89,7 +86,56 @@ def test_a_command_is_previewed_sent_and_executed_and_the_rover_moves_on_the_map
         expect(reached).to_have_attribute("data-reached", "true")
     expect(marker).to_have_attribute("data-x", re.compile(r"^(0\.9|1\.0)"))
     expect(page.get_by_test_id("outcome")).to_contain_text("predicted")
+    command.click()
+    for marked in (
+        page.locator(".tree g.selected").filter(has_text="drive"),
+        page.locator(".log-view .line.selected").filter(has_text="EXECUTED"),
+        page.locator(".map polyline.marked[points*=',']"),
+    ):
+        expect(marked.first).to_be_attached()
     page.screenshot(path=picture("console-executed"))
+    command.click()
+
+
+def test_a_node_of_the_tree_leads_to_the_commands_that_it_worked_on(page: Page) -> None:
+    page.get_by_label("find a node").fill("drive")
+    page.locator(".tree .name").filter(has_text="drive").click()
+    expect(page.locator(".command.selected[data-name=moveTo]")).to_be_visible()
+    page.locator(".tree .name").filter(has_text="drive").click()
+    page.get_by_label("find a node").fill("")
+
+
+def test_the_map_shows_where_the_rover_was_at_the_end_of_a_span_of_the_past(page: Page) -> None:
+    live = page.evaluate("location.hash")
+    page.evaluate(
+        """hash => {
+            const now = Date.now()
+            location.hash = `${hash.split('?')[0]}?tc.mode=fixed&tc.timeSystem=utc`
+                + `&tc.startBound=${now - 60000}&tc.endBound=${now - 1000}`
+        }""",
+        live,
+    )
+    expect(page.get_by_text("(past)")).to_be_visible()
+    page.get_by_role("button", name="back to now").click()
+    expect(page.get_by_text("(past)")).to_be_hidden()
+    page.evaluate("hash => { location.hash = hash }", live)
+
+
+def test_a_display_that_an_operator_makes_is_kept_for_all(site: Site, page: Page) -> None:
+    live = page.evaluate("location.hash")
+    page.evaluate("location.hash = '#/browse/shared:displays?hideInspector=true'")
+    page.get_by_text("Create", exact=True).first.click()
+    page.get_by_role("menuitem", name="Overlay Plot").click()
+    page.get_by_label("Title", exact=True).first.fill("Speeds")
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_role("main").get_by_text("Speeds")).to_be_visible()
+    page.get_by_role("button", name="Save", exact=True).click()
+    page.get_by_role("listitem", name="Save and Finish Editing").click()
+    expect(page.get_by_role("button", name="Edit Object")).to_be_visible()
+    kept = page.request.get(f"{site.url}api/objects").json()["objects"]
+    names = [page.request.get(f"{site.url}api/objects/{each['key']}").json() for each in kept]
+    assert "Speeds" in [each["value"]["name"] for each in names]
+    page.evaluate("hash => { location.hash = hash }", live)
 
 
 def test_what_the_rover_refuses_and_what_makes_no_sense_is_told(page: Page) -> None:
@@ -141,7 +187,7 @@ def test_a_stop_from_whoever_has_no_authority_stops_the_rover(
     expect(page.get_by_test_id("mode")).to_have_text("STOPPED")
     expect(page.get_by_test_id("holder")).to_have_text("you command")
     other.screenshot(path=picture("console-light"))
-    choose(page, "resume")
+    page.get_by_role("button", name="resume …").click()
     page.get_by_role("button", name="Send resume to jackal").click()
     expect(page.get_by_test_id("mode")).to_have_text("IDLE")
     other.context.close()

@@ -139,11 +139,21 @@ export class Asset {
     return [...this.commands.values()].sort((one, other) => other.made - one.made);
   }
 
-  /** The command under way, of which the asset tells the number; null for none. */
+  /** The mode, by whatever told of it last; empty while it is not known. */
+  get mode() {
+    return (this.#isTreeNewer ? this.tree?.mode : this.status?.mode) ?? "";
+  }
+
+  /** The command under way; null for none, and for one that is not known here. */
   get activeCommand() {
-    const active = this.status?.active;
+    const active = this.#isTreeNewer ? this.tree?.active : this.status?.active;
     if (!active) return null;
-    return this.lastCommands.find((each) => each.id === active || String(each.number) === String(active)) ?? null;
+    const names = (each) => [each.id, `${each.source}:${each.number}`, String(each.number)];
+    return this.lastCommands.find((each) => names(each).includes(active)) ?? null;
+  }
+
+  get #isTreeNewer() {
+    return this.tree !== null && this.tree.utc >= (this.status?.utc ?? 0);
   }
 
   /** When a command began to be carried out, and when it ended. @param {Command} command */

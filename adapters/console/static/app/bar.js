@@ -12,6 +12,7 @@ import { age, clock } from "./words.js";
 /** @typedef {import("./asset.js").Asset} Asset */
 
 const STOP_KEYS = ["F8", "Pause"];
+const STANDING = ["STOPPED", "SAFE", "PAUSED"];
 const RETRIES = 5;
 const RETRY_MS = 400;
 const TOLD_MS = 8000;
@@ -26,6 +27,13 @@ export function mount(element, session, shown) {
   const picker = html("select", { "aria-label": "rover", onchange: () => shown.choose(picker.value) });
   const mode = html("span", { className: "mode", "data-testid": "mode" });
   const doing = html("span", { className: "doing" });
+  const resume = html("button", {
+    type: "button",
+    className: "resume",
+    textContent: "resume …",
+    title: "prepare the command that lets it move again",
+    onclick: () => contextOf(session, shown.name ?? "").draft.prepare("resume"),
+  });
   const links = html("span", { className: "links" });
   const authority = html("span", { className: "authority" });
   const pages = html("span", { className: "pages dim" });
@@ -46,7 +54,7 @@ export function mount(element, session, shown) {
   const root = html(
     "header",
     { className: "rover-bar" },
-    html("div", { className: "row" }, picker, mode, doing, links, authority, html("span", { className: "who" }, name, pages), stop),
+    html("div", { className: "row" }, picker, mode, resume, doing, links, authority, html("span", { className: "who" }, name, pages), stop),
     told,
     lost,
   );
@@ -101,9 +109,10 @@ export function mount(element, session, shown) {
     picker.hidden = names.length === 0;
     keep(picker, names, (each) => each, (each) => html("option", { value: each, textContent: each }), () => {});
     if (shown.name !== null && picker.value !== shown.name) picker.value = shown.name;
-    say(mode, rover?.status?.mode ?? "");
-    mode.hidden = !rover?.status;
-    mode.dataset.mode = rover?.status?.mode ?? "";
+    say(mode, rover?.mode ?? "");
+    mode.hidden = !rover?.mode;
+    resume.hidden = !STANDING.includes(rover?.mode ?? "");
+    mode.dataset.mode = rover?.mode ?? "";
     say(doing, rover ? doingOf(rover) : session.unreached());
     keep(links, rover ? [...rover.links.values()] : [], (link) => link.link, () => html("span", { className: "link" }), drawLink);
     drawAuthority(rover);
@@ -165,7 +174,7 @@ export function mount(element, session, shown) {
   function watch() {
     for (const rover of session.assets.values()) {
       if (offs.has(rover)) continue;
-      const topics = ["links", "authority", "status", "commands", "entry"];
+      const topics = ["links", "authority", "status", "tree", "commands", "entry"];
       offs.set(rover, topics.map((topic) => rover.on(topic, draw)));
     }
     draw();
@@ -200,9 +209,7 @@ async function stopRover(name) {
 
 /** @param {Asset} rover */
 function doingOf(rover) {
-  const status = rover.status;
-  if (!status) return "";
-  const work = rover.activeCommand?.name ?? status.plan ?? "";
-  const queued = status.queued ? `, ${status.queued} waiting` : "";
+  const work = rover.activeCommand?.name ?? rover.status?.plan ?? "";
+  const queued = rover.status?.queued ? `, ${rover.status.queued} waiting` : "";
   return `${work}${queued}`;
 }

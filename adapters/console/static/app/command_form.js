@@ -222,7 +222,7 @@ export function mount(element, context) {
   /** Why it cannot be sent now, and what to do about it; empty if it can. */
   function hindranceOf() {
     const held = asset.authority;
-    const mode = asset.status?.mode;
+    const { mode } = asset;
     if (!asset.isReached) return `${asset.name} cannot be reached`;
     if (draft.problems.size) return draft.problems.get("") ?? "fill in what is marked";
     if (held?.holder && held.holder !== operator.name) return `${held.holder} commands: request it above`;
@@ -244,7 +244,7 @@ export function mount(element, context) {
   const draw = eachFrame(render);
   const offs = [
     draft.on(draw),
-    ...["entry", "commands", "authority", "status", "links"].map((topic) => asset.on(topic, draw)),
+    ...["entry", "commands", "authority", "status", "tree", "links"].map((topic) => asset.on(topic, draw)),
     session.connection.on(draw),
   ];
   draw();

@@ -11,8 +11,11 @@ import { UNITS, clock, number } from "./words.js";
 /** @typedef {import("./asset.js").Command} Command */
 
 const MOST_ROWS = 100;
-/** The way of a command that is carried out. */
-const WAY = ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"];
+/** The way of a command that is carried out, by each link. */
+const WAYS = {
+  direct: ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
+  relay: ["SENT", "TAKEN", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
+};
 const WORDS = {
   sending: ["sending", "on its way; not answered yet"],
   taken: ["with the relay", "the other end of the link has it; the rover may not"],
@@ -62,7 +65,7 @@ export function mount(element, context) {
         html("span", { className: "by dim" }),
         html("span", { className: "state" }),
       ),
-      lifeLine(),
+      lifeLine(command),
       html("p", { className: "detail" }),
       html("div", { className: "whole", hidden: true }),
     );
@@ -111,23 +114,27 @@ export function mount(element, context) {
   };
 }
 
-/** Dots from "sent" to the end, each with the time since it was sent. */
-function lifeLine() {
+/** Dots from "sent" to the end, each with the time since it was sent. @param {Command} command */
+function lifeLine(command) {
   return html(
     "div",
     { className: "life" },
-    ...WAY.map(() => html("span", { className: "step" }, html("i"), html("span", { className: "what" }), html("span", { className: "when" }))),
+    ...wayOf(command).map(() => html("span", { className: "step" }, html("i"), html("span", { className: "what" }), html("span", { className: "when" }))),
   );
 }
 
+/** @param {Command} command @returns {string[]} */
+const wayOf = (command) => WAYS[command.link] ?? WAYS.direct;
+
 /** @param {any} life @param {Command} command */
 function drawLife(life, command) {
+  const way = wayOf(command);
   const reached = new Map(command.history.map((each) => [each.stage, each]));
   const last = command.history.at(-1)?.stage;
-  const end = WAY.includes(last ?? "") ? null : command.ended || ["unknown", "given_up"].includes(command.state) ? last : null;
-  WAY.forEach((stage, index) => {
+  const end = way.includes(last ?? "") ? null : command.ended || ["unknown", "given_up"].includes(command.state) ? last : null;
+  way.forEach((stage, index) => {
     const [, what, when] = life.children[index].children;
-    const isEnd = index === WAY.length - 1;
+    const isEnd = index === way.length - 1;
     const shown = isEnd && end ? end : stage;
     const at = reached.get(shown);
     const progress = stage === "STARTED" ? command.history.findLast((each) => each.step !== null && each.step !== undefined) : undefined;

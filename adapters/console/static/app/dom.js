@@ -15,7 +15,7 @@ export function html(name, properties = {}, ...children) {
     if (key.includes("-") || key === "role" || key === "for") made.setAttribute(key, value);
     else made[key] = value;
   }
-  made.append(...children.filter((child) => child || child === ""));
+  for (const child of children) if (child || child === "") made.append(child);
   return made;
 }
 

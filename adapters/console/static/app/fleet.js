@@ -49,7 +49,7 @@ export function mount(element, session, choose) {
     const { pose, status, authority } = asset;
     const heard = Math.max(0, ...[...asset.values.values()].flatMap((links) => [...links.values()].map((each) => each.rx)));
     const words = [
-      status?.mode ?? "",
+      asset.mode,
       asset.activeCommand?.name ?? status?.plan ?? "",
       pose ? `${fixed(pose.x, 1)}, ${fixed(pose.y, 1)} m` : "",
       [...asset.links.values()].map((link) => `${link.link} ${link.state}`).join(", "),

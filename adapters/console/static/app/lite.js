@@ -8,9 +8,10 @@ import { html } from "./dom.js";
 import * as fleet from "./fleet.js";
 import { login } from "./login.js";
 import * as map from "./map.js";
-import { Session } from "./session.js";
+import { LIGHT_TOPICS, Session } from "./session.js";
 import * as values from "./values.js";
 
+/** @type {[string, {mount: (element: HTMLElement, context: import("./context.js").Context) => () => void}][]} */
 const PANELS = [
   ["Map", map],
   ["Command", commandForm],
@@ -19,7 +20,7 @@ const PANELS = [
 ];
 
 await login();
-const session = new Session();
+const session = new Session(LIGHT_TOPICS);
 /** @type {{name: string | null, choose: (name: string) => void}} */
 const shown = { name: null, choose: show };
 const top = html("div");

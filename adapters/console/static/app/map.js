@@ -309,7 +309,10 @@ export function mount(element, context) {
     ];
     if (command) items.push(item(`select ${command.name}, which it carried out here`, () => selection.selectCommand(command.id)));
     menu.replaceChildren(...items);
-    Object.assign(menu.style, { left: `${px + 6}px`, top: `${py + 6}px` });
+    const { width, height } = size();
+    const across = px < width / 2 ? { left: `${px + 6}px`, right: "" } : { left: "", right: `${width - px + 6}px` };
+    const along = py < height / 2 ? { top: `${py + 6}px`, bottom: "" } : { top: "", bottom: `${height - py + 6}px` };
+    Object.assign(menu.style, across, along);
     menu.hidden = false;
   }
 

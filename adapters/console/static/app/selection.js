@@ -32,10 +32,10 @@ export class Selection {
     return command ? asset.spanOf(command) : null;
   }
 
-  /** Whether a node is selected, or works on the selected command. */
-  isNode(asset, node) {
-    if (this.node !== null) return node.path === this.node;
-    return this.command !== null && leavesOf(asset, this.command).includes(node.path);
+  /** The paths of the nodes that are selected, or work on the selected command. @param {import("./asset.js").Asset} asset */
+  nodesOf(asset) {
+    if (this.node !== null) return new Set([this.node]);
+    return new Set(this.command === null ? [] : leavesOf(asset, this.command));
   }
 
   /** Whether a node is selected that works on a command. */

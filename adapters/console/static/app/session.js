@@ -3,7 +3,9 @@
 import { Asset } from "./asset.js";
 import { Connection, ask, operator } from "./connection.js";
 
-const TOPICS = ["tm", "cmd", "auth", "ntf", "link", "asset", "tree", "plan", "file", "presence", "dictionary", "obj"];
+/** What a page hears of that shows no tree. */
+export const LIGHT_TOPICS = ["tm", "cmd", "auth", "ntf", "link", "asset", "presence", "dictionary"];
+const TOPICS = [...LIGHT_TOPICS, "tree", "plan", "file", "obj"];
 const HISTORY_S = 3600;
 const MOST_NOTICES = 500;
 const POSE = ["POS_X", "POS_Y", "HEAD"];
@@ -12,6 +14,7 @@ export class Session {
   #listeners = new Map();
   #heard = { instance: "", seq: 0 };
   #tried = new Map();
+  /** @type {(value?: any) => void} */
   #becomeReady = () => {};
   /** @type {Map<string, Asset>} */
   assets = new Map();
@@ -20,7 +23,8 @@ export class Session {
   /** when the dictionary was read for the first time */
   ready = new Promise((resolve) => (this.#becomeReady = resolve));
 
-  constructor() {
+  /** @param {string[]} [topics] what it hears of */
+  constructor(topics = TOPICS) {
     this.name = `page-${Math.random().toString(36).slice(2, 8)}`;
     this.connection = new Connection(
       (message) => this.#receive(message),
@@ -28,7 +32,7 @@ export class Session {
         op: "hello",
         console: this.name,
         operator: operator.name,
-        topics: TOPICS,
+        topics,
         resume: this.#heard,
       }),
     );

@@ -18,7 +18,8 @@ const LOOKS = "hideInspector=true&hideRecents=true";
 
 await login();
 const session = new Session();
-const { openmct } = window;
+/** @type {any} Open MCT puts itself there. */
+const { openmct } = /** @type {any} */ (window);
 
 /** The clock of rover-console: that of this browser may be wrong. */
 class ConsoleClock {
@@ -142,7 +143,7 @@ if (isUnplaced) location.hash = `#/browse/rover:rovers?${LOOKS}`;
 /** Open the branch of what is shown, when it is there. @param {number} tries */
 function openTree(tries) {
   if (tries === 0 || document.querySelector(".l-shell__pane-tree .is-navigated-object")) return;
-  document.querySelector(".l-shell__sync-tree-button")?.click();
+  /** @type {HTMLElement | null} */ (document.querySelector(".l-shell__sync-tree-button"))?.click();
   setTimeout(() => openTree(tries - 1), TICK_MS);
 }
 

@@ -12,7 +12,8 @@ import { clock } from "./words.js";
 const ROW = 22;
 const INDENT = 18;
 const LEFT = 14;
-const LATE_S = 5;
+/** A tree is told when it changes, and every 10 s. */
+const LATE_S = 25;
 const MARKS = {
   selector: ["?", "selector: the first child that does not fail"],
   sequence: ["→", "sequence: one child after the other"],
@@ -82,7 +83,7 @@ export function mount(element, context) {
     draw();
   }
 
-  const isFresh = () => session.now - asset.tree.utc < LATE_S;
+  const isFresh = () => asset.isReached && session.now - asset.tree.utc < LATE_S;
 
   /** @returns {TreeNode[]} */
   const nodes = () => asset.tree?.nodes ?? [];
@@ -102,12 +103,12 @@ export function mount(element, context) {
     say(mode, tree.mode);
     mode.dataset.mode = tree.mode;
     say(why, isFresh() ? tree.why : `as of ${clock(tree.utc)}: ${tree.why}`);
-    drawRows(visible(tree.nodes, search.value.trim().toLowerCase(), chosen));
+    drawRows(visible(tree.nodes, search.value.trim().toLowerCase(), chosen, selection.nodesOf(asset)));
   }
 
   function drawRows(shown) {
     const width = Math.max(320, ...shown.map((row) => row.x + 30 + 7.3 * (row.node.name.length + row.node.message.length + 4)));
-    set(rows, { width, height: shown.length * ROW + 6, viewBox: `0 0 ${width} ${shown.length * ROW + 6}` });
+    set(rows, { width, height: shown.length * ROW + 6 });
     keep(rows, shown, (row) => row.node.path, makeRow, updateRow);
   }
 
@@ -133,10 +134,10 @@ export function mount(element, context) {
   }
 
   function updateRow(made, row) {
-    const { node, index, x, look, children, open, hit } = row;
+    const { node, index, x, look, children, open, hit, selected } = row;
     const y = index * ROW + ROW / 2 + 3;
     const [back, branch, fold, status, name, message] = made.children;
-    set(made, { class: `${look}${hit ? " hit" : ""}${selection.isNode(asset, node) ? " selected" : ""}`, "data-look": look });
+    set(made, { class: `${look}${hit ? " hit" : ""}${selected ? " selected" : ""}`, "data-look": look });
     if (children) made.setAttribute("aria-expanded", String(open));
     set(back, { y: y - ROW / 2 });
     const up = row.parent === null ? 0 : (row.index - row.parent) * ROW;
@@ -182,11 +183,12 @@ function sign(x, y) {
  * @param {TreeNode[]} nodes
  * @param {string} sought
  * @param {Map<string, boolean>} chosen
+ * @param {Set<string>} selected paths
  */
-export function visible(nodes, sought, chosen) {
+function visible(nodes, sought, chosen, selected) {
   const parents = parentsOf(nodes);
   const below = nodes.map(() => 0);
-  const matters = nodes.map((node) => node.look === "running" || node.look === "failure");
+  const matters = nodes.map((node) => ["running", "failure"].includes(node.look) || selected.has(node.path));
   const hits = nodes.map((node) => sought !== "" && node.name.toLowerCase().includes(sought));
   const holdsHit = [...hits];
   for (let index = nodes.length - 1; index > 0; index--) {
@@ -194,6 +196,7 @@ export function visible(nodes, sought, chosen) {
     if (parent === null) continue;
     below[parent] += 1 + below[index];
     holdsHit[parent] ||= holdsHit[index];
+    matters[parent] ||= matters[index];
   }
   const rows = [];
   const places = new Map();
@@ -211,6 +214,7 @@ export function visible(nodes, sought, chosen) {
       children: below[index],
       open,
       hit: hits[index],
+      selected: selected.has(node.path),
     };
     places.set(index, row);
     rows.push(row);

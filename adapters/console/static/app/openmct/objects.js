@@ -18,7 +18,10 @@ export const identifierOf = (...parts) => ({ namespace: NAMESPACE, key: parts.ma
 /** @param {{key: string}} identifier */
 export const partsOf = (identifier) => identifier.key.split(MARK).map(decodeURIComponent);
 
-/** Which frame of the layout is how large, a column each. */
+/**
+ * How many percent of the width a column of the layout has, and of its height each frame in it.
+ * @type {[number, [string, number][]][]}
+ */
 const LAYOUT = [
   [40, [["map", 60], ["commands", 40]]],
   [31, [["tree", 58], ["log", 42]]],
