@@ -105,7 +105,7 @@ def test_a_node_of_the_tree_leads_to_the_commands_that_it_worked_on(page: Page) 
     page.get_by_label("find a node").fill("")
 
 
-def test_the_map_shows_where_the_rover_was_at_the_end_of_a_span_of_the_past(page: Page) -> None:
+def test_map_and_tree_show_how_it_was_at_the_end_of_a_span_of_the_past(page: Page) -> None:
     live = page.evaluate("location.hash")
     page.evaluate(
         """hash => {
@@ -116,6 +116,7 @@ def test_the_map_shows_where_the_rover_was_at_the_end_of_a_span_of_the_past(page
         live,
     )
     expect(page.get_by_text("(past)")).to_be_visible()
+    expect(page.locator(".tree-view .why")).to_have_text(re.compile("^as of"))
     page.get_by_role("button", name="back to now").click()
     expect(page.get_by_text("(past)")).to_be_hidden()
     page.evaluate("hash => { location.hash = hash }", live)

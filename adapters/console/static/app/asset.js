@@ -6,6 +6,7 @@
 /** @typedef {{sequence: number, link: string, utc: number, rx: number, kind: string, severity: string, text: string, command: string | null, stage: string | null, figures: Record<string, any>}} Notice */
 /** @typedef {{path: string, name: string, depth: number, kind: string, look: string, message: string}} TreeNode */
 /** @typedef {{kind: string, title: string, corners: [number, number][], x: number | null, y: number | null, radius: number | null}} Zone */
+/** @typedef {{utc: number, why: string, mode: string, active: string | null, faults: string[], nodes: TreeNode[]}} Tree */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
 
 const POSE = ["POS_X", "POS_Y", "HEAD"];
@@ -33,7 +34,7 @@ export class Asset {
   authority = null;
   /** @type {any} mode, command under way, plan; null until it is known */
   status = null;
-  /** @type {{utc: number, why: string, mode: string, active: string | null, faults: string[], nodes: TreeNode[]} | null} */
+  /** @type {Tree | null} */
   tree = null;
   /** @type {any} the plan that has the rover; null for none */
   plan = null;

@@ -182,7 +182,7 @@ export class Session {
     try {
       const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_NOTICES}`);
       asset.addNotices(told.notifications.reverse());
-      const [xs, ys, headings] = await Promise.all(POSE.map((key) => ask(`/api/tm/${name}/${key}?start=${start}`)));
+      const [xs, ys, headings] = await Promise.all(POSE.map((key) => ask(`/api/tm/${name}/${key}?start=${start}&size=${HISTORY_S}`)));
       asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
     } catch (error) {
       console.warn(error.message);

@@ -108,6 +108,9 @@ function followTime() {
 let wasFixed = false;
 openmct.time.on("boundsChanged", (_, isTick) => isTick || followTime());
 openmct.time.on("modeChanged", followTime);
+cursor.on(() => {
+  if (cursor.utc_s === null && openmct.time.isFixed()) openmct.time.setMode("realtime");
+});
 
 /** @type {{name: string | null, choose: (name: string) => void}} */
 const shown = {

@@ -3,6 +3,7 @@
  * stands or what moves it. Branches in which nothing is done are folded until somebody opens them.
  */
 
+import { ask } from "./connection.js";
 import { eachFrame, html, keep, say, set, svg } from "./dom.js";
 import { clock } from "./words.js";
 
@@ -38,7 +39,9 @@ const LOOKS = {
  * @returns {() => void}
  */
 export function mount(element, context) {
-  const { asset, session, selection } = context;
+  const { asset, session, selection, cursor } = context;
+  /** @type {import("./asset.js").Tree | null} how it was at the time that is looked at */
+  let past = null;
   /** @type {Map<string, boolean>} what the operator folded or opened, by path */
   const chosen = new Map();
 
@@ -83,20 +86,36 @@ export function mount(element, context) {
     draw();
   }
 
-  const isFresh = () => asset.isReached && session.now - asset.tree.utc < LATE_S;
+  const shown = () => (cursor.utc_s === null ? asset.tree : past);
+  const isFresh = () => cursor.utc_s === null && asset.isReached && session.now - asset.tree.utc < LATE_S;
+
+  /** Ask how it was at the time that is looked at. */
+  async function lookBack() {
+    const utc = cursor.utc_s;
+    past = null;
+    draw();
+    if (utc === null) return;
+    const path = `/api/records/tree?asset=${encodeURIComponent(asset.name)}&before=${utc}&limit=1`;
+    const { records } = await ask(path).catch(() => ({ records: [] }));
+    if (cursor.utc_s !== utc) return;
+    past = records[0] ?? null;
+    draw();
+  }
 
   /** @returns {TreeNode[]} */
-  const nodes = () => asset.tree?.nodes ?? [];
+  const nodes = () => shown()?.nodes ?? [];
 
   function render() {
-    const tree = asset.tree;
-    root.classList.toggle("stale", tree !== null && !isFresh());
+    const tree = shown();
+    root.classList.toggle("stale", cursor.utc_s === null && tree !== null && !isFresh());
+    root.classList.toggle("past", cursor.utc_s !== null);
     empty.hidden = tree !== null;
     legend.hidden = head.hidden = tree === null;
     if (tree === null) {
       say(mode, "");
       say(why, "");
-      say(empty, asset.isReached ? "The rover has not told of its behaviour tree yet." : session.unreached(asset));
+      if (cursor.utc_s !== null) say(empty, `Nothing is kept of the tree of ${clock(cursor.utc_s)}.`);
+      else say(empty, asset.isReached ? "The rover has not told of its behaviour tree yet." : session.unreached(asset));
       rows.replaceChildren();
       return;
     }
@@ -158,8 +177,8 @@ export function mount(element, context) {
   }
 
   const draw = eachFrame(render);
-  const offs = [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(draw)];
-  draw();
+  const offs = [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(draw), cursor.on(lookBack)];
+  lookBack();
   return () => {
     offs.forEach((off) => off());
     root.remove();
