@@ -38,7 +38,7 @@ const WORDS = {
  */
 export function mount(element, context) {
   const { asset, session, selection } = context;
-  /** @type {Map<string, string[]>} */
+  /** @type {Map<string, any>} what was told of why, by command and whether it had ended */
   const told = new Map();
   const rows = html("div", { className: "commands", role: "list" });
   const empty = html("p", { className: "empty" });
@@ -67,7 +67,7 @@ export function mount(element, context) {
       ),
       lifeLine(command),
       html("p", { className: "detail" }),
-      html("div", { className: "whole", hidden: true }),
+      html("div", { className: "whole", hidden: true, onclick: (event) => event.stopPropagation() }),
     );
 
   /** @param {any} row @param {Command} command */
@@ -90,19 +90,26 @@ export function mount(element, context) {
     const awaited = command.deadline !== null && !command.ended ? `; heard of by ${clock(command.deadline)}, or unknown` : "";
     say(detail, ["sending", "taken"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
     whole.hidden = selection.command !== command.id;
-    if (!whole.hidden) whole.replaceChildren(stageTable(command), comparison(command) ?? "", why(command));
+    if (!whole.hidden) whole.replaceChildren(why(command), comparison(command) ?? "", stageTable(command));
   }
 
-  /** Why it ended as it did, or what it is about: asked for once when it is looked at, and again when it has ended. */
+  /** Why it ended as it did, or what it is about: asked for when it is looked at, and again when it has ended. */
   function why(command) {
     const key = `${command.id} ${command.ended}`;
     if (!told.has(key)) {
-      told.set(key, []);
+      told.set(key, null);
       ask(`/api/why/${encodeURIComponent(asset.name)}/${encodeURIComponent(command.id)}`)
-        .then(({ lines }) => (told.set(key, lines), draw()))
+        .then((answer) => (told.set(key, answer), draw()))
         .catch(() => {});
     }
-    return html("pre", { className: "why-lines", textContent: told.get(key).join("\n") });
+    const known = told.get(key);
+    if (!known) return "";
+    return html(
+      "table",
+      { className: "why-steps" },
+      ...known.steps.map(({ utc, text }) => html("tr", {}, html("td", { textContent: utc === null ? "" : clock(utc, true) }), html("td", { textContent: text }))),
+      ...known.evidence.map((text) => html("tr", {}, html("td", { textContent: "evidence" }), html("td", { textContent: text }))),
+    );
   }
 
   const draw = eachFrame(render);

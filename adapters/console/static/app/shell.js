@@ -12,7 +12,8 @@ import { Session } from "./session.js";
 const MINUTE_MS = 60_000;
 const AHEAD_MS = 5_000;
 const TICK_MS = 250;
-const TRIES = 20;
+/** Where Open MCT keeps which branches are open. */
+const OPEN_BRANCHES = "mct-tree-expanded";
 const SPANS = { "5 minutes": 5, "15 minutes": 15, "1 hour": 60, "6 hours": 360 };
 const LOOKS = "hideInspector=true&hideRecents=true";
 
@@ -143,11 +144,13 @@ function choose() {
 let isUnplaced = !location.hash.includes(":");
 if (isUnplaced) location.hash = `#/browse/rover:rovers?${LOOKS}`;
 
-/** Open the branch of what is shown, when it is there. @param {number} tries */
-function openTree(tries) {
-  if (tries === 0 || document.querySelector(".l-shell__pane-tree .is-navigated-object")) return;
-  /** @type {HTMLElement | null} */ (document.querySelector(".l-shell__sync-tree-button"))?.click();
-  setTimeout(() => openTree(tries - 1), TICK_MS);
+/** Have Open MCT open the branch of the first rover, until somebody opens and folds what they like. */
+function openTree() {
+  if (localStorage.getItem(OPEN_BRANCHES) !== null) return;
+  const name = chosen();
+  const root = "/browse/rover:rovers";
+  const branches = name === null ? [root] : [root, `${root}/rover:${identifierOf(name).key}`];
+  localStorage.setItem(OPEN_BRANCHES, JSON.stringify(branches));
 }
 
 session.on("assets", choose);
@@ -155,5 +158,5 @@ addEventListener("hashchange", choose);
 bar.mount(document.querySelector("#top"), session, shown);
 await session.ready;
 choose();
-openmct.on("start", () => openTree(TRIES));
+openTree();
 openmct.start(document.querySelector("#openmct"));
