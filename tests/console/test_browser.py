@@ -12,6 +12,7 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.conftest import port_of
 from tests.console.site import LIMIT_MS, Site, Visitors, rover, visitors
+from tests.docs.pages import CHECKOUT
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 pytestmark = [
@@ -120,6 +121,18 @@ def test_map_and_tree_show_how_it_was_at_the_end_of_a_span_of_the_past(page: Pag
     page.get_by_role("button", name="back to now").click()
     expect(page.get_by_text("(past)")).to_be_hidden()
     page.evaluate("hash => { location.hash = hash }", live)
+
+
+def test_a_plan_from_a_file_is_submitted_and_removed(page: Page) -> None:
+    live = page.evaluate("location.hash")
+    page.evaluate("location.hash = '#/browse/rover:rovers/rover:jackal/rover:jackal~plans'")
+    page.get_by_label("file of a plan").set_input_files(CHECKOUT / "config/plans/look-around.xml")
+    page.get_by_role("button", name="Submit to jackal").click()
+    plan = page.locator(".plans-view tbody tr").filter(has_text="look-around")
+    expect(plan).to_contain_text(re.compile("submitted.*by anna, revision 1"))
+    plan.get_by_role("button", name="remove").click()
+    page.evaluate("hash => { location.hash = hash }", live)
+    expect(commands(page, "removePlan").first).to_have_attribute("data-state", "executed")
 
 
 def test_a_display_that_an_operator_makes_is_kept_for_all(site: Site, page: Page) -> None:

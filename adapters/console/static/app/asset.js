@@ -36,8 +36,8 @@ export class Asset {
   status = null;
   /** @type {Tree | null} */
   tree = null;
-  /** @type {any} the plan that has the rover; null for none */
-  plan = null;
+  /** @type {Map<string, any>} how far each plan is */
+  plans = new Map();
 
   /** what it keeps away from */
   get zones() {

@@ -3,7 +3,7 @@
  * says it would come to, and what became of it beside that once it was sent.
  */
 
-import { ask, operator } from "./connection.js";
+import { ask, newId, operator } from "./connection.js";
 import { comparison } from "./command_table.js";
 import { eachFrame, html, say } from "./dom.js";
 import { rangeOf } from "./draft.js";
@@ -50,7 +50,7 @@ export function mount(element, context) {
 
   async function submit() {
     if (draft.entry === null || draft.problems.size) return;
-    const id = crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`;
+    const id = newId();
     trouble = "";
     sent = id;
     draw();

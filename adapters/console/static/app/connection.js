@@ -72,6 +72,11 @@ export async function ask(path, options = {}) {
   return body;
 }
 
+/** A number for a command, which is never sent twice under it; `randomUUID` is there over HTTPS alone. */
+export function newId() {
+  return crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`;
+}
+
 export class Connection {
   #listeners = new Set();
   #wait_ms = FIRST_RETRY_MS;

@@ -117,9 +117,12 @@ export class Session {
       case "tree":
         this.#set(message, "tree");
         break;
-      case "plan":
-        this.#set(message, "plan");
+      case "plan": {
+        const asset = this.asset(message.asset);
+        asset.plans.set(message.plan, message);
+        asset.changed("plans");
         break;
+      }
       case "link": {
         if (message.asset === "") {
           this.#tried.set(message.uri, message);

@@ -7,6 +7,7 @@ import * as files from "../files.js";
 import * as fleet from "../fleet.js";
 import * as log from "../log.js";
 import * as map from "../map.js";
+import * as plans from "../plans.js";
 import * as tree from "../tree.js";
 import * as values from "../values.js";
 import { NAMESPACE, partsOf } from "./objects.js";
@@ -19,6 +20,7 @@ export const VIEWS = {
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values },
   log: { name: "Log", icon: "icon-list-view", view: log },
+  plans: { name: "Plans", icon: "icon-plan", view: plans },
   files: { name: "Files and pictures", icon: "icon-image", view: files },
 };
 
