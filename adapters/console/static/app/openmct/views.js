@@ -10,6 +10,7 @@ import * as map from "../map.js";
 import * as plans from "../plans.js";
 import * as tree from "../tree.js";
 import * as values from "../values.js";
+import * as video from "../video.js";
 import { NAMESPACE, partsOf } from "./objects.js";
 
 /** By the last part of the object's key. */
@@ -20,6 +21,7 @@ export const VIEWS = {
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values },
   log: { name: "Log", icon: "icon-list-view", view: log },
+  video: { name: "Camera", icon: "icon-camera", view: video },
   plans: { name: "Plans", icon: "icon-plan", view: plans },
   files: { name: "Files and pictures", icon: "icon-image", view: files },
 };
