@@ -231,6 +231,7 @@ def test_a_page_recovers_by_itself_when_the_console_was_killed(
         process.end(signal.SIGKILL)
     lost = page.get_by_text("No connection to rover-console")
     expect(lost).to_be_visible()
+    expect(page.locator(".map-view.stale")).to_be_visible()
     people.errors.clear()  # a browser writes each attempt to connect to its console
     with own.console():
         expect(lost).to_be_hidden()

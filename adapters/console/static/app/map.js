@@ -320,7 +320,8 @@ export function mount(element, context) {
   const resized = new ResizeObserver(draw);
   resized.observe(picture);
   const offs = [
-    ...["pose", "track", "zones", "waypoints", "asset", "second"].map((topic) => asset.on(topic, draw)),
+    ...["track", "commands", "entry", "links"].map((topic) => asset.on(topic, draw)),
+    session.onSecond(draw),
     selection.on(draw),
     cursor.on(draw),
     draft.on(draw),
