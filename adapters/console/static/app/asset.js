@@ -159,7 +159,8 @@ export class Asset {
 
   /** When a command began to be carried out, and when it ended. @param {Command} command */
   spanOf(command) {
-    const began = command.history.find((each) => each.stage === "STARTED" || each.stage === "ACCEPTED");
+    const reached = (stage) => command.history.find((each) => each.stage === stage);
+    const began = reached("STARTED") ?? reached("ACCEPTED");
     if (!began) return null;
     const last = command.history.at(-1);
     return [began.utc, command.ended ? last.utc : Infinity];

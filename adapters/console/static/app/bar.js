@@ -13,6 +13,12 @@ import { age, clock } from "./words.js";
 
 const STOP_KEYS = ["F8", "Pause"];
 const STANDING = ["STOPPED", "SAFE", "PAUSED"];
+const ACTS = {
+  request: ["request", "ask for the right to command"],
+  take: ["take", "take it without being asked, where the rover's settings let you"],
+  hand_over: ["hand over to", "let them command"],
+  release: ["release", "let nobody command"],
+};
 const RETRIES = 5;
 const RETRY_MS = 400;
 const TOLD_MS = 8000;
@@ -35,7 +41,8 @@ export function mount(element, session, shown) {
     onclick: () => contextOf(session, shown.name ?? "").draft.prepare("resume"),
   });
   const links = html("span", { className: "links" });
-  const authority = html("span", { className: "authority" });
+  const authority = html("span", {});
+  const buttons = html("span", { className: "acts" });
   const pages = html("span", { className: "pages dim" });
   const name = html("button", {
     type: "button",
@@ -54,7 +61,7 @@ export function mount(element, session, shown) {
   const root = html(
     "header",
     { className: "rover-bar" },
-    html("div", { className: "row" }, picker, mode, resume, doing, links, authority, html("span", { className: "who" }, name, pages), stop),
+    html("div", { className: "row" }, picker, mode, resume, doing, links, html("span", { className: "authority" }, authority, buttons), html("span", { className: "who" }, name, pages), stop),
     told,
     lost,
   );
@@ -141,25 +148,35 @@ export function mount(element, session, shown) {
     return last;
   }
 
+  /** Who commands, and what may be asked for; a button stays the same while somebody presses it. */
   function drawAuthority(rover) {
     const held = rover?.authority;
-    if (!held) return authority.replaceChildren();
+    const mine = held?.holder === operator.name;
+    keep(authority, held ? [held] : [], () => "holder", () => html("span", { "data-testid": "holder" }), drawHolder);
+    const acts = [];
+    if (mine && held.asked_by && held.asked_by !== operator.name) acts.push(["hand_over", held.asked_by]);
+    if (mine) acts.push(["release"]);
+    if (held && !mine) acts.push(["request"]);
+    if (held?.holder && !mine) acts.push(["take"]);
+    keep(buttons, acts, (each) => each.join(" "), makeAct, (button, [what]) => {
+      const isAsked = what === "request" && held.asked_by === operator.name;
+      if (what === "request") say(button, isAsked ? "asked for" : "request");
+    });
+  }
+
+  function drawHolder(element, held) {
     const mine = held.holder === operator.name;
+    const nobody = held.needed ? "nobody commands" : "anyone may command";
     const left = Math.max(0, held.lease_left - (session.now - held.utc));
-    const words = !held.needed && !held.holder ? "anyone may command" : held.holder ? `${mine ? "you command" : `${held.holder} commands`}` : "nobody commands";
-    const parts = [html("span", { className: `holder ${mine ? "mine" : held.holder ? "other" : "none"}`, textContent: words, "data-testid": "holder", title: held.holder ? `lease of ${age(held.lease)}, ${age(left)} left, grant ${held.epoch}` : "" })];
-    const button = (textContent, title, onclick) => html("button", { type: "button", textContent, title, onclick });
-    if (mine) {
-      if (held.asked_by && held.asked_by !== operator.name) {
-        parts.push(button(`hand over to ${held.asked_by}`, "let them command", () => act("hand_over", { to: held.asked_by })));
-      }
-      parts.push(button("release", "let nobody command", () => act("release")));
-    } else {
-      parts.push(button(held.asked_by === operator.name ? "asked for" : "request", "ask for the right to command", () => act("request")));
-      if (held.holder) parts.push(button("take", "take it without being asked, where the rover's settings let you", () => act("take")));
-      else if (left > 0 && held.holder) parts.push(html("small", { textContent: age(left) }));
-    }
-    authority.replaceChildren(...parts);
+    say(element, mine ? "you command" : held.holder ? `${held.holder} commands` : nobody);
+    element.className = `holder ${mine ? "mine" : held.holder ? "other" : "none"}`;
+    set(element, { title: held.holder ? `lease of ${age(held.lease)}, ${age(left)} left, grant ${held.epoch}` : "" });
+  }
+
+  function makeAct([what, to]) {
+    const [words, title] = ACTS[what];
+    const more = to ? { to } : {};
+    return html("button", { type: "button", textContent: to ? `${words} ${to}` : words, title, onclick: () => act(what, more) });
   }
 
   function onKey(event) {

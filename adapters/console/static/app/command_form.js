@@ -21,7 +21,6 @@ export function mount(element, context) {
   /** @type {string | null} the command that was sent last from here */
   let sent = null;
   let trouble = "";
-  let built = null;
 
   const chooser = html("select", { "aria-label": "command", onchange: () => ((sent = null), draft.prepare(chooser.value || null)) });
   const summary = html("p", { className: "summary dim" });
@@ -76,8 +75,7 @@ export function mount(element, context) {
 
   /** Make the fields of another command. */
   function build() {
-    built = draft.entry;
-    fields.replaceChildren(...(built?.arguments ?? []).map((each) => (each.type === "list" ? listField(each) : field(each, draft.typed, each.name))));
+    fields.replaceChildren(...(draft.entry?.arguments ?? []).map((each) => (each.type === "list" ? listField(each) : field(each, draft.typed, each.name))));
   }
 
   function field(argument, record, key) {
@@ -167,7 +165,7 @@ export function mount(element, context) {
       chooser.drawn = entry;
     }
     if (chooser.value !== (draft.entry?.name ?? "")) chooser.value = draft.entry?.name ?? "";
-    if (built !== draft.entry || fields.typed !== draft.typed) {
+    if (fields.typed !== draft.typed) {
       build();
       fields.typed = draft.typed;
     }

@@ -39,8 +39,7 @@ export function mount(element, context) {
     svg("title", {}),
   );
   const world = svg("g", {}, zones, ahead, track, marked, planned, preview, rover);
-  const labels = svg("g", { class: "labels" });
-  const picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, grid, world, labels);
+  const picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, grid, world);
   const place = html("span", { className: "place" });
   const pointed = html("span", { className: "pointed dim" });
   const follow = html("button", {

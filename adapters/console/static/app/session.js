@@ -3,9 +3,9 @@
 import { Asset } from "./asset.js";
 import { Connection, ask, operator } from "./connection.js";
 
-/** What a page hears of that shows no tree. */
-export const LIGHT_TOPICS = ["tm", "cmd", "auth", "ntf", "link", "asset", "presence", "dictionary"];
-const TOPICS = [...LIGHT_TOPICS, "tree", "plan", "file", "obj"];
+/** What a page hears of that shows neither log nor tree. */
+export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary"];
+const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "obj"];
 const HISTORY_S = 3600;
 const MOST_NOTICES = 500;
 const POSE = ["POS_X", "POS_Y", "HEAD"];
@@ -25,6 +25,7 @@ export class Session {
 
   /** @param {string[]} [topics] what it hears of */
   constructor(topics = TOPICS) {
+    this.hasLog = topics.includes("ntf");
     this.name = `page-${Math.random().toString(36).slice(2, 8)}`;
     this.connection = new Connection(
       (message) => this.#receive(message),
@@ -183,8 +184,10 @@ export class Session {
     const start = this.now - HISTORY_S;
     const name = encodeURIComponent(asset.name);
     try {
-      const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_NOTICES}`);
-      asset.addNotices(told.notifications.reverse());
+      if (this.hasLog) {
+        const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_NOTICES}`);
+        asset.addNotices(told.notifications.reverse());
+      }
       const [xs, ys, headings] = await Promise.all(POSE.map((key) => ask(`/api/tm/${name}/${key}?start=${start}&size=${HISTORY_S}`)));
       asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
     } catch (error) {
