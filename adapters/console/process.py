@@ -7,7 +7,7 @@ from typing import Final
 import click
 
 from adapters.console.archive import Retention
-from adapters.console.service import PORT, Options, serve
+from adapters.console.service import PORT, PORT_VARIABLE, Options, serve
 from adapters.mrs.cli import Target, to_options
 from adapters.process import (
     EXISTING_FILE,
@@ -38,8 +38,10 @@ def _addresses(
 @click.option(
     "--port",
     type=PORT_NUMBER,
+    envvar=PORT_VARIABLE,
     default=PORT,
     show_default=True,
+    show_envvar=True,
     help="TCP port of the console; 0 takes a free one, which is printed.",
 )
 @click.option(

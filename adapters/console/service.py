@@ -44,6 +44,8 @@ from adapters.process import StartError, exclusive, termination_event
 
 PORT: Final = 21080
 """TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
+PORT_VARIABLE: Final = "ROVER_CONSOLE_PORT"
+"""The variable of the environment that names another."""
 LOCK: Final = "console.lock"
 FETCHED: Final = "fetched"
 """The folder of the data folder in which fetched files are."""

@@ -1,5 +1,6 @@
 """The operations console beside simulated rovers: `rover-console`, where its extra is installed."""
 
+import os
 import re
 import socket
 import time
@@ -42,11 +43,12 @@ def operations_console(folder: Path, uris: Sequence[str]) -> Iterator[Operations
     if find_spec("aiohttp") is None:
         yield None
         return
-    from adapters.console import PORT
+    from adapters.console import PORT, PORT_VARIABLE
 
     to = [word for uri in uris for word in ("--to", uri)]
-    port = PORT if _is_free(PORT) else ANY_PORT
-    arguments = (*to, "--port", str(port), "--data", str(folder / "console"))
+    arguments = [*to, "--data", str(folder / "console")]
+    if PORT_VARIABLE not in os.environ and not _is_free(PORT):
+        arguments += ["--port", str(ANY_PORT)]
     child = Child("console", "adapters.console.process", arguments, folder, {})
     try:
         while (found := child.said(SERVES)) is None:
