@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Final, assert_never
 
 from executive.authority import Authority
-from executive.battery_check import check_battery
+from executive.checks import check_battery, check_request, expected_pose
 from executive.commands import (
     ABOARD_LINK,
     ActivatePlan,
@@ -41,14 +41,13 @@ from executive.commands.intake import (
     validate,
 )
 from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
-from executive.fault_declaration import Then
+from executive.faults import Then
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.motion import Arbiter
 from executive.notifications import Notifications
-from executive.path_check import check_request, expected_pose
 from executive.plans import Planner, PlanNode
-from executive.predictions import Predictions
+from executive.preview import Predictions
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
 from executive.reports import Identity, Severity, Stage, printable

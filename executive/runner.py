@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from executive.authority import Authority, AuthorityAsked, AuthorityState
-from executive.battery_check import check_battery
+from executive.checks import check_battery, expected_pose
 from executive.clock import Clock, LatchedClock
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
 from executive.commands.intake import not_located
@@ -23,11 +23,9 @@ from executive.inbox import MOST_A_TURN, Inbox, Question, Submission
 from executive.link_loss import GroundMonitor
 from executive.motion import Arbiter, SharedSolver, make_locomotion
 from executive.notifications import Notifications
-from executive.path_check import expected_pose
 from executive.plans import PlanHost, Planner, check_plan
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
-from executive.predictions import Predictions
-from executive.preview import PreviewRun
+from executive.preview import Predictions, PreviewRun
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import (
     AuthorityRecord,

@@ -21,8 +21,7 @@ def tree(form: str, asset: str) -> None:
       rover tree
       rover tree --format svg > tree.svg
     """
-    from executive.settings import load_settings
-    from executive.settings_files import SettingsError
+    from executive.settings import SettingsError, load_settings
     from trees.rover import preview
     from trees.snapshot import as_mermaid, as_svg, as_text
 

@@ -5,7 +5,7 @@ from functools import partial
 
 from py_trees.common import Status
 
-from executive.battery_check import check_battery
+from executive.checks import check_battery, check_request, heeded, seen_ahead, way_to
 from executive.commands import (
     ABOARD_LINK,
     DriveFor,
@@ -32,7 +32,6 @@ from executive.motion import (
     passes_by,
     plan_leg,
 )
-from executive.path_check import check_request, heeded, seen_ahead, way_to
 from executive.reasons import Figure, Reason, Refusal
 from executive.state import listed
 from executive.zones import Encounter

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import yaml
 
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 
 Tree = dict[str, "float | Tree"]
 

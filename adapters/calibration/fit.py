@@ -13,7 +13,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from scipy.signal import lfilter
 
 from adapters.calibration.drive_log import Commands, DriveLog, Poses, Series
-from executive.mpc_settings import Slip, YawResponse
+from executive.settings import Slip, YawResponse
 
 GRID_S: Final = 0.01
 """Of the time over which the model is integrated."""

@@ -20,7 +20,7 @@ def bag(recording: Path, folder: Path) -> None:
       ros2 bag info run_bag
     """
     from adapters.recording import RecordingError
-    from executive.settings_files import SettingsError
+    from executive.settings import SettingsError
 
     try:
         from adapters.ros.bag import write_bag

@@ -47,8 +47,7 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.terms import Terms
 from executive.reports import Identity
-from executive.settings import Settings, load_settings
-from executive.settings_files import SettingsError, config_folder, names_in
+from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
 from trees import Snapshot, looks
 
 _LOG: Final = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from adapters.explanation.chronicle import (
 )
 from executive.commands import Command
 from executive.commands.intake import LONGEST_SOURCE
-from executive.fault_declaration import Then
+from executive.faults import Then
 from executive.reasons import Reason, Refusal
 from executive.recording import (
     Answered,

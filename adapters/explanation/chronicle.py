@@ -9,8 +9,7 @@ from math import degrees
 from typing import Final
 
 from executive.commands import Arrival, Declaration, Mode, Request, arguments_of, declaration_of
-from executive.fault_declaration import Then
-from executive.fault_table import DECLARED
+from executive.faults import DECLARED, Then
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Report
 

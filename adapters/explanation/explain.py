@@ -11,7 +11,7 @@ from typing import Final
 from adapters.explanation.chronicle import Chronicle, LeafRun, Situation
 from adapters.explanation.log import CommandLife, lives_of, names
 from executive.commands import Family, Mode, declared
-from executive.fault_table import DECLARED
+from executive.faults import DECLARED
 from executive.reasons import PREDICTED, Figure, Reason
 from executive.reports import Identity, Kind, Report, Stage
 

@@ -19,7 +19,7 @@ from adapters.mops.codec import (
 )
 from executive.commands import Request, declared
 from executive.reports import Identity
-from executive.settings_files import SettingsError, config_folder, read_yaml
+from executive.settings import SettingsError, config_folder, read_yaml
 from executive.state import Parameter
 
 

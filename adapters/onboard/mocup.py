@@ -43,7 +43,7 @@ class MocupOnRos(RosFrames):
             settings: of the asset, by whose name the brick is addressed.
 
         Raises:
-            executive.settings_files.SettingsError: the MOPS dictionary does not fit.
+            executive.settings.SettingsError: the MOPS dictionary does not fit.
             adapters.ros.parameters.ParameterError: a topic is missing.
         """
         super().__init__(node, topics.camera_compressed)

@@ -112,8 +112,7 @@ def main(
     """
     from adapters.mrs.ground import parse_address as parse_mrs_address
     from adapters.onboard.service import Options, serve
-    from executive.settings import load_settings
-    from executive.settings_files import config_folder
+    from executive.settings import config_folder, load_settings
 
     settings = _with_video(load_settings(asset), video_from, video_to).reached(
         by_others=not is_loopback(host)

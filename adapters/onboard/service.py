@@ -52,8 +52,7 @@ from executive.recorded_executive import RecordedExecutive, life_of
 from executive.recording import Tapes
 from executive.reports import Severity
 from executive.runner import Executive
-from executive.settings import LocomotionKind, Settings
-from executive.settings_files import SettingsError
+from executive.settings import LocomotionKind, Settings, SettingsError
 from trees import RoverTree
 
 NODE_NAME: Final = "executive"

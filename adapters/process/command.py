@@ -40,7 +40,7 @@ class ProcessCommand(click.Command):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the process, and say in one line why it does not."""
-        from executive.settings_files import SettingsError
+        from executive.settings import SettingsError
 
         sys.setswitchinterval(SWITCH_S)
         try:
@@ -88,7 +88,7 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
 
 def _assets(_: click.Context, __: click.Parameter, begun: str) -> list[str]:
     """Return the names of assets that a shell may complete."""
-    from executive.settings_files import config_folder, names_in
+    from executive.settings import config_folder, names_in
 
     return [name for name in names_in(config_folder()) if name.startswith(begun)]
 

@@ -47,8 +47,7 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
     """
     from adapters.recording.replay import replay as play
     from adapters.recording.run_file import RecordingError
-    from executive.settings import load_settings
-    from executive.settings_files import SettingsError
+    from executive.settings import SettingsError, load_settings
 
     try:
         others = None if settings is None else load_settings(settings)

@@ -33,8 +33,7 @@ from executive.recording import (
     Truth,
 )
 from executive.safety import END_WITHIN
-from executive.settings import Settings
-from executive.settings_files import structure, unstructure
+from executive.settings import Settings, structure, unstructure
 from executive.state import Fact, Frame
 
 LIFE: Final = "/life"

@@ -41,8 +41,7 @@ from adapters.ros.tree_topic import TREE_TOPIC, to_json
 from executive.geometry import Velocity
 from executive.recording import Drove, Item, Life, Observed, Reported, Truth
 from executive.reports import Report, Severity
-from executive.settings import Sensor, Settings
-from executive.settings_files import config_folder
+from executive.settings import Sensor, Settings, config_folder
 from executive.state import (
     Battery,
     CameraAngles,

@@ -22,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from adapters.process import ROS_ARGS
 from adapters.ros.parameters import ParameterError
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 
 _TRANSPORT_CHOICES = (
     "FASTRTPS_DEFAULT_PROFILES_FILE",

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 
 _RELIABILITY = {
     "reliable": ReliabilityPolicy.RELIABLE,

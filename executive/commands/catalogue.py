@@ -19,8 +19,8 @@ from executive.commands.declaration import (
     record,
     within,
 )
-from executive.controller import Controller
 from executive.reports import Identity
+from executive.settings import Controller
 
 SLOWEST = 0.01
 

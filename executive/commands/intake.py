@@ -32,11 +32,10 @@ from executive.commands.declaration import (
     declaration_of,
     declared,
 )
-from executive.controller import Controller
 from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import printable
-from executive.settings import LocomotionKind, Settings
+from executive.settings import Controller, LocomotionKind, Settings
 from executive.state import Status, check_path
 
 _Check = Callable[[Any, Settings], Refusal | None]

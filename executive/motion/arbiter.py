@@ -23,8 +23,7 @@ from executive.motion.predictive_control import PredictiveLocomotion
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted
 from executive.reasons import Refusal
-from executive.settings import LocomotionKind, Settings
-from executive.settings_files import SettingsError
+from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.state import Status
 
 NO_SOLVER: Final = "mpc needs a solver of plans, and the executive was started without one"

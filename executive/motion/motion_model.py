@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any, Final
 
 from executive.geometry import Point, Pose, Velocity
-from executive.mpc_settings import Slip, YawResponse
+from executive.settings import Slip, YawResponse
 
 _GAUSS: Final = (0.5 - sqrt(3.0) / 6, 0.5 + sqrt(3.0) / 6)
 """Of a step, where it is integrated from: two points of Gauss make it of fourth order."""

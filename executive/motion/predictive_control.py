@@ -11,7 +11,6 @@ from typing import Final
 
 from executive.clock import Clock
 from executive.commands import Command, Waypoint, controller_of
-from executive.controller import Controller
 from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.motion.locomotion import (
     Bounds,
@@ -28,7 +27,7 @@ from executive.motion.plan import ANY_RAD, Plan, PlanSolver, Problem, Target
 from executive.motion.route import AIM_SHARE, Route, aim_within_m
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.ports import Wanted
-from executive.settings import Settings
+from executive.settings import Controller, Settings
 from executive.state import Status
 
 BRAKE_SHARE: Final = 2 / 3

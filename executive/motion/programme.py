@@ -16,7 +16,7 @@ from executive.geometry import Point
 from executive.motion.motion_model import MotionModel, MotionState
 from executive.motion.obstacles import ROW, SLOTS, Obstacles
 from executive.motion.plan import Plan, Problem, sampled
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 
 MISS_COST: Final = 30.0
 """Seconds for each metre and radian beyond the aim: so there is an answer to every problem."""

@@ -1,6 +1,6 @@
 """Monitors of the rover as a whole: how it leans, its battery, and who else drives it."""
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History

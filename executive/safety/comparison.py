@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import inf
 from typing import Final
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History

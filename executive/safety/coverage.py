@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from executive.fault_declaration import Then
+from executive.faults import Then
 from executive.settings import LocomotionKind, Settings
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.history import History
 

@@ -10,7 +10,7 @@ from math import cos, hypot, inf, isfinite, sin
 from typing import Final, NamedTuple
 
 from executive.clock import Clock
-from executive.fault_table import FaultTable
+from executive.faults import FaultTable
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.safety.channel import GRID_S, SLOTS, Channel, StampClock
 from executive.safety.sensor_history import (

@@ -6,7 +6,7 @@ A gyro that the odometry shares is checked by the wheels alone, and by a second 
 from math import copysign
 from typing import Final
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.comparison import compared, silent, turns
 from executive.safety.evidence import Evidence

@@ -6,7 +6,7 @@ commanded is taken as all velocities that were in force in the window, since a b
 
 from typing import Final, TypeGuard
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.comparison import compared, speeds, turns
 from executive.safety.evidence import Evidence

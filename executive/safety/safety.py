@@ -10,8 +10,7 @@ from math import inf
 from typing import Final
 
 from executive.clock import Clock
-from executive.fault_declaration import Clears, Row, Then, When
-from executive.fault_table import DECLARED
+from executive.faults import DECLARED, Clears, Row, Then, When
 from executive.reasons import Refusal
 from executive.reports import Severity
 from executive.safety.asset_monitors import (

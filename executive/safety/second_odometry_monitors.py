@@ -8,7 +8,7 @@ gross disagreement is a fault.
 from math import inf
 from typing import Final
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.safety.comparison import compared, silent, speeds, turns
 from executive.safety.evidence import Evidence
 from executive.safety.history import History

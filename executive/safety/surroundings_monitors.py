@@ -2,7 +2,7 @@
 
 from math import isfinite
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.geometry import arc
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence

@@ -7,7 +7,7 @@ is not seen here.
 
 from typing import Final
 
-from executive.fault_declaration import Row
+from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.comparison import compared, silent, speeds
 from executive.safety.evidence import Evidence

@@ -9,7 +9,7 @@ from math import copysign, cos, exp, sin, sqrt
 from typing import Final
 
 from executive.geometry import Velocity, wrap_rad
-from executive.mpc_settings import Slip
+from executive.settings import Slip
 from executive.state.facts import Odometry
 
 LONGEST_S: Final = 0.2

@@ -60,8 +60,7 @@ def calibrate(
       2  something asked for makes no sense
     """
     from adapters.calibration import plan_xml
-    from executive.settings import LocomotionKind, load_settings
-    from executive.settings_files import SettingsError
+    from executive.settings import LocomotionKind, SettingsError, load_settings
 
     try:
         settings = load_settings(asset)
@@ -95,7 +94,7 @@ def _found(
     from adapters.calibration import CalibrationError, read_drive
     from adapters.calibration import calibrate as fit
     from adapters.recording import RecordingError
-    from executive.settings_files import SettingsError
+    from executive.settings import SettingsError
     from sim.calibration.drive import drive_pattern
 
     try:
@@ -114,7 +113,7 @@ def _found(
 def _write(asset: str, found: "Calibration", out: Path | None, write: bool) -> Path | None:
     """Write the asset's YAML with the new figures, and return where; None if it is not wanted."""
     from adapters.calibration import with_figures
-    from executive.settings_files import SettingsError, config_folder
+    from executive.settings import SettingsError, config_folder
 
     own = Path(asset) if asset.endswith((".yaml", ".yml")) else config_folder() / f"{asset}.yaml"
     target = own if write else out

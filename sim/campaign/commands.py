@@ -25,7 +25,7 @@ INTERRUPTED: Final = 130
 
 def _complete(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Complete the name of a campaign, or the path of a file."""
-    from executive.settings_files import config_folder, names_in
+    from executive.settings import config_folder, names_in
 
     names = [name for name in names_in(config_folder() / "campaigns") if name.startswith(begun)]
     # In this order: bash forgets the names that stand before the word for files.
@@ -90,7 +90,7 @@ def campaign(
       130  interrupted by Ctrl-C; what was done is kept
     """
     from adapters.process import require
-    from executive.settings_files import SettingsError
+    from executive.settings import SettingsError
 
     if jobs is not None and on is not None:
         raise click.UsageError("--jobs is for this computer; with --on, the cluster decides")
@@ -114,7 +114,7 @@ def campaign(
 
 
 def _list() -> None:
-    from executive.settings_files import names_in
+    from executive.settings import names_in
     from sim.campaign.reading import campaign_folder, load_campaign
 
     for name in names_in(campaign_folder()):
@@ -189,7 +189,7 @@ def _report(
     console: "Console", loaded: "Campaign", data: "Runs", verdict: "Verdict", out: Path
 ) -> None:
     """Write verdict, report and JUnit, and say where all is."""
-    from executive.settings_files import SettingsError
+    from executive.settings import SettingsError
     from sim.campaign.report import write_campaign_junit, write_report
 
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.process import StartError, exclusive
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign
 from sim.campaign.runs import Runs

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import yaml
 
-from executive.settings_files import SettingsError, config_folder, load_yaml
+from executive.settings import SettingsError, config_folder, load_yaml
 from sim.campaign import draws, runs
 from sim.campaign.draws import INJECT, fault_change
 from sim.campaign.model import (

@@ -19,7 +19,7 @@ import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 
 from executive.reasons import Reason
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.campaign.draws import Kind, Quantity, quantities
 from sim.campaign.model import Campaign, Scalar
 from sim.campaign.where import COMPARISONS, EVERYWHERE, Term, Where

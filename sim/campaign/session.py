@@ -15,7 +15,7 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Final, Protocol
 
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.campaign.draws import Draw, draw, quantities
 from sim.campaign.model import Campaign, Until
 from sim.campaign.runs import Run, Runs

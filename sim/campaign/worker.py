@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from executive.reports import printable
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.outcome import Figures, play_once

@@ -12,7 +12,7 @@ from typing import Any, Final
 from rich.console import Console
 
 from adapters.mrs.ground import MrsClient
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from sim.demo.display import display
 from sim.demo.participants import Participant, Participants
 from sim.demo.script import Link

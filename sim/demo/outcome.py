@@ -19,7 +19,7 @@ from adapters.mrs.spec import Stage
 from executive.commands import Stop, TakePicture, Waypoint
 from executive.geometry import Point, Pose, wrap_rad
 from executive.reasons import Reason
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from sim.demo.mission import LOG, Played
 from sim.demo.participants import Participants
 from sim.demo.script import Ending, Link, Script

@@ -25,7 +25,7 @@ from adapters.bundle import (
 )
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_orbiter
 from adapters.relay.rover import RelaySettings, load_relay
-from executive.settings_files import SettingsError, config_folder
+from executive.settings import SettingsError, config_folder
 from sim.processes.children import LOOK_S, Child, ProcessGroup
 from sim.processes.contacts import Eclipse, plan_text
 from sim.processes.deployment import Deployment

@@ -18,7 +18,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 
 from adapters.ros import ros_node, single_threaded
-from executive.settings_files import parse_yaml
+from executive.settings import parse_yaml
 from sim.rover.body import SimulatedBody
 from sim.rover.faults import Fault, fault_declaration, lacking, read_fault, read_kind, written
 

@@ -62,8 +62,7 @@ def _command(declaration: FaultDeclaration) -> click.Command:
 
 def _tell(declaration: FaultDeclaration, asset: str, fault: Any) -> None:
     """Tell the simulation, and say what became of it."""
-    from executive.settings import load_settings
-    from executive.settings_files import SettingsError, config_folder
+    from executive.settings import SettingsError, config_folder, load_settings
     from sim.ros.faults import fault_client
 
     try:

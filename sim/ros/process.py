@@ -88,8 +88,7 @@ def main(
     """
     from tempfile import gettempdir
 
-    from executive.settings import load_settings
-    from executive.settings_files import config_folder, named_file
+    from executive.settings import config_folder, load_settings, named_file
     from sim.ros.service import Options, serve
     from sim.rover import load_world
 

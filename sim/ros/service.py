@@ -42,8 +42,7 @@ from adapters.ros import (
 )
 from executive.geometry import Velocity
 from executive.ports import CameraIntent
-from executive.settings import LocomotionKind, Sensor, Settings
-from executive.settings_files import SettingsError
+from executive.settings import LocomotionKind, Sensor, Settings, SettingsError
 from executive.state import (
     Battery,
     CameraAngles,

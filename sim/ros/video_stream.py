@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 
 MOST_SCAN: Final = 1200
 """Octets of the picture in a packet, so that it passes any network whole."""

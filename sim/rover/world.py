@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.geometry import Pose
-from executive.settings_files import SettingsError, load_yaml, structure
+from executive.settings import SettingsError, load_yaml, structure
 from sim.rover.features import (
     BANK_M,
     FARTHEST_M,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Final
 
-from executive.settings_files import SettingsError, parse_yaml
+from executive.settings import SettingsError, parse_yaml
 from sim.scenario.strict import FormatError, shown
 
 ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", "command", "inject")

@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from executive.settings import load_settings
-from executive.settings_files import config_folder, names_in
+from executive.settings import config_folder, load_settings, names_in
 from sim.rover import World
 from sim.rover.jackal import OdometrySettings
 from sim.scenario.reading import scenario_folder

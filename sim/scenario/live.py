@@ -19,8 +19,7 @@ import yaml
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Validity
 from executive.commands import SetCameraAngles
-from executive.settings import LocomotionKind
-from executive.settings_files import config_folder, unstructure
+from executive.settings import LocomotionKind, config_folder, unstructure
 from executive.state import Parameter
 from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
 from sim.processes import Eclipse as Dark

@@ -13,7 +13,7 @@ from executive.commands import Command
 from executive.commands.lifecycle import Admitted, Refused, Repeated
 from executive.reasons import Reason, Refusal
 from executive.recording import Tape
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import Fault, LinkLost, fault_declaration
 from sim.rover.lockstep import STEP_S, LockStep, Recorder

@@ -12,7 +12,7 @@ from executive.commands import Mode
 from executive.reasons import Reason
 from executive.recording import Tape
 from executive.reports import Kind, Report, Severity, Stage
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario

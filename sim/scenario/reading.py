@@ -21,8 +21,15 @@ from executive.commands import (
 )
 from executive.commands.intake import SOURCE_PREFIX
 from executive.plans import FORMAT
-from executive.settings import LocomotionKind, Settings, load_settings
-from executive.settings_files import SettingsError, config_folder, load_yaml, named_file
+from executive.settings import (
+    LocomotionKind,
+    Settings,
+    SettingsError,
+    config_folder,
+    load_settings,
+    load_yaml,
+    named_file,
+)
 from sim.rover import World, load_world
 from sim.rover.faults import Fault, LinkLost, Part, lacking, parts_of, read_fault, read_kind
 from sim.rover.jackal import OdometrySettings

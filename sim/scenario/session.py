@@ -8,7 +8,7 @@ from typing import BinaryIO, Final
 import click
 from rich.console import Console
 
-from executive.settings_files import SettingsError, names_in
+from executive.settings import SettingsError, names_in
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.playing import PlayError, play, show

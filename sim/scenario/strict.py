@@ -22,7 +22,7 @@ from cattrs import (
 )
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
-from executive.settings_files import moved
+from executive.settings import moved
 
 T = TypeVar("T")
 

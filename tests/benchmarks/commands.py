@@ -68,7 +68,7 @@ def run(measures: list[Measure], json_path: Path | None) -> None:
     """Measure, print a table, write figures, and end with 1 where a goal is missed."""
     from rich.console import Console
 
-    from executive.settings_files import SettingsError
+    from executive.settings import SettingsError
     from sim.processes import ChildError, PlaceError
     from tests.support.figures import table, write_json
 

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from math import copysign, cos, hypot, pi, sin, sqrt
 from typing import TYPE_CHECKING, Final, Protocol
 
-from executive.controller import Controller
 from executive.geometry import Pose, Velocity, on_arc, wrap_rad
-from executive.settings import Profile
+from executive.settings import Controller, Profile
 
 if TYPE_CHECKING:
     from tests.benchmarks.mppi import Mppi

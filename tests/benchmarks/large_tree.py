@@ -10,8 +10,7 @@ from py_trees.composites import Selector
 from adapters.onboard.service import Options, serve
 from adapters.process import log_to_stderr
 from executive.goals import Context
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 from trees import RoverTree
 from trees.leaf import Condition
 

@@ -23,7 +23,7 @@ import yaml
 
 from adapters.cli.checkout import CHECKOUT, CORE_TESTS, environment
 from adapters.recording import SUFFIX, RunFile
-from executive.settings_files import SettingsError, names_in
+from executive.settings import SettingsError, names_in
 from sim.campaign.draws import draw
 from sim.campaign.reading import campaign_folder, load_campaign
 from sim.scenario.lockstep_run import run_in_lock_step

@@ -21,13 +21,8 @@ NO_RULES: Final = (
     "executive/inbox.py",
     "executive/notifications.py",
     "executive/state/files.py",
-    "executive/settings.py",  # those of a run are in its recording, with the rows of its faults
-    "executive/settings_files.py",
-    "executive/prediction_settings.py",
-    "executive/mpc_settings.py",
-    "executive/fault_table.py",
-    "executive/fault_section.py",
-    "executive/fault_declaration.py",
+    "executive/settings",  # those of a run are in its recording, with the rows of its faults
+    "executive/faults",
     "executive/motion/minimum_time.py",  # the solver, whose plans are inputs of the core
     "executive/motion/motion_model.py",
     "executive/motion/obstacles.py",

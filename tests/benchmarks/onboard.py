@@ -17,8 +17,7 @@ from rclpy.qos import qos_profile_sensor_data
 
 from adapters.ros import ros_node, single_threaded
 from executive.commands.catalogue import DriveFor, Resume, Stop
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 from tests.benchmarks.large_tree import TREE_NODES
 from tests.benchmarks.octets import Octets
 from tests.support.figures import Figure, Goal, cpu_s, quantile

@@ -20,12 +20,11 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.controller import Controller
 from executive.geometry import Pose, wrap_rad
 from executive.preview import Preview
 from executive.reasons import Refusal
 from executive.reports import Identity, Stage
-from executive.settings import DriveLimits, Settings, load_settings
+from executive.settings import Controller, DriveLimits, Settings, load_settings
 from sim.rover import World
 from sim.rover.lockstep import LockStep
 from tests.benchmarks.competitors import OWN

@@ -25,7 +25,7 @@ from executive.commands.catalogue import (
     Stop,
     SubmitPlan,
 )
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from tests.benchmarks import stop_load, stop_witness
 from tests.benchmarks.large_tree import HANG
 from tests.benchmarks.octets import Octets

@@ -142,7 +142,7 @@ async def publish(topic: str) -> None:
     from geometry_msgs.msg import Twist
 
     from adapters.ros import ros_node
-    from executive.settings_files import config_folder
+    from executive.settings import config_folder
 
     count, velocity = Count(), Twist()
     velocity.linear.x = OTHER_MPS

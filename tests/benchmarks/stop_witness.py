@@ -12,7 +12,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from adapters.ros import declare_topics, ros_node, single_threaded
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 
 WATCHES: Final = "watches"
 EVERY: Final = "every"

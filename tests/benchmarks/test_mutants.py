@@ -62,7 +62,9 @@ def test_rules_are_changed_one_at_a_time_and_texts_are_not(tmp_path: Path) -> No
     place = tmp_path / "executive" / "rules.py"
     place.parent.mkdir()
     place.write_text(RULES)
-    (place.parent / "settings.py").write_text(RULES)
+    without = place.parent / "settings" / "asset_settings.py"
+    without.parent.mkdir()
+    without.write_text(RULES)
     found = list(mutants_of(tmp_path))
     assert {"|".join(each.diff(place.read_bytes())) for each in found} == CHANGED
     assert len(found) == len(CHANGED)

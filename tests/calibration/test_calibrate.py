@@ -9,11 +9,9 @@ from click.testing import CliRunner
 
 from adapters.calibration import Calibration, calibrate, plan_xml, read_drive, with_figures
 from executive.commands import PlanDefinition
-from executive.mpc_settings import Mpc
 from executive.plans import check_plan
 from executive.reasons import Refusal
-from executive.settings import load_settings
-from executive.settings_files import SettingsError
+from executive.settings import Mpc, SettingsError, load_settings
 from sim.calibration.commands import calibrate as command
 from sim.calibration.drive import drive_pattern
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.settings_files import parse_yaml
+from executive.settings import parse_yaml
 from sim.campaign.draws import Kind, as_yaml, draw, number, quantities
 from sim.campaign.model import (
     Campaign,

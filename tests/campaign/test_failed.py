@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from adapters.recording.replay import replay
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.output import open_output

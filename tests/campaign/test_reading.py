@@ -5,7 +5,7 @@ from math import radians
 
 import pytest
 
-from executive.settings_files import SettingsError, names_in
+from executive.settings import SettingsError, names_in
 from sim.campaign.model import Choice, FaultDraw, Grid, Interval, LogUniform, Named, Until
 from sim.campaign.reading import campaign_folder, load_campaign
 from tests.campaign.conftest import Write

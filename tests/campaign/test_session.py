@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign, Until
 from sim.campaign.output import FILE, open_output, sole_writer

@@ -16,7 +16,7 @@ from executive.commands import (
     SetPositionCompensation,
     Waypoint,
 )
-from executive.fault_declaration import Then
+from executive.faults import Then
 from executive.geometry import Point, Pose
 from executive.reasons import Reason
 from executive.reports import Identity, Stage

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.battery_check import Speeds, reckoned_j
+from executive.checks import Speeds, reckoned_j
 from executive.commands import (
     ActivatePlan,
     Arrival,
@@ -21,12 +21,10 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import Pose
-from executive.prediction_settings import BatterySettings
 from executive.preview import Preview
 from executive.reasons import Reason, Refusal
 from executive.reports import Stage
-from executive.settings import load_settings
-from executive.settings_files import SettingsError, structure
+from executive.settings import BatterySettings, SettingsError, load_settings, structure
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 

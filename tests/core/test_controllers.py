@@ -20,14 +20,12 @@ from executive.commands import (
 )
 from executive.commands.intake import check_arguments
 from executive.commands.lifecycle import Repeated
-from executive.controller import Controller
-from executive.fault_declaration import Clears, Then
+from executive.faults import Clears, Then
 from executive.geometry import Point, Velocity
 from executive.motion import MinimumTime, make_solver
-from executive.mpc_settings import Mpc
 from executive.reasons import Reason
 from executive.reports import Identity, PlanStatus, Stage
-from executive.settings import Settings, load_settings
+from executive.settings import Controller, Mpc, Settings, load_settings
 from tests.support.kinematic import STEP_S, Bench
 from tests.support.plans import PlanBench, plan
 

@@ -27,8 +27,7 @@ from executive.geometry import STANDING, Point, Pose
 from executive.link_loss import Trail
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Stage
-from executive.settings import LinkLoss, load_settings
-from executive.settings_files import SettingsError, structure
+from executive.settings import LinkLoss, SettingsError, load_settings, structure
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 

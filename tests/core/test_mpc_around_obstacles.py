@@ -12,16 +12,14 @@ from typing import Any
 import pytest
 
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.controller import Controller
 from executive.geometry import Point
 from executive.motion import MinimumTime, Plan, Problem, SharedSolver, make_solver
 from executive.motion.motion_model import MotionState
 from executive.motion.obstacles import Obstacles
 from executive.motion.plan import Target
-from executive.mpc_settings import Mpc
 from executive.reasons import Reason
 from executive.reports import Identity, Severity, Stage
-from executive.settings import LaserSettings, Settings, load_settings
+from executive.settings import Controller, LaserSettings, Mpc, Settings, load_settings
 from executive.zones import KeepIn, KeepOut, KnownRock, Obstacle, Zones
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World

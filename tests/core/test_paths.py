@@ -8,14 +8,12 @@ from pathlib import Path
 import pytest
 
 from executive.commands import FollowPath, MoveTo, SetTravelSpeed, Waypoint
-from executive.controller import Controller
-from executive.fault_declaration import Clears, Then
+from executive.faults import Clears, Then
 from executive.geometry import STANDING, Point, Pose
 from executive.motion import MinimumTime, Plan, Problem, make_solver
-from executive.mpc_settings import Mpc
 from executive.reasons import Reason
 from executive.reports import Stage
-from executive.settings import Settings, load_settings
+from executive.settings import Controller, Mpc, Settings, load_settings
 from tests.support.kinematic import STEP_S, Bench, KinematicRover
 
 JACKAL = load_settings("jackal")

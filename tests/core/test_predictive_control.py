@@ -15,15 +15,13 @@ from hypothesis import strategies as st
 from adapters.onboard.planning import BackgroundSolver
 from executive.clock import ManualClock
 from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
-from executive.controller import Controller
 from executive.geometry import Pose, Velocity, wrap_rad
 from executive.motion import MinimumTime, Plan, Problem, SharedSolver, make_locomotion, make_solver
 from executive.motion.motion_model import MotionState
 from executive.motion.plan import Target
 from executive.motion.predictive_control import model_of
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.settings import load_settings
-from executive.settings_files import SettingsError
+from executive.settings import Controller, SettingsError, load_settings
 from executive.state import Status
 from sim.rover import World
 from sim.rover.jackal import SimulatedJackal

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from executive import preview
 from executive.clock import ManualClock
 from executive.commands import (
     Command,
@@ -22,17 +21,19 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.controller import Controller
-from executive.copied_rover import KinematicBase
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.motion import Plan, Problem, SharedSolver, make_solver
-from executive.prediction_settings import PredictionSettings
-from executive.preview import MOST_POSES, Preview, PreviewRun
+from executive.preview import MOST_POSES, KinematicBase, Preview, PreviewRun, preview
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Stage
 from executive.runner import Executive
-from executive.settings import load_settings
-from executive.settings_files import SettingsError, structure
+from executive.settings import (
+    Controller,
+    PredictionSettings,
+    SettingsError,
+    load_settings,
+    structure,
+)
 from executive.zones import KeepOut, KnownRock, Zones
 from sim.rover import World
 from sim.rover.lockstep import LockStep

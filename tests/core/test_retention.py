@@ -29,8 +29,7 @@ from executive.record import PRUNED, Retention
 from executive.record.retention import FOREIGN_SHARE, Range, merge_ranges
 from executive.reports import TERMINAL, Identity, Kind, PlanStatus, Stage
 from executive.runner import Executive
-from executive.settings import load_settings
-from executive.settings_files import SettingsError, config_folder
+from executive.settings import SettingsError, config_folder, load_settings
 from tests.support.plans import PlanBench, plan
 
 KEPT = 12

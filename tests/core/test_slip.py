@@ -7,11 +7,8 @@ from math import pi
 import pytest
 
 from executive.clock import ManualClock
-from executive.controller import Controller
 from executive.geometry import Pose, Velocity
-from executive.mpc_settings import Slip
-from executive.settings import load_settings
-from executive.settings_files import SettingsError, structure
+from executive.settings import Controller, SettingsError, Slip, load_settings, structure
 from executive.state import Odometry, Status
 from executive.state.slip import LONGEST_S, SlipCorrection
 from sim.rover.jackal import SimulatedJackal

@@ -12,10 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive import path_check
+from executive.checks import check_request, path_check, planned_path
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
 from executive.geometry import Point, Pose
-from executive.path_check import check_request, planned_path
 from executive.reasons import Reason
 from executive.reports import Identity, Severity, Stage
 from executive.settings import load_settings

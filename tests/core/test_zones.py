@@ -25,8 +25,7 @@ from executive.commands import (
 from executive.geometry import Point, Pose, Velocity, arc
 from executive.reasons import Reason
 from executive.reports import Stage
-from executive.settings import load_settings
-from executive.settings_files import SettingsError, structure
+from executive.settings import SettingsError, load_settings, structure
 from executive.zones import KeepIn, KeepOut, KnownRock, Zones
 from tests.support.kinematic import Bench, ignoring
 

@@ -15,7 +15,7 @@ from executive.commands.catalogue import (
     Waypoint,
 )
 from executive.geometry import Point
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from sim.demo.commands import demo
 from sim.demo.script import (
     ASSETS,

@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.fault_declaration import FIGURES, Bound, Clears, Declaration, Row, Then
-from executive.fault_table import DECLARED
+from executive.faults import DECLARED, FIGURES, Bound, Clears, Declaration, Row, Then
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
 TITLE = "| fault | reason | what is wrong | watched | shows | then |"

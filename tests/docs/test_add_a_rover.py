@@ -27,7 +27,7 @@ from executive.commands.catalogue import MoveForward, RotateBy
 from executive.geometry import Velocity
 from executive.ports import Advance, TurnBy, WholeMotion
 from executive.reports import Identity
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from executive.state import MotionEnded, Odometry
 from tests.docs.pages import CHECKOUT, blocks, lines
 from tests.support.ground import carry_out, until_located

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import yaml
 
-from executive.fault_declaration import Then
-from executive.fault_section import read_table
+from executive.faults import Then, read_table
 from executive.settings import load_settings
 from tests.docs.faults_page import PAGE, faults_page
 from tests.docs.pages import blocks

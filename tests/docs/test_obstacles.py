@@ -6,11 +6,9 @@ from pathlib import Path
 from textwrap import dedent
 
 from executive.commands import MoveForward, MoveTo, Waypoint
-from executive.fault_declaration import Then
-from executive.fault_section import read_table
+from executive.faults import Then, read_table
 from executive.reports import Stage
-from executive.settings import LaserSettings, Settings
-from executive.settings_files import parse_yaml, structure
+from executive.settings import LaserSettings, Settings, parse_yaml, structure
 from executive.zones import Footprint, Zones
 from tests.docs.pages import CHECKOUT, blocks
 from tests.support.kinematic import Bench, ignoring

@@ -27,12 +27,11 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.fault_declaration import Clears, Then
+from executive.faults import Clears, Then
 from executive.geometry import STANDING, Pose
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity
-from executive.settings import AuthoritySettings, LinkLoss, Settings
-from executive.settings_files import structure
+from executive.settings import AuthoritySettings, LinkLoss, Settings, structure
 from executive.state import CommandEnded, ForeignPublishers, Odometry, Stopped
 from executive.zones import KnownRock, Zones
 from tests.explanation.case import JACKAL, Case

@@ -19,9 +19,8 @@ from executive.commands import (
     Waypoint,
     declared,
 )
-from executive.controller import Controller
 from executive.reports import Identity
-from executive.settings_files import SettingsError
+from executive.settings import Controller, SettingsError
 from executive.state import Parameter
 
 DICTIONARY = load_dictionary()

@@ -43,8 +43,8 @@ from executive.commands import (
     declaration_of,
     declared,
 )
-from executive.controller import Controller
 from executive.runner import Executive
+from executive.settings import Controller
 from tests.mrs.aboard import Aboard, rover
 
 DONE, FAILED, USAGE, UNREACHABLE, INTERRUPTED = 0, 1, 2, 3, 130

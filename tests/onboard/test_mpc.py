@@ -10,8 +10,7 @@ import pytest
 
 from adapters.mrs.ground import MrsClient
 from executive.commands import MoveTo, Waypoint
-from executive.controller import Controller
-from executive.settings_files import config_folder
+from executive.settings import Controller, config_folder
 from tests.support.ground import ask, until_located
 from tests.support.probe import probing
 from tests.support.processes import executive, simulation

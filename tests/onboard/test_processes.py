@@ -24,7 +24,7 @@ from executive.commands.catalogue import (
     SubmitPlan,
 )
 from executive.reasons import Reason
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from tests.benchmarks.octets import Octets
 from tests.support.ground import ask, carry_out, located, until_located
 from tests.support.plans import plan

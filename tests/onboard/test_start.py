@@ -16,8 +16,7 @@ from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
 from executive.commands.catalogue import SetTravelSpeed
 from executive.reasons import Reason
-from executive.settings import Settings, load_settings
-from executive.settings_files import SettingsError
+from executive.settings import Settings, SettingsError, load_settings
 from tests.support.certificates import Ends, make_ends, options
 from tests.support.ground import ask, carry_out
 from tests.support.processes import executive, running

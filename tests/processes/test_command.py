@@ -21,7 +21,7 @@ from adapters.process import (
 )
 from adapters.process.command import split_ros_arguments
 from adapters.process.start import EXTRAS, check_own_packages
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 
 WITHOUT = "import sys; sys.modules[{0!r}] = None; from {1} import {2} as main; main({3!r})"
 

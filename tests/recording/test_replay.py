@@ -39,8 +39,7 @@ from executive.record import Ledger, Synchronous
 from executive.recorded_executive import RecordedExecutive, life_of
 from executive.recording import SolverAnswered, SwitchedVideo
 from executive.reports import Identity, Severity
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 from executive.state import Odometry
 from sim.scenario.changes import Change
 from sim.scenario.lockstep_run import run_in_lock_step

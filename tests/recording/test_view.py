@@ -30,8 +30,7 @@ from executive.recording import (
     TreeChanged,
 )
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 from executive.state import Fact, Frame, LaserScan, Odometry, SecondOdometry
 from executive.zones import KeepIn, KeepOut, KnownRock, Zones
 

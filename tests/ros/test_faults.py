@@ -10,7 +10,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from sensor_msgs.msg import BatteryState, CompressedImage
 
 from adapters.ros import conversions
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from sim.ros.faults import SERVICE, FaultClient, fault_client
 from sim.rover import faults
 from tests.support.probe import LIMIT_S, Probe, probing

@@ -45,8 +45,14 @@ from executive.geometry import Pose, Velocity
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity
 from executive.runner import Executive
-from executive.settings import LaserSettings, SecondOdometrySettings, Sensor, Sensors, load_settings
-from executive.settings_files import config_folder
+from executive.settings import (
+    LaserSettings,
+    SecondOdometrySettings,
+    Sensor,
+    Sensors,
+    config_folder,
+    load_settings,
+)
 from executive.state import (
     Battery,
     CameraAngles,

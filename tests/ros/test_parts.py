@@ -23,8 +23,7 @@ from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
 from executive.geometry import Pose, Velocity
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 from executive.state import Odometry
 from trees.rover import preview
 from trees.screen import drawn, folded

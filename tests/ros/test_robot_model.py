@@ -17,8 +17,7 @@ from adapters.ros.robot_model import (
     urdf,
 )
 from executive.geometry import Pose, Velocity
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 from executive.state import CameraAngles, Odometry
 
 pytestmark = pytest.mark.ros

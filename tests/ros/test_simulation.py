@@ -38,8 +38,8 @@ from executive.settings import (
     SecondOdometrySettings,
     Sensor,
     Sensors,
+    config_folder,
 )
-from executive.settings_files import config_folder
 from sim.ros.cargo import loading
 from tests.support.probe import Probe, probing
 from tests.support.processes import running, simulation

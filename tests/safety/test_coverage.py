@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.fault_table import DECLARED
+from executive.faults import DECLARED
 from executive.safety import MONITORS, unmonitored
 from executive.settings import Sensors, load_settings
 from tests.support.kinematic import Bench

@@ -5,13 +5,18 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.fault_declaration import Clears, Then
-from executive.fault_section import read_table
-from executive.fault_table import DECLARED, FaultTable
+from executive.faults import DECLARED, Clears, FaultTable, Then, read_table
 from executive.reasons import Reason
 from executive.safety import MONITORS
-from executive.settings import Settings, load_settings
-from executive.settings_files import SettingsError, config_folder, names_in, structure, unstructure
+from executive.settings import (
+    Settings,
+    SettingsError,
+    config_folder,
+    load_settings,
+    names_in,
+    structure,
+    unstructure,
+)
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
 from sim.scenario.reading import load_scenario

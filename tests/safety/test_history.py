@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.clock import ManualClock
-from executive.fault_table import FaultTable
+from executive.faults import FaultTable
 from executive.geometry import STANDING, Pose, Velocity
 from executive.safety import Channel, History
 from executive.state import Odometry

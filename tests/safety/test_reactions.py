@@ -7,7 +7,7 @@ import pytest
 
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
 from executive.commands.lifecycle import Admitted
-from executive.fault_declaration import Clears, Then
+from executive.faults import Clears, Then
 from executive.geometry import STANDING
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Severity, Stage

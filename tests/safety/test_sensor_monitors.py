@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.fault_declaration import Then
+from executive.faults import Then
 from executive.geometry import STANDING, Pose, Velocity
 from executive.reasons import Reason
 from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from executive.clock import ManualClock
 from executive.commands import DriveFor, Mode, MoveForward, RotateBy
-from executive.fault_table import FaultTable
+from executive.faults import FaultTable
 from executive.geometry import STANDING, Pose, Velocity
 from executive.goals import Context
 from executive.reasons import Reason

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from executive.commands import MoveForward, RotateBy
-from executive.settings import SecondOdometrySettings, Sensor
-from executive.settings_files import SettingsError
+from executive.settings import SecondOdometrySettings, Sensor, SettingsError
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
 from sim.scenario.changes import Change

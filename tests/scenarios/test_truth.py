@@ -22,7 +22,7 @@ from executive.commands import (
 )
 from executive.geometry import Pose
 from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.scenario.model import PlayMode
 from sim.scenario.outcome import play_once
 from sim.scenario.reading import load_scenario

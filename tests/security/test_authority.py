@@ -30,8 +30,7 @@ from executive.geometry import STANDING
 from executive.reasons import Reason, Refusal
 from executive.record import AuthorityRecord
 from executive.reports import Identity
-from executive.settings import AuthoritySettings, load_settings
-from executive.settings_files import SettingsError, structure
+from executive.settings import AuthoritySettings, SettingsError, load_settings, structure
 from tests.mrs.aboard import Aboard, raises, rover
 from tests.mrs.test_command_command import INTERRUPTED, typed_elsewhere, wait_for
 from tests.stress import authority_storm

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.rover import faults
 from sim.rover.faults import (
     SENSOR_PARTS,

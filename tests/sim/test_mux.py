@@ -20,8 +20,7 @@ from executive.commands.lifecycle import Admitted, Refused
 from executive.geometry import STANDING, Velocity
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
-from executive.settings import MuxEntry, MuxSettings, load_settings
-from executive.settings_files import SettingsError, structure
+from executive.settings import MuxEntry, MuxSettings, SettingsError, load_settings, structure
 from executive.state import VELOCITY_TOPIC
 from sim.rover import faults
 from sim.rover.jackal import SimulatedJackal

@@ -14,8 +14,7 @@ from executive.commands.catalogue import (
 )
 from executive.commands.lifecycle import Admitted
 from executive.reports import Identity, PlanStatus
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 from sim.rover.lockstep import LockStep
 from sim.rover.world import World
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from executive.geometry import Velocity
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.rover.faults import Slip
 from sim.rover.features import Ditch, FeatureKind, Patch, Place, SlopeZone, Step, Wall
 from sim.rover.jackal import SimulatedJackal

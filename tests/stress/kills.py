@@ -15,7 +15,7 @@ from random import Random
 from typing import Final
 
 from executive.record import Ledger
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from sim.processes import HOST
 from tests.stress.command_generator import SMALL_FILES, small_file
 from tests.stress.findings import Findings, LifeFault, Tell

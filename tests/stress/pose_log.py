@@ -8,7 +8,7 @@ from pathlib import Path
 from nav_msgs.msg import Odometry
 
 from adapters.ros import conversions, declare_topics, ros_node, single_threaded
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 
 
 @dataclass(frozen=True, slots=True)

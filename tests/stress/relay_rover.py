@@ -23,7 +23,7 @@ from executive.commands.catalogue import Command
 from executive.commands.lifecycle import Repeated, SubmitResult
 from executive.record import Ledger, Synchronous
 from executive.reports import Kind, Report, Severity, Stage
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from tests.stress.journal import Journal
 from tests.stress.relay_traffic import ASSET, NAME, ROVER_LEDGER, TOPIC_JOURNAL
 

@@ -20,7 +20,7 @@ from typing import Final
 
 from adapters.recording import RecordingError, RunFile
 from adapters.recording.replay import replay
-from executive.settings_files import SettingsError, names_in
+from executive.settings import SettingsError, names_in
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.reading import campaign_folder, load_campaign

@@ -9,7 +9,7 @@ from typing import ClassVar, Self, cast
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, MoveForward, Request
 from executive.commands.lifecycle import Refused, SubmitResult
-from executive.fault_declaration import Then
+from executive.faults import Then
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
 from executive.motion import SharedSolver

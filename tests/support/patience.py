@@ -10,7 +10,7 @@ import shutil
 from pathlib import Path
 from typing import Final
 
-from executive.settings_files import names_in
+from executive.settings import names_in
 
 CONFIG: Final = Path(__file__).resolve().parents[2] / "config"
 """The configuration of the product."""

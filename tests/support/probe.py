@@ -10,7 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from adapters.ros import Topic, Topics, declare_topics, ros_node, single_threaded
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 
 LIMIT_S = 60.0
 ASSET = "jackal"

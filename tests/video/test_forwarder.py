@@ -19,8 +19,7 @@ from adapters.cli.main import main as rover
 from adapters.onboard.process import main
 from adapters.video import VideoForwarder
 from adapters.video.forwarder import ForwardingThread
-from executive.settings import VideoSettings, load_settings
-from executive.settings_files import SettingsError, config_folder
+from executive.settings import SettingsError, VideoSettings, config_folder, load_settings
 from sim.ros.process import main as rover_sim
 
 HOST: Final = "127.0.0.1"

@@ -95,7 +95,7 @@ def serve_brick(
         data: folder of the record; None is that of the asset.
 
     Raises:
-        executive.settings_files.SettingsError: a ROS parameter or argument makes no sense, or the
+        executive.settings.SettingsError: a ROS parameter or argument makes no sense, or the
             MOPS dictionary does not fit.
         StartError: the folder or the record cannot be used.
     """
@@ -104,7 +104,7 @@ def serve_brick(
     from adapters.mocup.brick.usb import Brick
     from adapters.ros import declare_topics, ros_node, single_threaded
     from executive.record import LedgerError
-    from executive.settings_files import config_folder
+    from executive.settings import config_folder
 
     topics = ros_params or config_folder() / f"{asset}.ros.yaml"
     brick = brick_params or config_folder() / f"{asset}.nxt.yaml"

@@ -36,7 +36,7 @@ from adapters.mrs.spec import (
 )
 from executive.commands import Command, Request
 from executive.commands.actions import HELP, offered
-from executive.fault_declaration import Clears
+from executive.faults import Clears
 from executive.reasons import Figure
 from executive.reports import PlanUpdate, Report, Severity
 from executive.runner import Executive

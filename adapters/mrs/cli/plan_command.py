@@ -25,8 +25,7 @@ from executive.commands import (
 )
 from executive.plans import DEADLINE, FORMAT, LEAVES, check_plan, help_of, most_commands, steps
 from executive.reasons import Refusal
-from executive.settings import load_settings
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError, load_settings
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "said")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))

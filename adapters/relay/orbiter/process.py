@@ -45,7 +45,7 @@ def main(config: Path | None, host: str, terms: Terms, clear_text: bool, data: P
     """
     from adapters.relay.orbiter.relay import serve
     from adapters.relay.orbiter.settings import load_orbiter
-    from executive.settings_files import config_folder
+    from executive.settings import config_folder
 
     path = config or config_folder() / "mops" / "orbiter.yaml"
     folder = data or default_folder(FOLDER)

@@ -8,8 +8,7 @@ from typing import Final
 from adapters.bundle import DAY_S, AgentSettings, Neighbour, NodeSettings, Peer, node_of
 from adapters.mops import require_asset
 from executive.commands import declared
-from executive.settings import HIGHEST_PORT
-from executive.settings_files import SettingsError, read_yaml, require_above_zero
+from executive.settings import HIGHEST_PORT, SettingsError, read_yaml, require_above_zero
 
 _STOP: Final = "MotionControl.stop"
 _OPERATIONS: Final = tuple(f"{each.service}.{each.operation}" for each in declared())

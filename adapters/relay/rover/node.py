@@ -155,7 +155,7 @@ def serve(
     Raises:
         StartError: it cannot start or go on.
         adapters.ros.parameters.ParameterError: a ROS parameter or argument makes no sense.
-        executive.settings_files.SettingsError: the MOPS dictionary does not fit.
+        executive.settings.SettingsError: the MOPS dictionary does not fit.
     """
     asked, asked_again = Termination(), list[int]()
     signal.signal(signal.SIGUSR1, lambda number, _: asked_again.append(number))

@@ -70,7 +70,7 @@ def main(
 
 def _topics(asset: str) -> Path:
     """Return where the topics stand: with the brick, if the rover has one, as it takes commands."""
-    from executive.settings_files import config_folder
+    from executive.settings import config_folder
 
     brick = config_folder() / f"{asset}.nxt.yaml"
     return brick if brick.is_file() else config_folder() / f"{asset}.ros.yaml"

@@ -6,7 +6,7 @@ from typing import Final
 
 from adapters.bundle import DAY_S, AgentSettings, Eid, Neighbour, NodeSettings, Peer, node_of
 from adapters.mops import require_asset
-from executive.settings_files import SettingsError, config_folder, read_yaml, require_above_zero
+from executive.settings import SettingsError, config_folder, read_yaml, require_above_zero
 
 _SUFFIX: Final = ".relay.yaml"
 

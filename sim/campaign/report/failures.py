@@ -6,7 +6,7 @@ from pathlib import Path
 from shutil import copytree
 from typing import Final
 
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.runs import Run, Runs

@@ -30,7 +30,7 @@ from adapters.ros import (
     single_threaded,
 )
 from executive.geometry import Velocity
-from executive.settings_files import config_folder
+from executive.settings import config_folder
 from executive.state import Battery, Odometry
 from sim.brick import UsbPlug
 from tests.mocup.brick.routing import executed

@@ -15,7 +15,7 @@ from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.rover import load_relay
 from executive.commands.catalogue import Command, MoveForward
 from executive.reports import Identity, Kind, Report
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from executive.state import ParameterValue
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO

@@ -13,7 +13,7 @@ import pytest
 from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter import load_orbiter
 from executive.commands.catalogue import MoveForward
-from executive.settings_files import SettingsError
+from executive.settings import SettingsError
 from tests.relay.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, free_port, landed, until
 from tests.support.processes import Running, running
 

@@ -9,7 +9,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import describe_error
 from adapters.relay.orbiter import load_orbiter
 from executive.commands.catalogue import ExecuteAction, MoveForward, Request, Resume, TakePicture
-from executive.settings_files import SettingsError, config_folder
+from executive.settings import SettingsError, config_folder
 from tests.relay.orbiter.sky import Sky, ground, landed, orbiting
 
 OURS = config_folder() / "mops" / "orbiter.yaml"

@@ -18,8 +18,7 @@ from executive.commands.lifecycle import SubmitResult
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
 from executive.runner import Executive
-from executive.settings import load_settings
-from executive.settings_files import config_folder
+from executive.settings import config_folder, load_settings
 
 LIMIT_S = 60.0
 DICTIONARY = load_dictionary()

@@ -6,7 +6,7 @@ import pytest
 
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_orbiter
 from adapters.relay.rover import RelaySettings, load_relay
-from executive.settings_files import SettingsError, config_folder
+from executive.settings import SettingsError, config_folder
 from tests.docs.pages import CHECKOUT, blocks
 
 

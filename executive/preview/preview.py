@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Final, Protocol, assert_never
 
+from executive.checks import check_request
 from executive.clock import ManualClock
 from executive.commands import (
     ABOARD_LINK,
@@ -23,18 +24,15 @@ from executive.commands import (
 )
 from executive.commands.intake import ABOARD_PREFIX, check_arguments
 from executive.commands.lifecycle import Life
-from executive.controller import Controller
-from executive.copied_rover import DelegatedBase, FollowedPlans, KinematicBase, ModelledBase
 from executive.geometry import STANDING, Pose, wrap_rad
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, PlanSolver, make_locomotion
-from executive.path_check import check_request
 from executive.plans import PlanNode, Step, TimeoutEnd, TimeoutNode, expected_course, steps
-from executive.prediction_settings import End, Way, curved_m
+from executive.preview.copied_rover import DelegatedBase, FollowedPlans, KinematicBase, ModelledBase
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.safety import Safety
-from executive.settings import LocomotionKind, Sensors, Settings
+from executive.settings import Controller, End, LocomotionKind, Sensors, Settings, Way, curved_m
 from executive.state import FileFolder, Status
 from executive.zones import Zones
 

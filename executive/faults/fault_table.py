@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
-from executive.fault_declaration import Bound, Clears, Declaration, Row, Then, When
+from executive.faults.fault_declaration import Bound, Clears, Declaration, Row, Then, When
 from executive.reasons import Reason
 
 

@@ -19,7 +19,7 @@ from executive.journey import Journey
 from executive.motion import SharedSolver
 from executive.notifications import Notifications
 from executive.plans import PlanNode
-from executive.preview import (
+from executive.preview.preview import (
     Preview,
     PreviewRun,
     Start,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from math import pi
 from typing import Final
 
+from executive.checks.path_check import heeded, way_around
 from executive.commands import (
     DriveFor,
     FollowPath,
@@ -24,11 +25,9 @@ from executive.commands import (
 )
 from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.motion import Bounds, duration_s
-from executive.path_check import heeded, way_around
 from executive.plans import PlanNode, Step, expected_course
-from executive.prediction_settings import Way, curved_m
 from executive.reasons import Figure, Reason, Refusal
-from executive.settings import Settings
+from executive.settings import Settings, Way, curved_m
 from executive.state import Status
 from executive.zones import Zones
 

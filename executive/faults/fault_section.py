@@ -7,8 +7,8 @@ from enum import Enum
 from math import radians
 from typing import Any, Final
 
-from executive.fault_declaration import FIGURES, Clears, Declaration, Row, Then, When
-from executive.fault_table import DECLARED, FaultTable
+from executive.faults.fault_declaration import FIGURES, Clears, Declaration, Row, Then, When
+from executive.faults.fault_table import DECLARED, FaultTable
 
 _FIELDS: Final = {key: key + "_s" if key in {"for", "within"} else key for key in FIGURES}
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Final
 
-from executive.settings_files import require_above_zero
+from executive.settings.settings_files import require_above_zero
 
 
 @dataclass(frozen=True, slots=True)

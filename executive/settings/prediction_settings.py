@@ -6,7 +6,7 @@ from math import hypot
 from typing import Final, assert_never
 
 from executive.geometry import Point
-from executive.settings_files import HIGHEST_FIGURE, require_above_zero
+from executive.settings.settings_files import HIGHEST_FIGURE, require_above_zero
 from executive.zones import FARTHEST_M
 
 

@@ -7,11 +7,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import ClassVar, Final
 
-from executive.controller import Controller
-from executive.fault_table import FaultTable
-from executive.mpc_settings import Mpc
-from executive.prediction_settings import BatterySettings, PredictionSettings
-from executive.settings_files import (
+from executive.faults import FaultTable
+from executive.settings.controller import Controller
+from executive.settings.mpc_settings import Mpc
+from executive.settings.prediction_settings import BatterySettings, PredictionSettings
+from executive.settings.settings_files import (
     HIGHEST_FIGURE,
     config_folder,
     named_file,

@@ -14,8 +14,7 @@ from cattrs import Converter, transform_error
 from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
 from cattrs.v import format_exception
 
-from executive.fault_section import plain_table, read_table
-from executive.fault_table import FaultTable
+from executive.faults import FaultTable, plain_table, read_table
 
 T = TypeVar("T")
 
@@ -152,10 +151,10 @@ def config_folder() -> Path:
     override = os.environ.get("ROVER_CONFIG")
     if override:
         return Path(override)
-    checkout = Path(__file__).resolve().parent.parent / "config"
+    checkout = Path(__file__).resolve().parents[2] / "config"
     if checkout.is_dir():
         return checkout
-    prefix = Path(__file__).parents[4]  # of a pip install and of a colcon install alike
+    prefix = Path(__file__).parents[5]  # of a pip install and of a colcon install alike
     return prefix / "share" / "rover_executive" / "config"
 
 

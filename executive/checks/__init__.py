@@ -1,0 +1,23 @@
+"""Refused before the rover moves: paths too near to something, ways beyond the battery."""
+
+from executive.checks.battery_check import Speeds, check_battery, reckoned_j
+from executive.checks.path_check import (
+    check_request,
+    expected_pose,
+    heeded,
+    planned_path,
+    seen_ahead,
+    way_to,
+)
+
+__all__ = [
+    "Speeds",
+    "check_battery",
+    "check_request",
+    "expected_pose",
+    "heeded",
+    "planned_path",
+    "reckoned_j",
+    "seen_ahead",
+    "way_to",
+]

@@ -1,0 +1,19 @@
+"""Which faults there are, what is done about each, and how an asset's YAML changes that."""
+
+from executive.faults.fault_declaration import FIGURES, Bound, Clears, Declaration, Row, Then, When
+from executive.faults.fault_section import plain_table, read_table
+from executive.faults.fault_table import DECLARED, FaultTable
+
+__all__ = [
+    "DECLARED",
+    "FIGURES",
+    "Bound",
+    "Clears",
+    "Declaration",
+    "FaultTable",
+    "Row",
+    "Then",
+    "When",
+    "plain_table",
+    "read_table",
+]
