@@ -148,16 +148,20 @@ def _attacked(pipe: Pipe, count: int, seed: int, encoding: Encoding) -> Result:
     before = _settled(pipe)
     attack.send(count - warm_up)
     duration_s = time.perf_counter() - began_s
-    return Result(duration_s, attack, proven, reached, before, _settled(pipe))
+    return Result(duration_s, attack, proven, reached, before, _settled(pipe, before))
 
 
-def _settled(pipe: Pipe) -> Look:
-    """The provider when it has noticed that everybody hung up, or after a while."""
+def _settled(pipe: Pipe, before: Look | None = None) -> Look:
+    """The provider when it has noticed that everybody hung up, or after a while.
+
+    It has ended, too, what ran for them: no more is left than before.
+    """
     deadline_s = time.monotonic() + SETTLE_S
     while True:
         pipe.send(None)
         look: Look = _heard(pipe)
-        if not look.open or time.monotonic() > deadline_s:
+        gained = before is not None and (look.tasks > before.tasks or look.files > before.files)
+        if not (look.open or gained) or time.monotonic() > deadline_s:
             return look
         time.sleep(LOOK_S)
 
