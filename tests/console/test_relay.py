@@ -49,6 +49,9 @@ async def test_one_rover_by_both_links_is_one_asset_with_two_sources(
     ):
         links = {(await anna.page.is_up())["link"], (await anna.page.is_up())["link"]}
         assert links == {"direct", "relay"}
+        # What the orbiter does not know yet is told as of when it is asked: later than this.
+        await far.telemetry(BATERY_VOLTAGE=25.0)
+        await anna.page.until(lambda said: (said.get("link"), said.get("value")) == ("relay", 25.0))
         await far.telemetry(BATERY_VOLTAGE=25.5)
         await anna.page.until(lambda said: (said.get("link"), said.get("value")) == ("relay", 25.5))
         dictionary = (await anna.get("api/dictionary"))["assets"]

@@ -1,7 +1,6 @@
 """A rover as it is aboard: its core on a thread of its own, its direct link on a real socket."""
 
 import asyncio
-import socket
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import Future
@@ -35,6 +34,7 @@ from executive.ports import Downlink
 from executive.runner import Executive
 from executive.settings import AuthoritySettings, load_settings
 from tests.support.kinematic import Bench
+from tests.support.ports import free_port
 
 T = TypeVar("T")
 
@@ -62,14 +62,6 @@ def raises(number: int, *arguments: int) -> Iterator[None]:
 def stages(outcome: Outcome) -> list[Stage | None]:
     """Return the stages of a command's life."""
     return [notification.stage for notification in outcome.life]
-
-
-def free_port() -> int:
-    """Return a port that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def event(**changes: Any) -> Notification:

@@ -22,7 +22,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AssetMode, Notification, NotificationKind, ParameterValue, Severity
 from adapters.mrs.terms import Terms
 from executive.commands import MoveForward, SetTravelSpeed, Stop
-from tests.mrs.aboard import Aboard, free_port
+from tests.mrs.aboard import Aboard
 from tests.mrs.fleet import (
     LIMIT_S,
     Fleet,
@@ -36,6 +36,7 @@ from tests.mrs.fleet import (
     value,
 )
 from tests.support.certificates import certified, make_ends
+from tests.support.ports import free_port
 
 IDLE = {AssetMode.IDLE}
 

@@ -2,14 +2,28 @@
 
 import socket
 from contextlib import ExitStack
+from random import SystemRandom
+
+PORTS = range(2000, 7400)  # below those of ROS domains, and of those that connections take
+_CHANCE = SystemRandom()
 
 
 def free_ports(count: int, kind: socket.SocketKind = socket.SOCK_STREAM) -> list[int]:
     with ExitStack() as held:
-        probes = [held.enter_context(socket.socket(socket.AF_INET, kind)) for _ in range(count)]
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [int(probe.getsockname()[1]) for probe in probes]
+        ports: list[int] = []
+        while len(ports) < count:
+            port = _CHANCE.choice(PORTS)
+            probe = held.enter_context(socket.socket(socket.AF_INET, kind))
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            ports.append(port)
+        return ports
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    return free_ports(1, kind)[0]
 
 
 def free_udp_ports(count: int) -> list[int]:

@@ -43,19 +43,13 @@ from adapters.relay.orbiter.relay import OrbiterRelay
 from executive.commands import Mode
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.state import Parameter
+from tests.support.ports import free_port
 
 HERE = "127.0.0.1"
 LIMIT_S = 30.0
 ORBITER = Ipn(1, 1)
 LIFE = (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED)
 DICTIONARY = load_dictionary()
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as held:
-        held.bind((HERE, 0))
-        port: int = held.getsockname()[1]
-        return port
 
 
 async def until(true: Callable[[], bool]) -> None:

@@ -14,7 +14,8 @@ from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter import load_orbiter
 from executive.commands.catalogue import MoveForward
 from executive.settings import SettingsError
-from tests.relay.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, free_port, landed, until
+from tests.relay.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, landed, until
+from tests.support.ports import free_port
 from tests.support.processes import Running, running
 
 SETTINGS = """
