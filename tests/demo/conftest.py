@@ -104,10 +104,7 @@ class Played:
 
 @pytest.fixture(scope="session")
 def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
-    """Give them as they ended. Each is played alone: they are timed, and two cores are few.
-
-    `test_demo.py` plays another at real time.
-    """
+    """Give them as they ended. Each is played alone: they are timed, and two cores are few."""
     folder = tmp_path_factory.mktemp("demo")
 
     def once(name: str, *arguments: str) -> Ran:
@@ -123,7 +120,5 @@ def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
         return once(f"{name}-again", *arguments) if ran.status and watch.stalled else ran
 
     return Played(
-        play("jackal", "--speed", "1.5"),
-        play("mocup", "--mocup", "--speed", "1.5"),
-        play("relay", "--relay"),
+        play("jackal"), play("mocup", "--mocup", "--speed", "1.5"), play("relay", "--relay")
     )
