@@ -5,6 +5,7 @@ import socket
 import pytest
 
 from sim.processes.place import Place, PlaceError, free_place, known_place
+from tests.support.ports import free_port
 
 
 def test_demonstrations_keep_apart() -> None:
@@ -47,9 +48,7 @@ def test_a_taken_port_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_known_place_is_where_commands_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     monkeypatch.setenv("ROVER_URI", f"maltcp://127.0.0.1:{port}/MRS")
     with free_place() as unused:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(unused.domain))

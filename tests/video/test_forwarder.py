@@ -20,6 +20,7 @@ from adapters.onboard.process import main
 from adapters.video import VideoForwarder
 from adapters.video.forwarder import ForwardingThread
 from executive.settings import SettingsError, VideoSettings, config_folder, load_settings
+from tests.support.ports import free_udp_ports
 from sim.ros.process import main as rover_sim
 
 HOST: Final = "127.0.0.1"
@@ -32,13 +33,6 @@ def udp_socket(port: int = 0, host: str = HOST) -> socket.socket:
     bound.bind((host, port))
     bound.settimeout(ANSWER_S)
     return bound
-
-
-def free_port() -> int:
-    """Return a UDP port that nobody listens on now."""
-    with udp_socket() as probe:
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def wait_for(done: Callable[[], bool]) -> None:
@@ -61,7 +55,8 @@ def ground() -> Iterator[socket.socket]:
 
 @pytest.fixture
 def settings(ground: socket.socket) -> VideoSettings:
-    return VideoSettings(HOST, free_port(), *ground.getsockname())
+    (port,) = free_udp_ports(1)
+    return VideoSettings(HOST, port, *ground.getsockname())
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from PIL import Image
 from adapters.cli.main import main
 from adapters.video import JpegStream
 from sim.ros.video_stream import MOST_SCAN, RtpJpegSender, VideoError, VideoStream
-from tests.video.test_forwarder import HOST, free_port, udp_socket
+from tests.support.ports import free_udp_ports
+from tests.video.test_forwarder import HOST, udp_socket
 
 RTP_HEADER = 12
 
@@ -132,7 +133,8 @@ SIZE = (320, 240)
 
 @pytest.fixture
 def port() -> int:
-    return free_port()
+    (port,) = free_udp_ports(1)
+    return port
 
 
 @pytest.fixture
