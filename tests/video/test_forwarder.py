@@ -20,8 +20,8 @@ from adapters.onboard.process import main
 from adapters.video import VideoForwarder
 from adapters.video.forwarder import ForwardingThread
 from executive.settings import SettingsError, VideoSettings, config_folder, load_settings
-from tests.support.ports import free_udp_ports
 from sim.ros.process import main as rover_sim
+from tests.support.ports import free_udp_ports
 
 HOST: Final = "127.0.0.1"
 ANSWER_S: Final = 60.0
