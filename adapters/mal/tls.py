@@ -68,7 +68,9 @@ class Certificates:
             except ssl.SSLWantReadError:
                 continue
             except ssl.SSLError as error:
-                raise CertificateError(f"{self.certificate}: is not usable ({error})") from error
+                raise CertificateError(
+                    f"{self.certificate}: is not usable with {self.authorities} ({error})"
+                ) from error
         certificate = provider.getpeercert()
         return certificate_name(certificate) if certificate else None
 
@@ -80,6 +82,7 @@ class Certificates:
         except ssl.SSLError as error:
             raise CertificateError(f"{self.authorities}: holds no certificate in PEM") from error
         context.minimum_version = ssl.TLSVersion.TLSv1_2
+        context.verify_flags |= ssl.VERIFY_X509_STRICT  # by default only since Python 3.13
         try:
             context.load_cert_chain(self.certificate, self.key, self._no_password)
         except ssl.SSLError as error:
