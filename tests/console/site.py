@@ -24,7 +24,9 @@ _OPTIONS: Final = (
     "--disable-component-update",
     "--disable-sync",
 )
-_NAMED: Final = "sessionStorage.setItem('rover-console-operator', {name!r})"
+_NAMED: Final = (  # the empty page that a browser begins with keeps nothing
+    "if (origin !== 'null') sessionStorage.setItem('rover-console-operator', {name!r})"
+)
 
 
 @dataclass(frozen=True, slots=True)
