@@ -1,6 +1,6 @@
 """The behaviour tree of the rover. py_trees lives only here."""
 
-from trees.rover import RoverTree, preview, snapshot_of
+from trees.rover import RoverTree, branch_of, preview, snapshot_of
 from trees.snapshot import (
     COLOURS,
     Look,
@@ -23,6 +23,7 @@ __all__ = [
     "RoverTree",
     "Snapshot",
     "as_svg",
+    "branch_of",
     "branches",
     "line",
     "looks",

@@ -5,6 +5,7 @@ Whatever is raised within a leaf leaves the tree as a `LeafError` that has the l
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
+from types import UnionType
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -141,7 +142,7 @@ class TakeGoal(Contained):
     """Takes the next goal of a queue, which starts it, for the leaves after it in a sequence.
 
     Args:
-        accepts: whether the goal is for them; else it is left to the next branch.
+        requests: those of goals that are for them; else the goal is left to the next branch.
         waits: whether no goal may be worked on now.
     """
 
@@ -149,12 +150,12 @@ class TakeGoal(Contained):
         self,
         name: str,
         queue: GoalQueue,
-        accepts: Callable[[Goal], bool] = lambda _: True,
+        requests: UnionType | type,
         waits: Callable[[], bool] = lambda: False,
     ) -> None:
         super().__init__(name)
         self._queue = queue
-        self._accepts = accepts
+        self._requests = requests
         self._waits = waits
 
     def update(self) -> Status:
@@ -162,4 +163,5 @@ class TakeGoal(Contained):
         if self._waits():
             return Status.FAILURE
         goal = self._queue.take()
-        return Status.SUCCESS if goal is not None and self._accepts(goal) else Status.FAILURE
+        fits = goal is not None and isinstance(goal.command.request, self._requests)
+        return Status.SUCCESS if fits else Status.FAILURE

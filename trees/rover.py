@@ -1,8 +1,10 @@
 """The static tree of a rover: priority stop over safety over work over idle."""
 
 from collections.abc import Iterable
+from enum import Enum, unique
 from math import floor
 from pathlib import Path
+from types import UnionType
 from typing import Final
 
 from py_trees.behaviour import Behaviour
@@ -10,10 +12,20 @@ from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
 from executive.clock import ManualClock
-from executive.commands import DeleteFile, ExecuteAction, MoveFile, TakePicture
+from executive.commands import (
+    CameraPointing,
+    DeleteFile,
+    DriveFor,
+    ExecuteAction,
+    InstantCommand,
+    MoveFile,
+    Place,
+    Stop,
+    TakePicture,
+)
 from executive.commands.actions import perform
 from executive.geometry import STANDING
-from executive.goals import Context, Goal, Goals
+from executive.goals import Context, Goals
 from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
 from executive.reasons import Figure, Reason, Refusal
@@ -218,6 +230,27 @@ def snapshot_of(executive: Executive, utc_s: float) -> Snapshot:
     )
 
 
+@unique
+class Branch(Enum):
+    """A branch of the tree, by its name, and the requests that it works on."""
+
+    STOP = ("priority stop", Stop)
+    GO = ("go", Place)
+    VELOCITY = ("velocity", DriveFor)
+    POINT = ("point", CameraPointing)
+    PICTURE = ("picture", TakePicture)
+    INSTANT = ("instant command", InstantCommand)
+
+    def __init__(self, title: str, requests: UnionType | type) -> None:
+        self.title = title
+        self.requests = requests
+
+
+def branch_of(kind: type) -> Branch | None:
+    """Return the branch that works on a class of requests; None for what no goal is made of."""
+    return next((each for each in Branch if issubclass(kind, each.requests)), None)
+
+
 def build(context: Context) -> Selector:
     """Return the root of the tree over a context."""
     latches, status = context.latches, context.status
@@ -231,7 +264,7 @@ def build(context: Context) -> Selector:
     side_by_side.add_children([_motion(context), _camera(context), _instant(context)])
     return _selector(
         "rover",
-        _sequence("priority stop", stopping, StopRover("stop", context)),
+        _sequence(Branch.STOP.title, stopping, StopRover("stop", context)),
         _sequence("safety", Condition("unsafe?", unsafe), HoldWhileUnsafe("hold", context)),
         _sequence("work", any_goal, side_by_side),
         Rest("idle"),
@@ -257,12 +290,10 @@ def _motion(context: Context) -> Behaviour:
     )
     return _selector(
         "motion",
+        _sequence(Branch.GO.title, TakeGoal("take place", goals, Branch.GO.requests, waits), leg),
         _sequence(
-            "go", TakeGoal("take place", goals, lambda goal: not goal.is_velocity, waits), leg
-        ),
-        _sequence(
-            "velocity",
-            TakeGoal("take velocity", goals, lambda goal: goal.is_velocity, waits),
+            Branch.VELOCITY.title,
+            TakeGoal("take velocity", goals, Branch.VELOCITY.requests, waits),
             HoldVelocity("hold velocity", context),
         ),
         Rest("no motion"),
@@ -274,21 +305,17 @@ def _camera(context: Context) -> Behaviour:
     return _selector(
         "camera",
         _sequence(
-            "point",
-            TakeGoal("take angles", goals, lambda goal: not _is_picture(goal)),
+            Branch.POINT.title,
+            TakeGoal("take angles", goals, Branch.POINT.requests),
             PanTilt("pan and tilt", context, goals),
         ),
         _sequence(
-            "picture",
-            TakeGoal("take picture", goals, _is_picture),
+            Branch.PICTURE.title,
+            TakeGoal("take picture", goals, Branch.PICTURE.requests),
             Capture("capture", context, goals),
         ),
         Rest("no camera work"),
     )
-
-
-def _is_picture(goal: Goal) -> bool:
-    return isinstance(goal.command.request, TakePicture)
 
 
 def _instant(context: Context) -> Behaviour:
@@ -296,8 +323,8 @@ def _instant(context: Context) -> Behaviour:
     return _selector(
         "instant commands",
         _sequence(
-            "instant command",
-            TakeGoal("take instant command", goals),
+            Branch.INSTANT.title,
+            TakeGoal("take instant command", goals, Branch.INSTANT.requests),
             RunInstantCommand("run instant command", context, goals),
         ),
         Rest("no instant command"),

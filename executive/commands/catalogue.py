@@ -277,8 +277,10 @@ class RemovePlan:
     plan_id: str
 
 
-Motion = MoveTo | MoveForward | RotateTo | RotateBy | DriveFor | FollowPath
-CameraWork = SetCameraAngles | MoveCameraAngles | TakePicture
+Place = MoveTo | MoveForward | RotateTo | RotateBy | FollowPath
+Motion = Place | DriveFor
+CameraPointing = SetCameraAngles | MoveCameraAngles
+CameraWork = CameraPointing | TakePicture
 InstantCommand = DeleteFile | MoveFile | ExecuteAction
 Setting = (
     SetTravelSpeed

@@ -70,16 +70,6 @@ export class Cursor {
   }
 }
 
-/** Which branch of the tree works on a command: by its name, else by the family of commands it is of. */
-const BRANCHES = {
-  drive: "velocity",
-  takePicture: "picture",
-  motion: "go",
-  camera: "point",
-  "file, action": "instant command",
-  stop: "priority stop",
-};
-
 /**
  * The paths of the leaves that work on a command.
  * @param {import("./asset.js").Asset} asset
@@ -88,8 +78,8 @@ const BRANCHES = {
  */
 function leavesOf(asset, id) {
   const name = asset.commands.get(id)?.name ?? "";
-  const family = asset.entry?.commands.find((each) => each.name === name)?.family ?? "";
-  const branch = BRANCHES[name] ?? BRANCHES[family];
+  const branch = asset.entry?.commands.find((each) => each.name === name)?.branch;
+  if (!branch) return [];
   const leaves = asset.tree?.nodes.filter((node) => node.path.split("/").includes(branch)) ?? [];
   return leaves.map((node) => node.path);
 }
