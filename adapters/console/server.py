@@ -15,6 +15,7 @@ from adapters.console.sockets import Sockets
 
 STATIC: Final = Path(__file__).parent / "static"
 _PAGES: Final = {"/": "index.html", "/lite": "lite.html"}
+_CONDITIONS: Final = ("If-None-Match", "If-Modified-Since")
 
 
 class Server:
@@ -71,9 +72,15 @@ class Server:
 
 @web.middleware
 async def _compressed(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Compress pages and JSON for whoever takes it; what is kept compressed is sent as it is."""
+    """Compress pages and JSON for whoever takes it; what is kept compressed is sent as it is.
+
+    A page that is only asked for if it has changed is not compressed: aiohttp would send the end of
+    a compressed body after "not modified", and the browser would take that for the next answer.
+    """
     response = await handler(request)
-    is_page = isinstance(response, web.FileResponse) and not request.path.startswith("/api/")
+    is_conditional = any(name in request.headers for name in _CONDITIONS)
+    is_file = isinstance(response, web.FileResponse) and not request.path.startswith("/api/")
+    is_page = is_file and not is_conditional
     is_json = isinstance(response, web.Response) and response.content_type == "application/json"
     if not response.prepared and (is_page or is_json):
         response.enable_compression()

@@ -1,5 +1,6 @@
 """Who may speak to a console, and how what makes no sense is answered."""
 
+import asyncio
 import socket
 import ssl
 from collections.abc import Iterator
@@ -7,6 +8,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from aiohttp import ClientSession, TCPConnector, WSCloseCode
@@ -236,3 +238,19 @@ async def test_with_one_certificate_operators_take_turns(tmp_path: Path, launch:
         await anna.page.command("d", "executed")
         assert (await anna.ask("POST", "api/stop/jackal"))[0] == 202
         await ben.page.until(lambda said: said.get("mode") == "STOPPED")
+
+
+async def test_a_page_that_has_not_changed_is_answered_without_a_body(tmp_path: Path) -> None:
+    """What came after the head would be taken for the next answer of the connection."""
+    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+        async with anna.session.get(f"{address}app/files.js") as first:
+            assert first.headers["Content-Encoding"] == "deflate"
+            tag = first.headers["ETag"]
+        host = urlsplit(address).netloc
+        reader, writer = await asyncio.open_connection(*host.split(":"))
+        head = f"GET /app/files.js HTTP/1.1\r\nHost: {host}\r\nAccept-Encoding: deflate\r\n"
+        writer.write(f"{head}If-None-Match: {tag}\r\nConnection: close\r\n\r\n".encode())
+        said, _, body = (await reader.read()).partition(b"\r\n\r\n")
+        writer.close()
+        await writer.wait_closed()
+        assert (said.split(b"\r\n")[0], body) == (b"HTTP/1.1 304 Not Modified", b"")
