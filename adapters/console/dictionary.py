@@ -137,6 +137,22 @@ class ZoneEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordingEntry:
+    """That an asset is a recording of one, which can be looked at and not commanded.
+
+    Attributes:
+        file: its name.
+        rover: the asset that was recorded.
+        began, ended: of the recording.
+    """
+
+    file: str
+    rover: str
+    began: float
+    ended: float
+
+
+@dataclass(frozen=True, slots=True)
 class AssetEntry:
     """What there is of an asset.
 
@@ -144,6 +160,7 @@ class AssetEntry:
         ranges_known: whether its settings are known here, by which ranges are given; zones and
             footprint are, too.
         footprint: length and width about base_link; None where they are not known.
+        recording: None for a rover.
     """
 
     asset: str
@@ -154,6 +171,7 @@ class AssetEntry:
     commands: tuple[CommandEntry, ...]
     zones: tuple[ZoneEntry, ...]
     footprint: Footprint | None
+    recording: RecordingEntry | None = None
 
 
 def zone_entries(settings: Settings | None) -> tuple[ZoneEntry, ...]:

@@ -10,7 +10,9 @@ from aiohttp import web
 
 from adapters.console.answers import answer, refused
 from adapters.console.commanding import Commanding
+from adapters.console.recordings import Recordings
 from adapters.explanation import (
+    Chronicle,
     Explanation,
     UnknownCommandError,
     explain_command,
@@ -59,10 +61,12 @@ class Explaining:
 
     Args:
         commanding: knows assets and commands.
+        recordings: know what was.
     """
 
-    def __init__(self, commanding: Commanding) -> None:
+    def __init__(self, commanding: Commanding, recordings: Recordings) -> None:
         self._commanding = commanding
+        self._recordings = recordings
 
     def routes(self) -> list[web.RouteDef]:
         """Return where they are answered."""
@@ -73,14 +77,16 @@ class Explaining:
 
     async def _why(self, request: web.Request) -> web.Response:
         asset, name = request.match_info["asset"], request.match_info.get("command")
-        client = self._commanding.client(asset)
-        identity = None if name is None else await self._commanding.identity(name)
+        recording = self._recordings.get(asset)
         try:
-            async with asyncio.timeout(ASK_S):
-                chronicle = await client.get_history(identity)
-            explanation = (
-                explain_now(chronicle) if identity is None else explain_command(chronicle, identity)
-            )
+            if recording is not None:
+                explanation = _explain(recording.chronicle, name)
+            else:
+                client = self._commanding.client(asset)
+                identity = None if name is None else await self._commanding.identity(name)
+                async with asyncio.timeout(ASK_S):
+                    chronicle = await client.get_history(identity)
+                explanation = _explain(chronicle, identity)
         except UnknownCommandError as error:
             raise refused(HTTPStatus.NOT_FOUND, str(error), field="command") from error
         except MalError as error:
@@ -90,6 +96,10 @@ class Explaining:
             text = f"{asset} does not answer: try again when its link is up"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
         return answer(_told(explanation))
+
+
+def _explain(chronicle: Chronicle, identity: str | None) -> Explanation:
+    return explain_now(chronicle) if identity is None else explain_command(chronicle, identity)
 
 
 def _told(explanation: Explanation) -> Why:

@@ -207,7 +207,7 @@ class Fleet:
 
     def on_notification(self, link: RoverLink, notification: Notification, rx_s: float) -> None:
         """Pass a notification on, with the id of the command that it is of."""
-        said = notified(link, notification, rx_s)
+        said = notified(link.asset, link.kind, notification, rx_s)
         lost = given_up(notification)
         if lost is not None:
             said = replace(said, command=self._tracker.hear_given_up(said, lost))
@@ -238,7 +238,7 @@ class Fleet:
 
     def on_tree(self, link: RoverLink, snapshot: Snapshot) -> None:
         """Pass a behaviour tree on."""
-        self._tree(tree_of(link, snapshot))
+        self._tree(tree_of(link.asset, link.kind, snapshot))
 
     def on_plan(self, link: RoverLink, update: PlanUpdate) -> None:
         """Tell how far a plan is."""
@@ -295,11 +295,11 @@ class Fleet:
         self._running.add(begin(link.run()))
 
 
-def notified(link: RoverLink, notification: Notification, rx_s: float) -> Notified:
+def notified(asset: str, link: Link, notification: Notification, rx_s: float) -> Notified:
     """Return a notification as pages have it, of no command yet."""
     return Notified(
-        asset=link.asset,
-        link=link.kind,
+        asset=asset,
+        link=link,
         sequence=notification.sequence,
         utc=notification.timestamp / NS_PER_S,
         rx=rx_s,
@@ -315,11 +315,11 @@ def notified(link: RoverLink, notification: Notification, rx_s: float) -> Notifi
     )
 
 
-def tree_of(link: RoverLink, snapshot: Snapshot) -> TreeState:
+def tree_of(asset: str, link: Link, snapshot: Snapshot) -> TreeState:
     """Return a behaviour tree as pages have it."""
     return TreeState(
-        asset=link.asset,
-        link=link.kind,
+        asset=asset,
+        link=link,
         utc=snapshot.utc_s,
         tick=snapshot.tick,
         mode=snapshot.mode,

@@ -5,7 +5,9 @@ import time
 from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
-from typing import Final, TypeVar
+from itertools import groupby
+from operator import itemgetter
+from typing import Any, Final, TypeVar
 
 from aiohttp import web
 from sqlalchemy import Connection
@@ -44,6 +46,7 @@ from adapters.console.archive import (
 )
 from adapters.console.export import Form, writing
 from adapters.console.messages import Link, ObjectChanged
+from adapters.console.recordings import Recordings
 
 T = TypeVar("T")
 
@@ -60,11 +63,18 @@ class History:
 
     Args:
         archive: what was kept.
+        recordings: where the past of a recording is instead.
         publish: tells pages that an object has changed.
     """
 
-    def __init__(self, archive: Archive, publish: Callable[[ObjectChanged], None]) -> None:
+    def __init__(
+        self,
+        archive: Archive,
+        recordings: Recordings,
+        publish: Callable[[ObjectChanged], None],
+    ) -> None:
         self._archive = archive
+        self._recordings = recordings
         self._publish = publish
 
     def routes(self) -> list[web.RouteDef]:
@@ -82,10 +92,16 @@ class History:
             web.delete("/api/objects/{key}", self._delete),
         ]
 
-    async def _read(self, act: Callable[[Connection], T]) -> T:
-        """Read what was heard so far."""
-        await self._archive.flush()
-        return await self._archive.read(act)
+    def _archive_of(self, asset: str | None) -> Archive:
+        """Return where the past of an asset is."""
+        recording = self._recordings.get(asset)
+        return self._archive if recording is None else recording.archive
+
+    async def _read(self, asset: str | None, act: Callable[[Connection], T]) -> T:
+        """Read what was heard so far of an asset; None for all rovers."""
+        archive = self._archive_of(asset)
+        await archive.flush()
+        return await archive.read(act)
 
     async def _samples(self, request: web.Request) -> web.Response:
         wanted = Wanted(
@@ -97,35 +113,41 @@ class History:
             strategy=one_of(Strategy, "strategy", request.query.get("strategy", "latest")),
             size=count_of(request, "size", SIZE, MOST_SAMPLES),
         )
-        found = await self._read(partial(read_samples, wanted=wanted))
+        found = await self._read(wanted.asset, partial(read_samples, wanted=wanted))
         return json_answer(f'{{"samples":{found}}}')
 
     async def _last_samples(self, request: web.Request) -> web.Response:
-        keys = (await body_of(request)).get("keys")
+        body = await body_of(request)
+        keys, end = body.get("keys"), body.get("end", HIGHEST)
         if not isinstance(keys, list) or len(keys) > MOST_KEYS or not all(map(_is_key, keys)):
             text = (
                 f"keys: a list of at most {MOST_KEYS} [asset, key] or [asset, key, link] is needed"
             )
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="keys")
-        wanted = [(asset, key, _link(link[0] if link else None)) for asset, key, *link in keys]
-        found = await self._read(
-            lambda connection: [
-                sample for each in wanted for sample in read_last_sample(connection, *each)
-            ]
-        )
+        if isinstance(end, bool) or not isinstance(end, int | float) or not abs(end) <= HIGHEST:
+            text = "end: seconds since 1970 UTC are needed"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="end")
+        found = []
+        for asset, wanted in groupby(sorted(keys, key=itemgetter(0)), itemgetter(0)):
+            last = [(key, _link(link[0] if link else None)) for _, key, *link in wanted]
+            found += await self._read(
+                asset, partial(_last_of, asset=asset, wanted=last, end_us=to_us(end))
+            )
         return answer({"samples": found})
 
     async def _commands(self, request: web.Request) -> web.Response:
-        found = await self._read(partial(read_commands, page=_page(request)))
+        page = _page(request)
+        found = await self._read(page.asset, partial(read_commands, page=page))
         return json_answer(f'{{"commands":{found}}}')
 
     async def _notifications(self, request: web.Request) -> web.Response:
-        found = await self._read(partial(read_notifications, page=_page(request)))
+        page = _page(request)
+        found = await self._read(page.asset, partial(read_notifications, page=page))
         return json_answer(f'{{"notifications":{found}}}')
 
     async def _records(self, request: web.Request) -> web.Response:
-        ty = request.match_info["ty"]
-        found = await self._read(partial(read_records, ty=ty, page=_page(request)))
+        ty, page = request.match_info["ty"], _page(request)
+        found = await self._read(page.asset, partial(read_records, ty=ty, page=page))
         return json_answer(f'{{"records":{found}}}')
 
     async def _export(self, request: web.Request) -> web.StreamResponse:
@@ -133,7 +155,7 @@ class History:
         asset = request.query.get("asset")
         start_us = to_us(number_of(request, "start", 0.0))
         end_us = to_us(number_of(request, "end", HIGHEST))
-        parameters = await self._read(partial(find_parameters, asset=asset))
+        parameters = await self._read(asset, partial(find_parameters, asset=asset))
         file = writing(form)
 
         def write_page(
@@ -150,7 +172,7 @@ class History:
         for parameter in parameters:
             since_us: int | None = start_us
             while since_us is not None:
-                octets, since_us = await self._archive.read(
+                octets, since_us = await self._archive_of(asset).read(
                     partial(write_page, parameter=parameter, since_us=since_us)
                 )
                 await response.write(octets)
@@ -208,6 +230,16 @@ class History:
             raise _conflict(key, conflict)
         self._publish(ObjectChanged(key, None))
         return web.Response(status=HTTPStatus.NO_CONTENT)
+
+
+def _last_of(
+    connection: Connection, asset: str, wanted: list[tuple[str, Link | None]], end_us: int
+) -> list[dict[str, Any]]:
+    return [
+        sample
+        for key, link in wanted
+        for sample in read_last_sample(connection, asset, key, link, end_us)
+    ]
 
 
 def _page(request: web.Request) -> Page:

@@ -17,10 +17,15 @@ Scalar = float | int | str | bool | None
 
 @unique
 class Link(Enum):
-    """The way by which something was heard of an asset, or is sent to it."""
+    """The way by which something was heard of an asset, or is sent to it.
+
+    Attributes:
+        RECORDING: it was read in a recording; nothing is sent by it.
+    """
 
     DIRECT = "direct"
     RELAY = "relay"
+    RECORDING = "recording"
 
 
 @unique

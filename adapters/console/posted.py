@@ -4,14 +4,14 @@ It is checked against the form that the page was given; what only the asset can 
 itself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import isfinite
 from typing import Any, Final
 
 from adapters.console.dictionary import FORMS, ArgumentEntry, CommandEntry
-from executive.commands import Argument, Request, arguments_of
+from executive.commands import Argument, Request, arguments_of, declaration_of
 
 MOST_TEXT: Final = 1024
 """Characters of an argument that is a text."""
@@ -61,6 +61,34 @@ def request_of(form: CommandEntry, given: object) -> Request | BadArgument:
         ]
     request: Request = declaration.make(*values)
     return request
+
+
+def args_of(request: Request) -> dict[str, Any]:
+    """Return what would be posted for a request; of what is no text, its length."""
+    declaration = declaration_of(type(request))
+    values = [getattr(request, each.field) for each in declaration.arguments]
+    if declaration.composite is not None:
+        parts = arguments_of(declaration.composite)
+        values[:1] = [getattr(values[0], part.field) for part in parts]
+    return _posted(declaration.written, values)
+
+
+def _posted(arguments: Sequence[Argument], values: Iterable[Any]) -> dict[str, Any]:
+    pairs = zip(arguments, values, strict=True)
+    return {each.name: _plain(each, value) for each, value in pairs if value is not None}
+
+
+def _plain(argument: Argument, value: Any) -> Any:
+    if argument.many:
+        parts = arguments_of(argument.kind)
+        return [_posted(parts, [getattr(each, part.field) for part in parts]) for each in value]
+    match value:
+        case Enum():
+            return value.value
+        case bytes():
+            return f"{len(value)} octets"
+        case _:
+            return value
 
 
 def _values(

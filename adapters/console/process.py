@@ -64,6 +64,14 @@ def _addresses(
     help="HTTPS: certificate of the console. Needed where other computers reach it.",
 )
 @click.option("--tls-key", type=EXISTING_FILE, metavar="PEM", help="HTTPS: its private key.")
+@click.option(
+    "--recording",
+    "recordings",
+    multiple=True,
+    type=EXISTING_FILE,
+    metavar="MCAP",
+    help="A recording of a rover to look at, beside the rovers; may be given again.",
+)
 @data_option("the archive", FOLDER)
 @click.option(
     "--archive",
@@ -94,6 +102,7 @@ def main(
     tokens: Path | None,
     tls_certificate: Path | None,
     tls_key: Path | None,
+    recordings: tuple[Path, ...],
     data: Path | None,
     archive: str | None,
     keep_days: float,
@@ -108,6 +117,7 @@ def main(
     Examples:
       rover-console
       rover-console --to rover.local:21000 --to 192.0.2.7:21001
+      rover-console --recording 20261124T000945Z.mcap
       rover-console --host 0.0.0.0 --tokens operators.txt --tls-certificate console.pem \\
           --tls-key console.key
 
@@ -122,7 +132,8 @@ def main(
     tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)
     retention = Retention(keep_days, keep_mb)
     folder = data or default_folder(FOLDER)
-    asyncio.run(serve(Options(to, host, port, tokens, tls, folder, archive, retention, video)))
+    options = Options(to, host, port, tokens, tls, folder, archive, retention, video, recordings)
+    asyncio.run(serve(options))
 
 
 if __name__ == "__main__":

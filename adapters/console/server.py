@@ -1,6 +1,6 @@
 """The console's HTTP server: its routes, and how they are answered."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from http import HTTPStatus
 from pathlib import Path
 from typing import Final
@@ -9,7 +9,7 @@ from aiohttp import web
 
 from adapters.console.access import Access
 from adapters.console.answers import MOST_OCTETS, Handler, answer, refusals, refused
-from adapters.console.fleet import Fleet
+from adapters.console.dictionary import AssetEntry
 from adapters.console.hub import Hub
 from adapters.console.sockets import Sockets
 
@@ -23,15 +23,19 @@ class Server:
 
     Args:
         hub: what goes to the pages.
-        fleet: the assets.
+        entries: returns what there is of each asset.
         access: who may ask.
         routes: where else is answered.
     """
 
     def __init__(
-        self, hub: Hub, fleet: Fleet, access: Access, routes: Sequence[web.RouteDef]
+        self,
+        hub: Hub,
+        entries: Callable[[], Iterable[AssetEntry]],
+        access: Access,
+        routes: Sequence[web.RouteDef],
     ) -> None:
-        self._hub, self._fleet = hub, fleet
+        self._hub, self._entries = hub, entries
         self._access = access
         self._routes = routes
 
@@ -61,7 +65,7 @@ class Server:
         return answer({"instance": self._hub.instance})
 
     async def _dictionary(self, _: web.Request) -> web.Response:
-        return answer({"assets": {each.asset: each for each in self._fleet.entries()}})
+        return answer({"assets": {each.asset: each for each in self._entries()}})
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
         response = web.FileResponse(STATIC / _PAGES[request.path])

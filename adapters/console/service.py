@@ -1,11 +1,13 @@
 """Puts the console together, and serves it until a signal."""
 
 import asyncio
+import shutil
 import ssl
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
@@ -24,6 +26,7 @@ from adapters.console.archive import (
 )
 from adapters.console.authority_desk import AuthorityDesk
 from adapters.console.commanding import Commanding
+from adapters.console.dictionary import AssetEntry
 from adapters.console.explaining import Explaining
 from adapters.console.files import Files
 from adapters.console.fleet import Fleet
@@ -32,6 +35,7 @@ from adapters.console.hub import KEPT_COMMANDS, Hub
 from adapters.console.messages import Broadcast, CommandStatus, Link, Sample, TreeState
 from adapters.console.operations import Operations
 from adapters.console.plans import Plans
+from adapters.console.recordings import Recordings
 from adapters.console.rover_link import Known
 from adapters.console.server import Server
 from adapters.console.tasks import begin
@@ -41,6 +45,7 @@ from adapters.mal import CertificateError, is_loopback
 from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
+from adapters.recording import RecordingError
 
 PORT: Final = 21080
 """TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
@@ -49,6 +54,8 @@ PORT_VARIABLE: Final = "ROVER_CONSOLE_PORT"
 LOCK: Final = "console.lock"
 FETCHED: Final = "fetched"
 """The folder of the data folder in which fetched files are."""
+OPENED: Final = "opened"
+"""The one in which is what was read of recordings, while the process runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +71,7 @@ class Options:
         archive: the URL of the database; None for a file in the folder.
         retention: how long the archive keeps what was heard.
         video: where the video streams of assets arrive, by UDP; for others as their settings say.
+        recordings: files that are opened at the start.
     """
 
     to: tuple[Target, ...]
@@ -75,6 +83,7 @@ class Options:
     archive: str | None = None
     retention: Retention = field(default_factory=Retention)
     video: Mapping[str, tuple[str, int]] = field(default_factory=dict)
+    recordings: tuple[Path, ...] = ()
 
 
 async def serve(options: Options) -> None:
@@ -142,16 +151,22 @@ async def _serving(
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
     commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
+    recordings = Recordings(_emptied(options.data / OPENED), publish)
     routes = [
         *Operations(commanding, desk).routes(),
         *Plans(commanding, archive).routes(),
-        *Explaining(commanding).routes(),
+        *Explaining(commanding, recordings).routes(),
         *Files(commanding, options.data / FETCHED).routes(),
         *Video(options.video, fleet.video_of).routes(),
-        *History(archive, publish).routes(),
+        *recordings.routes(),
+        *History(archive, recordings, publish).routes(),
     ]
+
+    def entries() -> Iterator[AssetEntry]:
+        return chain(fleet.entries(), recordings.entries())
+
     runner = web.AppRunner(
-        Server(hub, fleet, access, routes).application(), access_log=None, shutdown_timeout=1.0
+        Server(hub, entries, access, routes).application(), access_log=None, shutdown_timeout=1.0
     )
     await runner.setup()
     site = web.TCPSite(runner, options.host, options.port, ssl_context=context)
@@ -159,7 +174,11 @@ async def _serving(
     tasks = [begin(each) for each in working]
     try:
         try:
+            for path in options.recordings:
+                await recordings.open(path)
             await site.start()
+        except RecordingError as error:
+            raise StartError(f"--recording: {error}") from error
         except OSError as error:
             raise StartError(
                 f"{options.host}:{options.port} cannot be served ({error.strerror}): stop what is"
@@ -174,6 +193,7 @@ async def _serving(
         await asyncio.gather(*tasks, return_exceptions=True)
         await fleet.close()
         await runner.cleanup()
+        await recordings.close()
 
 
 def _access(options: Options) -> tuple[Access, ssl.SSLContext | None]:
@@ -194,6 +214,13 @@ def _access(options: Options) -> tuple[Access, ssl.SSLContext | None]:
             raise StartError(f"{certificate} with {key} cannot be used: {error}") from error
     tokens = None if options.tokens is None else read_tokens(options.tokens)
     return Access(tokens, secure=context is not None), context
+
+
+def _emptied(folder: Path) -> Path:
+    """Return a folder in which nothing is left of a former run."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder
 
 
 def _uri(target: Target) -> str:

@@ -8,6 +8,7 @@ from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
 from adapters.recording.run_file import PROFILE, SUFFIX, RecordingError, RunFile, RunReader
 from adapters.recording.timed import Timed, read_timed
+from adapters.recording.tree import RecordedTree
 
 __all__ = [
     "PROFILE",
@@ -15,6 +16,7 @@ __all__ = [
     "BackgroundTape",
     "History",
     "Moment",
+    "RecordedTree",
     "RecordingError",
     "RunFile",
     "RunReader",

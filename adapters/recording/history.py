@@ -6,20 +6,20 @@ from pathlib import Path
 
 from adapters.recording.run_file import RecordingError
 from adapters.recording.timed import read_timed
+from adapters.recording.tree import RecordedTree
 from executive.geometry import Pose
 from executive.recording import (
     Call,
     Called,
     Life,
     ModeChanged,
-    NodeState,
     Observed,
     Reported,
     TreeChanged,
 )
 from executive.reports import Kind, Report
 from executive.state import Odometry
-from trees import Node, NodeKind, NodeStatus, Snapshot, preview
+from trees import Snapshot
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,8 +91,7 @@ class History:
         return index
 
     def _read(self, path: Path) -> None:
-        static: tuple[Node, ...] = ()
-        states: dict[str, NodeState] = {}
+        tree: RecordedTree | None = None
         since_s: dict[str, float] = {}
         mode, why, pose, ticks = "", "", None, 0
         commands: dict[str, Report] = {}
@@ -102,7 +101,7 @@ class History:
         def end() -> None:
             nonlocal current, told
             if current is not None:
-                nodes = _tree(static, states)
+                nodes = () if tree is None else tree.nodes()
                 snapshot = Snapshot(ticks, current[1], mode, why, nodes)
                 self.moments.append(
                     Moment(
@@ -121,8 +120,7 @@ class History:
             match timed.item:
                 case Life(settings=settings):
                     end()
-                    self.asset, static = settings.asset, preview(settings)
-                    states.clear()
+                    self.asset, tree = settings.asset, RecordedTree(settings)
                     ticks = 0
                 case Called(call=Call.TICK):
                     end()
@@ -132,14 +130,8 @@ class History:
                     end()
                     if isinstance(timed.item, Observed) and isinstance(timed.item.fact, Odometry):
                         pose = timed.item.fact.pose
-                case TreeChanged(nodes=changed, gone=gone):
-                    for each in changed:
-                        before = states.get(each.path)
-                        if before is None or before.status != each.status:
-                            since_s[each.path] = timed.time_s
-                        states[each.path] = each
-                    for lost in gone:
-                        states.pop(lost, None)
+                case TreeChanged() if tree is not None:
+                    since_s.update(dict.fromkeys(tree.put(timed.item), timed.time_s))
                 case ModeChanged():
                     mode = timed.item.mode.name
                     why = f"{timed.item.why} (as of {timed.time_s:.2f} s)"
@@ -152,29 +144,3 @@ class History:
         end()
         if not self.moments:
             raise RecordingError(f"{path}: holds no tick")
-
-
-def _tree(static: tuple[Node, ...], states: dict[str, NodeState]) -> tuple[Node, ...]:
-    """Return the nodes with their states; those of a plan stand first below the root."""
-    known = {node.path for node in static}
-    planned = tuple(
-        Node(
-            state.path,
-            state.path.rpartition("/")[2],
-            1 + state.path.count("/"),
-            NodeKind.PLANNED,
-            NodeStatus[state.status],
-            state.message,
-        )
-        for state in states.values()
-        if state.path not in known
-    )
-    others = tuple(_with(node, states.get(node.path)) for node in static)
-    return (*others[:1], *planned, *others[1:])
-
-
-def _with(node: Node, state: NodeState | None) -> Node:
-    if state is None:
-        return node
-    status = NodeStatus[state.status]
-    return Node(node.path, node.name, node.depth, node.kind, status, state.message)

@@ -9,7 +9,11 @@ import pytest
 from sqlalchemy import Engine
 
 from adapters.console.archive import open_database
+from adapters.recording import RunFile
 from executive.settings import AuthoritySettings
+from sim.scenario.lockstep_run import run_in_lock_step
+from sim.scenario.model import PlayMode
+from sim.scenario.reading import load_scenario
 from tests.console.postgres import NEEDED as POSTGRES_NEEDED
 from tests.console.postgres import cluster, fresh
 from tests.mrs.aboard import Aboard
@@ -45,6 +49,16 @@ def guarded(launch: Launch) -> Aboard:
     rover = launch(authority=NEEDED)
     rover.runs = True
     return rover
+
+
+@pytest.fixture(scope="session")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the recording of a drive, a turn and a picture, one after the other."""
+    folder = tmp_path_factory.mktemp("drive")
+    with closing(RunFile(folder / "run.mcap")) as tape:
+        scenario = load_scenario("drive3m_turn_picture", PlayMode.LOCK_STEP)
+        run_in_lock_step(scenario, folder / "data", tape)
+    return folder / "run.mcap"
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,6 @@
 """What the console keeps: telemetry, commands, notifications and what operators make."""
 
-from adapters.console.archive.archive import Archive, to_us
+from adapters.console.archive.archive import Archive, Written, to_us
 from adapters.console.archive.database import ArchiveError, open_database
 from adapters.console.archive.objects import (
     Conflict,
@@ -46,6 +46,7 @@ __all__ = [
     "Stored",
     "Strategy",
     "Wanted",
+    "Written",
     "delete_object",
     "delete_old",
     "export_page",

@@ -36,6 +36,7 @@ from adapters.console.messages import (
     encode,
     plain,
 )
+from executive.recorded_executive import without_figures
 
 _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -81,8 +82,14 @@ class Archive:
         self._waiting.append(message)
 
     def put_tree(self, tree: TreeState) -> None:
-        """Have a behaviour tree written, if a node looks other than in the one before."""
-        looks = tuple((node.path, node.look) for node in tree.nodes)
+        """Have a behaviour tree written, if it looks other than the one before.
+
+        That is, a node does, or the mode or why it stands or moves is another; figures apart.
+        """
+        looks = (
+            (tree.mode, without_figures(tree.why)),
+            *((node.path, node.look) for node in tree.nodes),
+        )
         if self._looks.get(tree.asset) != looks:
             self._looks[tree.asset] = looks
             self._waiting.append(tree)

@@ -110,14 +110,14 @@ def _extremes(connection: Connection, wanted: Wanted, numbers: Sequence[int]) ->
 
 
 def read_last_sample(
-    connection: Connection, asset: str, key: str, link: Link | None
+    connection: Connection, asset: str, key: str, link: Link | None, end_us: int
 ) -> list[dict[str, Any]]:
-    """Return the last sample of a parameter by each link."""
+    """Return the last sample of a parameter, until a time, by each link."""
     found = []
     for parameter in find_parameters(connection, asset, key, link):
         newest = (
             select(SAMPLE)
-            .where(SAMPLE.c.parameter == parameter.id)
+            .where(SAMPLE.c.parameter == parameter.id, SAMPLE.c.utc_us <= end_us)
             .order_by(SAMPLE.c.utc_us.desc())
             .limit(1)
         )

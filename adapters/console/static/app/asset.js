@@ -48,9 +48,20 @@ export class Asset {
     return this.entry?.footprint ?? UNKNOWN_FOOTPRINT;
   }
 
-  /** @param {string} name */
-  constructor(name) {
+  /** @returns {{file: string, rover: string, began: number, ended: number} | null} what it is a recording of; null for a rover */
+  get recording() {
+    return this.entry?.recording ?? null;
+  }
+
+  /** The links by which values are told. @returns {string[]} */
+  get valueLinks() {
+    return this.recording ? ["recording"] : [...this.links.keys()].sort();
+  }
+
+  /** @param {string} name @param {any} [entry] */
+  constructor(name, entry = null) {
     this.name = name;
+    this.entry = entry;
   }
 
   /**
@@ -82,11 +93,7 @@ export class Asset {
 
   /** The newest sample of a parameter by whatever link. @param {string} key */
   newest(key) {
-    let best = null;
-    for (const sample of this.values.get(key)?.values() ?? []) {
-      if (!best || sample.utc > best.utc) best = sample;
-    }
-    return best;
+    return newestOf(this.values.get(key));
   }
 
   /** A fix is complete when all its figures of one moment are there. */
@@ -140,6 +147,11 @@ export class Asset {
     return [...this.commands.values()].sort((one, other) => other.made - one.made);
   }
 
+  /** Commands, the last first, each as it was at a moment; those that came later as they became. @param {number | null} utc null for now */
+  commandsAt(utc) {
+    return utc === null ? this.lastCommands : this.lastCommands.map((each) => (each.made <= utc ? commandAt(each, utc) : each));
+  }
+
   /** The mode, by whatever told of it last; empty while it is not known. */
   get mode() {
     return (this.#isTreeNewer ? this.tree?.mode : this.status?.mode) ?? "";
@@ -182,6 +194,24 @@ export class Asset {
   get isReached() {
     return [...this.links.values()].some((link) => link.state === "up");
   }
+}
+
+/** The newest sample of several links. @param {Map<string, Sample>} [links] */
+export function newestOf(links) {
+  let best = null;
+  for (const sample of links?.values() ?? []) if (!best || sample.utc > best.utc) best = sample;
+  return best;
+}
+
+/** How stages that are no states are told. */
+const STATES = { SENT: "sending", PROGRESS: "started", PREDICTED: null };
+
+/** A command as it was at a moment. @param {Command} command @param {number} utc @returns {Command} */
+function commandAt(command, utc) {
+  const history = command.history.filter((each) => each.utc <= utc);
+  if (history.length === command.history.length) return command;
+  const states = history.map((each) => (each.stage in STATES ? STATES[each.stage] : each.stage.toLowerCase()));
+  return { ...command, history, ended: false, state: states.findLast(Boolean) ?? "sending" };
 }
 
 /** @param {Notice} one @param {Notice} other */

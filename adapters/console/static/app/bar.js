@@ -82,6 +82,7 @@ export function mount(element, session, shown) {
   async function pressed() {
     const rover = asset();
     if (!rover) return tell("There is no rover to stop.", "bad");
+    if (rover.recording) return tell(`${rover.name} is a recording: choose the rover that is to stop.`, "bad");
     stop.classList.add("pressed");
     tell(`STOP is being sent to ${rover.name} …`, "bad");
     try {
@@ -116,11 +117,12 @@ export function mount(element, session, shown) {
     picker.hidden = names.length === 0;
     keep(picker, names, (each) => each, (each) => html("option", { value: each, textContent: each }), () => {});
     if (shown.name !== null && picker.value !== shown.name) picker.value = shown.name;
-    say(mode, rover?.mode ?? "");
-    mode.hidden = !rover?.mode;
-    resume.hidden = !STANDING.includes(rover?.mode ?? "");
+    const recording = rover?.recording;
+    say(mode, recording ? "RECORDING" : (rover?.mode ?? ""));
+    mode.hidden = !mode.textContent;
+    resume.hidden = Boolean(recording) || !STANDING.includes(rover?.mode ?? "");
     mode.dataset.mode = rover?.mode ?? "";
-    say(doing, rover ? doingOf(rover) : session.unreached());
+    say(doing, recording ? `of ${recording.rover}, to be looked at only` : rover ? doingOf(rover) : session.unreached());
     keep(links, rover ? [...rover.links.values()] : [], (link) => link.link, () => html("span", { className: "link" }), drawLink);
     drawAuthority(rover);
     say(name, operator.name);
@@ -128,6 +130,7 @@ export function mount(element, session, shown) {
     say(pages, others > 0 ? `and ${others} more page${others > 1 ? "s" : ""}` : "alone here");
     set(pages, { title: session.presence.map((each) => `${each.operator} since ${clock(each.since)}`).join("\n") });
     stop.disabled = rover === null;
+    stop.hidden = Boolean(recording);
     lost.hidden = session.connection.status !== "lost";
     if (!lost.hidden) {
       const ago = age((Date.now() - session.connection.since_ms) / 1000);

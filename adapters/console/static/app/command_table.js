@@ -11,8 +11,9 @@ import { UNITS, clock, number } from "./words.js";
 /** @typedef {import("./asset.js").Command} Command */
 
 const MOST_ROWS = 100;
-/** The way of a command that is carried out, by each link. */
+/** The way of a command that is carried out, by each link; a recording knows what the rover said. */
 const WAYS = {
+  recording: ["RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
   direct: ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
   relay: ["SENT", "TAKEN", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
 };
@@ -37,7 +38,7 @@ const WORDS = {
  * @returns {() => void}
  */
 export function mount(element, context) {
-  const { asset, session, selection } = context;
+  const { asset, session, selection, cursor } = context;
   /** @type {Map<string, any>} what was told of why, by command and whether it had ended */
   const told = new Map();
   const rows = html("div", { className: "commands", role: "list" });
@@ -46,11 +47,16 @@ export function mount(element, context) {
   element.append(root);
 
   function render() {
-    const shown = asset.lastCommands.slice(0, MOST_ROWS);
+    const all = asset.commandsAt(cursor.utc_s);
+    const first = cursor.utc_s === null ? 0 : all.findIndex((each) => each.made <= cursor.utc_s) - MOST_ROWS / 2;
+    const shown = all.slice(Math.max(0, first)).slice(0, MOST_ROWS);
     empty.hidden = shown.length > 0;
     say(empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
     keep(rows, shown, (command) => command.id, make, update);
   }
+
+  /** @param {Command} command @returns {string[]} */
+  const wayOf = (command) => WAYS[asset.recording ? "recording" : command.link] ?? WAYS.direct;
 
   const make = (command) =>
     html(
@@ -65,7 +71,7 @@ export function mount(element, context) {
         html("span", { className: "by dim" }),
         html("span", { className: "state" }),
       ),
-      lifeLine(command),
+      lifeLine(wayOf(command)),
       html("p", { className: "detail" }),
       html("div", { className: "whole", hidden: true, onclick: (event) => event.stopPropagation() }),
     );
@@ -76,7 +82,8 @@ export function mount(element, context) {
     const [time, name, args, by, state] = head.children;
     const [word, meaning] = WORDS[command.state] ?? [command.state, ""];
     const chosen = selection.command === command.id || selection.isOfNode(asset, command);
-    row.className = `command ${command.state}${chosen ? " selected" : ""}`;
+    const isLater = cursor.utc_s !== null && command.made > cursor.utc_s;
+    row.className = `command ${command.state}${chosen ? " selected" : ""}${isLater ? " later" : ""}`;
     row.dataset.state = command.state;
     row.dataset.name = command.name;
     say(time, clock(command.made));
@@ -85,7 +92,7 @@ export function mount(element, context) {
     say(by, `${command.by}${command.link === "relay" ? ", by relay" : ""}`);
     say(state, word);
     set(state, { title: meaning });
-    drawLife(life, command);
+    drawLife(life, command, wayOf(command));
     const last = command.history.at(-1);
     const awaited = command.deadline !== null && !command.ended ? `; heard of by ${clock(command.deadline)}, or unknown` : "";
     say(detail, ["sending", "taken"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
@@ -113,7 +120,7 @@ export function mount(element, context) {
   }
 
   const draw = eachFrame(render);
-  const offs = [asset.on("commands", draw), asset.on("links", draw), selection.on(draw)];
+  const offs = [asset.on("commands", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
   draw();
   return () => {
     offs.forEach((off) => off());
@@ -121,21 +128,17 @@ export function mount(element, context) {
   };
 }
 
-/** Dots from "sent" to the end, each with the time since it was sent. @param {Command} command */
-function lifeLine(command) {
+/** Dots from the first stage to the end, each with the time since then. @param {string[]} way */
+function lifeLine(way) {
   return html(
     "div",
     { className: "life" },
-    ...wayOf(command).map(() => html("span", { className: "step" }, html("i"), html("span", { className: "what" }), html("span", { className: "when" }))),
+    ...way.map(() => html("span", { className: "step" }, html("i"), html("span", { className: "what" }), html("span", { className: "when" }))),
   );
 }
 
-/** @param {Command} command @returns {string[]} */
-const wayOf = (command) => WAYS[command.link] ?? WAYS.direct;
-
-/** @param {any} life @param {Command} command */
-function drawLife(life, command) {
-  const way = wayOf(command);
+/** @param {any} life @param {Command} command @param {string[]} way */
+function drawLife(life, command, way) {
   const reached = new Map(command.history.map((each) => [each.stage, each]));
   const last = command.history.at(-1)?.stage;
   const end = way.includes(last ?? "") ? null : command.ended || ["unknown", "given_up"].includes(command.state) ? last : null;

@@ -51,7 +51,7 @@ export async function ask(path, options = {}) {
     answer = await fetch(path, {
       ...rest,
       method,
-      body: json === undefined ? undefined : JSON.stringify(json),
+      ...(json === undefined ? {} : { body: JSON.stringify(json) }),
       headers: {
         ...headers,
         ...(json === undefined ? {} : { "Content-Type": "application/json" }),

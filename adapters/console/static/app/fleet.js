@@ -1,7 +1,8 @@
 /** All rovers that were heard of, a line each; where there is none, how to get one. */
 
 import { eachFrame, html, keep, say } from "./dom.js";
-import { age, fixed } from "./words.js";
+import * as recording from "./recording.js";
+import { age, clock, fixed } from "./words.js";
 
 /**
  * @param {HTMLElement} element
@@ -18,6 +19,9 @@ export function mount(element, session, choose) {
     rows,
   );
   const where = html("p", { className: "dim" });
+  const told = html("span", { className: "dim", role: "status" });
+  const file = html("input", { type: "file", accept: ".mcap", "aria-label": "file of a recording", onchange: () => open(file.files[0]) });
+  const opener = html("p", { className: "opener", hidden: !session.hasLog }, html("label", {}, "Open a recording (.mcap): ", file), " ", told);
   const nobody = html(
     "div",
     { className: "nobody" },
@@ -25,8 +29,23 @@ export function mount(element, session, choose) {
     html("p", {}, "Start a simulated one with ", html("code", { textContent: "./rover demo --stay" }), "; it appears here by itself."),
     where,
   );
-  const root = html("section", { className: "rover-view fleet-view" }, nobody, html("div", { className: "scroll" }, table));
+  const root = html("section", { className: "rover-view fleet-view" }, nobody, html("div", { className: "scroll" }, table), opener);
   element.append(root);
+
+  /** @param {File | undefined} chosen */
+  async function open(chosen) {
+    if (!chosen) return;
+    say(told, `${chosen.name} is being read …`);
+    try {
+      const name = await recording.open(chosen);
+      await session.readDictionary();
+      say(told, "");
+      choose(name);
+    } catch (error) {
+      say(told, error.message);
+    }
+    file.value = "";
+  }
 
   function render() {
     const assets = [...session.assets.values()].sort((one, other) => one.name.localeCompare(other.name));
@@ -46,6 +65,7 @@ export function mount(element, session, choose) {
     );
 
   function update(row, asset) {
+    if (asset.recording) return updateRecording(row, asset.recording);
     const { pose, status, authority } = asset;
     const heard = Math.max(0, ...[...asset.values.values()].flatMap((links) => [...links.values()].map((each) => each.rx)));
     const words = [
@@ -56,6 +76,11 @@ export function mount(element, session, choose) {
       authority?.holder ?? (authority?.needed ? "nobody" : "anyone"),
       heard ? age(session.now - heard) : "never",
     ];
+    words.forEach((text, index) => say(row.children[index + 1], text));
+  }
+
+  function updateRecording(row, { file, rover, began, ended }) {
+    const words = ["recording", `${file}, of ${rover}`, "", "", "nobody: it is past", `${clock(began)} to ${clock(ended)}`];
     words.forEach((text, index) => say(row.children[index + 1], text));
   }
 

@@ -60,7 +60,8 @@ export function mount(element, context) {
     if (only.hidden) only.classList.remove("on");
     const sought = search.value.trim().toLowerCase();
     const shown = [];
-    for (let index = asset.notices.length - 1; index >= 0 && shown.length < MOST_ROWS; index--) {
+    const last = lastShown(asset.notices, cursor.utc_s);
+    for (let index = last; index >= 0 && shown.length < MOST_ROWS; index--) {
       const notice = asset.notices[index];
       if (hidden.has(notice.kind) || SEVERITIES.indexOf(notice.severity) < Number(least.value)) continue;
       if (sought && !notice.text.toLowerCase().includes(sought)) continue;
@@ -92,13 +93,22 @@ export function mount(element, context) {
   function update(line, notice) {
     const chosen = notice.command !== null && notice.command === selection.command;
     line.classList.toggle("selected", chosen);
+    line.classList.toggle("later", cursor.utc_s !== null && notice.utc > cursor.utc_s);
   }
 
   const draw = eachFrame(render);
-  const offs = [asset.on("notices", draw), asset.on("links", draw), selection.on(draw)];
+  const offs = [asset.on("notices", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
   draw();
   return () => {
     offs.forEach((off) => off());
     root.remove();
   };
+}
+
+/** Where the lines that are shown begin: at the last one, or not far behind the moment that is looked at. */
+function lastShown(notices, utc) {
+  const last = notices.length - 1;
+  if (utc === null) return last;
+  const until = notices.findLastIndex((each) => each.utc <= utc);
+  return Math.min(last, until + MOST_ROWS / 2);
 }

@@ -106,7 +106,7 @@ export function mount(element, context) {
     const pose = cursor.utc_s === null ? asset.pose : asset.poseAt(cursor.utc_s);
     if (view.follows && pose) [view.x, view.y] = [pose.x, pose.y];
     follow.classList.toggle("on", view.follows);
-    now.hidden = cursor.utc_s === null;
+    now.hidden = cursor.utc_s === null || asset.recording !== null;
     const { width, height } = size();
     set(picture, { viewBox: `0 0 ${width} ${height}`, "data-scale": view.scale });
     const k = view.scale;
@@ -123,7 +123,7 @@ export function mount(element, context) {
   function drawWords(pose) {
     empty.hidden = pose !== null;
     say(empty, asset.isReached ? "No position yet: the rover has not told where it is." : session.unreached(asset));
-    hint.hidden = !pose || draft.entry !== null;
+    hint.hidden = !pose || draft.entry !== null || asset.recording !== null;
     say(hint, "Click the map to prepare a move there.");
     if (!pose) return say(place, "");
     const words = `x ${fixed(pose.x, 2)} m  y ${fixed(pose.y, 2)} m  ${fixed(degrees(pose.heading), 0)}°`;
@@ -188,7 +188,7 @@ export function mount(element, context) {
   }
 
   function drawPlanned() {
-    const points = waypointsOf(asset);
+    const points = waypointsOf(asset.commandsAt(cursor.utc_s));
     keep(
       planned,
       points.map((each, index) => ({ ...each, index })),
@@ -284,7 +284,7 @@ export function mount(element, context) {
     const [x_m, y_m] = toWorld(event.offsetX, event.offsetY);
     const near = nearestOf(asset.track, x_m, y_m, CLOSE_PX / view.scale);
     if (near) offer(event.offsetX, event.offsetY, near, x_m, y_m);
-    else prepare(x_m, y_m);
+    else if (!asset.recording) prepare(x_m, y_m);
   }
 
   function prepare(x, y) {
@@ -303,7 +303,7 @@ export function mount(element, context) {
     const item = (textContent, act) =>
       html("button", { type: "button", textContent, onclick: () => ((menu.hidden = true), act()) });
     const items = [
-      item(`prepare a move to ${tidy(x)}, ${tidy(y)}`, () => prepare(x, y)),
+      ...(asset.recording ? [] : [item(`prepare a move to ${tidy(x)}, ${tidy(y)}`, () => prepare(x, y))]),
       item(`show ${clock(fix.utc)}, when it was here`, () => cursor.set(fix.utc)),
     ];
     if (command) items.push(item(`select ${command.name}, which it carried out here`, () => selection.selectCommand(command.id)));
@@ -360,9 +360,9 @@ function nearestOf(track, x, y, close) {
   return best;
 }
 
-/** Where the motions under way and waiting lead. @param {import("./asset.js").Asset} asset */
-function waypointsOf(asset) {
-  const open = asset.lastCommands.filter((each) => !each.ended && each.args && each.state !== "unknown");
+/** Where the motions under way and waiting lead. @param {import("./asset.js").Command[]} commands the last first */
+function waypointsOf(commands) {
+  const open = commands.filter((each) => !each.ended && each.args && each.state !== "unknown");
   return open.reverse().flatMap((command) => {
     const step = command.history.findLast((each) => each.step)?.step ?? 0;
     const places = command.args.waypoints ?? [command.args];

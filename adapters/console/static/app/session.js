@@ -7,6 +7,8 @@ import { Connection, ask, operator } from "./connection.js";
 export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary"];
 const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "obj"];
 const HISTORY_S = 3600;
+const MOST_SAMPLES = 20000;
+const MOST_PAST = 1000;
 const MOST_NOTICES = 500;
 const POSE = ["POS_X", "POS_Y", "HEAD"];
 
@@ -69,11 +71,11 @@ export class Session {
     for (const listener of [...(this.#listeners.get(topic) ?? [])]) listener(what);
   }
 
-  /** Return an asset, new if it was not heard of. @param {string} name */
-  asset(name) {
+  /** Return an asset, new if it was not heard of. @param {string} name @param {any} [entry] of the dictionary, where that is known */
+  asset(name, entry = null) {
     let asset = this.assets.get(name);
     if (!asset) {
-      asset = new Asset(name);
+      asset = new Asset(name, entry);
       this.assets.set(name, asset);
       this.#tell("assets");
       this.#readPast(asset);
@@ -87,6 +89,7 @@ export class Session {
       return "rover-console does not answer. This page goes on by itself when it is back.";
     }
     if (!asset) return "No rover is connected: start one with ./rover demo --stay";
+    if (asset.recording) return `${asset.recording.file} holds nothing of this until then. Look at a later time, or open another recording under “Rovers”.`;
     const links = [...asset.links.values()].map((each) => `${each.link} link (${each.uri}) ${each.state}`);
     return `${asset.name} cannot be reached: ${links.join(", ") || "no link"}. Start it, for example with ./rover demo --stay`;
   }
@@ -144,7 +147,7 @@ export class Session {
         this.#tell("presence");
         break;
       case "dictionary":
-        this.#readDictionary();
+        this.readDictionary();
         break;
       case "obj":
         this.#tell("object", message);
@@ -154,7 +157,7 @@ export class Session {
 
   /** Read anew what the socket will not tell again. */
   #catchUp() {
-    this.#readDictionary();
+    this.readDictionary();
     for (const asset of this.assets.values()) this.#readPast(asset);
   }
 
@@ -164,11 +167,14 @@ export class Session {
     asset.changed(field);
   }
 
-  async #readDictionary() {
+  /** Read which assets there are; recordings, which are all past, are not for a page without the past. */
+  async readDictionary() {
     try {
-      const dictionary = await ask("/api/dictionary");
-      for (const [name, entry] of Object.entries(dictionary.assets)) {
-        const asset = this.asset(name);
+      const { assets } = await ask("/api/dictionary");
+      for (const [name, { entry }] of this.assets) if (entry?.recording && !(name in assets)) this.assets.delete(name);
+      for (const [name, entry] of Object.entries(assets)) {
+        if (entry.recording && !this.hasLog) continue;
+        const asset = this.asset(name, entry);
         asset.entry = entry;
         asset.changed("entry");
       }
@@ -181,14 +187,20 @@ export class Session {
 
   /** Read where it was, and what it told, before this page listened. @param {Asset} asset */
   async #readPast(asset) {
-    const start = this.now - HISTORY_S;
+    const start = asset.recording?.began ?? this.now - HISTORY_S;
+    const size = asset.recording ? MOST_SAMPLES : HISTORY_S;
     const name = encodeURIComponent(asset.name);
     try {
-      if (this.hasLog) {
+      if (asset.recording) {
+        const { commands } = await ask(`/api/commands?asset=${name}&limit=${MOST_PAST}`);
+        for (const command of commands.reverse()) asset.setCommand(command);
+        const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_PAST}`);
+        asset.addNotices(told.notifications.reverse());
+      } else if (this.hasLog) {
         const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_NOTICES}`);
         asset.addNotices(told.notifications.reverse());
       }
-      const [xs, ys, headings] = await Promise.all(POSE.map((key) => ask(`/api/tm/${name}/${key}?start=${start}&size=${HISTORY_S}`)));
+      const [xs, ys, headings] = await Promise.all(POSE.map((key) => ask(`/api/tm/${name}/${key}?start=${start}&size=${size}`)));
       asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
     } catch (error) {
       console.warn(error.message);

@@ -124,12 +124,25 @@ const shown = {
   },
 };
 
+/** Look at a recording in its own time, and at a rover in the present. */
+function followAsset() {
+  const recording = shown.name === null ? null : session.asset(shown.name).recording;
+  const name = recording ? shown.name : null;
+  if (name === lookedAt) return;
+  if (recording) openmct.time.setMode("fixed", { start: recording.began * 1000, end: Math.ceil(recording.ended * 1000) });
+  else openmct.time.setMode("realtime");
+  lookedAt = name;
+}
+/** @type {string | null} the recording that is looked at */
+let lookedAt = null;
+
 /** The asset of the object that is shown; else the first. */
 function chosen() {
   const found = /rover:([^/?]+)(?:[?]|$)/.exec(location.hash.replace(/rover:rovers\/?/, ""));
   const name = found ? partsOf({ key: found[1] })[0] : null;
   if (name && session.assets.has(name)) return name;
-  return [...session.assets.keys()].sort()[0] ?? null;
+  const assets = [...session.assets.values()].sort((one, other) => one.name.localeCompare(other.name));
+  return (assets.find((each) => !each.recording) ?? assets[0])?.name ?? null;
 }
 
 /** Without a place in the address show the first rover, as soon as there is one. */
@@ -140,6 +153,7 @@ function choose() {
     shown.choose(name);
   }
   shown.name = name;
+  followAsset();
 }
 let isUnplaced = !location.hash.includes(":");
 if (isUnplaced) location.hash = `#/browse/rover:rovers?${LOOKS}`;

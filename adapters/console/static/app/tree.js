@@ -92,7 +92,7 @@ export function mount(element, context) {
   /** Ask how it was at the time that is looked at. */
   async function lookBack() {
     const utc = cursor.utc_s;
-    past = null;
+    if (utc === null) past = null;
     draw();
     if (utc === null) return;
     const path = `/api/records/tree?asset=${encodeURIComponent(asset.name)}&before=${utc}&limit=1`;
@@ -114,7 +114,8 @@ export function mount(element, context) {
     if (tree === null) {
       say(mode, "");
       say(why, "");
-      if (cursor.utc_s !== null) say(empty, `Nothing is kept of the tree of ${clock(cursor.utc_s)}.`);
+      if (asset.recording) say(empty, session.unreached(asset));
+      else if (cursor.utc_s !== null) say(empty, `Nothing is kept of the tree of ${clock(cursor.utc_s)}.`);
       else say(empty, asset.isReached ? "The rover has not told of its behaviour tree yet." : session.unreached(asset));
       rows.replaceChildren();
       return;

@@ -4,7 +4,7 @@
  */
 
 import { UNITS } from "../words.js";
-import { VIEWS } from "./views.js";
+import { VIEWS, viewsOf } from "./views.js";
 
 export const NAMESPACE = "rover";
 export const ROOT = "rovers";
@@ -27,6 +27,8 @@ const LAYOUT = [
   [31, [["tree", 58], ["log", 42]]],
   [29, [["form", 56], ["values", 44]]],
 ];
+/** @type {typeof LAYOUT} the same of a recording, which is not commanded */
+const RECORDING_LAYOUT = [...LAYOUT.slice(0, 2), [29, [["recording", 32], ["values", 68]]]];
 
 /** @param {Session} session */
 export function objects(session) {
@@ -51,9 +53,9 @@ function objectOf(session, identifier) {
   const root = `${NAMESPACE}:${ROOT}`;
   if (kind === undefined) return { identifier, name, type: "folder", location: root };
   const location = `${NAMESPACE}:${identifierOf(name).key}`;
-  if (kind === "layout") return layoutOf(identifier, name, location);
+  if (kind === "layout") return layoutOf(identifier, session.asset(name), location);
   if (kind === "telemetry" && key === undefined) {
-    return { identifier, name: `Telemetry, ${link} link`, type: "folder", location };
+    return { identifier, name: link === "recording" ? "Telemetry" : `Telemetry, ${link} link`, type: "folder", location };
   }
   if (kind === "telemetry") {
     const entry = session.asset(name).entry?.parameters.find((each) => each.key === key);
@@ -63,18 +65,20 @@ function objectOf(session, identifier) {
   return { identifier, name: view?.name ?? kind, type: view ? `rover.${kind}` : "unknown", location };
 }
 
-function layoutOf(identifier, name, location) {
-  const frames = LAYOUT.flatMap(([, each]) => each.map(([kind]) => kind));
+function layoutOf(identifier, asset, location) {
+  const { name } = asset;
+  const layout = asset.recording ? RECORDING_LAYOUT : LAYOUT;
+  const frames = layout.flatMap(([, each]) => each.map(([kind]) => kind));
   return {
     identifier,
-    name: `${name}: operations`,
+    name: asset.recording ? `${name}: recording` : `${name}: operations`,
     type: "flexible-layout",
     location,
     composition: frames.map((kind) => identifierOf(name, kind)),
     configuration: {
       rowsLayout: false,
       objectStyles: {},
-      containers: LAYOUT.map(([size, each], column) => ({
+      containers: layout.map(([size, each], column) => ({
         id: `column-${column}`,
         size,
         frames: each.map(([kind, height]) => ({
@@ -113,11 +117,10 @@ function composition(session) {
     if (object.identifier.key === ROOT) return [...session.assets.keys()].sort().map((each) => identifierOf(each));
     const asset = session.asset(name);
     if (kind === undefined) {
-      const links = [...asset.links.keys()].sort();
       return [
         identifierOf(name, "layout"),
-        ...Object.keys(VIEWS).map((each) => identifierOf(name, each)),
-        ...links.map((each) => identifierOf(name, "telemetry", each)),
+        ...viewsOf(asset).map((each) => identifierOf(name, each)),
+        ...asset.valueLinks.map((each) => identifierOf(name, "telemetry", each)),
       ];
     }
     return (asset.entry?.parameters ?? []).map((each) => identifierOf(name, "telemetry", link, each.key));

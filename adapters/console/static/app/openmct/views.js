@@ -8,23 +8,31 @@ import * as fleet from "../fleet.js";
 import * as log from "../log.js";
 import * as map from "../map.js";
 import * as plans from "../plans.js";
+import * as recording from "../recording.js";
 import * as tree from "../tree.js";
 import * as values from "../values.js";
 import * as video from "../video.js";
 import { NAMESPACE, partsOf } from "./objects.js";
 
-/** By the last part of the object's key. */
+/** By the last part of the object's key; `of` is what it is only for. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording"}>} */
 export const VIEWS = {
   map: { name: "Map", icon: "icon-map", view: map },
-  form: { name: "Command", icon: "icon-command", view: commandForm },
+  form: { name: "Command", icon: "icon-command", view: commandForm, of: "rover" },
   commands: { name: "Commands", icon: "icon-activity", view: commandTable },
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values },
   log: { name: "Log", icon: "icon-list-view", view: log },
-  video: { name: "Camera", icon: "icon-camera", view: video },
-  plans: { name: "Plans", icon: "icon-plan", view: plans },
-  files: { name: "Files and pictures", icon: "icon-image", view: files },
+  video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
+  plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
+  files: { name: "Files and pictures", icon: "icon-image", view: files, of: "rover" },
+  recording: { name: "Recording", icon: "icon-session", view: recording, of: "recording" },
 };
+
+/** The views that there are of an asset. @param {import("../asset.js").Asset} asset */
+export function viewsOf(asset) {
+  const other = asset.recording ? "rover" : "recording";
+  return Object.keys(VIEWS).filter((kind) => VIEWS[kind].of !== other);
+}
 
 /**
  * @param {import("../session.js").Session} session

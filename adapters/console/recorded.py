@@ -1,0 +1,211 @@
+"""A recording as the messages that a console would have had of the rover."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from adapters.console.archive import Written
+from adapters.console.dictionary import (
+    AssetEntry,
+    RecordingEntry,
+    parameter_entries,
+    zone_entries,
+)
+from adapters.console.fleet import notified, tree_of
+from adapters.console.messages import (
+    CommandState,
+    CommandStatus,
+    Link,
+    PlanProgress,
+    Quality,
+    Sample,
+)
+from adapters.console.posted import args_of
+from adapters.console.tracker import CommandTracker
+from adapters.explanation import Chronicle
+from adapters.explanation.builder import KINDS, ChronicleBuilder
+from adapters.mrs.spec import DEFINED, notification_of
+from adapters.recording import RecordedTree, RecordingError, Timed, read_timed
+from executive.commands import Command, declaration_of
+from executive.recording import (
+    Life,
+    ModeChanged,
+    Reported,
+    Served,
+    ToldParameters,
+    ToldPlan,
+    TreeChanged,
+)
+from executive.reports import Identity, PlanUpdate, Report
+from executive.settings import Settings
+from executive.state import ParameterValue
+from trees import Snapshot
+
+_KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
+_LINKS: Final = {link.value: link for link in Link}
+
+
+class RecordedRun:
+    """Reads a recording once, from its beginning to its end.
+
+    Args:
+        path: of the recording.
+
+    Attributes:
+        rover: the name of the asset that was recorded.
+
+    Raises:
+        RecordingError: the file cannot be used as a recording, or holds no run.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._settings = _settings_of(path)
+        self.rover = self._settings.asset
+        self._path = path
+        self._name = ""
+        self._chronicle = ChronicleBuilder()
+        self._tracker = CommandTracker(self._heard)
+        self._found: list[Written] = []
+        self._tree: RecordedTree | None = None
+        self._mode: ModeChanged | None = None
+        self._ticks = 0
+        self._tree_differs = False
+        self._began_utc_s: float | None = None
+        self._utc_s = 0.0
+
+    def messages(self, name: str) -> Iterator[Written]:
+        """Yield the messages in their order.
+
+        Args:
+            name: of the asset that the recording is shown as.
+
+        Raises:
+            RecordingError: the file cannot be used as a recording, or holds no run.
+        """
+        self._name = name
+        for timed in read_timed(self._path, _KINDS):
+            if timed.utc_s != self._utc_s:
+                self._end_moment()
+                self._utc_s = timed.utc_s
+            if self._began_utc_s is None:
+                self._began_utc_s = timed.utc_s
+            self._chronicle.put(timed.item)
+            self._take(timed)
+            yield from self._found
+            self._found.clear()
+        self._end_moment()
+        yield from self._found
+
+    def entry(self) -> AssetEntry:
+        """Return what there is to see of the rover, once all messages were read."""
+        settings = self._settings
+        assert self._began_utc_s is not None
+        return AssetEntry(
+            asset=self._name,
+            description=f"recording {self._path.name} of {self.rover}",
+            version="",
+            ranges_known=True,
+            parameters=parameter_entries(DEFINED, settings),
+            commands=(),
+            zones=zone_entries(settings),
+            footprint=settings.footprint,
+            recording=RecordingEntry(self._path.name, self.rover, self._began_utc_s, self._utc_s),
+        )
+
+    def chronicle(self) -> Chronicle:
+        """Return what explanations are made from, once all messages were read."""
+        return self._chronicle.chronicle()
+
+    def _take(self, timed: Timed) -> None:
+        match timed.item:
+            case Life(settings=settings):
+                self._settings, self._tree = settings, RecordedTree(settings)
+                self._tree_differs = True
+            case TreeChanged() if self._tree is not None:
+                self._ticks += 1
+                self._tree_differs |= bool(self._tree.put(timed.item) or timed.item.gone)
+            case ModeChanged():
+                self._mode = timed.item
+                self._tree_differs = True
+            case Served(command=command):
+                self._begin(command)
+            case Reported(report=report):
+                self._report(report)
+            case ToldParameters(values=values):
+                self._found += map(self._sample, values)
+            case ToldPlan(update=update):
+                self._found.append(self._plan(update))
+            case _:
+                pass
+
+    def _end_moment(self) -> None:
+        """Tell how the tree is, if it is other than it was told."""
+        if not self._tree_differs or self._tree is None or self._mode is None:
+            return
+        self._tree_differs = False
+        mode = self._mode
+        nodes = self._tree.nodes()
+        snapshot = Snapshot(
+            self._ticks, self._utc_s, mode.mode.name, mode.why, nodes, active=mode.active
+        )
+        self._found.append(tree_of(self._name, Link.RECORDING, snapshot))
+
+    def _begin(self, command: Command) -> None:
+        identity = command.identity
+        if self._tracker.get(str(identity)) is None:
+            self._tracker.begin(
+                CommandStatus(
+                    id=str(identity),
+                    asset=self._name,
+                    name=declaration_of(type(command.request)).name,
+                    args=args_of(command.request),
+                    by=identity.source,
+                    source=identity.source,
+                    number=identity.command_id,
+                    link=_LINKS.get(command.link, Link.RECORDING),
+                    state=CommandState.SENDING,
+                    ended=False,
+                    made=self._utc_s,
+                    deadline=None,
+                    history=(),
+                )
+            )
+
+    def _heard(self, command: CommandStatus) -> None:
+        """Take how a command is; what was asked and has no life is not shown as a command."""
+        if command.history:
+            self._found.append(command)
+
+    def _report(self, report: Report) -> None:
+        notification = notification_of(report)
+        link = _LINKS.get(report.link or "", Link.RECORDING)
+        said = notified(self._name, link, notification, report.utc_s)
+        if notification.source is not None and notification.commandId is not None:
+            identity = Identity(notification.source, notification.commandId)
+            said = replace(said, command=self._tracker.hear(said, identity))
+        self._found.append(said)
+
+    def _sample(self, value: ParameterValue) -> Sample:
+        quality = Quality.INVALID if value.value is None else Quality.GOOD
+        key, utc_s = value.parameter.value, value.utc_s
+        return Sample(self._name, key, Link.RECORDING, utc_s, utc_s, value.value, quality)
+
+    def _plan(self, update: PlanUpdate) -> PlanProgress:
+        return PlanProgress(
+            self._name,
+            update.plan_id,
+            update.status.name,
+            update.utc_s,
+            update.node or None,
+            update.done,
+            update.total,
+            update.text,
+        )
+
+
+def _settings_of(path: Path) -> Settings:
+    for timed in read_timed(path, ()):
+        if isinstance(timed.item, Life):
+            return timed.item.settings
+    raise RecordingError(f"{path}: does not tell of which rover it is")

@@ -1,0 +1,54 @@
+"""The behaviour tree of a recorded run, as the recording tells it."""
+
+from executive.recording import NodeState, TreeChanged
+from executive.settings import Settings
+from trees import Node, NodeKind, NodeStatus, preview
+
+
+class RecordedTree:
+    """The tree of one life of an executive, kept up to date by what was recorded of it.
+
+    Args:
+        settings: of its asset.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._static = preview(settings)
+        self._paths = {node.path for node in self._static}
+        self._states: dict[str, NodeState] = {}
+
+    def put(self, change: TreeChanged) -> tuple[str, ...]:
+        """Take a change; return the paths of the nodes that came, or have another status."""
+        others = []
+        for each in change.nodes:
+            before = self._states.get(each.path)
+            if before is None or before.status != each.status:
+                others.append(each.path)
+            self._states[each.path] = each
+        for lost in change.gone:
+            self._states.pop(lost, None)
+        return tuple(others)
+
+    def nodes(self) -> tuple[Node, ...]:
+        """Return the nodes as they are now; those of a plan stand first below the root."""
+        planned = tuple(
+            Node(
+                state.path,
+                state.path.rpartition("/")[2],
+                1 + state.path.count("/"),
+                NodeKind.PLANNED,
+                NodeStatus[state.status],
+                state.message,
+            )
+            for state in self._states.values()
+            if state.path not in self._paths
+        )
+        others = tuple(_with(node, self._states.get(node.path)) for node in self._static)
+        return (*others[:1], *planned, *others[1:])
+
+
+def _with(node: Node, state: NodeState | None) -> Node:
+    if state is None:
+        return node
+    status = NodeStatus[state.status]
+    return Node(node.path, node.name, node.depth, node.kind, status, state.message)

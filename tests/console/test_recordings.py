@@ -1,0 +1,135 @@
+"""Recordings as assets of the console, whose past comes from their files."""
+
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from adapters.process import StartError
+from adapters.recording import RunFile, RunReader, decode
+from tests.console.consoles import at_console, operator, served
+
+NOBODY = "127.0.0.1:1"
+RUN = "jackal@run"
+
+
+async def test_a_recording_is_an_asset_with_the_past_of_its_file(
+    drive: Path, tmp_path: Path
+) -> None:
+    async with (
+        served(tmp_path, NOBODY, recordings=(drive,)) as address,
+        operator(address, "anna") as anna,
+    ):
+        assets = (await anna.get("api/dictionary"))["assets"]
+        assert list(assets) == [RUN]
+        recording = assets[RUN]["recording"]
+        began = recording["began"]
+        assert (recording["file"], recording["rover"]) == ("run.mcap", "jackal")
+        assert recording["ended"] - began == pytest.approx(6.5)
+        assert (assets[RUN]["commands"], len(assets[RUN]["parameters"])) == ([], 12)
+
+        commands = (await anna.get("api/commands", asset=RUN))["commands"]
+        assert [(each["name"], each["args"], each["state"]) for each in commands] == [
+            ("takePicture", {}, "executed"),
+            ("rotateBy", {"angle": pytest.approx(1.5708, abs=1e-4)}, "executed"),
+            ("moveForward", {"distance": 3.0}, "executed"),
+        ]
+        stages = [each["stage"] for each in commands[-1]["history"]]
+        assert stages == ["RECEIVED", "ACCEPTED", "STARTED", "PREDICTED", "EXECUTED"]
+        told = (await anna.get("api/notifications", asset=RUN))["notifications"]
+        assert sorted(each["sequence"] for each in told) == list(range(1, len(told) + 1))
+        assert {each["command"] for each in told} == {"MOE:1", "MOE:2", "MOE:3"}
+
+        driven = (await anna.get(f"api/tm/{RUN}/POS_X"))["samples"]
+        assert driven[-1]["value"] == pytest.approx(3.0, abs=0.1)
+        _, before = await anna.post(
+            "api/tm:batch", keys=[[RUN, "POS_X"], ["jackal", "POS_X"]], end=began + 2.5
+        )
+        (sample,) = before["samples"]
+        assert (sample["link"], 0.5 < sample["value"] < 2.0) == ("recording", True)
+
+
+async def test_its_tree_and_why_are_those_of_the_moment(drive: Path, tmp_path: Path) -> None:
+    async with (
+        served(tmp_path, NOBODY, recordings=(drive,)) as address,
+        operator(address, "anna") as anna,
+    ):
+        assets = (await anna.get("api/dictionary"))["assets"]
+        at = assets[RUN]["recording"]["began"] + 2.5
+        query = {"asset": RUN, "before": at, "limit": 1}
+        (tree,) = (await anna.get("api/records/tree", **query))["records"]
+        assert (tree["mode"], tree["active"]) == ("MOVING", "MOE:1")
+        assert tree["why"].endswith("for MOE:1 MoveForward")
+        running = [node["name"] for node in tree["nodes"] if node["look"] == "running"]
+        assert running[-1] == "drive"
+        why = await anna.get(f"api/why/{RUN}/MOE:1")
+        assert why["headline"].startswith("MOE:1 moveForward distance 3 m was executed")
+        status, answer = await anna.ask("GET", f"api/why/{RUN}/MOE:9")
+        assert (status, answer["field"]) == (404, "command")
+
+
+async def test_a_recording_cannot_be_commanded_nor_stopped(drive: Path, tmp_path: Path) -> None:
+    async with (
+        served(tmp_path, NOBODY, recordings=(drive,)) as address,
+        operator(address, "anna") as anna,
+    ):
+        for status, answer in (
+            await anna.send("one", "moveForward", asset=RUN, distance=1.0),
+            await anna.ask("POST", f"api/stop/{RUN}"),
+        ):
+            assert (status, answer["field"]) == (404, "asset")
+
+
+async def test_a_file_of_a_browser_is_opened_and_closed(drive: Path, tmp_path: Path) -> None:
+    async with at_console(tmp_path, NOBODY, "anna") as (anna,):
+        for name in (RUN, f"{RUN}-2"):
+            status, entry = await anna.ask("POST", "api/recordings/run.mcap", data=drive.open("rb"))
+            assert (status, entry["asset"]) == (201, name)
+            said = await anna.page.until(lambda said: said["ty"] == "dictionary")
+            assert said["asset"] == name
+        assert (await anna.ask("DELETE", f"api/recordings/{RUN}"))[0] == 204
+        assert list((await anna.get("api/dictionary"))["assets"]) == [f"{RUN}-2"]
+        assert (await anna.ask("DELETE", f"api/recordings/{RUN}"))[0] == 404
+        kept = tmp_path / "console" / "opened"
+        assert len(list(kept.iterdir())) == 1
+    assert not list(kept.iterdir())
+
+
+async def test_what_is_no_recording_is_refused_and_not_kept(drive: Path, tmp_path: Path) -> None:
+    async with at_console(tmp_path, NOBODY, "anna") as (anna,):
+        for content, why in (
+            (b"", "run.mcap: holds no run"),
+            (b"not at all", "run.mcap: is no MCAP file, or damaged"),
+            (drive.read_bytes()[:40], "run.mcap: holds no run"),
+        ):
+            status, answer = await anna.ask("POST", "api/recordings/run.mcap", data=content)
+            assert (status, answer["field"]) == (422, "file")
+            assert answer["error"].startswith(why)
+        assert (await anna.get("api/dictionary"))["assets"] == {}
+        assert not list((tmp_path / "console" / "opened").iterdir())
+    wrong = tmp_path / "notes.mcap"
+    wrong.write_text("not at all")
+    with pytest.raises(StartError, match=r"^--recording: .*notes.mcap: is no MCAP file"):
+        async with served(tmp_path, NOBODY, recordings=(wrong,)):
+            pass
+
+
+async def test_a_recording_that_broke_off_shows_what_was_written(
+    drive: Path, tmp_path: Path
+) -> None:
+    broken = tmp_path / "broken.mcap"
+    with closing(RunFile(broken)) as file:
+        for number, message in enumerate(RunReader(drive).messages()):
+            file.put(decode(message.topic, message.data))
+            if number % 300 == 0:
+                file.flush()
+    octets = broken.read_bytes()
+    broken.write_bytes(octets[: len(octets) * 3 // 4])
+    async with (
+        served(tmp_path, NOBODY, recordings=(broken, drive, broken)) as address,
+        operator(address, "anna") as anna,
+    ):
+        assets = (await anna.get("api/dictionary"))["assets"]
+        assert list(assets) == ["jackal@broken", RUN]
+        ends = [each["recording"]["ended"] for each in assets.values()]
+        assert ends[1] - 4.0 < ends[0] < ends[1]
