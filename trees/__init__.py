@@ -1,6 +1,6 @@
 """The behaviour tree of the rover. py_trees lives only here."""
 
-from trees.rover import RoverTree, branch_of, preview, snapshot_of
+from trees.rover import RoverTree, preview, snapshot_of
 from trees.snapshot import (
     COLOURS,
     Look,
@@ -12,6 +12,7 @@ from trees.snapshot import (
     branches,
     line,
     looks,
+    served,
 )
 
 __all__ = [
@@ -23,10 +24,10 @@ __all__ = [
     "RoverTree",
     "Snapshot",
     "as_svg",
-    "branch_of",
     "branches",
     "line",
     "looks",
     "preview",
+    "served",
     "snapshot_of",
 ]

@@ -12,6 +12,7 @@ from py_trees.common import Status
 
 from executive.goals import Context, Goal, GoalQueue
 from executive.reasons import Figure, Reason, Refusal
+from executive.reports import Identity
 from executive.runner import LeafError
 
 
@@ -40,15 +41,29 @@ class Contained(Behaviour):
 
 
 class Condition(Contained):
-    """A leaf that tests something: it never acts and is never RUNNING."""
+    """A leaf that tests something: it never acts and is never RUNNING.
 
-    def __init__(self, name: str, holds: Callable[[], bool]) -> None:
+    Its message names the command for which it held last.
+
+    Args:
+        holds: whether it does.
+        whose: for which command, where it holds; None where that is for none.
+    """
+
+    def __init__(
+        self, name: str, holds: Callable[[], bool], whose: Callable[[], Identity] | None = None
+    ) -> None:
         super().__init__(name)
         self._holds = holds
+        self._whose = whose
 
     def update(self) -> Status:
         """Return SUCCESS if it holds, else FAILURE."""
-        return Status.SUCCESS if self._holds() else Status.FAILURE
+        if not self._holds():
+            return Status.FAILURE
+        if self._whose is not None:
+            self.feedback_message = str(self._whose())
+        return Status.SUCCESS
 
 
 class Leaf(Contained):
@@ -141,6 +156,8 @@ class Rest(Behaviour):
 class TakeGoal(Contained):
     """Takes the next goal of a queue, which starts it, for the leaves after it in a sequence.
 
+    Its message names the command whose goal it took last.
+
     Args:
         requests: those of goals that are for them; else the goal is left to the next branch.
         waits: whether no goal may be worked on now.
@@ -163,5 +180,7 @@ class TakeGoal(Contained):
         if self._waits():
             return Status.FAILURE
         goal = self._queue.take()
-        fits = goal is not None and isinstance(goal.command.request, self._requests)
-        return Status.SUCCESS if fits else Status.FAILURE
+        if goal is None or not isinstance(goal.command.request, self._requests):
+            return Status.FAILURE
+        self.feedback_message = str(goal.command.identity)
+        return Status.SUCCESS

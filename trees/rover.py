@@ -246,11 +246,6 @@ class Branch(Enum):
         self.requests = requests
 
 
-def branch_of(kind: type) -> Branch | None:
-    """Return the branch that works on a class of requests; None for what no goal is made of."""
-    return next((each for each in Branch if issubclass(kind, each.requests)), None)
-
-
 def build(context: Context) -> Selector:
     """Return the root of the tree over a context."""
     latches, status = context.latches, context.status
@@ -258,7 +253,11 @@ def build(context: Context) -> Selector:
     def unsafe() -> bool:
         return latches.hazard is not None and status.odometry_fresh and not status.standing
 
-    stopping = Condition("stopping?", lambda: bool(latches.stopping))
+    stopping = Condition(
+        "stopping?",
+        lambda: bool(latches.stopping),
+        whose=lambda: latches.stopping[-1].command.identity,
+    )
     any_goal = Condition("any goal?", lambda: len(context.goals) > 0)
     side_by_side = Parallel("side by side", ParallelPolicy.SuccessOnAll(synchronise=False))
     side_by_side.add_children([_motion(context), _camera(context), _instant(context)])

@@ -59,7 +59,8 @@ class Node:
     Attributes:
         path: stable path id, names from the root joined by slashes.
         depth: steps from the root.
-        message: what it says of itself.
+        message: what it says of itself. What takes a goal, and a condition that holds for a
+            command, name that one, as SOURCE:NUMBER, until they do so for another.
     """
 
     path: str
@@ -192,6 +193,22 @@ def looks(nodes: Sequence[Node]) -> tuple[Look, ...]:
                 leaves.add(look)
         if Look.FAILURE not in leaves and Look.DECLINED in leaves:
             found[index] = Look.DECLINED
+    return tuple(found)
+
+
+def served(nodes: Sequence[Node]) -> tuple[str | None, ...]:
+    """Return the command that each node works on, or worked on last, as SOURCE:NUMBER.
+
+    It is the one that the guard at the beginning of its branch names; None where none does.
+    """
+    found: list[str | None] = []
+    above: list[int] = []
+    for index, node in enumerate(nodes):
+        del above[node.depth :]
+        if node.kind in _GUARDS and node.message and above:
+            found[above[-1]] = node.message
+        found.append(found[above[-1]] if above else None)
+        above.append(index)
     return tuple(found)
 
 

@@ -29,7 +29,6 @@ from executive.commands import (
 from executive.settings import Settings
 from executive.state import Parameter
 from executive.zones import Footprint, KeepIn, KeepOut, KnownRock
-from trees import branch_of
 
 _IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s"}
 
@@ -100,7 +99,6 @@ class CommandEntry:
         family: of commands that are accepted in the same modes.
         modes: in which it is accepted.
         motion: whether it is a motion: it can be previewed, and may replace those under way.
-        branch: name of the branch of the tree that works on it; None where none does.
         at_least_one: whether one of its arguments has to be given.
     """
 
@@ -111,7 +109,6 @@ class CommandEntry:
     family: str
     modes: tuple[str, ...]
     motion: bool
-    branch: str | None
     at_least_one: bool
     arguments: tuple[ArgumentEntry, ...]
     examples: tuple[str, ...]
@@ -226,7 +223,6 @@ FORMS: Final = {each.name: each for each in declared() if each.kind is not Submi
 
 
 def _command(declaration: Declaration, settings: Settings | None) -> CommandEntry:
-    branch = branch_of(declaration.kind)
     return CommandEntry(
         name=declaration.name,
         summary=declaration.summary,
@@ -235,7 +231,6 @@ def _command(declaration: Declaration, settings: Settings | None) -> CommandEntr
         family=declaration.family.value,
         modes=tuple(sorted((mode.name for mode in ACCEPTED[declaration.family]), key=_MODES.index)),
         motion=declaration.family is Family.MOTION,
-        branch=None if branch is None else branch.title,
         at_least_one=declaration.at_least_one,
         arguments=tuple(
             _argument(each, settings, declaration.at_least_one) for each in declaration.written

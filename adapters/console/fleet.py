@@ -48,7 +48,7 @@ from adapters.mrs.spec import (
 from adapters.mrs.terms import Terms
 from executive.reports import Identity
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
-from trees import Snapshot, looks
+from trees import Snapshot, looks, served
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -328,9 +328,17 @@ def tree_of(asset: str, link: Link, snapshot: Snapshot) -> TreeState:
         faults=snapshot.faults,
         nodes=tuple(
             TreeNode(
-                node.path, node.name, node.depth, node.kind.value, look.name.lower(), node.message
+                node.path,
+                node.name,
+                node.depth,
+                node.kind.value,
+                look.name.lower(),
+                node.message,
+                command,
             )
-            for node, look in zip(snapshot.nodes, looks(snapshot.nodes), strict=True)
+            for node, look, command in zip(
+                snapshot.nodes, looks(snapshot.nodes), served(snapshot.nodes), strict=True
+            )
         ),
     )
 

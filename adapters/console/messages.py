@@ -154,6 +154,8 @@ class TreeNode:
         kind: as `NodeKind` of the trees has it.
         look: as `Look` has it, small: a guard that does not hold is `declined`, no `failure`.
         message: what it says of itself.
+        command: the one that it works on, or worked on last, as SOURCE:NUMBER; None where there is
+            none.
     """
 
     path: str
@@ -162,6 +164,7 @@ class TreeNode:
     kind: str
     look: str
     message: str
+    command: str | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,13 @@
 """The behaviour tree of a recorded run, as the recording tells it."""
 
+from typing import Final
+
 from executive.recording import NodeState, TreeChanged
 from executive.settings import Settings
 from trees import Node, NodeKind, NodeStatus, preview
+
+_GUARDS: Final = {NodeKind.CONDITION, NodeKind.TAKE}
+"""What says nothing but which command it lets its branch work on."""
 
 
 class RecordedTree:
@@ -15,14 +20,18 @@ class RecordedTree:
     def __init__(self, settings: Settings) -> None:
         self._static = preview(settings)
         self._paths = {node.path for node in self._static}
+        self._guards = {node.path for node in self._static if node.kind in _GUARDS}
         self._states: dict[str, NodeState] = {}
 
     def put(self, change: TreeChanged) -> tuple[str, ...]:
-        """Take a change; return the paths of the nodes that came, or have another status."""
+        """Take a change; return the paths of the nodes that differ in more than their words.
+
+        That is, those that came, have another status, or are guards that name another command.
+        """
         others = []
         for each in change.nodes:
             before = self._states.get(each.path)
-            if before is None or before.status != each.status:
+            if before is None or before.status != each.status or each.path in self._guards:
                 others.append(each.path)
             self._states[each.path] = each
         for lost in change.gone:

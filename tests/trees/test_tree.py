@@ -10,10 +10,10 @@ from executive.reports import Stage
 from executive.settings import load_settings
 from tests.support.kinematic import Bench
 from tests.support.requests import GOOD
-from trees import Look, Node, NodeKind, NodeStatus, RoverTree, as_svg, branch_of, looks
+from trees import Look, Node, NodeKind, NodeStatus, RoverTree, as_svg, looks, served
 from trees.cli import tree
 from trees.motion import Turn
-from trees.rover import preview
+from trees.rover import Branch, preview
 from trees.snapshot import as_mermaid, as_text, nodes
 
 
@@ -60,6 +60,27 @@ def test_what_was_not_ticked_is_idle_though_it_ran_the_tick_before(bench: Bench)
     assert camera["rover/work/side by side/camera/no camera work"].status is NodeStatus.IDLE
 
 
+def test_a_branch_names_the_command_that_it_works_on_until_the_next(bench: Bench) -> None:
+    def working() -> dict[str, str]:
+        found = tuple(snapshot(bench).values())
+        pairs = zip(found, served(found), strict=True)
+        return {node.name: command for node, command in pairs if command is not None}
+
+    assert working() == {}
+    bench.submit(MoveTo(Waypoint(0.5, 0.0)), 1)
+    bench.submit(TakePicture(), 2)
+    bench.run(5.0)
+    after = working()
+    assert (after["go"], after["drive"], after["take place"]) == ("MOE:1",) * 3
+    assert (after["picture"], after["capture"]) == ("MOE:2",) * 2
+    assert not after.keys() & {"rover", "work", "side by side", "motion", "velocity", "stop"}
+    bench.submit(MoveTo(Waypoint(2.0, 0.0)), 3)
+    bench.run(0.5)
+    assert (working()["drive"], working()["capture"]) == ("MOE:3", "MOE:2")
+    bench.submit(Stop(), 4)
+    assert (working()["stop"], working()["drive"]) == ("MOE:4", "MOE:3")
+
+
 def test_a_stop_wins_over_work_at_once(bench: Bench) -> None:
     bench.submit(MoveTo(Waypoint(2.0, 0.0)), 1)
     bench.run(1.0)
@@ -76,8 +97,7 @@ def test_every_motion_and_camera_goal_has_a_leaf(bench: Bench, request_: Request
     bench.rover.camera_works, bench.rover.lazy_camera = False, True
     bench.submit(request_, 1)
     bench.run(0.2)
-    branch = branch_of(type(request_))
-    assert branch is not None
+    branch = next(each for each in Branch if isinstance(request_, each.requests))
     assert branch.title in running(bench), "no leaf works on the goal"
     assert bench.stages(1)[-1] is Stage.STARTED
 

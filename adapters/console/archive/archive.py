@@ -73,7 +73,7 @@ class Archive:
         self._writer = ThreadPoolExecutor(1, "archive writer")
         self._reader = ThreadPoolExecutor(1, "archive reader")
         self._waiting: deque[Written] = deque(maxlen=MOST_WAITING)
-        self._looks: dict[str, tuple[tuple[str, str], ...]] = {}
+        self._looks: dict[str, tuple[tuple[str | None, ...], ...]] = {}
         self._parameters: dict[tuple[str, str, str], int] = {}
         self._failing = False
 
@@ -84,11 +84,12 @@ class Archive:
     def put_tree(self, tree: TreeState) -> None:
         """Have a behaviour tree written, if it looks other than the one before.
 
-        That is, a node does, or the mode or why it stands or moves is another; figures apart.
+        That is, a node does or works on another command, or the mode or why it stands or moves is
+        another; figures apart.
         """
         looks = (
             (tree.mode, without_figures(tree.why)),
-            *((node.path, node.look) for node in tree.nodes),
+            *((node.path, node.look, node.command) for node in tree.nodes),
         )
         if self._looks.get(tree.asset) != looks:
             self._looks[tree.asset] = looks

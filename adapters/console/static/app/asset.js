@@ -4,7 +4,7 @@
 /** @typedef {{stage: string, node: string, utc: number, rx: number, detail: string, code: number | null, step: number | null, steps: number | null, figures: Record<string, any>}} Stage */
 /** @typedef {{id: string, asset: string, name: string, args: Record<string, any> | null, by: string, source: string, number: number, link: string, state: string, ended: boolean, made: number, deadline: number | null, history: Stage[]}} Command */
 /** @typedef {{sequence: number, link: string, utc: number, rx: number, kind: string, severity: string, text: string, command: string | null, stage: string | null, figures: Record<string, any>}} Notice */
-/** @typedef {{path: string, name: string, depth: number, kind: string, look: string, message: string}} TreeNode */
+/** @typedef {{path: string, name: string, depth: number, kind: string, look: string, message: string, command: string | null}} TreeNode */
 /** @typedef {{kind: string, title: string, corners: [number, number][], x: number | null, y: number | null, radius: number | null}} Zone */
 /** @typedef {{utc: number, why: string, mode: string, active: string | null, faults: string[], nodes: TreeNode[]}} Tree */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
@@ -17,6 +17,8 @@ const MOST_WAITING = 50;
 
 export class Asset {
   #listeners = new Map();
+  /** @type {Map<string, Set<string>>} the paths of the nodes that worked on each command, by SOURCE:NUMBER */
+  #nodes = new Map();
   #fixes = new Map();
   /** @type {any} its entry in the dictionary; null until it is known */
   entry = null;
@@ -140,6 +142,25 @@ export class Asset {
   setCommand(command) {
     this.commands.set(command.id, command);
     this.changed("commands", command);
+  }
+
+  /** The command that the rover knows by SOURCE:NUMBER. @param {string} identity */
+  commandOf(identity) {
+    return this.lastCommands.find((each) => identity === `${each.source}:${each.number}`) ?? null;
+  }
+
+  /** Note which nodes of a tree worked on which commands. @param {Tree} tree */
+  noteNodes(tree) {
+    for (const { command, path } of tree.nodes) {
+      if (command === null) continue;
+      if (!this.#nodes.has(command)) this.#nodes.set(command, new Set());
+      this.#nodes.get(command).add(path);
+    }
+  }
+
+  /** The paths of the nodes that worked on a command, as far as that was heard. @param {Command} command @returns {string[]} */
+  nodesOf(command) {
+    return [...(this.#nodes.get(`${command.source}:${command.number}`) ?? [])];
   }
 
   /** Commands, the last first. */

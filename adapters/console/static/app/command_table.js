@@ -81,7 +81,7 @@ export function mount(element, context) {
     const [head, life, detail, whole] = row.children;
     const [time, name, args, by, state] = head.children;
     const [word, meaning] = WORDS[command.state] ?? [command.state, ""];
-    const chosen = selection.command === command.id || selection.isOfNode(asset, command);
+    const chosen = selection.command === command.id;
     const isLater = cursor.utc_s !== null && command.made > cursor.utc_s;
     row.className = `command ${command.state}${chosen ? " selected" : ""}${isLater ? " later" : ""}`;
     row.dataset.state = command.state;

@@ -1,6 +1,7 @@
 /**
- * What is selected, shared by all views: a command, with its leaf in the tree, its lines in the log and
- * its part of the driven path; or a node, with the commands that it worked on.
+ * What is selected, shared by all views: a command, with the nodes of the tree that worked on it, its
+ * lines in the log and its part of the driven path. A node leads to the command that it works on, or
+ * worked on last, at the moment that is looked at; one that works on none is selected by itself.
  */
 
 export class Selection {
@@ -21,9 +22,11 @@ export class Selection {
     this.#set(key === this.command ? null : key, null);
   }
 
-  /** Select a node, or nothing if it already was. @param {string | null} path */
-  selectNode(path) {
-    this.#set(null, path === this.node ? null : path);
+  /** Select a node with its command, or nothing if it already was. @param {import("./asset.js").Asset} asset @param {import("./asset.js").TreeNode} node */
+  selectNode(asset, node) {
+    if (node.path === this.node) return this.#set(null, null);
+    const command = node.command === null ? null : asset.commandOf(node.command);
+    this.#set(command?.id ?? null, node.path);
   }
 
   /** When the selected command was carried out. @param {import("./asset.js").Asset} asset */
@@ -32,15 +35,11 @@ export class Selection {
     return command ? asset.spanOf(command) : null;
   }
 
-  /** The paths of the nodes that are selected, or work on the selected command. @param {import("./asset.js").Asset} asset */
+  /** The paths of the nodes that are selected, or worked on the selected command. @param {import("./asset.js").Asset} asset */
   nodesOf(asset) {
-    if (this.node !== null) return new Set([this.node]);
-    return new Set(this.command === null ? [] : leavesOf(asset, this.command));
-  }
-
-  /** Whether a node is selected that works on a command. */
-  isOfNode(asset, command) {
-    return this.node !== null && leavesOf(asset, command.id).includes(this.node);
+    const command = this.command === null ? undefined : asset.commands.get(this.command);
+    const nodes = command ? asset.nodesOf(command) : [];
+    return new Set(this.node === null ? nodes : [...nodes, this.node]);
   }
 
   #set(command, node) {
@@ -68,18 +67,4 @@ export class Cursor {
     this.utc_s = utc_s;
     for (const listener of [...this.#listeners]) listener();
   }
-}
-
-/**
- * The paths of the leaves that work on a command.
- * @param {import("./asset.js").Asset} asset
- * @param {string} id
- * @returns {string[]}
- */
-function leavesOf(asset, id) {
-  const name = asset.commands.get(id)?.name ?? "";
-  const branch = asset.entry?.commands.find((each) => each.name === name)?.branch;
-  if (!branch) return [];
-  const leaves = asset.tree?.nodes.filter((node) => node.path.split("/").includes(branch)) ?? [];
-  return leaves.map((node) => node.path);
 }

@@ -119,6 +119,7 @@ export class Session {
         this.#set(message, "status");
         break;
       case "tree":
+        this.asset(message.asset).noteNodes(message);
         this.#set(message, "tree");
         break;
       case "plan": {

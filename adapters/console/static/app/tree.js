@@ -15,6 +15,9 @@ const INDENT = 18;
 const LEFT = 14;
 /** A tree is told when it changes, and every 10 s. */
 const LATE_S = 25;
+/** A command that is done at once is seen in a tree that is told so soon after. */
+const SOON_S = 1;
+const MOST_RECALLED = 50;
 const MARKS = {
   selector: ["?", "selector: the first child that does not fail"],
   sequence: ["→", "sequence: one child after the other"],
@@ -99,6 +102,19 @@ export function mount(element, context) {
     const { records } = await ask(path).catch(() => ({ records: [] }));
     if (cursor.utc_s !== utc) return;
     past = records[0] ?? null;
+    if (past) asset.noteNodes(past);
+    draw();
+  }
+
+  /** Look up which nodes worked on the selected command, where that was not heard. */
+  async function recall() {
+    const command = asset.commands.get(selection.command ?? "");
+    draw();
+    if (!command || asset.nodesOf(command).length) return;
+    const at = command.history.at(-1)?.utc ?? command.made;
+    const path = `/api/records/tree?asset=${encodeURIComponent(asset.name)}&start=${command.made}&before=${at + SOON_S}&limit=${MOST_RECALLED}`;
+    const { records } = await ask(path).catch(() => ({ records: [] }));
+    records.forEach((each) => asset.noteNodes(each));
     draw();
   }
 
@@ -149,7 +165,10 @@ export function mount(element, context) {
       chosen.set(made.dataset.key, made.getAttribute("aria-expanded") !== "true");
       draw();
     });
-    made.addEventListener("click", () => selection.selectNode(made.dataset.key));
+    made.addEventListener("click", () => {
+      const node = nodes().find((each) => each.path === made.dataset.key);
+      if (node) selection.selectNode(asset, node);
+    });
     return made;
   }
 
@@ -178,7 +197,7 @@ export function mount(element, context) {
   }
 
   const draw = eachFrame(render);
-  const offs = [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(draw), cursor.on(lookBack)];
+  const offs = [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(recall), cursor.on(lookBack)];
   lookBack();
   return () => {
     offs.forEach((off) => off());

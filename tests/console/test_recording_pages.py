@@ -1,0 +1,109 @@
+"""A recording in a real browser."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.conftest import port_of
+from tests.console.site import LIMIT_MS, Site, Visitors, visitors
+from tests.console.test_browser import commands, picture
+from tests.support.browser import BROWSER, REQUIRED
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
+]
+
+expect.set_options(timeout=LIMIT_MS)
+
+
+@pytest.fixture(scope="module")
+def people() -> Iterator[Visitors]:
+    """Give browsers; nothing may fail on any page."""
+    with visitors() as people:
+        yield people
+    assert people.errors == []
+    assert people.requests == []
+
+
+@pytest.fixture(scope="module")
+def page(
+    module_ros_domain: int,
+    drive: Path,
+    people: Visitors,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Page]:
+    """Give the page of a recording that was opened in the browser, at a console without a rover."""
+    nobody = f"maltcp://127.0.0.1:{port_of(module_ros_domain)}/MRS"
+    site = Site(tmp_path_factory.mktemp("console"), port_of(module_ros_domain), nobody)
+    with site.console():
+        page = people.visit(site.url, "anna")
+        file = page.get_by_label("file of a recording")
+        file.set_input_files({"name": "a.mcap", "mimeType": "", "buffer": b"not at all"})
+        expect(page.get_by_text("a.mcap: is no MCAP file, or damaged")).to_be_visible()
+        file.set_input_files(drive)
+        expect(page.get_by_label("moment")).to_be_visible()
+        yield page
+
+
+def test_a_recording_is_looked_at_in_the_same_views_and_not_commanded(page: Page) -> None:
+    expect(page.get_by_test_id("mode")).to_have_text("RECORDING")
+    for kind in ("takePicture", "rotateBy", "moveForward"):
+        expect(commands(page, kind)).to_have_attribute("data-state", "executed")
+    marker = page.get_by_test_id("rover")
+    expect(marker).to_have_attribute("data-x", re.compile(r"^3\.0"))
+
+    page.get_by_label("moment").fill("3.5")
+    expect(marker).to_have_attribute("data-x", re.compile(r"^[12]\."))
+    why = page.locator(".tree-view .why")
+    expect(why).to_have_text(re.compile(r"^as of .*for MOE:1 MoveForward$"))
+    expect(page.locator(".tree [data-look=running]").filter(has_text="drive")).to_be_visible()
+    drive = commands(page, "moveForward")
+    expect(drive).to_have_attribute("data-state", "started")
+    expect(drive.locator("[data-stage=STARTED]")).to_have_attribute("data-reached", "true")
+    expect(drive.locator("[data-stage=EXECUTED]")).to_have_attribute("data-reached", "false")
+    expect(page.get_by_test_id("value-POS_X")).to_have_text(re.compile(r"^[12]\."))
+    expect(page.locator(".log-view .line:not(.later)")).to_have_count(4)
+
+    expect(page.get_by_test_id("stop")).to_be_hidden()
+    expect(page.get_by_label("command", exact=True)).to_have_count(0)
+    page.keyboard.press("F8")
+    expect(page.get_by_text("is a recording: choose the rover that is to stop")).to_be_visible()
+    page.screenshot(path=picture("console-recording"))
+
+
+def test_a_leaf_leads_to_the_command_that_it_worked_on_at_the_moment(page: Page) -> None:
+    leaf = page.locator(".tree .name").filter(has_text="turn to heading")
+    page.get_by_label("find a node").fill("turn to heading")
+    for moment, name in (("3.5", "moveForward"), ("5.0", "rotateBy")):
+        page.get_by_label("moment").fill(moment)
+        why = page.locator(".tree-view .why")
+        expect(why).to_have_text(re.compile(f"{name}$", re.IGNORECASE))
+        leaf.click()
+        chosen = page.locator(".command.selected")
+        expect(chosen).to_have_count(1)
+        expect(chosen).to_have_attribute("data-name", name)
+        lines = page.locator(".log-view .line.selected")
+        expect(lines.filter(has_text=re.compile(name, re.IGNORECASE))).not_to_have_count(0)
+        assert lines.filter(has_not_text=re.compile(name, re.IGNORECASE)).count() == 0
+        expect(page.locator(".map polyline.marked[points*=',']")).to_be_attached()
+        leaf.click()
+        expect(chosen).to_have_count(0)
+    page.get_by_label("find a node").fill("")
+
+
+def test_a_command_leads_to_the_nodes_that_worked_on_it(page: Page) -> None:
+    for name, leaf in (("moveForward", "drive"), ("takePicture", "capture")):
+        command = commands(page, name)
+        command.locator(".head").click()
+        expect(page.locator(".tree g.selected").filter(has_text=leaf)).to_be_visible()
+        expect(page.locator(".tree g.selected").filter(has_text="velocity")).to_have_count(0)
+        command.locator(".head").click()
+
+
+def test_a_recording_has_its_telemetry_and_is_closed(page: Page) -> None:
+    page.get_by_role("button", name="close", exact=True).click()
+    expect(page.get_by_role("combobox", name="rover")).to_be_hidden()
