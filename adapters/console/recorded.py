@@ -43,6 +43,8 @@ from executive.state import ParameterValue
 from trees import Snapshot
 
 _KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
+WORDS_S: Final = 1.0
+"""Between two trees in which nothing differs but what nodes say of themselves."""
 _LINKS: Final = {link.value: link for link in Link}
 
 
@@ -70,7 +72,8 @@ class RecordedRun:
         self._tree: RecordedTree | None = None
         self._mode: ModeChanged | None = None
         self._ticks = 0
-        self._tree_differs = False
+        self._tree_differs = self._words_differ = False
+        self._tree_utc_s = 0.0
         self._began_utc_s: float | None = None
         self._utc_s = 0.0
 
@@ -125,6 +128,7 @@ class RecordedRun:
             case TreeChanged() if self._tree is not None:
                 self._ticks += 1
                 self._tree_differs |= bool(self._tree.put(timed.item) or timed.item.gone)
+                self._words_differ = True
             case ModeChanged():
                 self._mode = timed.item
                 self._tree_differs = True
@@ -140,10 +144,12 @@ class RecordedRun:
                 pass
 
     def _end_moment(self) -> None:
-        """Tell how the tree is, if it is other than it was told."""
-        if not self._tree_differs or self._tree is None or self._mode is None:
+        """Tell how the tree is, if it is other than it was told; of words alone not too often."""
+        is_due = self._words_differ and self._utc_s - self._tree_utc_s >= WORDS_S
+        if self._tree is None or self._mode is None or not (self._tree_differs or is_due):
             return
-        self._tree_differs = False
+        self._tree_differs = self._words_differ = False
+        self._tree_utc_s = self._utc_s
         mode = self._mode
         nodes = self._tree.nodes()
         snapshot = Snapshot(

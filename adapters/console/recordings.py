@@ -22,7 +22,7 @@ from aiohttp import web
 from adapters.console.answers import answer, refused
 from adapters.console.archive import Archive, Written, open_database
 from adapters.console.dictionary import AssetEntry
-from adapters.console.messages import DictionaryChanged, TreeState
+from adapters.console.messages import DictionaryChanged
 from adapters.console.recorded import RecordedRun
 from adapters.explanation import Chronicle
 from adapters.recording import RecordingError
@@ -110,7 +110,8 @@ class Recordings:
             name = self._name_of(run.rover, path)
             messages = run.messages(name)
             while part := await asyncio.to_thread(_take, messages):
-                _put(archive, part)
+                for message in part:
+                    archive.put(message)
                 await archive.flush()
         except BaseException:
             await archive.close()
@@ -180,11 +181,3 @@ def _tidy(name: str) -> str:
 
 def _take(messages: Iterator[Written]) -> list[Written]:
     return list(islice(messages, PART))
-
-
-def _put(archive: Archive, messages: list[Written]) -> None:
-    for each in messages:
-        if isinstance(each, TreeState):
-            archive.put_tree(each)
-        else:
-            archive.put(each)

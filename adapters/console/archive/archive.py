@@ -77,7 +77,7 @@ class Archive:
         self._parameters: dict[tuple[str, str, str], int] = {}
         self._failing = False
 
-    def put(self, message: Sample | Broadcast) -> None:
+    def put(self, message: Written) -> None:
         """Have a message written with the next batch."""
         self._waiting.append(message)
 
@@ -93,7 +93,7 @@ class Archive:
         )
         if self._looks.get(tree.asset) != looks:
             self._looks[tree.asset] = looks
-            self._waiting.append(tree)
+            self.put(tree)
 
     async def run(self) -> None:
         """Write a batch again and again."""
