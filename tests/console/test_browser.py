@@ -98,7 +98,7 @@ def test_a_command_is_previewed_sent_and_executed_and_the_rover_moves_on_the_map
     command.click()
 
 
-def test_a_node_of_the_tree_leads_to_the_commands_that_it_worked_on(page: Page) -> None:
+def test_a_node_of_the_tree_leads_to_the_command_that_it_worked_on(page: Page) -> None:
     page.get_by_label("find a node").fill("drive")
     page.locator(".tree .name").filter(has_text="drive").click()
     expect(page.locator(".command.selected[data-name=moveTo]")).to_be_visible()
@@ -121,6 +121,24 @@ def test_map_and_tree_show_how_it_was_at_the_end_of_a_span_of_the_past(page: Pag
     page.get_by_role("button", name="back to now").click()
     expect(page.get_by_text("(past)")).to_be_hidden()
     page.evaluate("hash => { location.hash = hash }", live)
+
+
+def test_a_recording_beside_a_rover_is_looked_at_in_its_own_time(
+    site: Site, drive: Path, people: Visitors
+) -> None:
+    page = people.visit(f"{site.url}#/browse/rover:rovers?hideInspector=true", "bert")
+    page.get_by_label("file of a recording").set_input_files(drive)
+    expect(page.get_by_text("(past)")).to_be_visible()
+    expect(page.get_by_test_id("stop")).to_be_hidden()
+    rovers = page.get_by_role("combobox", name="rover")
+    rovers.select_option("jackal")
+    expect(page.get_by_text("(past)")).to_be_hidden()
+    expect(page.get_by_test_id("stop")).to_be_visible()
+    expect(page.get_by_test_id("mode")).to_have_text("IDLE")
+    rovers.select_option("jackal@run")
+    page.get_by_role("button", name="close", exact=True).click()
+    expect(page.get_by_test_id("mode")).to_have_text("IDLE")
+    page.context.close()
 
 
 def test_a_plan_from_a_file_is_submitted_and_removed(

@@ -17,6 +17,7 @@ pytestmark = [
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
 
+RECORDING = "rover:rovers/rover:jackal%40run/rover:jackal%40run"
 expect.set_options(timeout=LIMIT_MS)
 
 
@@ -67,12 +68,12 @@ def test_a_recording_is_looked_at_in_the_same_views_and_not_commanded(page: Page
     expect(drive.locator("[data-stage=EXECUTED]")).to_have_attribute("data-reached", "false")
     expect(page.get_by_test_id("value-POS_X")).to_have_text(re.compile(r"^[12]\."))
     expect(page.locator(".log-view .line:not(.later)")).to_have_count(4)
+    page.screenshot(path=picture("console-recording"))
 
     expect(page.get_by_test_id("stop")).to_be_hidden()
     expect(page.get_by_label("command", exact=True)).to_have_count(0)
     page.keyboard.press("F8")
     expect(page.get_by_text("is a recording: choose the rover that is to stop")).to_be_visible()
-    page.screenshot(path=picture("console-recording"))
 
 
 def test_a_leaf_leads_to_the_command_that_it_worked_on_at_the_moment(page: Page) -> None:
@@ -105,5 +106,11 @@ def test_a_command_leads_to_the_nodes_that_worked_on_it(page: Page) -> None:
 
 
 def test_a_recording_has_its_telemetry_and_is_closed(page: Page) -> None:
+    layout = page.evaluate("location.hash")
+    with page.expect_response(re.compile("/api/tm/jackal%40run/POS_X.*minmax")) as plotted:
+        page.evaluate(f"location.hash = '#/browse/{RECORDING}~telemetry~recording~POS_X'")
+    assert len(plotted.value.json()["samples"]) == 7
+    page.evaluate("hash => { location.hash = hash }", layout)
     page.get_by_role("button", name="close", exact=True).click()
-    expect(page.get_by_role("combobox", name="rover")).to_be_hidden()
+    expect(page.get_by_text("No rover is connected").last).to_be_visible()
+    expect(page.get_by_role("treeitem").filter(has_text="jackal@run")).to_have_count(0)

@@ -233,7 +233,7 @@ def test_python_of_a_notebook(desk: Desk) -> None:
 def test_python_asks_a_console(desk: Desk) -> None:
     page = CHECKOUT / "docs" / "console.md"
     (script,) = blocks(page, "python")
-    (console,) = (line.text for line in lines(page) if line.text.startswith(CONSOLE))
+    console = next(line.text for line in lines(page) if line.text.startswith(CONSOLE))
     with desk.staying(console, STAYS[CONSOLE]):
         told = printed(script, desk)
     assert re.search(r"executed \['SENT', ('TAKEN', )?'RECEIVED', 'ACCEPTED', 'STARTED', ", told)

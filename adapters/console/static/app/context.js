@@ -26,9 +26,9 @@ export const cursor = new Cursor();
  * @returns {Context}
  */
 export function contextOf(session, name) {
+  const asset = session.asset(name);
   let context = contexts.get(name);
-  if (!context) {
-    const asset = session.asset(name);
+  if (context?.asset !== asset) {
     context = { session, asset, cursor, selection: new Selection(), draft: new Draft(asset) };
     contexts.set(name, context);
   }

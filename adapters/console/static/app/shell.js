@@ -16,6 +16,7 @@ const TICK_MS = 250;
 const OPEN_BRANCHES = "mct-tree-expanded";
 const SPANS = { "5 minutes": 5, "15 minutes": 15, "1 hour": 60, "6 hours": 360 };
 const LOOKS = "hideInspector=true&hideRecents=true";
+const ROVERS = `#/browse/rover:rovers?${LOOKS}`;
 
 await login();
 const session = new Session();
@@ -129,6 +130,7 @@ function followAsset() {
   const recording = shown.name === null ? null : session.asset(shown.name).recording;
   const name = recording ? shown.name : null;
   if (name === lookedAt) return;
+  if (lookedAt !== null && !session.assets.has(lookedAt)) location.hash = ROVERS;
   if (recording) openmct.time.setMode("fixed", { start: recording.began * 1000, end: Math.ceil(recording.ended * 1000) });
   else openmct.time.setMode("realtime");
   lookedAt = name;
@@ -156,7 +158,7 @@ function choose() {
   followAsset();
 }
 let isUnplaced = !location.hash.includes(":");
-if (isUnplaced) location.hash = `#/browse/rover:rovers?${LOOKS}`;
+if (isUnplaced) location.hash = ROVERS;
 
 /** Have Open MCT open the branch of the first rover, until somebody opens and folds what they like. */
 function openTree() {

@@ -110,7 +110,7 @@ function telemetryOf(identifier, key, entry, location) {
   };
 }
 
-/** What is below the root, an asset, and its telemetry; assets and parameters may come later. */
+/** What is below the root, an asset, and its telemetry; assets and parameters may come later, and recordings go. */
 function composition(session) {
   const below = (object) => {
     const [name, kind, link] = partsOf(object.identifier);
@@ -134,14 +134,13 @@ function composition(session) {
       return below(object);
     },
     on: (object, event, callback, context) => {
-      if (event !== "add") return;
-      const known = new Set(below(object).map((each) => each.key));
+      let known = below(object);
       const look = () => {
-        for (const identifier of below(object)) {
-          if (known.has(identifier.key)) continue;
-          known.add(identifier.key);
-          callback.call(context, identifier);
-        }
+        const now = below(object);
+        const [some, others] = event === "add" ? [now, known] : [known, now];
+        const keys = new Set(others.map((each) => each.key));
+        known = now;
+        some.filter((each) => !keys.has(each.key)).forEach((each) => callback.call(context, each));
       };
       const [name] = partsOf(object.identifier);
       const offs =
