@@ -64,7 +64,7 @@ def request_of(form: CommandEntry, given: object) -> Request | BadArgument:
 
 
 def args_of(request: Request) -> dict[str, Any]:
-    """Return what would be posted for a request; of what is no text, its length."""
+    """Return what would be posted for a request; of octets, such as of a plan, how many."""
     declaration = declaration_of(type(request))
     values = [getattr(request, each.field) for each in declaration.arguments]
     if declaration.composite is not None:

@@ -140,7 +140,11 @@ class Recordings:
         folder = await self._new_folder()
         path = folder / _tidy(name)
         try:
-            await _receive_into(path, request, name)
+            try:
+                await _receive_into(path, request, name)
+            except BaseException:
+                shutil.rmtree(folder)
+                raise
             async with self._opening:
                 opened = await self._read(path, folder)
         except RecordingError as error:
@@ -165,7 +169,6 @@ async def _receive_into(path: Path, request: web.Request, name: str) -> None:
         async for piece in request.content.iter_chunked(PIECE):
             octets += len(piece)
             if octets > MOST_OCTETS:
-                shutil.rmtree(path.parent)
                 text = (
                     f"{name} is larger than {MOST_OCTETS >> 30} GiB: start rover-console with"
                     f" --recording {name}"

@@ -5,12 +5,28 @@ from pathlib import Path
 
 import pytest
 
+from adapters.console.dictionary import FORMS, command_entries
+from adapters.console.posted import args_of, request_of
 from adapters.process import StartError
 from adapters.recording import RunFile, RunReader, decode
+from executive.commands import Request, declaration_of
+from executive.settings import load_settings
 from tests.console.consoles import at_console, operator, served
+from tests.support.requests import GOOD
 
 NOBODY = "127.0.0.1:1"
 RUN = "jackal@run"
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [each for each in GOOD if declaration_of(type(each)).name in FORMS],
+    ids=lambda request: type(request).__name__,
+)
+def test_what_was_asked_is_shown_as_it_would_be_posted(request_: Request) -> None:
+    forms = {each.name: each for each in command_entries(load_settings("jackal"))}
+    form = forms[declaration_of(type(request_)).name]
+    assert request_of(form, args_of(request_)) == request_
 
 
 async def test_a_recording_is_an_asset_with_the_past_of_its_file(
