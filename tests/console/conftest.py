@@ -55,7 +55,8 @@ def guarded(launch: Launch) -> Aboard:
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give the recording of a drive, a turn and a picture, one after the other."""
     folder = tmp_path_factory.mktemp("drive")
-    with closing(RunFile(folder / "run.mcap")) as tape:
+    with pytest.MonkeyPatch.context() as patch, closing(RunFile(folder / "run.mcap")) as tape:
+        patch.delenv("ROVER_CONFIG", raising=False)  # a site of another test has its own
         scenario = load_scenario("drive3m_turn_picture", PlayMode.LOCK_STEP)
         run_in_lock_step(scenario, folder / "data", tape)
     return folder / "run.mcap"
