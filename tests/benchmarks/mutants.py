@@ -84,8 +84,8 @@ def measure(number: int, seed: int, folder: Path | None, tell: Tell) -> list[Fig
         tell(f"{len(usable)} of {len(traced)} recordings are replayed equally; the control ...")
         control = bool(_difference(tree, usable))
         drawn = sample(CHECKOUT, number, seed)
-        known = _known_equivalents()
-        tried = [each for each in drawn if (each.path, *_diff(each)) not in known]
+        known = known_equivalents()
+        tried = [each for each in drawn if key_of(each) not in known]
         verdicts = [_judge(tree, each, imported, usable, tell) for each in tried]
     return _figures(verdicts, len(drawn) - len(tried), len(usable), len(traced), control, seed)
 
@@ -215,10 +215,15 @@ def _diff(mutant: Mutant) -> list[str]:
     return mutant.diff((CHECKOUT / mutant.path).read_bytes())
 
 
-def _known_equivalents() -> set[tuple[str, ...]]:
-    """Return what is known to decide the same: files, and the lines that are changed there."""
+def key_of(mutant: Mutant) -> tuple[str, ...]:
+    """Return what it is known by, though lines move: the function, and the lines that change."""
+    return (mutant.path, mutant.scope, *_diff(mutant))
+
+
+def known_equivalents() -> set[tuple[str, ...]]:
+    """Return the keys of what is known to decide the same."""
     raw = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8"))
-    return {(each["path"], *each["diff"]) for each in raw}
+    return {(each["path"], each["scope"], *each["diff"]) for each in raw}
 
 
 def _figures(

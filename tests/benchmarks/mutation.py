@@ -7,7 +7,8 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from enum import Enum, unique
 from itertools import chain, islice, zip_longest
 from pathlib import Path
@@ -67,7 +68,9 @@ class Mutant:
 
     Attributes:
         path: of the file, below the checkout.
-        first, last: lines of the statement, or of the head of one, that is changed.
+        scope: qualified name of the function or class in which that is; empty outside of them.
+        first, last: lines without which nothing changes: of the statement, or of the head of one,
+            that is changed; of what would be done no more.
         within: whether that is within a function: it decides only where it is run.
         constant: the name that a module gives to it; empty where it gives none.
         start, end: octets of the source that are replaced.
@@ -76,6 +79,7 @@ class Mutant:
 
     kind: MutantKind
     path: str
+    scope: str
     first: int
     last: int
     within: bool
@@ -176,6 +180,7 @@ class _Finder(ast.NodeVisitor):
         for line in source.splitlines(keepends=True):
             self._lines.append(self._lines[-1] + len(line))
         self._place = _Place(1, 1, within=False)
+        self._scope: tuple[str, ...] = ()
         self._in_class = False
         self.visit(ast.parse(source))
 
@@ -189,20 +194,22 @@ class _Finder(ast.NodeVisitor):
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         """Look into a function: what stands in its head is run where it is defined."""
-        outer = self._place
+        outer, outer_scope = self._place, self._scope
+        self._scope = (*outer_scope, node.name)
         self.visit(node.args)
         self._place = _Place(node.lineno, node.lineno, within=True)
         for part in node.body:
             self.visit(part)
             self._place = _Place(node.lineno, node.lineno, within=True)
-        self._place = outer
+        self._place, self._scope = outer, outer_scope
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         """Look into a class, but not at what makes a dataclass of it."""
-        outer, self._in_class = self._in_class, True
+        outer, outer_scope = self._in_class, self._scope
+        self._in_class, self._scope = True, (*outer_scope, node.name)
         for part in node.body:
             self.visit(part)
-        self._in_class = outer
+        self._in_class, self._scope = outer, outer_scope
 
     def visit_keyword(self, node: ast.keyword) -> None:
         """Leave out checks of those who wrote the code."""
@@ -265,7 +272,8 @@ class _Finder(ast.NodeVisitor):
     def visit_If(self, node: ast.If) -> None:
         """Never do what is done under a condition."""
         if ast.unparse(node.test) != "TYPE_CHECKING":
-            self._put(MutantKind.IF, node.test, "False")
+            with self._done_in(node.body):
+                self._put(MutantKind.IF, node.test, "False")
         self.generic_visit(node)
 
     def visit_match_case(self, node: ast.match_case) -> None:
@@ -273,12 +281,20 @@ class _Finder(ast.NodeVisitor):
         outer = self._place
         self._place = _Place(node.pattern.lineno, node.pattern.end_lineno or 0, outer.within)
         if not ast.unparse(node.body[0]).startswith(SAYS_NOTHING):
-            if node.guard is None:
-                end = self._at(node.pattern.end_lineno, node.pattern.end_col_offset)
-                self._add(MutantKind.CASE, end, end, " if False")
-            else:
-                self._put(MutantKind.CASE, node.guard, "False")
+            with self._done_in(node.body):
+                if node.guard is None:
+                    end = self._at(node.pattern.end_lineno, node.pattern.end_col_offset)
+                    self._add(MutantKind.CASE, end, end, " if False")
+                else:
+                    self._put(MutantKind.CASE, node.guard, "False")
         self.generic_visit(node)
+        self._place = outer
+
+    @contextmanager
+    def _done_in(self, body: Sequence[ast.stmt]) -> Iterator[None]:
+        outer, first = self._place, body[0]
+        self._place = replace(outer, first=first.lineno, last=_end_of_head(first))
+        yield
         self._place = outer
 
     def _replace(self, kind: MutantKind, node: ast.expr, other: ast.expr) -> None:
@@ -294,6 +310,7 @@ class _Finder(ast.NodeVisitor):
             Mutant(
                 kind,
                 self._path,
+                ".".join(self._scope),
                 place.first,
                 place.last,
                 place.within,

@@ -73,6 +73,7 @@ def test_rules_are_changed_one_at_a_time_and_texts_are_not(tmp_path: Path) -> No
     heads = {each.text: (each.first, each.last, each.within) for each in found}
     assert heads["6.0"] == (6, 6, False)
     assert heads["self.age_s > LONGEST_S"] == (19, 21, True)
+    assert heads[" if False"] == (16, 16, True), "what would be done no more"
 
 
 def test_a_sample_has_as_many_of_each_kind_and_is_that_of_its_seed() -> None:
@@ -81,6 +82,13 @@ def test_a_sample_has_as_many_of_each_kind_and_is_that_of_its_seed() -> None:
     assert drawn == sample(CHECKOUT, 35, 1)
     assert drawn[:7] == sample(CHECKOUT, 7, 1)
     assert set(drawn) != set(sample(CHECKOUT, 35, 2))
+
+
+def test_what_is_known_to_decide_the_same_is_one_mutant_each() -> None:
+    known = mutants.known_equivalents()
+    paths = {path for path, *_ in known}
+    found = Counter(mutants.key_of(each) for each in mutants_of(CHECKOUT) if each.path in paths)
+    assert {key: found[key] for key in known} == dict.fromkeys(known, 1)
 
 
 def test_what_a_recording_exercises_is_noticed(
