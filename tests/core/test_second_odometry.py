@@ -1,8 +1,8 @@
 """What a second odometry says of the end of a motion, and how it corrects the pose."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from math import cos, hypot, pi, radians, sin
+from dataclasses import dataclass, field, replace
+from math import cos, hypot, nan, pi, radians, sin
 from pathlib import Path
 
 import pytest
@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, Waypoint
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.reasons import Reason
 from executive.reports import Stage
 from executive.settings import SecondOdometrySettings, Settings, load_settings
 from executive.state import Odometry, SecondOdometry
 from executive.state.fusion import STEP_M, Fusion
-from tests.support.kinematic import STEP_S, Bench
+from tests.support.kinematic import STEP_S, Bench, KinematicRover
 
 LATE_S = 0.4
 PERIOD_S = 0.5
@@ -39,17 +39,56 @@ def seen_from_elsewhere(pose: Pose) -> Pose:
     )
 
 
+def leaning(pose: Pose, rise_rad: float) -> Pose:
+    """Return a pose on a slope that rises towards x."""
+    heading_rad = pose.heading_rad
+    pitch_rad, roll_rad = -rise_rad * cos(heading_rad), -rise_rad * sin(heading_rad)
+    return replace(pose, pitch_rad=pitch_rad, roll_rad=roll_rad)
+
+
+@dataclass
+class SlidingRover(KinematicRover):
+    """Slides down a slope wherever it turns, which its wheels do not show.
+
+    Attributes:
+        true: where it is.
+    """
+
+    rise_rad: float = radians(10)
+    slide_m_per_rad: float = 0.02
+    true: Pose = field(default_factory=Pose)
+
+    def seen_truth(self, _: Pose) -> Pose:
+        return self.true
+
+    def advance(self, step_s: float) -> None:
+        before = self.pose
+        super().advance(step_s)
+        slid_m = self.slide_m_per_rad * abs(self.velocity.rotate_radps) * step_s
+        self.true = Pose(
+            self.true.x_m + self.pose.x_m - before.x_m - slid_m,
+            self.true.y_m + self.pose.y_m - before.y_m,
+            heading_rad=self.pose.heading_rad,
+        )
+        self.pose = leaning(self.pose, self.rise_rad)
+
+
 class SeeingBench(Bench):
     """A second odometry tells every half second of the pose, some time later.
 
     Attributes:
         seen: what it sees of a pose; None where it sees nothing.
+        again: whether each frame comes once more, after the one that follows it.
     """
 
-    def __init__(self, folder: Path, settings: Settings) -> None:
+    def __init__(
+        self, folder: Path, settings: Settings, rover: KinematicRover | None = None
+    ) -> None:
         self.seen: Callable[[Pose], Pose | None] = lambda pose: pose
+        self.again = False
         self._frames: list[SecondOdometry] = []
-        super().__init__(folder, settings)
+        self._last: list[SecondOdometry] = []
+        super().__init__(folder, settings, rover=rover)
 
     def step(self) -> None:
         super().step()
@@ -60,7 +99,10 @@ class SeeingBench(Bench):
             if pose is not None:
                 self._frames.append(SecondOdometry(now_s, seen_from_elsewhere(pose)))
         while self._frames and self._frames[0].stamp_s <= now_s - LATE_S + 1e-9:
-            self.executive.observe(self._frames.pop(0))
+            frame = self._frames.pop(0)
+            for each in (frame, frame, *self._last) if self.again else (frame,):
+                self.executive.observe(each)
+            self._last = [frame]
 
 
 @pytest.fixture
@@ -144,6 +186,43 @@ def test_a_motion_waits_for_a_first_frame_before_it_begins(tmp_path: Path) -> No
         assert "of the time before it" in bench.last(2).text
 
 
+def test_on_a_slope_it_comes_to_where_it_is_sent_however_often_frames_come(tmp_path: Path) -> None:
+    ends = []
+    for name, again in (("once", False), ("again", True)):
+        (tmp_path / name).mkdir()
+        rover = SlidingRover()
+        settings = with_second_odometry(fused=True)
+        with SeeingBench(tmp_path / name, settings, rover) as bench:
+            bench.seen, bench.again = rover.seen_truth, again
+            bench.run(1.5)
+            bench.execute(RotateBy(2.0), 1)
+            bench.execute(MoveForward(1.0), 2)
+            bench.execute(RotateBy(-2.0), 3)
+            bench.execute(MoveTo(Waypoint(1.0, 1.0, 0.0)), 4)
+            bench.run(2.0)
+            believed = bench.executive.status.pose
+            ends.append((believed, rover.true))
+        assert rover.pose.point.distance_m(rover.true.point) > 0.05
+        assert believed.point.distance_m(rover.true.point) < 0.03
+        assert rover.true.point.distance_m(Point(1.0, 1.0)) < 0.1
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("fused", [False, True])
+def test_where_the_odometry_begins_anew_frames_of_before_it_tell_nothing(
+    tmp_path: Path, fused: bool
+) -> None:
+    with SeeingBench(tmp_path, with_second_odometry(fused)) as bench:
+        bench.run(3.0)
+        pose = bench.rover.pose
+        bench.executive.observe(Odometry(bench.clock.now_s() - 2.5, pose, STANDING))
+        bench.executive.observe(SecondOdometry(bench.clock.now_s(), Pose(nan, 0.0)))
+        bench.run(1.5)
+        bench.execute(MoveForward(1.0), 1)
+        assert "by odometry and second odometry" in bench.last(1).text
+        assert bench.executive.status.pose.x_m == pytest.approx(1.0, abs=0.02)
+
+
 class Track:
     """A rover whose wheels show less than what truly happens, and a fusion that is told of both.
 
@@ -176,7 +255,9 @@ class Track:
             way_m = velocity.travel_mps * 0.02
             x_m, y_m = way_m * cos(heading_rad), way_m * sin(heading_rad)
             slid_m = slide_m_per_rad * abs(velocity.rotate_radps) * 0.02
-            self.wheels = self._leaning(self.wheels.x_m + x_m, self.wheels.y_m + y_m, heading_rad)
+            heading_rad = wrap_rad(heading_rad)
+            wheels = Pose(self.wheels.x_m + x_m, self.wheels.y_m + y_m, heading_rad=heading_rad)
+            self.wheels = leaning(wheels, self.lean.pitch_rad)
             self.true = Pose(
                 self.true.x_m + x_m + slide_mps[0] * 0.02 - slid_m,
                 self.true.y_m + y_m + slide_mps[1] * 0.02,
@@ -192,17 +273,6 @@ class Track:
                 self.frames.append(SecondOdometry(stamp_s, seen_from_elsewhere(seen)))
             if self.frames and self.frames[0].stamp_s <= stamp_s - LATE_S:
                 self.fusion.second_odometry(self.frames.pop(0))
-
-    def _leaning(self, x_m: float, y_m: float, heading_rad: float) -> Pose:
-        """Return a pose on a slope that rises towards x."""
-        rise_rad = self.lean.pitch_rad
-        return Pose(
-            x_m,
-            y_m,
-            heading_rad=wrap_rad(heading_rad),
-            pitch_rad=-rise_rad * cos(heading_rad),
-            roll_rad=-rise_rad * sin(heading_rad),
-        )
 
     @property
     def off_m(self) -> float:

@@ -27,10 +27,11 @@ from executive.commands import (
 )
 from executive.commands.lifecycle import Admitted, Refused
 from executive.geometry import STANDING
-from executive.reasons import Reason, Refusal
+from executive.reasons import Figure, Reason, Refusal
 from executive.record import AuthorityRecord
 from executive.reports import Identity
 from executive.settings import AuthoritySettings, SettingsError, load_settings, structure
+from executive.state import AuthorityUsed
 from tests.mrs.aboard import Aboard, raises, rover
 from tests.mrs.test_command_command import INTERRUPTED, typed_elsewhere, wait_for
 from tests.stress import authority_storm
@@ -134,6 +135,55 @@ def test_who_asks_is_told_to_all_and_only_once_in_a_lease(bench: Bench) -> None:
         "MOE holds the authority (epoch 1)",
         "MOE-2 asks for the authority that MOE holds",
     ]
+
+
+def test_asking_again_renews_the_lease_and_other_commanding_by_it_does(bench: Bench) -> None:
+    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
+    epoch = granted(authority.request("MOE"))
+    bench.run(4.0)
+    assert granted(authority.request("MOE")) == epoch
+    bench.run(4.0)
+    bench.executive.observe(AuthorityUsed(epoch + 1))
+    bench.executive.observe(AuthorityUsed(epoch))
+    bench.clock.advance(4.9)
+    assert moe.send(SetTravelSpeed(0.5), epoch) is None
+    bench.executive.observe(AuthorityUsed(epoch + 1))
+    bench.clock.advance(RULES.lease_s)
+    assert moe.send(SetTravelSpeed(0.4), epoch) is not None, "its time is up"
+    bench.executive.observe(AuthorityUsed(epoch))
+    bench.run(0.1)
+    assert "the authority of MOE has run out" in [r.text for r in bench.heard.reports]
+    assert moe.send(SetTravelSpeed(0.4), epoch) is not None
+
+
+def test_who_still_asks_after_a_lease_is_told_again(bench: Bench) -> None:
+    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
+    epoch = granted(authority.request("MOE"))
+    for _ in range(5):
+        assert refusal(authority.request("MOE-2")).reason is Reason.NO_AUTHORITY
+        bench.clock.advance(RULES.lease_s / 2)
+        assert moe.send(SetTravelSpeed(0.5), epoch) is None
+    asked = "MOE-2 asks for the authority that MOE holds"
+    assert [r.text for r in bench.heard.reports].count(asked) == 3
+
+
+def test_what_is_released_is_free_and_only_its_holder_releases_it(bench: Bench) -> None:
+    authority, moe = AskedAuthority(bench), Operator(bench, "MOE")
+    epoch = granted(authority.request("MOE"))
+    for source, of in (("MOE-2", epoch), ("MOE", epoch + 1)):
+        assert refusal(authority.release(source, of)).reason is Reason.NO_AUTHORITY
+        assert refusal(authority.hand_over(source, of, "MOE-2")).reason is Reason.NO_AUTHORITY
+        assert moe.send(SetTravelSpeed(0.5), epoch) is None
+    assert granted(authority.release("MOE", epoch)) == epoch
+    refused = moe.send(SetTravelSpeed(0.5), epoch)
+    assert refused is not None
+    assert "nobody holds it" in refused.text
+    assert refused.figures == (Figure("epoch", epoch),)
+    assert granted(authority.take("MOE-2")) == epoch + 1
+    assert granted(authority.take("MOE-2")) == epoch + 1, "it has it"
+    given = granted(authority.hand_over("MOE-2", epoch + 1, "MOE", RULES.longest_lease_s))
+    bench.clock.advance(RULES.longest_lease_s - 0.01)
+    assert moe.send(SetTravelSpeed(0.5), given) is None
 
 
 def test_only_who_may_takes_it(bench: Bench) -> None:
