@@ -19,6 +19,7 @@ from hypothesis import settings
 
 from adapters.cli.checkout import ros_files
 from adapters.recording import SUFFIX, RunFile
+from executive.recording import Tape
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -29,7 +30,7 @@ RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are
 FIRST_PORT, PORTS = 7400, 250  # of the UDP ports that DDS gives each domain
 PARTICIPANTS_PORTS = 100  # more than the participants of a test take of them, from the first on
 ASYNC_LIMIT_S = 90.0
-RECORDED_BENCHES = 4  # of a test: those with random commands make hundreds
+RECORDED = 4  # of a test: those with random commands make hundreds
 LONGEST_NAME = 200
 _numbers = count()
 
@@ -46,7 +47,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--recordings",
         type=Path,
         metavar="FOLDER",
-        help="Record the first benches of each test, in files of a folder that exists.",
+        help="Record the first executives of each test, in files of a folder that exists.",
     )
 
 
@@ -112,20 +113,30 @@ def _databases_closed() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def _benches_recorded(request: pytest.FixtureRequest) -> Iterator[None]:
+def _executives_recorded(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Record those of benches, and those over the simulated rover in lock step."""
     folder: Path | None = request.config.getoption("--recordings")
     if folder is None:
         yield
         return
     name = re.sub(r"\W+", "-", request.node.nodeid).strip("-")[:LONGEST_NAME]
-    paths = (folder / f"{name}-{number}{SUFFIX}" for number in range(RECORDED_BENCHES))
+    paths = (folder / f"{name}-{number}{SUFFIX}" for number in range(RECORDED))
+    from sim.rover.lockstep import LockStep  # slow to import
+
+    make = LockStep.__init__
     with ExitStack() as opened, pytest.MonkeyPatch.context() as patch:
 
         def new_tape() -> RunFile | None:
             path = next(paths, None)
             return None if path is None else opened.enter_context(closing(RunFile(path)))
 
+        def make_recorded(
+            lockstep: LockStep, *given: Any, tape: Tape | None = None, **named: Any
+        ) -> None:
+            make(lockstep, *given, tape=tape or new_tape(), **named)
+
         patch.setattr(Bench, "new_tape", staticmethod(new_tape))
+        patch.setattr(LockStep, "__init__", make_recorded)
         yield
 
 

@@ -3,19 +3,22 @@
 from dataclasses import replace
 from functools import cache
 from math import nan
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from executive.commands import DriveFor, MoveForward
 from executive.faults import Then
 from executive.geometry import STANDING, Pose, Velocity
 from executive.reasons import Reason
+from executive.reports import Kind, Severity, Stage
 from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings
 from executive.state import Imu, Joints, SecondOdometry
-from tests.support.kinematic import ignoring
-from tests.support.sensed_drive import SensedDrive
+from tests.support.kinematic import Bench, ignoring
+from tests.support.sensed_drive import SensedDrive, SensedRover
 
 AHEAD = Velocity(0.8, 0.0)
 SPIN = Velocity(0.0, 1.2)
@@ -245,3 +248,100 @@ def test_nothing_is_made_of_a_gap_in_what_a_sensor_tells() -> None:
         drive.lost.clear()
         drive.run(ARC, 2.0)
     assert drive.names == []
+
+
+DRIVE = DriveFor(0.8, 0.0, 10.0)
+TURN = DriveFor(0.0, 1.2, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("request_", "given", "reason"),
+    [
+        (DRIVE, {"left": 0.0}, Reason.WHEELS_OFF_COMMAND),
+        (DRIVE, {"right": 0.9, "torque_nm": 0.0}, Reason.WHEELS_UNPOWERED),
+        (DRIVE, {"odometry_travel": 0.0}, Reason.ODOMETRY_OFF_WHEELS),
+        (DRIVE, {"odometry_travel": 1.05}, Reason.ODOMETRY_OFF_WHEELS),
+        (TURN, {"odometry_turn": 0.0}, Reason.ODOMETRY_OFF_GYRO),
+        (TURN, {"odometry_turn": 1.06}, Reason.ODOMETRY_OFF_GYRO),
+        (DRIVE, {"gyro_bias_radps": 0.03}, Reason.ODOMETRY_OFF_GYRO),
+        (TURN, {"gyro": 0.0, "odometry_turn": 0.0}, Reason.WHEELS_OFF_GYRO),
+        (DRIVE, {"grip": 0.0}, Reason.WHEELS_SLIP),
+        (DRIVE, {"grip": 0.8}, Reason.SLIPS),
+        (DRIVE, {"held_n": 60.0}, Reason.BLOCKED),
+        (DRIVE, {"roll_rad": 0.6}, Reason.TILTED),
+        (DRIVE, {"pitch_rad": -0.6}, Reason.TILTED),
+        (DRIVE, {"aside_mps": 0.5}, Reason.SLIPS),
+        (DRIVE, {"aside_mps": 0.15}, Reason.SLIPS),
+        (DRIVE, {"gyro_bias_radps": 0.3, "odometry_bias_radps": 0.3}, Reason.TURN_SLIPS),
+        (DRIVE, {"gyro_bias_radps": 0.025, "odometry_bias_radps": 0.025}, Reason.TURN_SLIPS),
+    ],
+)
+def test_a_motion_ends_by_what_its_sensors_show_and_says_so(
+    tmp_path: Path, request_: DriveFor, given: dict[str, float], reason: Reason
+) -> None:
+    rover = SensedRover(asset())
+    with Bench(tmp_path, asset(), rover=rover, all_sensors=True) as bench:
+        bench.odometry = False  # it is one of the sensors
+        bench.run(1.0)
+        bench.submit(request_, 1)
+        bench.run(3.0)
+        assert bench.stages(1)[-1] is not Stage.FAILED
+        for name, value in given.items():
+            setattr(rover.body, name, value)
+        bench.finish(1)
+        assert (bench.last(1).stage, bench.last(1).reason) == (Stage.FAILED, reason)
+        bench.run(2.0)
+        assert rover.velocity == STANDING
+
+
+@pytest.mark.parametrize(
+    ("kind", "fault"),
+    [
+        (Joints, "joints_silent"),
+        (Imu, "imu_silent"),
+        (SecondOdometry, "second_odometry_silent"),
+    ],
+)
+def test_a_motion_goes_on_without_a_sensor_and_tells_of_its_silence(
+    tmp_path: Path, kind: type[Joints | Imu | SecondOdometry], fault: str
+) -> None:
+    rover = SensedRover(asset())
+    with Bench(tmp_path, asset(), rover=rover, all_sensors=True) as bench:
+        bench.odometry = False
+        bench.run(1.0)
+        bench.submit(DRIVE, 1)
+        rover.body.lost.add(kind)
+        bench.run(7.0)
+        rover.body.lost.clear()
+        assert bench.finish(1) is Stage.EXECUTED
+        told = [r for r in bench.heard.reports if r.kind is Kind.EVENT]
+        assert [r.severity for r in told if r.reason is Reason.SENSOR_SILENT] == [Severity.WARNING]
+        assert told[-1].text == f"{fault} is over"
+
+
+def test_a_rover_that_slides_where_it_stands_tells_it(tmp_path: Path) -> None:
+    rover = SensedRover(asset())
+    with Bench(tmp_path, asset(), rover=rover, all_sensors=True) as bench:
+        bench.odometry = False
+        bench.execute(MoveForward(0.5), 1)
+        bench.run(1.0)
+        rover.body.aside_mps = 0.2
+        bench.run(2.5)
+        assert Reason.SLIDES in [r.reason for r in bench.heard.reports]
+
+
+@pytest.mark.parametrize(("aside_mps", "stage"), [(0.1, Stage.EXECUTED), (0.8, Stage.FAILED)])
+def test_of_a_fused_second_odometry_only_gross_slip_ends_a_motion(
+    tmp_path: Path, aside_mps: float, stage: Stage
+) -> None:
+    rover, settings = SensedRover(asset(fused=True)), asset(fused=True)
+    with Bench(tmp_path, settings, rover=rover, all_sensors=True) as bench:
+        bench.odometry = False
+        bench.run(1.0)
+        bench.submit(DriveFor(0.5, 0.0, 5.0), 1)
+        bench.run(2.0)
+        rover.body.aside_mps = aside_mps
+        bench.run(2.0)
+        rover.body.aside_mps = 0.0
+        assert bench.finish(1) is stage
+        assert bench.last(1).reason is (None if stage is Stage.EXECUTED else Reason.SLIPS)
