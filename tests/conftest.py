@@ -7,7 +7,7 @@ import re
 import signal
 import socket
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -19,7 +19,6 @@ from hypothesis import settings
 
 from adapters.cli.checkout import ros_files
 from adapters.recording import SUFFIX, RunFile
-from executive.recording import Tape
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
@@ -123,17 +122,16 @@ def _executives_recorded(request: pytest.FixtureRequest) -> Iterator[None]:
     paths = (folder / f"{name}-{number}{SUFFIX}" for number in range(RECORDED))
     from sim.rover.lockstep import LockStep  # slow to import
 
-    make = LockStep.__init__
+    make: Callable[..., None] = LockStep.__init__
     with ExitStack() as opened, pytest.MonkeyPatch.context() as patch:
 
         def new_tape() -> RunFile | None:
             path = next(paths, None)
             return None if path is None else opened.enter_context(closing(RunFile(path)))
 
-        def make_recorded(
-            lockstep: LockStep, *given: Any, tape: Tape | None = None, **named: Any
-        ) -> None:
-            make(lockstep, *given, tape=tape or new_tape(), **named)
+        def make_recorded(lockstep: LockStep, *given: Any, **named: Any) -> None:
+            tape = named.pop("tape", None) or new_tape()
+            make(lockstep, *given, **named, tape=tape)
 
         patch.setattr(Bench, "new_tape", staticmethod(new_tape))
         patch.setattr(LockStep, "__init__", make_recorded)
