@@ -1,15 +1,24 @@
 """Each monitor by its fault in the simulation, and by normal driving in which none may speak."""
 
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 import pytest
 
+from executive.commands import DriveFor
+from executive.geometry import Pose, Velocity
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Severity, Stage
+from executive.settings import Settings
+from executive.state import Odometry
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
 from sim.scenario.outcome import Outcome, play_once
 from sim.scenario.reading import load_scenario
+from tests.support.kinematic import STEP_S, Bench, ignoring
 
 BLIND = Change("settings.sensors", "{imu: null, joints: null}")
 
@@ -175,3 +184,85 @@ def test_a_side_that_sticks_in_a_turn_is_seen_by_the_way_it_lacks(tmp_path: Path
     event = first_event(outcome)
     assert event.reason is Reason.WHEELS_OFF_COMMAND
     assert outcome.record.time_of(event) - 1.497 < 0.6
+
+
+class ToldBench(Bench):
+    """The odometry tells what a test makes of it, in its order.
+
+    Attributes:
+        tell: returns what comes of the odometry of now, by the number of the tick.
+    """
+
+    def __init__(self, folder: Path, settings: Settings) -> None:
+        self.ticks = 0
+        self.tell: Callable[[Odometry, int], Sequence[Odometry]] = lambda fact, _: (fact,)
+        super().__init__(folder, settings)
+        self.odometry = False
+
+    def step(self) -> None:
+        self.ticks += 1
+        if not self.odometry:
+            next_s = self.clock.now_s() + STEP_S
+            ahead = deepcopy(self.rover)
+            ahead.advance(STEP_S)
+            self.rover.facts += self.tell(Odometry(next_s, ahead.pose, ahead.velocity), self.ticks)
+        super().step()
+
+
+def seldom(every: int) -> Callable[[Odometry, int], Sequence[Odometry]]:
+    return lambda fact, tick: (fact,) if tick % every == 0 else ()
+
+
+def late(by: int) -> Callable[[Odometry, int], Sequence[Odometry]]:
+    under_way: list[Odometry] = []
+
+    def tell(fact: Odometry, _: int) -> Sequence[Odometry]:
+        under_way.append(fact)
+        return (under_way.pop(0),) if len(under_way) > by else ()
+
+    return tell
+
+
+def frozen(fact: Odometry, _: int) -> Sequence[Odometry]:
+    return (Odometry(fact.stamp_s, Pose(1.0), Velocity(0.3, 0.0)),)
+
+
+def not_finite(fact: Odometry, _: int) -> Sequence[Odometry]:
+    return (replace(fact, pose=replace(fact.pose, y_m=nan)),)
+
+
+def shrunk(fact: Odometry, _: int) -> Sequence[Odometry]:
+    pose, velocity = fact.pose, fact.velocity
+    return (
+        Odometry(
+            fact.stamp_s,
+            replace(pose, x_m=0.2 * pose.x_m),
+            Velocity(0.2 * velocity.travel_mps, velocity.rotate_radps),
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("tell", "reason"),
+    [
+        (seldom(3), Reason.ODOMETRY_SLOW),
+        (seldom(2), None),
+        (late(4), Reason.ODOMETRY_LATE),
+        (late(2), None),
+        (frozen, Reason.ODOMETRY_FROZEN),
+        (not_finite, Reason.ODOMETRY_NOT_FINITE),
+        (shrunk, Reason.NO_PROGRESS),
+        (lambda *_: (), Reason.ODOMETRY_STALE),
+    ],
+)
+def test_an_executive_goes_on_only_by_odometry_that_it_can_steer_by(
+    tmp_path: Path, tell: Callable[[Odometry, int], Sequence[Odometry]], reason: Reason | None
+) -> None:
+    settings = ignoring("off_command", "odometry_off_twist", "odometry_drifts", "odometry_jumped")
+    with ToldBench(tmp_path, settings) as bench:
+        bench.run(1.0)
+        bench.submit(DriveFor(0.5, 0.0, 6.0), 1)
+        bench.run(1.0)
+        bench.tell = tell
+        bench.finish(1)
+        assert bench.last(1).reason is reason
