@@ -4,10 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.commands import Declaration, PlanDefinition, Waypoint
+from executive.commands import Declaration, PlanDefinition, SubmitPlan, Waypoint
+from executive.commands.lifecycle import Admitted
 from executive.plans import LEAVES, check_plan, steps
 from executive.reasons import Reason, Refusal
 from executive.settings import load_settings
+from tests.support.kinematic import Bench
 from tests.support.plans import plan, xml
 
 SETTINGS = load_settings("jackal")
@@ -40,47 +42,47 @@ def test_every_leaf_is_made_of_its_parameters(leaf: Declaration) -> None:
         assert f"needs {parameter.name}" in found.text
 
 
-@pytest.mark.parametrize(
-    ("body", "reason", "line", "text"),
-    [
-        ("<Sequence>\n<fly/></Sequence>", Reason.PLAN_UNKNOWN_NODE, 4, "unknown node 'fly'"),
-        ("<ReactiveSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "ReactiveSequence"),
-        ("<ReactiveFallback/>", Reason.PLAN_UNKNOWN_NODE, 3, "that begin anew each time"),
-        ("<stop/>", Reason.PLAN_UNKNOWN_NODE, 3, "a plan does not stop the rover"),
-        ('<Action ID="resume"/>', Reason.PLAN_UNKNOWN_NODE, 3, "mission control does"),
-        ('<SubTree ID="Mian"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Mian': Main perhaps"),
-        (GO.replace("distance", "distanse"), Reason.PLAN_BAD_ARGUMENT, 3, "distance perhaps"),
-        (GO.replace("1", "45deg"), Reason.PLAN_BAD_ARGUMENT, 3, "0.7854"),
-        ('<moveTO x="1" y="2"/>', Reason.PLAN_UNKNOWN_NODE, 3, "moveTo perhaps"),
-        ('<SubTree ID="Other"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Other'"),
-        ('<SubTree ID="Main"/>', Reason.PLAN_STRUCTURE, 3, "contains itself"),
-        ("<SubTree/>", Reason.PLAN_BAD_ARGUMENT, 3, "ID"),
-        ("<Action/>", Reason.PLAN_BAD_ARGUMENT, 3, "ID"),
-        ('<moveForward distance="1"/>', Reason.PLAN_NO_DEADLINE, 3, "deadline_s"),
-        ('<moveForward deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "needs distance"),
-        ('<moveForward distance="far" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "no number"),
-        ('<moveForward distance="nan" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "no number"),
-        ('<moveForward distance="1e999" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "number"),
-        ('<moveForward distance="500" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "above its"),
-        ('<moveForward distance="{d}" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "{d}"),
-        ('<moveForward distance="1" deadline_s="0"/>', Reason.PLAN_BAD_ARGUMENT, 3, "deadline_s"),
-        (GO.replace("/", ' speed="1"/'), Reason.PLAN_BAD_ARGUMENT, 3, "'speed'"),
-        (GO.replace("/", ' _skipIf="a"/'), Reason.PLAN_BAD_ARGUMENT, 3, "scripts"),
-        (GO.replace("/", ' name="a/b"/'), Reason.PLAN_BAD_ARGUMENT, 3, "slash"),
-        (GO.replace("/", "") + GO + "</moveForward>", Reason.PLAN_STRUCTURE, 3, "no children"),
-        ('<followPath waypoints="1,2,3,4" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "x,y"),
-        ('<moveTo x="1" y="2" controller="mcp"/>', Reason.PLAN_BAD_ARGUMENT, 3, "mpc perhaps"),
-        (MPC, Reason.PLAN_BAD_ARGUMENT, 3, "controller mpc: jackal does not offer it"),
-        ('<deleteFile path="../x" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "leaves the"),
-        ("<Sequence/>", Reason.PLAN_STRUCTURE, 3, "needs a child"),
-        (f"<Inverter>{GO}{GO}</Inverter>", Reason.PLAN_STRUCTURE, 3, "exactly 1 child"),
-        (f"<Repeat>{GO}</Repeat>", Reason.PLAN_BAD_ARGUMENT, 3, "num_cycles"),
-        (f'<Repeat num_cycles="-1">{GO}</Repeat>', Reason.PLAN_BAD_ARGUMENT, 3, "every plan ends"),
-        (f'<Timeout msec="1.5">{GO}</Timeout>', Reason.PLAN_BAD_ARGUMENT, 3, "no whole number"),
-        (f'<Parallel success_count="2">{GO}</Parallel>', Reason.PLAN_BAD_ARGUMENT, 3, "1 children"),
-        ("<Sequence>\n\n<Fallback></Sequence>", Reason.PLAN_NOT_XML, 5, "mismatched tag"),
-    ],
-)  # fmt: skip
+FAULTS = [
+    ("<Sequence>\n<fly/></Sequence>", Reason.PLAN_UNKNOWN_NODE, 4, "unknown node 'fly'"),
+    ("<ReactiveSequence/>", Reason.PLAN_UNKNOWN_NODE, 3, "ReactiveSequence"),
+    ("<ReactiveFallback/>", Reason.PLAN_UNKNOWN_NODE, 3, "that begin anew each time"),
+    ("<stop/>", Reason.PLAN_UNKNOWN_NODE, 3, "a plan does not stop the rover"),
+    ('<Action ID="resume"/>', Reason.PLAN_UNKNOWN_NODE, 3, "mission control does"),
+    ('<SubTree ID="Mian"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Mian': Main perhaps"),
+    (GO.replace("distance", "distanse"), Reason.PLAN_BAD_ARGUMENT, 3, "distance perhaps"),
+    (GO.replace("1", "45deg"), Reason.PLAN_BAD_ARGUMENT, 3, "0.7854"),
+    ('<moveTO x="1" y="2"/>', Reason.PLAN_UNKNOWN_NODE, 3, "moveTo perhaps"),
+    ('<SubTree ID="Other"/>', Reason.PLAN_UNKNOWN_NODE, 3, "no tree 'Other'"),
+    ('<SubTree ID="Main"/>', Reason.PLAN_STRUCTURE, 3, "contains itself"),
+    ("<SubTree/>", Reason.PLAN_BAD_ARGUMENT, 3, "ID"),
+    ("<Action/>", Reason.PLAN_BAD_ARGUMENT, 3, "ID"),
+    ('<moveForward distance="1"/>', Reason.PLAN_NO_DEADLINE, 3, "deadline_s"),
+    ('<moveForward deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "needs distance"),
+    ('<moveForward distance="far" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "no number"),
+    ('<moveForward distance="nan" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "no number"),
+    ('<moveForward distance="1e999" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "number"),
+    ('<moveForward distance="500" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "above its"),
+    ('<moveForward distance="{d}" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "{d}"),
+    ('<moveForward distance="1" deadline_s="0"/>', Reason.PLAN_BAD_ARGUMENT, 3, "deadline_s"),
+    (GO.replace("/", ' speed="1"/'), Reason.PLAN_BAD_ARGUMENT, 3, "'speed'"),
+    (GO.replace("/", ' _skipIf="a"/'), Reason.PLAN_BAD_ARGUMENT, 3, "scripts"),
+    (GO.replace("/", ' name="a/b"/'), Reason.PLAN_BAD_ARGUMENT, 3, "slash"),
+    (GO.replace("/", "") + GO + "</moveForward>", Reason.PLAN_STRUCTURE, 3, "no children"),
+    ('<followPath waypoints="1,2,3,4" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "x,y"),
+    ('<moveTo x="1" y="2" controller="mcp"/>', Reason.PLAN_BAD_ARGUMENT, 3, "mpc perhaps"),
+    (MPC, Reason.PLAN_BAD_ARGUMENT, 3, "controller mpc: jackal does not offer it"),
+    ('<deleteFile path="../x" deadline_s="9"/>', Reason.PLAN_BAD_ARGUMENT, 3, "leaves the"),
+    ("<Sequence/>", Reason.PLAN_STRUCTURE, 3, "needs a child"),
+    (f"<Inverter>{GO}{GO}</Inverter>", Reason.PLAN_STRUCTURE, 3, "exactly 1 child"),
+    (f"<Repeat>{GO}</Repeat>", Reason.PLAN_BAD_ARGUMENT, 3, "num_cycles"),
+    (f'<Repeat num_cycles="-1">{GO}</Repeat>', Reason.PLAN_BAD_ARGUMENT, 3, "every plan ends"),
+    (f'<Timeout msec="1.5">{GO}</Timeout>', Reason.PLAN_BAD_ARGUMENT, 3, "no whole number"),
+    (f'<Parallel success_count="2">{GO}</Parallel>', Reason.PLAN_BAD_ARGUMENT, 3, "1 children"),
+    ("<Sequence>\n\n<Fallback></Sequence>", Reason.PLAN_NOT_XML, 5, "mismatched tag"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "reason", "line", "text"), FAULTS)
 def test_a_fault_is_told_with_its_line(body: str, reason: Reason, line: int, text: str) -> None:
     found = refusal(plan(body))
     assert (found.reason, found.argument) == (reason, 1)
@@ -89,29 +91,110 @@ def test_a_fault_is_told_with_its_line(body: str, reason: Reason, line: int, tex
     assert found.figures[0].value == line
 
 
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        (b"", Reason.PLAN_NOT_XML),
-        (b"hello", Reason.PLAN_NOT_XML),
-        (xml(GO).replace(b"<root", b"<!DOCTYPE r [<!ENTITY a 'b'>]><root"), Reason.PLAN_NOT_XML),
-        (b"<tree/>", Reason.PLAN_STRUCTURE),
-        (b"<root/>", Reason.PLAN_FORMAT),
-        (xml(GO).replace(b'="4"', b'="3"'), Reason.PLAN_FORMAT),
-        (b'<root BTCPP_format="4"/>', Reason.PLAN_STRUCTURE),
-        (xml(GO).replace(b'"Main">\n<Beh', b'"Other">\n<Beh'), Reason.PLAN_STRUCTURE),
-        (xml(GO, '<include path="/etc/passwd"/>'), Reason.PLAN_UNKNOWN_NODE),
-        (xml(GO, '<BehaviorTree ID="Main"><x/></BehaviorTree>'), Reason.PLAN_STRUCTURE),
-        (xml(GO, '<BehaviorTree ID="Unused"><x/></BehaviorTree>'), Reason.PLAN_UNKNOWN_NODE),
-        (xml(GO, "<!--" + "x" * 300_000 + "-->"), Reason.PLAN_TOO_LARGE),
-        (xml("<Sequence>" + GO * 600 + "</Sequence>"), Reason.PLAN_TOO_LARGE),
-        (xml("<Inverter>" * 70 + GO + "</Inverter>" * 70), Reason.PLAN_TOO_LARGE),
-        (xml('<Repeat num_cycles="1000">' * 2 + GO + "</Repeat>" * 2), Reason.PLAN_TOO_LARGE),
-    ],
-    ids=range(15),
-)
+NO_PLANS = [
+    (b"", Reason.PLAN_NOT_XML),
+    (b"hello", Reason.PLAN_NOT_XML),
+    (xml(GO).replace(b"<root", b"<!DOCTYPE r [<!ENTITY a 'b'>]><root"), Reason.PLAN_NOT_XML),
+    (b"<tree/>", Reason.PLAN_STRUCTURE),
+    (b"<root/>", Reason.PLAN_FORMAT),
+    (xml(GO).replace(b'="4"', b'="3"'), Reason.PLAN_FORMAT),
+    (b'<root BTCPP_format="4"/>', Reason.PLAN_STRUCTURE),
+    (xml(GO).replace(b'"Main">\n<Beh', b'"Other">\n<Beh'), Reason.PLAN_STRUCTURE),
+    (xml(GO, '<include path="/etc/passwd"/>'), Reason.PLAN_UNKNOWN_NODE),
+    (xml(GO, '<BehaviorTree ID="Main"><x/></BehaviorTree>'), Reason.PLAN_STRUCTURE),
+    (xml(GO, '<BehaviorTree ID="Unused"><x/></BehaviorTree>'), Reason.PLAN_UNKNOWN_NODE),
+    (xml(GO, "<!--" + "x" * 300_000 + "-->"), Reason.PLAN_TOO_LARGE),
+    (xml("<Sequence>" + GO * 600 + "</Sequence>"), Reason.PLAN_TOO_LARGE),
+    (xml("<Inverter>" * 70 + GO + "</Inverter>" * 70), Reason.PLAN_TOO_LARGE),
+    (xml('<Repeat num_cycles="1000">' * 2 + GO + "</Repeat>" * 2), Reason.PLAN_TOO_LARGE),
+]
+
+
+@pytest.mark.parametrize(("content", "reason"), NO_PLANS, ids=range(len(NO_PLANS)))
 def test_a_text_that_is_no_plan_is_refused(content: bytes, reason: Reason) -> None:
     assert refusal(replace(plan(GO), content=content)).reason is reason
+
+
+def test_a_rover_refuses_what_is_no_plan(bench: Bench) -> None:
+    bodies = [(plan(body), reason) for body, reason, *_ in FAULTS]
+    texts = [(replace(plan(GO), content=content), reason) for content, reason in NO_PLANS]
+    others = [
+        (plan(GO, "a b"), Reason.BAD_IDENTITY),
+        (replace(plan(GO), format="SCXML"), Reason.PLAN_FORMAT),
+        (plan(GO, far="1"), Reason.PLAN_BAD_ARGUMENT),
+    ]
+    for number, (definition, reason) in enumerate([*bodies, *texts, *others], 1):
+        assert bench.refusal(SubmitPlan(definition), number).reason is reason
+
+
+def spaced(places: str, length: int) -> str:
+    return f'<followPath waypoints="{places:{length}}" deadline_s="9"/>'
+
+
+def sized(octets: int) -> bytes:
+    return xml(GO, f"<!--{'x' * (octets - len(xml(GO, '<!---->')))}-->")
+
+
+def looped(times: int, leaves: int) -> str:
+    return f'<Repeat num_cycles="{times}"><Sequence>{GO * leaves}</Sequence></Repeat>'
+
+
+def named(length: int) -> str:
+    return GO.replace("/", f' name="{"n" * length}"/')
+
+
+def limited(msec: int) -> str:
+    return f'<Timeout msec="{msec}">{GO}</Timeout>'
+
+
+@pytest.mark.parametrize(
+    ("within", "beyond", "text"),
+    [
+        (sized(256 * 1024), sized(256 * 1024 + 1), "262144 at most"),
+        (
+            xml(GO, f'<BehaviorTree ID="T"><Sequence>{GO * 3995}</Sequence></BehaviorTree>'),
+            xml(GO, f'<BehaviorTree ID="T"><Sequence>{GO * 3996}</Sequence></BehaviorTree>'),
+            "4000 elements at most",
+        ),
+        (
+            xml("<Inverter>" * 61 + GO + "</Inverter>" * 61),
+            xml("<Inverter>" * 62 + GO + "</Inverter>" * 62),
+            "64 deep at most",
+        ),
+        (
+            xml(f"<Sequence>{GO * 498}</Sequence>"),
+            xml(f"<Sequence>{GO * 499}</Sequence>"),
+            "500 nodes at most",
+        ),
+        (xml(looped(1000, 10)), xml(looped(1000, 11)), "10000 at most"),
+        (xml(looped(1000, 1)), xml(looped(1001, 1)), "1 to 1000"),
+        (xml(GO.replace("9", "86400")), xml(GO.replace("9", "86400.01")), "86400 at most"),
+        (xml(limited(86_400_000)), xml(limited(86_400_001)), "86400000 at most"),
+        (xml(limited(1)), xml(limited(0)), "above 0"),
+        (xml(named(80)), xml(named(81)), "1 to 80 printable characters"),
+        (xml(spaced("1,0", 16_384)), xml(spaced("1,0", 16_385)), "16384 at most"),
+        (xml(spaced("1,0;" * 100, 0)), xml(spaced("1,0;" * 101, 0)), "bound of 100"),
+        (xml(GO), xml(spaced("1,0;" * 200, 0)), "bound of 100"),
+        (xml(GO), xml(spaced("1,0;" * 201, 0)), "200 at most"),
+        (xml(GO), xml(GO.replace('"1"', '"{d"')), "'{d' is no number"),
+        (xml('<moveTo x="5000" y="0" deadline_s="9"/>'), xml(GO.replace("1", "101")), "101 m"),
+    ],
+)
+def test_a_rover_takes_a_plan_up_to_each_bound(
+    bench: Bench, within: bytes, beyond: bytes, text: str
+) -> None:
+    assert isinstance(bench.submit(SubmitPlan(replace(plan(""), content=within)), 1), Admitted)
+    other = replace(plan("", "other"), content=beyond)
+    assert text in bench.refusal(SubmitPlan(other), 2).text
+
+
+def test_a_wrong_name_of_a_tree_is_held_against_the_first_of_many_alone(bench: Bench) -> None:
+    trees = [f"x{number:03}" for number in range(220)]
+    for number, (place, said) in enumerate(((100, True), (210, False)), 1):
+        names = [*trees[:place], "Landing", *trees[place:]]
+        others = "".join(f'<BehaviorTree ID="{name}">{GO}</BehaviorTree>' for name in names)
+        asked = SubmitPlan(plan('<SubTree ID="Landng"/>', others=others))
+        assert ("Landing perhaps" in bench.refusal(asked, number).text) is said
 
 
 def test_subtrees_cannot_grow_without_end() -> None:
