@@ -18,10 +18,12 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands import ResumePlan as GoOn
+from executive.geometry import STANDING
 from executive.goals import Context
 from executive.reasons import PREDICTED, Reason
 from executive.reports import Identity, Kind, Report, Stage
 from executive.settings import load_settings
+from executive.zones import KnownRock, Zones
 from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, KinematicRover
 from tests.support.plans import AHEAD, BACK, plan
 from trees import RoverTree
@@ -175,6 +177,50 @@ def test_a_plan_is_told_with_its_prediction_and_what_became_of_it(bench: Bench) 
     became = figures(ended)
     assert became["length"] == pytest.approx(became["predicted length"], abs=0.1)
     assert became["duration"] == pytest.approx(became["predicted duration"], rel=0.05, abs=0.3)
+
+
+SLOWLY = '<setTravelSpeed speed="0.4" deadline_s="5"/><setRotateSpeed speed="0.5" deadline_s="5"/>'
+TURN = '<rotateBy angle="2.0" deadline_s="60"/>'
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        f"<Sequence>{SLOWLY}{AHEAD}{TURN}</Sequence>",
+        f'<Sequence><Timeout msec="20000">{AHEAD}</Timeout>{TURN}</Sequence>',
+        f'<Sequence>{TURN}<takePicture deadline_s="9"/>{TURN}{AHEAD}</Sequence>',
+        f'<Repeat num_cycles="2"><Sequence>{AHEAD}{BACK}</Sequence></Repeat>',
+        f"<Fallback>{AHEAD}{BACK}</Fallback>",
+    ],
+)
+def test_a_plan_takes_what_was_predicted_whatever_it_is_made_of(bench: Bench, body: str) -> None:
+    bench.submit(SubmitPlan(plan(body)), 1)
+    bench.submit(ActivatePlan("survey"), 2)
+    bench.run(45.0)
+    ended = next(r for r in bench.heard.reports if "plan survey COMPLETED" in r.text)
+    became = figures(ended)
+    assert became["length"] == pytest.approx(became["predicted length"], abs=0.15)
+    assert became["duration"] == pytest.approx(became["predicted duration"], rel=0.05, abs=0.4)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        AHEAD.replace("60", "2"),
+        f'<Timeout msec="3000">{AHEAD}</Timeout>',
+        f"<Sequence>{AHEAD}{AHEAD}</Sequence>",
+        f"<Sequence>{TURN}{AHEAD.replace('4', '99')}{AHEAD.replace('4', '99')}</Sequence>",
+    ],
+)
+def test_of_a_plan_that_would_not_do_nothing_is_predicted(tmp_path: Path, body: str) -> None:
+    rock = KnownRock("boulder", 6.0, 0.0, 0.5)
+    settings = replace(load_settings("jackal"), zones=Zones(rocks=(rock,)))
+    with Bench(tmp_path, settings) as bench:
+        bench.submit(SubmitPlan(plan(body)), 1)
+        bench.submit(ActivatePlan("survey"), 2)
+        bench.run(1.5)
+        assert predictions(bench) == []
+        assert bench.rover.sent[-1] != STANDING
 
 
 def test_a_plan_that_was_suspended_is_not_compared(bench: Bench) -> None:
