@@ -3,13 +3,15 @@
     python -m tests.benchmarks.mutant_replays trace < paths
     python -m tests.benchmarks.mutant_replays check SECONDS < paths
 
-`trace` tells of each recording whether it decides the same, how long that took and which lines of
-the core it reached; `check` replays up to the first difference and tells where that is, with at
-most so much time of the processor.
+`trace` tells of each recording whether it decides the same, how long that took, which lines of
+the core it reached and which of the probed bounds it met; `check` replays up to the first
+difference and tells where that is, with at most so much time of the processor.
 """
 
+import builtins
 import json
 import multiprocessing
+import operator
 import resource
 import sys
 import time
@@ -17,9 +19,9 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from tests.benchmarks.mutation import ROOMS
+from tests.benchmarks.mutation import PROBE, ROOMS
 
 if TYPE_CHECKING:
     from adapters.recording.replay import Difference
@@ -37,12 +39,14 @@ class Traced:
         difference: where it decides otherwise; empty if it does not.
         took_s: seconds of this process.
         lines: of each file of the core, below the checkout.
+        met: places of probes where both sides were equal.
     """
 
     path: str
     difference: str
     took_s: float
     lines: dict[str, list[int]]
+    met: list[str]
 
 
 def difference_in(path: Path) -> str:
@@ -83,7 +87,20 @@ def _traced(path: str, do: Callable[[], str]) -> Traced:
         Path(file).relative_to(CHECKOUT).as_posix(): sorted(data.lines(file) or ())
         for file in data.measured_files()
     }
-    return Traced(path, difference, time.process_time() - began_s, lines)
+    return Traced(path, difference, time.process_time() - began_s, lines, sorted(_met))
+
+
+_met: set[str] = set()
+"""In this process."""
+
+
+def _compared(place: str, how: str, left: Any, right: Any) -> Any:
+    if left == right:
+        _met.add(place)
+    return getattr(operator, _OPERATORS.get(how, how))(left, right)
+
+
+_OPERATORS: Final = {"lte": "le", "gte": "ge"}
 
 
 def main() -> None:
@@ -98,6 +115,7 @@ def main() -> None:
                 print(f"{path.stem}: {difference}")
                 return
         return
+    setattr(builtins, PROBE, _compared)
     print(json.dumps(asdict(_traced("", _imported))), flush=True)
     # What a process remembers of one recording must not hide what another reaches.
     with multiprocessing.get_context("fork").Pool(1, maxtasksperchild=1) as pool:

@@ -15,7 +15,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -30,7 +30,7 @@ from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.reading import load_scenario, scenario_folder
 from tests.benchmarks.mutant_replays import Traced
-from tests.benchmarks.mutation import ROOMS, Mutant, MutantKind, sample, uses
+from tests.benchmarks.mutation import ROOMS, Mutant, MutantKind, probes, sample, uses
 from tests.stress.findings import Tell
 from tests.support.figures import Figure, Goal
 
@@ -77,8 +77,8 @@ def measure(number: int, seed: int, folder: Path | None, tell: Tell) -> list[Fig
         if not any(recordings.glob(f"*{SUFFIX}")):
             record_all(recordings, tell)
         tree = _copied(Path(scratch, "checkout"))
-        tell("tracing which lines each recording reaches ...")
-        imported, *traced = _traced(tree, sorted(recordings.glob(f"*{SUFFIX}")))
+        tell("tracing which lines each recording reaches, and which bounds ...")
+        imported, *traced = traces(tree, sorted(recordings.glob(f"*{SUFFIX}")))
         traced.sort(key=lambda each: each.took_s)
         usable = [each for each in traced if not each.difference]
         tell(f"{len(usable)} of {len(traced)} recordings are replayed equally; the control ...")
@@ -156,11 +156,23 @@ def _run(tree: Path, paths: Sequence[str], *what: str) -> "subprocess.CompletedP
     )
 
 
-def _traced(tree: Path, paths: Sequence[Path]) -> list[Traced]:
+def traces(tree: Path, paths: Sequence[Path]) -> list[Traced]:
+    """Return what is reached when the core is imported, and then by each recording.
+
+    Raises:
+        ChildProcessError: that cannot be found out.
+    """
+    probed = probes(CHECKOUT)
+    for path, (source, _) in probed.items():
+        (tree / path).write_bytes(source)
     done = _run(tree, [str(path.resolve()) for path in paths], "trace")
+    for path in probed:
+        shutil.copyfile(CHECKOUT / path, tree / path)
     if done.returncode != 0:
         raise ChildProcessError(f"the recordings cannot be traced:\n{done.stderr[-2000:]}")
-    return [Traced(**json.loads(line)) for line in done.stdout.splitlines()]
+    unknown = [place for _, left_out in probed.values() for place in left_out]
+    found = (Traced(**json.loads(line)) for line in done.stdout.splitlines())
+    return [replace(each, met=[*each.met, *unknown]) for each in found]
 
 
 def _difference(tree: Path, recordings: Sequence[Traced]) -> str:
@@ -183,6 +195,8 @@ def _judge(
         reaching = list(recordings)
     else:
         reaching = [each for each in recordings if _reaches(each, places)]
+    if mutant.probe:
+        reaching = [each for each in reaching if mutant.place in each.met]
     source = (CHECKOUT / mutant.path).read_bytes()
     noticed = ""
     if reaching:

@@ -40,6 +40,8 @@ NO_RULES: Final = (
 SAYS_NOTHING: Final = ("_LOG.", "assert_never(")
 """Calls that no decision depends on."""
 GREATER: Final = 1.2
+PROBE: Final = "_compared"
+"""A function that a probe calls: it is told where it is, how is compared, and both sides."""
 CLOSED: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt,
 }  # fmt: skip
@@ -75,6 +77,8 @@ class Mutant:
         constant: the name that a module gives to it; empty where it gives none.
         start, end: octets of the source that are replaced.
         text: what replaces them.
+        probe: what replaces them to find out whether the bound itself is ever met, without which
+            nothing changes; empty where that is not the question.
     """
 
     kind: MutantKind
@@ -87,9 +91,15 @@ class Mutant:
     start: int
     end: int
     text: str
+    probe: str = ""
 
     def __str__(self) -> str:
         return f"{self.path}:{self.first}: {self.kind.value}"
+
+    @property
+    def place(self) -> str:
+        """Where the first octet that is replaced is; what its probe tells."""
+        return f"{self.path}:{self.start}"
 
     def applied(self, source: bytes) -> bytes:
         """Return the source of the file, changed."""
@@ -112,6 +122,29 @@ def sample(checkout: Path, number: int, seed: int) -> list[Mutant]:
         random.shuffle(each)
     turns = zip_longest(*(found[kind] for kind in MutantKind))
     return list(islice(filter(None, chain.from_iterable(turns)), number))
+
+
+def probes(checkout: Path) -> dict[str, tuple[bytes, list[str]]]:
+    """Return sources with probes in them, by file, and which places have none.
+
+    Of two that lie in each other only the inner one is there.
+    """
+    of_files: defaultdict[str, list[Mutant]] = defaultdict(list)
+    for mutant in mutants(checkout):
+        if mutant.probe:
+            of_files[mutant.path].append(mutant)
+    found = {}
+    for path, there in of_files.items():
+        source = (checkout / path).read_bytes()
+        begun, left_out = len(source), []
+        for each in sorted(there, key=lambda each: each.start, reverse=True):
+            if each.end > begun:
+                left_out.append(each.place)
+                continue
+            source = source[: each.start] + each.probe.encode() + source[each.end :]
+            begun = each.start
+        found[path] = source, left_out
+    return found
 
 
 def uses(checkout: Path, constant: str) -> dict[str, set[int]] | None:
@@ -236,7 +269,8 @@ class _Finder(ast.NodeVisitor):
             kind = type(node.ops[0])
             self._replace(MutantKind.FLIP, node, _with(node, ops=[NEGATED[kind]()]))
             if kind in CLOSED:
-                self._replace(MutantKind.EDGE, node, _with(node, ops=[CLOSED[kind]()]))
+                other = ast.unparse(_with(node, ops=[CLOSED[kind]()]))
+                self._put(MutantKind.EDGE, node, other, self._probe(node))
         self.generic_visit(node)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
@@ -300,11 +334,19 @@ class _Finder(ast.NodeVisitor):
     def _replace(self, kind: MutantKind, node: ast.expr, other: ast.expr) -> None:
         self._put(kind, node, ast.unparse(other))
 
-    def _put(self, kind: MutantKind, node: ast.expr | ast.stmt, text: str) -> None:
+    def _probe(self, node: ast.Compare) -> str:
         start = self._at(node.lineno, node.col_offset)
-        self._add(kind, start, self._at(node.end_lineno, node.end_col_offset), text)
+        left, (right,), (operator,) = node.left, node.comparators, node.ops
+        sides = f"{ast.unparse(left)}, {ast.unparse(right)}"
+        lines = "\n" * ((node.end_lineno or node.lineno) - node.lineno)
+        place = f"{self._path}:{start}"  # as of the mutant
+        return f"{PROBE}({place!r}, {type(operator).__name__.lower()!r}, {sides}{lines})"
 
-    def _add(self, kind: MutantKind, start: int, end: int, text: str) -> None:
+    def _put(self, kind: MutantKind, node: ast.expr | ast.stmt, text: str, probe: str = "") -> None:
+        start = self._at(node.lineno, node.col_offset)
+        self._add(kind, start, self._at(node.end_lineno, node.end_col_offset), text, probe)
+
+    def _add(self, kind: MutantKind, start: int, end: int, text: str, probe: str = "") -> None:
         place = self._place
         self.found.append(
             Mutant(
@@ -318,6 +360,7 @@ class _Finder(ast.NodeVisitor):
                 start,
                 end,
                 text,
+                probe,
             )
         )
 

@@ -11,7 +11,7 @@ from adapters.cli.checkout import CHECKOUT
 from adapters.recording import RunFile
 from executive.commands import MoveForward
 from tests.benchmarks import mutants
-from tests.benchmarks.mutation import Mutant, MutantKind, sample
+from tests.benchmarks.mutation import Mutant, MutantKind, probes, sample
 from tests.benchmarks.mutation import mutants as mutants_of
 from tests.support.kinematic import Bench
 
@@ -74,6 +74,17 @@ def test_rules_are_changed_one_at_a_time_and_texts_are_not(tmp_path: Path) -> No
     assert heads["6.0"] == (6, 6, False)
     assert heads["self.age_s > LONGEST_S"] == (19, 21, True)
     assert heads[" if False"] == (16, 16, True), "what would be done no more"
+
+
+def test_where_a_bound_itself_is_met_is_probed_in_place(tmp_path: Path) -> None:
+    place = tmp_path / "executive" / "rules.py"
+    place.parent.mkdir()
+    place.write_text(RULES)
+    ((source, left_out),) = probes(tmp_path).values()
+    assert left_out == []
+    assert source.decode().count("_compared('executive/rules.py:") == 2
+    assert ast.dump(ast.parse(source)).count("LtE()") == 0
+    assert len(source.splitlines()) == len(RULES.splitlines())
 
 
 def test_a_sample_has_as_many_of_each_kind_and_is_that_of_its_seed() -> None:
