@@ -24,13 +24,14 @@ from executive.ports import (
     WholeMotion,
 )
 from executive.reasons import Figure, Refusal
-from executive.record import Ledger
+from executive.record import Ledger, LedgerError
 from executive.recording import (
     Answered,
     AskedSolver,
     Call,
     Called,
     CarriedOut,
+    CommitFailed,
     Drove,
     Entry,
     GroundHeard,
@@ -123,7 +124,7 @@ class RecordedExecutive(Executive):
     """An executive whose entries, inputs and decisions are put on a tape.
 
     Of questions of other threads what they have reported or decided is recorded. Faults of the
-    ledger, of the folder of files and of the video stream are not: runs in which they decide
+    stop latch, of the folder of files and of the video stream are not: runs in which they decide
     something cannot be replayed.
 
     Args:
@@ -152,6 +153,8 @@ class RecordedExecutive(Executive):
         self._box = RecordedInbox(tape) if inbox is None else inbox
         self._nodes: dict[str, SeenNode] = {}
         self._last_mode: ModeChanged | None = None
+        self._commits = 0
+        ledger.on_commit = self._note_commit
         self._time = LatchedClock(clock)
         self._call(Call.START)
         super().__init__(
@@ -230,8 +233,13 @@ class RecordedExecutive(Executive):
 
     def _begin(self, entry: Entry) -> None:
         if not is_within(entry):
-            self._box.looks = 0
+            self._box.looks = self._commits = 0
         self._tape.put(entry)
+
+    def _note_commit(self, error: LedgerError | None) -> None:
+        if error is not None:
+            self._tape.put(CommitFailed(self._commits, str(error)))
+        self._commits += 1
 
     def _tell_changes(self) -> None:
         """Record what is other than before of the tree, the mode and the command under way."""

@@ -162,7 +162,22 @@ class StopWaited:
     looks: int
 
 
-Input = Served | GroundHeard | SolverAnswered | SolverBusy | StopWaited | AuthorityAsked
+@dataclass(frozen=True, slots=True)
+class CommitFailed:
+    """The ledger could not be written.
+
+    Attributes:
+        commits: how often the core had committed in this entry before.
+        text: why.
+    """
+
+    commits: int
+    text: str
+
+
+Input = (
+    Served | GroundHeard | SolverAnswered | SolverBusy | StopWaited | AuthorityAsked | CommitFailed
+)
 """What comes in during an entry."""
 
 

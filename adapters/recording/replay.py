@@ -15,11 +15,11 @@ from adapters.recording.scripted import (
     Decisions,
     RecordedClock,
     ScriptedInbox,
+    ScriptedLedger,
     ScriptedSolver,
     StillRover,
     StillVideo,
 )
-from executive.record import Ledger, Synchronous
 from executive.recorded_executive import RecordedExecutive
 from executive.recording import (
     Call,
@@ -273,6 +273,7 @@ class _Core:
         self._solver: ScriptedSolver | None = None
         if life.solver_lead_ticks is not None:
             self._solver = ScriptedSolver(life.solver_lead_ticks)
+        self._ledger: ScriptedLedger | None = None
         self._executive: RecordedExecutive | None = None
         self._states: dict[str, NodeState] = {}
         (folder / "files").mkdir(parents=True)
@@ -294,6 +295,8 @@ class _Core:
         self._clock.entry = recorded.entry
         self._tape.decisions = []
         self._inbox.load(recorded.inputs)
+        if self._ledger is not None:
+            self._ledger.load(recorded.inputs)
         if self._solver is not None:
             self._solver.load(recorded.inputs)
         try:
@@ -365,12 +368,13 @@ class _Core:
 
     def _start(self) -> RecordedExecutive:
         settings = self._life.settings
+        self._ledger = ScriptedLedger(self._folder / "ledger.sqlite")
         executive = RecordedExecutive(
             self._tape,
             settings=settings,
             clock=self._clock,
             rover=StillRover(),
-            ledger=Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL),
+            ledger=self._ledger,
             files=self._folder / "files",
             downlinks=[],
             build_tree=RoverTree,

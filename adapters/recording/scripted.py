@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from math import inf
+from pathlib import Path
 from typing import assert_never
 
 from adapters.recording.messages import DECISIONS, encode, topic_of
@@ -13,10 +14,12 @@ from executive.geometry import Velocity
 from executive.inbox import Question, Submission
 from executive.motion import Plan, Problem
 from executive.ports import CameraIntent, WholeMotion
+from executive.record import Ledger, LedgerError, Synchronous
 from executive.recorded_executive import RecordedExecutive, RecordedInbox, with_recorded_answer
 from executive.recording import (
     Call,
     Called,
+    CommitFailed,
     Entry,
     Input,
     Item,
@@ -137,6 +140,31 @@ class ScriptedInbox(RecordedInbox):
             self._overtaken.add(self._taken)
         submission = Submission(self._taken, served.command, lambda _: None, lambda: None)
         return with_recorded_answer(submission, self._decisions)
+
+
+class ScriptedLedger(Ledger):
+    """Fails where that of the recording did."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, Synchronous.NORMAL)
+        self._failures: dict[int, str] = {}
+        self._commits = 0
+
+    def load(self, inputs: Sequence[Input | Entry]) -> None:
+        """Take which commits of the next entry fail."""
+        failed = (each for each in inputs if isinstance(each, CommitFailed))
+        self._failures = {each.commits: each.text for each in failed}
+        self._commits = 0
+
+    def commit(self) -> None:
+        """Write what has gathered, or fail as in the recording."""
+        text = self._failures.get(self._commits)
+        self._commits += 1
+        if text is None:
+            super().commit()
+            return
+        self.failing = True
+        raise LedgerError(text)
 
 
 class ScriptedSolver:

@@ -5,6 +5,7 @@ one thread uses it.
 """
 
 import sqlite3
+from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ class Database:
 
     Attributes:
         failing: whether the last commit failed, so that what has gathered is still to be written.
+        on_commit: called after each commit, with why it failed; None where it did not.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
@@ -41,6 +43,7 @@ class Database:
     ) -> None:
         self.path = path or ":memory:"
         self.failing = False
+        self.on_commit: Callable[[LedgerError | None], None] = lambda _: None
         self._pending: list[tuple[str, tuple[object, ...]]] = []
         try:
             if path is not None:
@@ -76,15 +79,22 @@ class Database:
 
     def commit(self) -> None:
         """Write what has gathered, whole or not at all; on an error it stays gathered."""
-        if not self._pending:
-            return
+        try:
+            if self._pending:
+                self._write_gathered()
+        except LedgerError as error:
+            self.failing = True
+            self.on_commit(error)
+            raise
+        self.on_commit(None)
+
+    def _write_gathered(self) -> None:
         try:
             self._db.execute("BEGIN")
             for statement, values in self._pending:
                 self._db.execute(statement, values)
             self._db.execute("COMMIT")
         except sqlite3.Error as error:
-            self.failing = True
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
             raise self._error(error) from error

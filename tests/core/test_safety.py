@@ -11,7 +11,6 @@ from executive.commands.lifecycle import Admitted, Refused
 from executive.geometry import STANDING, Pose
 from executive.goals import Context
 from executive.reasons import Reason
-from executive.record import LedgerError
 from executive.reports import Stage
 from executive.state import Battery, Odometry, Parameter
 from tests.support.kinematic import WHOLE_LIFE, Bench, ignoring
@@ -133,21 +132,17 @@ def test_a_leaf_that_raises_is_contained(exploding: Bench) -> None:
     bench.execute(MoveForward(1.0), 2)
 
 
-def test_without_a_ledger_only_a_stop_works(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_ledger_only_a_stop_works(bench: Bench) -> None:
     bench.drive_on()
-
-    def full() -> None:
-        raise LedgerError("disk full")
-
-    with monkeypatch.context() as broken:
-        broken.setattr(bench.ledger, "commit", full)
-        assert bench.refusal(MoveForward(1.0), 2).reason is Reason.LEDGER_FAILED
-        assert bench.rover.velocity == STANDING
-        assert bench.executive.mode is Mode.SAFE
-        place = bench.rover.pose
-        bench.submit(Stop(), 3)
-        bench.run(1.0)
-        assert bench.rover.pose == place
+    bench.fill_disk()
+    assert bench.refusal(MoveForward(1.0), 2).reason is Reason.LEDGER_FAILED
+    assert bench.rover.velocity == STANDING
+    assert bench.executive.mode is Mode.SAFE
+    place = bench.rover.pose
+    bench.submit(Stop(), 3)
+    bench.run(1.0)
+    assert bench.rover.pose == place
+    bench.fill_disk(False)
     bench.run(0.1)
     assert bench.stages(1)[-1] is Stage.FAILED
     assert bench.stages(2)[-1].terminal

@@ -37,7 +37,7 @@ from executive.motion.velocity_control import DriveLaw
 from executive.reasons import Reason, Refusal
 from executive.record import Ledger, Synchronous
 from executive.recorded_executive import RecordedExecutive, life_of
-from executive.recording import SolverAnswered, SwitchedVideo
+from executive.recording import CommitFailed, SolverAnswered, SwitchedVideo
 from executive.reports import Identity, Severity
 from executive.settings import config_folder, load_settings
 from executive.state import Odometry
@@ -375,6 +375,28 @@ def test_what_the_video_is_switched_to_is_recorded(tmp_path: Path) -> None:
     assert replay(path).difference is None
     switched = [each for each in RunReader(path).messages() if each.topic.kind is SwitchedVideo]
     assert [json.loads(each.data) for each in switched] == [{"on": True}]
+
+
+def test_a_ledger_that_cannot_be_written_for_a_while_is_replayed(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, Bench(tmp_path, tape=tape) as bench:
+        bench.drive_on()
+        bench.fill_disk()
+        assert bench.refusal(MoveForward(1.0), 2).reason is Reason.LEDGER_FAILED
+        bench.run(0.5)
+        bench.fill_disk(full=False)
+        bench.run(0.5)
+        bench.submit(Resume(), 3)
+        bench.execute(MoveForward(0.5), 4)
+        bench.fill_disk()
+        bench.executive.close()
+        bench.restart()
+        bench.run(0.5)
+        bench.execute(MoveForward(0.5), 5)
+    found = replay(path)
+    assert (found.difference, found.lives) == (None, 2)
+    failed = [each for each in RunReader(path).messages() if each.topic.kind is CommitFailed]
+    assert "readonly" in json.loads(failed[0].data)["text"]
 
 
 def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_path: Path) -> None:

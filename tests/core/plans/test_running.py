@@ -339,9 +339,10 @@ def test_a_plan_that_no_longer_fits_the_rover_fails_when_it_is_to_go_on(bench: P
     assert bench.executive.mode is Mode.IDLE
 
 
-def test_so_many_plans_are_kept(bench: PlanBench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.plans.planner.MOST_PLANS", 1)
-    bench.ask(SubmitPlan(plan(BACK)))
+def test_so_many_plans_are_kept(bench: PlanBench) -> None:
+    for number in range(99):
+        bench.ask(SubmitPlan(plan(BACK, f"plan-{number}")))
+    assert isinstance(bench.ask(SubmitPlan(plan(BACK))), Admitted)
     assert bench.plan_refusal(SubmitPlan(plan(BACK, "second"))).reason is Reason.TOO_MANY_PLANS
     bench.ask(RemovePlan("survey"))
     assert isinstance(bench.ask(SubmitPlan(plan(BACK, "second"))), Admitted)
