@@ -11,6 +11,7 @@ from typing import Any, Final, TypeVar
 
 from aiohttp import web
 
+from adapters.console.archive import Page, to_us
 from adapters.console.messages import CommandStatus, plain
 
 MOST_OCTETS: Final = 1 << 20
@@ -20,6 +21,10 @@ COMPRESSED_ASIDE: Final = 1 << 16
 """Octets of an answer from which on a thread compresses it, so that the loop goes on."""
 HIGHEST: Final = 1e11
 """Of a number in a query: seconds of three thousand years."""
+
+LIMIT: Final = 200
+MOST: Final = 1000
+"""Of what is newest, so many in one answer."""
 
 T = TypeVar("T")
 E = TypeVar("E", bound=Enum)
@@ -139,6 +144,21 @@ def count_of(request: web.Request, name: str, default: int, most: int) -> int:
         text = f"{name}: a number from 1 to {most} is needed"
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field=name, low=1, high=most)
     return int(number)
+
+
+def page_of(request: web.Request) -> Page:
+    """Return which part of what is newest a query asks for.
+
+    Raises:
+        RefusedError: it makes no sense.
+    """
+    start, before = number_of(request, "start", None), number_of(request, "before", None)
+    return Page(
+        asset=request.query.get("asset"),
+        start_us=None if start is None else to_us(start),
+        before_us=None if before is None else to_us(before),
+        limit=count_of(request, "limit", LIMIT, MOST),
+    )
 
 
 def one_of(kind: type[E], name: str, value: object) -> E:

@@ -136,6 +136,12 @@ class Fleet:
             return None
         return known.settings.video.to_host, known.settings.video.to_port
 
+    def limits_of(self, asset: str, key: str) -> tuple[float | None, float | None]:
+        """Return between which values a parameter may be; None for no bound."""
+        known = self.assets.get(asset)
+        parameters = () if known is None else known.entry.parameters
+        return next(((each.low, each.high) for each in parameters if each.key == key), (None, None))
+
     def on_asset(self, link: RoverLink, definitions: tuple[ParameterDefinition, ...]) -> None:
         """Take in what an asset is."""
         assert link.info is not None

@@ -21,13 +21,13 @@ from adapters.console.answers import (
     json_answer,
     number_of,
     one_of,
+    page_of,
     refused,
 )
 from adapters.console.archive import (
     MOST_SAMPLES,
     Archive,
     Conflict,
-    Page,
     Parameter,
     Strategy,
     Wanted,
@@ -50,8 +50,6 @@ from adapters.console.recordings import Recordings
 
 T = TypeVar("T")
 
-LIMIT: Final = 200
-MOST: Final = 1000
 SIZE: Final = 500
 MOST_KEYS: Final = 1000
 LONGEST_KEY: Final = 256
@@ -136,17 +134,17 @@ class History:
         return answer({"samples": found})
 
     async def _commands(self, request: web.Request) -> web.Response:
-        page = _page(request)
+        page = page_of(request)
         found = await self._read(page.asset, partial(read_commands, page=page))
         return json_answer(f'{{"commands":{found}}}')
 
     async def _notifications(self, request: web.Request) -> web.Response:
-        page = _page(request)
+        page = page_of(request)
         found = await self._read(page.asset, partial(read_notifications, page=page))
         return json_answer(f'{{"notifications":{found}}}')
 
     async def _records(self, request: web.Request) -> web.Response:
-        ty, page = request.match_info["ty"], _page(request)
+        ty, page = request.match_info["ty"], page_of(request)
         found = await self._read(page.asset, partial(read_records, ty=ty, page=page))
         return json_answer(f'{{"records":{found}}}')
 
@@ -240,16 +238,6 @@ def _last_of(
         for key, link in wanted
         for sample in read_last_sample(connection, asset, key, link, end_us)
     ]
-
-
-def _page(request: web.Request) -> Page:
-    start, before = number_of(request, "start", None), number_of(request, "before", None)
-    return Page(
-        asset=request.query.get("asset"),
-        start_us=None if start is None else to_us(start),
-        before_us=None if before is None else to_us(before),
-        limit=count_of(request, "limit", LIMIT, MOST),
-    )
 
 
 def _link(value: object) -> Link | None:

@@ -14,6 +14,7 @@ from typing import Final
 
 from adapters.console.messages import (
     PROTOCOL,
+    AlarmStatus,
     Broadcast,
     CommandStatus,
     FileChanged,
@@ -223,6 +224,10 @@ class Hub:
                 pass
             case Presence():
                 self._standing[message.ty,] = message
+            case AlarmStatus(id=number):
+                self._standing[message.ty, number] = message
+                if not message.standing:
+                    del self._standing[message.ty, number]
             case LinkStatus(uri=uri):
                 self._standing[message.ty, uri] = message
             case _:

@@ -303,6 +303,41 @@ class Notified:
 
 
 @dataclass(frozen=True, slots=True)
+class AlarmStatus:
+    """An alarm (ISA-18.2): it stands until it is both cleared and acknowledged.
+
+    Attributes:
+        source: what it is an alarm of; one of a source stands at a time.
+        severity: as of a notification.
+        command: the id of the command that it is of.
+        raised, last: when it occurred first and last, by the clock aboard.
+        occurrences: how often it occurred.
+        cleared: when what it tells of was over, by the clock aboard; None while it is active.
+        operator, acknowledged: who acknowledged it, and when, by the console's clock.
+    """
+
+    ty: ClassVar[str] = "alarm"
+
+    id: int
+    asset: str
+    source: str
+    severity: str
+    text: str
+    command: str | None
+    raised: float
+    last: float
+    occurrences: int
+    cleared: float | None
+    operator: str | None
+    acknowledged: float | None
+
+    @property
+    def standing(self) -> bool:
+        """Whether something is still to be done about it."""
+        return self.cleared is None or self.acknowledged is None
+
+
+@dataclass(frozen=True, slots=True)
 class LinkStatus:
     """How a link to an asset is.
 
@@ -427,6 +462,7 @@ Broadcast = (
     CommandStatus
     | AuthorityHeld
     | Notified
+    | AlarmStatus
     | LinkStatus
     | AssetState
     | PlanProgress

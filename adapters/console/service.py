@@ -15,6 +15,7 @@ import click
 from aiohttp import web
 
 from adapters.console.access import Access, read_tokens
+from adapters.console.alarms import Alarms
 from adapters.console.archive import (
     Archive,
     Retention,
@@ -32,7 +33,7 @@ from adapters.console.files import Files
 from adapters.console.fleet import Fleet
 from adapters.console.history import History
 from adapters.console.hub import KEPT_COMMANDS, Hub
-from adapters.console.messages import Broadcast, CommandStatus, Link, Sample, TreeState
+from adapters.console.messages import Broadcast, CommandStatus, Link, Notified, Sample, TreeState
 from adapters.console.operations import Operations
 from adapters.console.plans import Plans
 from adapters.console.recordings import Recordings
@@ -124,14 +125,18 @@ async def _serving(
     def publish(message: Broadcast) -> None:
         hub.publish(message)
         archive.put(message)
+        if isinstance(message, Notified):
+            alarms.hear_report(message)
 
     def sample(value: Sample) -> None:
         hub.sample(value)
         archive.put(value)
+        alarms.hear_sample(value)
 
     def tree(state: TreeState) -> None:
         hub.tree(state)
         archive.put_tree(state)
+        alarms.hear_tree(state)
 
     async def find(name: str) -> CommandStatus | None:
         return await archive.read(partial(read_command, name=name))
@@ -150,6 +155,7 @@ async def _serving(
         fleet = Fleet(uris, options.to[0].terms, publish, sample, tree, last_known, tracker, desk)
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
+    alarms = Alarms(archive, publish, fleet.limits_of)
     commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
     recordings = Recordings(_emptied(options.data / OPENED), publish)
     routes = [
@@ -160,6 +166,7 @@ async def _serving(
         *Video(options.video, fleet.video_of).routes(),
         *recordings.routes(),
         *History(archive, recordings, publish).routes(),
+        *alarms.routes(),
     ]
 
     def entries() -> Iterator[AssetEntry]:
@@ -170,7 +177,13 @@ async def _serving(
     )
     await runner.setup()
     site = web.TCPSite(runner, options.host, options.port, ssl_context=context)
-    working = [archive.run(), tracker.run(), desk.run(), retain(archive, options.retention)]
+    working = [
+        archive.run(),
+        tracker.run(),
+        desk.run(),
+        alarms.run(),
+        retain(archive, options.retention),
+    ]
     tasks = [begin(each) for each in working]
     try:
         try:

@@ -15,7 +15,19 @@ from adapters.mrs.cli import Target
 from adapters.mrs.terms import CLEAR, Terms
 
 LIMIT_S = 60.0
-ALL = ("cmd", "ntf", "auth", "link", "asset", "plan", "file", "presence", "dictionary", "obj")
+ALL = (
+    "cmd",
+    "ntf",
+    "alarm",
+    "auth",
+    "link",
+    "asset",
+    "plan",
+    "file",
+    "presence",
+    "dictionary",
+    "obj",
+)
 
 Said = dict[str, Any]
 

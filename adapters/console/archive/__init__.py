@@ -1,7 +1,16 @@
 """What the console keeps: telemetry, commands, notifications and what operators make."""
 
+from adapters.console.archive.alarms import (
+    Change,
+    Cleared,
+    Raised,
+    acknowledge_alarms,
+    change_alarms,
+    read_alarms,
+    standing_alarms,
+)
 from adapters.console.archive.archive import Archive, Written, to_us
-from adapters.console.archive.database import ArchiveError, open_database
+from adapters.console.archive.database import ArchiveError, cause_of, open_database
 from adapters.console.archive.objects import (
     Conflict,
     Stored,
@@ -37,16 +46,22 @@ __all__ = [
     "MOST_SAMPLES",
     "Archive",
     "ArchiveError",
+    "Change",
+    "Cleared",
     "Conflict",
     "ExportRow",
     "Page",
     "Parameter",
     "PlanRevision",
+    "Raised",
     "Retention",
     "Stored",
     "Strategy",
     "Wanted",
     "Written",
+    "acknowledge_alarms",
+    "cause_of",
+    "change_alarms",
     "delete_object",
     "delete_old",
     "export_page",
@@ -60,6 +75,7 @@ __all__ = [
     "list_plans",
     "open_database",
     "put_object",
+    "read_alarms",
     "read_command",
     "read_commands",
     "read_last_sample",
@@ -67,5 +83,6 @@ __all__ = [
     "read_records",
     "read_samples",
     "retain",
+    "standing_alarms",
     "to_us",
 ]

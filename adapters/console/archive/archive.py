@@ -19,6 +19,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from adapters.console.archive.database import SQLITE, ArchiveError, cause_of
 from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
 from adapters.console.messages import (
+    AlarmStatus,
     AssetState,
     AuthorityHeld,
     Broadcast,
@@ -185,7 +186,7 @@ class Archive:
                     records.append(self._record(message, message.since))
                 case FileChanged():
                     records.append(self._record(message, message.rx))
-                case Presence() | DictionaryChanged() | ObjectChanged():
+                case AlarmStatus() | Presence() | DictionaryChanged() | ObjectChanged():
                     pass
                 case _:
                     assert_never(message)

@@ -1,7 +1,8 @@
 """How long the archive keeps what it heard: by age, and by how much there is.
 
-Age counts by the console's clock: that of a rover may be wrong. Operators' objects and plans stay.
-So does the last notification of each link, from which on the console asks for more.
+Age counts by the console's clock: that of a rover may be wrong. Operators' objects, plans, and
+alarms that stand stay. So does the last notification of each link, from which on the console asks
+for more.
 """
 
 import asyncio
@@ -16,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive.archive import Archive, to_us
 from adapters.console.archive.queries import find_parameters
-from adapters.console.archive.tables import COMMAND, NOTIFICATION, RECORD, SAMPLE
+from adapters.console.archive.tables import ALARM, COMMAND, NOTIFICATION, RECORD, SAMPLE
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -84,6 +85,7 @@ async def _delete_before(archive: Archive, rx_us: int) -> int:
         NOTIFICATION.delete().where(NOTIFICATION.c.rx_us < rx_us, NOTIFICATION.c.id.not_in(newest)),
         COMMAND.delete().where(COMMAND.c.made_us < rx_us, COMMAND.c.ended == 1),
         RECORD.delete().where(RECORD.c.rx_us < rx_us),
+        ALARM.delete().where(ALARM.c.acknowledged_us < rx_us, ALARM.c.standing == 0),
     ):
         deleted += await archive.write(partial(_execute, deleting=deleting))
     return deleted

@@ -120,3 +120,25 @@ PLAN: Final = Table(
     Index(None, "asset", "id"),
 )
 """Each revision of a plan that was submitted here."""
+
+ALARM: Final = Table(
+    "alarm",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("asset", String(256), nullable=False),
+    Column("source", String(256), nullable=False),
+    Column("severity", String(16), nullable=False),
+    Column("text", Text, nullable=False),
+    Column("command", String(512)),
+    Column("raised_us", BigInteger, nullable=False),
+    Column("last_us", BigInteger, nullable=False),
+    Column("occurrences", Integer, nullable=False),
+    Column("cleared_us", BigInteger),
+    Column("operator", String(256)),
+    Column("acknowledged_us", BigInteger),
+    Column("standing", SmallInteger, nullable=False),
+    Index(None, "standing"),
+    Index(None, "asset", "source"),
+    Index(None, "raised_us"),
+)
+"""An alarm, from its first occurrence until it is both cleared and acknowledged, and after that."""

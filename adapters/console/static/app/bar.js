@@ -3,6 +3,7 @@
  * this page is connected at all.
  */
 
+import * as alarms from "./alarms.js";
 import { ask, operator } from "./connection.js";
 import { contextOf } from "./context.js";
 import { eachFrame, html, keep, say, set } from "./dom.js";
@@ -56,12 +57,21 @@ export function mount(element, session, shown) {
     html("b", { textContent: "STOP" }),
     html("small", { textContent: STOP_KEYS[0] }),
   );
+  const alarm = html("button", {
+    type: "button",
+    className: "alarms",
+    "data-testid": "alarms",
+    title: "alarms of all rovers; click to see and acknowledge them",
+    onclick: toggleAlarms,
+  });
+  const list = html("div", { className: "alarm-list", hidden: true });
   const told = html("div", { className: "told", role: "alert", hidden: true });
   const lost = html("div", { className: "lost", role: "alert", hidden: true });
   const root = html(
     "header",
     { className: "rover-bar" },
-    html("div", { className: "row" }, picker, mode, resume, doing, links, html("span", { className: "authority" }, authority, buttons), html("span", { className: "who" }, name, pages), stop),
+    html("div", { className: "row" }, picker, mode, resume, doing, links, html("span", { className: "authority" }, authority, buttons), html("span", { className: "who" }, name, pages), alarm, stop),
+    list,
     told,
     lost,
   );
@@ -95,6 +105,22 @@ export function mount(element, session, shown) {
     }
   }
 
+  function toggleAlarms() {
+    if (list.hidden) unmountAlarms = alarms.mount(list, { session, asset: null });
+    else unmountAlarms();
+    list.hidden = !list.hidden;
+    alarm.setAttribute("aria-expanded", String(!list.hidden));
+  }
+  let unmountAlarms = () => {};
+
+  function drawAlarms() {
+    const standing = [...session.alarms.values()];
+    const open = standing.filter(alarms.isUnacknowledged);
+    say(alarm, `${open.length || standing.length || "no"} alarm${(open.length || standing.length) === 1 ? "" : "s"}${standing.length && !open.length ? " acknowledged" : ""}`);
+    const worst = open.some((each) => each.severity !== "WARNING") ? "alarm" : open.length ? "warning" : "none";
+    set(alarm, { "data-worst": worst, "data-open": open.length });
+  }
+
   async function act(what, more = {}) {
     const rover = asset();
     try {
@@ -125,6 +151,7 @@ export function mount(element, session, shown) {
     say(doing, recording ? `of ${recording.rover}, to be looked at only` : rover ? doingOf(rover) : session.unreached());
     keep(links, rover ? [...rover.links.values()] : [], (link) => link.link, () => html("span", { className: "link" }), drawLink);
     drawAuthority(rover);
+    drawAlarms();
     say(name, operator.name);
     const others = session.presence.length - 1;
     say(pages, others > 0 ? `and ${others} more page${others > 1 ? "s" : ""}` : "alone here");
@@ -202,6 +229,7 @@ export function mount(element, session, shown) {
   const ends = [
     session.on("assets", watch),
     session.on("presence", draw),
+    session.on("alarms", draw),
     session.onSecond(draw),
     session.connection.on(draw),
   ];
@@ -211,6 +239,7 @@ export function mount(element, session, shown) {
     removeEventListener("keydown", onKey, { capture: true });
     [...ends, ...[...offs.values()].flat()].forEach((off) => off());
     clearTimeout(hiding);
+    unmountAlarms();
     root.remove();
   };
 }

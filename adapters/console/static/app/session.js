@@ -4,7 +4,7 @@ import { Asset } from "./asset.js";
 import { Connection, ask, operator } from "./connection.js";
 
 /** What a page hears of that shows neither log nor tree. */
-export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary"];
+export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm"];
 const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "obj"];
 const HISTORY_S = 3600;
 const MOST_SAMPLES = 20000;
@@ -20,6 +20,8 @@ export class Session {
   #becomeReady = () => {};
   /** @type {Map<string, Asset>} */
   assets = new Map();
+  /** @type {Map<number, import("./alarms.js").Alarm>} those that stand, of all assets */
+  alarms = new Map();
   /** @type {any[]} pages that are open */
   presence = [];
   /** when the dictionary was read for the first time */
@@ -53,7 +55,7 @@ export class Session {
   }
 
   /**
-   * @param {"second" | "assets" | "presence" | "object"} topic
+   * @param {"second" | "assets" | "presence" | "object" | "alarms"} topic
    * @param {(what?: any) => void} listener
    */
   on(topic, listener) {
@@ -101,6 +103,7 @@ export class Session {
       case "hello":
         if (message.operator !== operator.name) operator.name = message.operator;
         if (!message.resumed) this.#catchUp();
+        if (!message.resumed) this.alarms.clear();
         this.#heard = { instance: message.instance, seq: message.resumed ? this.#heard.seq : message.seq };
         break;
       case "tm":
@@ -111,6 +114,11 @@ export class Session {
         break;
       case "ntf":
         this.asset(message.asset).addNotices([message]);
+        break;
+      case "alarm":
+        if (message.cleared === null || message.acknowledged === null) this.alarms.set(message.id, message);
+        else this.alarms.delete(message.id);
+        this.#tell("alarms");
         break;
       case "auth":
         this.#set(message, "authority");

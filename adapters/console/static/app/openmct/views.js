@@ -1,5 +1,6 @@
 /** Our views as views of Open MCT: each of an object of its own, by an asset. */
 
+import * as alarms from "../alarms.js";
 import * as commandForm from "../command_form.js";
 import * as commandTable from "../command_table.js";
 import { contextOf } from "../context.js";
@@ -22,6 +23,7 @@ export const VIEWS = {
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values },
   log: { name: "Log", icon: "icon-list-view", view: log },
+  alarms: { name: "Alarms", icon: "icon-bell", view: alarms, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
   files: { name: "Files and pictures", icon: "icon-image", view: files, of: "rover" },

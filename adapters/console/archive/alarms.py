@@ -1,0 +1,170 @@
+"""Alarms as the archive has them, which all consoles at one database share.
+
+One of a source stands at a time. What was heard before (by another link, by another console, or
+again after a restart) changes nothing: occurrences are told apart by their time aboard.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, Row, or_, select, text
+
+from adapters.console.archive.archive import US_PER_S, to_us
+from adapters.console.archive.database import POSTGRESQL
+from adapters.console.archive.queries import Page
+from adapters.console.archive.tables import ALARM
+from adapters.console.messages import AlarmStatus
+
+
+@dataclass(frozen=True, slots=True)
+class Raised:
+    """Something occurred that calls for an alarm.
+
+    Attributes:
+        source: what it is an alarm of.
+        utc: when it occurred, by the clock aboard.
+        lasts: whether it goes on until it is told to be over (`Cleared`).
+        again: whether it is another occurrence where the alarm is active already.
+    """
+
+    asset: str
+    source: str
+    utc: float
+    severity: str
+    text: str
+    command: str | None = None
+    lasts: bool = False
+    again: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Cleared:
+    """What an alarm tells of is over."""
+
+    asset: str
+    source: str
+    utc: float
+
+
+Change = Raised | Cleared
+
+
+def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
+    """Raise and clear alarms, in this order."""
+    _lock(connection)
+    for change in changes:
+        known = _last(connection, change)
+        match change:
+            case Raised():
+                _raise(connection, change, known)
+            case Cleared(utc=utc):
+                active = known is not None and known.cleared_us is None
+                if known is not None and active and to_us(utc) >= known.last_us:
+                    standing = int(known.acknowledged_us is None)
+                    _update(connection, known.id, cleared_us=to_us(utc), standing=standing)
+
+
+def acknowledge_alarms(
+    connection: Connection, seen: Sequence[tuple[int, int]], operator: str, utc_s: float
+) -> None:
+    """Acknowledge alarms as somebody saw them; what has occurred since then stays as it is.
+
+    Args:
+        connection: of the one thread that writes.
+        seen: the id of each, and how often it had occurred.
+        operator: who acknowledges them.
+        utc_s: when.
+    """
+    _lock(connection)
+    for number, occurrences in seen:
+        chosen = (
+            ALARM.c.id == number,
+            ALARM.c.occurrences == occurrences,
+            ALARM.c.acknowledged_us.is_(None),
+        )
+        row = connection.execute(select(ALARM).where(*chosen)).first()
+        if row is not None:
+            standing = int(row.cleared_us is None)
+            by = {"operator": operator, "acknowledged_us": to_us(utc_s)}
+            _update(connection, number, standing=standing, **by)
+
+
+def standing_alarms(connection: Connection, also: Sequence[int] = ()) -> list[AlarmStatus]:
+    """Return the alarms that stand, and some others by their ids, in the order of ids."""
+    chosen = select(ALARM).where(or_(ALARM.c.standing == 1, ALARM.c.id.in_(also)))
+    return [_status(row) for row in connection.execute(chosen.order_by(ALARM.c.id))]
+
+
+def read_alarms(connection: Connection, page: Page) -> list[AlarmStatus]:
+    """Return alarms, those that stand and those that do not any more, newest first."""
+    chosen = select(ALARM)
+    if page.asset is not None:
+        chosen = chosen.where(ALARM.c.asset == page.asset)
+    if page.start_us is not None:
+        chosen = chosen.where(ALARM.c.raised_us >= page.start_us)
+    if page.before_us is not None:
+        chosen = chosen.where(ALARM.c.raised_us < page.before_us)
+    ordered = chosen.order_by(ALARM.c.raised_us.desc(), ALARM.c.id.desc())
+    return [_status(row) for row in connection.execute(ordered.limit(page.limit))]
+
+
+def _lock(connection: Connection) -> None:
+    """Keep other consoles from changing alarms until this transaction is over."""
+    if connection.dialect.name == POSTGRESQL:
+        connection.execute(text("LOCK TABLE alarm IN SHARE ROW EXCLUSIVE MODE"))
+
+
+def _raise(connection: Connection, raised: Raised, known: Row[Any] | None) -> None:
+    utc_us = to_us(raised.utc)
+    if known is not None and utc_us <= known.last_us:
+        return
+    told = {
+        "severity": raised.severity,
+        "text": raised.text,
+        "command": raised.command,
+        "last_us": utc_us,
+        "cleared_us": None if raised.lasts else utc_us,
+        "operator": None,
+        "acknowledged_us": None,
+    }
+    if known is None or not known.standing:
+        first = {
+            "asset": raised.asset,
+            "source": raised.source,
+            "raised_us": utc_us,
+            "occurrences": 1,
+        }
+        connection.execute(ALARM.insert().values(**first, **told, standing=1))
+    elif raised.again or known.cleared_us is not None:
+        _update(connection, known.id, occurrences=known.occurrences + 1, **told)
+
+
+def _last(connection: Connection, change: Change) -> Row[Any] | None:
+    chosen = (ALARM.c.asset == change.asset, ALARM.c.source == change.source)
+    newest = select(ALARM).where(*chosen).order_by(ALARM.c.id.desc()).limit(1)
+    return connection.execute(newest).first()
+
+
+def _update(connection: Connection, number: int, **changed: Any) -> None:
+    connection.execute(ALARM.update().where(ALARM.c.id == number).values(**changed))
+
+
+def _status(row: Row[Any]) -> AlarmStatus:
+    def utc(us: int | None) -> float | None:
+        return None if us is None else us / US_PER_S
+
+    return AlarmStatus(
+        id=row.id,
+        asset=row.asset,
+        source=row.source,
+        severity=row.severity,
+        text=row.text,
+        command=row.command,
+        raised=row.raised_us / US_PER_S,
+        last=row.last_us / US_PER_S,
+        occurrences=row.occurrences,
+        cleared=utc(row.cleared_us),
+        operator=row.operator,
+        acknowledged=utc(row.acknowledged_us),
+    )

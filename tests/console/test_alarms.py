@@ -1,0 +1,173 @@
+"""Alarms: raised, cleared and acknowledged, by several consoles and over restarts."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Engine
+
+from adapters.console.archive import (
+    Archive,
+    Change,
+    Cleared,
+    Page,
+    Raised,
+    Retention,
+    acknowledge_alarms,
+    change_alarms,
+    delete_old,
+    read_alarms,
+    standing_alarms,
+)
+from adapters.console.messages import AlarmStatus
+from tests.console.conftest import Launch
+from tests.console.consoles import Operator, Said, at_console
+from tests.console.postgres import fresh
+from tests.mrs.aboard import Aboard
+
+LOW_V, FULL_V = 20.0, 26.0
+BATTERY = "fault 905"
+VOLTAGE = "limit BATERY_VOLTAGE"
+
+
+def is_alarm(source: str, **wanted: object) -> Callable[[Said], bool]:
+    return lambda said: (
+        (said["ty"], said.get("source")) == ("alarm", source)
+        and all(said[name] == value for name, value in wanted.items())
+    )
+
+
+def show(rover: Aboard, voltage_v: float) -> None:
+    """Let the battery show a voltage."""
+    rover.do(lambda bench: setattr(bench, "voltage_v", voltage_v))
+
+
+async def acknowledge(operator: Operator, *alarms: Said) -> list[Said]:
+    seen = [[each["id"], each["occurrences"]] for each in alarms]
+    status, answer = await operator.post("api/alarms/acknowledge", alarms=seen)
+    assert status == 200
+    found: list[Said] = answer["alarms"]
+    return found
+
+
+async def test_an_alarm_stands_until_it_is_cleared_and_acknowledged(
+    rover: Aboard, tmp_path: Path
+) -> None:
+    topics = ("link", "alarm", "cmd")
+    async with at_console(tmp_path, rover.uri, "anna", "ben", topics=topics) as (anna, ben):
+        await anna.page.is_up()
+        show(rover, LOW_V)
+        low = await anna.page.until(is_alarm(BATTERY))
+        assert (low["severity"], low["cleared"], low["acknowledged"]) == ("ALARM", None, None)
+        assert low["text"].startswith("the battery")
+        voltage = await ben.page.until(is_alarm(VOLTAGE))
+        assert voltage["text"] == "BATERY_VOLTAGE is 20, below 22"
+        (stale,) = await acknowledge(anna, {**low, "occurrences": 7})
+        assert stale["operator"] is None
+        await acknowledge(anna, low)
+        by = await ben.page.until(is_alarm(BATTERY, operator="anna"))
+        assert (by["cleared"], by["id"]) == (None, low["id"])
+    async with at_console(tmp_path, rover.uri, "ben", topics=topics) as (ben,):
+        assert (await ben.page.until(is_alarm(BATTERY)))["operator"] == "anna"
+        show(rover, FULL_V)
+        over = await ben.page.until(is_alarm(VOLTAGE, acknowledged=None))
+        if over["cleared"] is None:
+            over = await ben.page.until(is_alarm(VOLTAGE))
+        assert over["cleared"] > voltage["raised"]
+        (done,) = await acknowledge(ben, over)
+        assert (done["operator"], done["cleared"]) == ("ben", over["cleared"])
+        assert (await ben.send("go on", "resume"))[0] == 202
+        ended = await ben.page.until(lambda said: is_alarm(BATTERY)(said) and said["cleared"])
+        assert ended["operator"] == "anna"
+        history = (await ben.get("api/alarms", asset="jackal"))["alarms"]
+        assert {BATTERY, VOLTAGE} <= {each["source"] for each in history}
+        async with ben.open_page(*topics) as page:
+            await page.is_up()
+            standing = {each["source"] for each in page.got if each["ty"] == "alarm"}
+            assert not standing & {BATTERY, VOLTAGE}
+
+
+async def test_what_happens_once_is_over_at_once_and_counted(rover: Aboard, tmp_path: Path) -> None:
+    async with at_console(tmp_path, rover.uri, "anna", topics=("link", "alarm", "cmd")) as (anna,):
+        await anna.page.is_up()
+        for number in (1, 2):
+            await anna.send(f"far {number}", "activatePlan", plan_id="none")
+            refused = await anna.page.until(
+                lambda said: said["ty"] == "alarm" and said["source"].startswith("command REJECTED")
+            )
+            assert refused["occurrences"] == number
+            assert refused["command"] == f"far {number}"
+            assert refused["cleared"] == refused["last"]
+        for wrong in ("x", [[1]], [[1, True]], [["1", 1]]):
+            status, answer = await anna.post("api/alarms/acknowledge", alarms=wrong)
+            assert (status, answer["field"]) == (422, "alarms")
+
+
+async def test_consoles_at_one_database_show_the_same(
+    launch: Launch, postgres: str, tmp_path: Path
+) -> None:
+    rover = launch()
+    rover.runs = True
+    topics, url = ("link", "alarm"), fresh(postgres)
+    async with (
+        at_console(tmp_path / "one", rover.uri, "anna", topics=topics, archive=url) as (anna,),
+        at_console(tmp_path / "two", rover.uri, "ben", topics=topics, archive=url) as (ben,),
+    ):
+        for somebody in (anna, ben):
+            await somebody.page.is_up()
+        show(rover, LOW_V)
+        here = await anna.page.until(is_alarm(BATTERY))
+        there = await ben.page.until(is_alarm(BATTERY))
+        assert there["id"] == here["id"]
+        await acknowledge(ben, there)
+        seen = await anna.page.until(is_alarm(BATTERY, operator="ben"))
+        assert seen["occurrences"] == 1
+        alarms = (await anna.get("api/alarms"))["alarms"]
+        assert len(alarms) == len({each["source"] for each in alarms})
+
+
+async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
+    archive = Archive(engine)
+    raised = partial(Raised, "jackal", "fault 1", severity="ALARM", text="low", lasts=True)
+
+    async def change(*changes: Change) -> list[AlarmStatus]:
+        await archive.write(partial(change_alarms, changes=changes))
+        return await archive.read(standing_alarms)
+
+    async def acknowledge(alarm: AlarmStatus, utc: float) -> list[AlarmStatus]:
+        seen = [(alarm.id, alarm.occurrences)]
+        act = partial(acknowledge_alarms, seen=seen, operator="anna", utc_s=utc)
+        await archive.write(act)
+        return await archive.read(standing_alarms)
+
+    (first,) = await change(raised(utc=5.0), raised(utc=5.0), raised(utc=4.0))
+    assert (first.occurrences, first.raised, first.cleared) == (1, 5.0, None)
+    assert await change(Cleared("jackal", "fault 1", 4.0)) == [first]
+    assert await change(raised(utc=6.0, again=False)) == [first]
+    (again,) = await change(Cleared("jackal", "fault 1", 7.0), raised(utc=8.0, again=False))
+    assert (again.id, again.occurrences, again.last, again.cleared) == (first.id, 2, 8.0, None)
+    assert await acknowledge(first, 9.0) == [again]
+    (known,) = await acknowledge(again, 9.0)
+    assert (known.operator, known.acknowledged) == ("anna", 9.0)
+    (anew,) = await change(raised(utc=10.0))
+    assert (anew.occurrences, anew.operator) == (3, None)
+    await acknowledge(anew, 11.0)
+    assert await change(Cleared("jackal", "fault 1", 12.0), raised(utc=10.0)) == []
+    (other,) = await change(raised(utc=20.0))
+    assert (other.id, other.occurrences) == (first.id + 1, 1)
+    await delete_old(archive, Retention(days=1.0), 1e6)
+    all_alarms = partial(read_alarms, page=Page("jackal", None, None, 9))
+    assert await archive.read(all_alarms) == [other]
+    await archive.close()
+
+
+@pytest.mark.parametrize("page", [Page("no", None, None, 9), Page(None, 5_000_001, None, 9)])
+async def test_alarms_are_found_by_asset_and_time(engine: Engine, page: Page) -> None:
+    archive = Archive(engine)
+    changes = (Raised("jackal", "event 1", 5.0, "WARNING", "dust"),)
+    await archive.write(partial(change_alarms, changes=changes))
+    assert await archive.read(partial(read_alarms, page=page)) == []
+    found = await archive.read(partial(read_alarms, page=Page("jackal", 5_000_000, 5_000_001, 9)))
+    assert [each.cleared for each in found] == [5.0]
+    await archive.close()
