@@ -1,10 +1,8 @@
 """The static tree of a rover: priority stop over safety over work over idle."""
 
 from collections.abc import Iterable
-from enum import Enum, unique
 from math import floor
 from pathlib import Path
-from types import UnionType
 from typing import Final
 
 from py_trees.behaviour import Behaviour
@@ -20,7 +18,6 @@ from executive.commands import (
     InstantCommand,
     MoveFile,
     Place,
-    Stop,
     TakePicture,
 )
 from executive.commands.actions import perform
@@ -230,22 +227,6 @@ def snapshot_of(executive: Executive, utc_s: float) -> Snapshot:
     )
 
 
-@unique
-class Branch(Enum):
-    """A branch of the tree, by its name, and the requests that it works on."""
-
-    STOP = ("priority stop", Stop)
-    GO = ("go", Place)
-    VELOCITY = ("velocity", DriveFor)
-    POINT = ("point", CameraPointing)
-    PICTURE = ("picture", TakePicture)
-    INSTANT = ("instant command", InstantCommand)
-
-    def __init__(self, title: str, requests: UnionType | type) -> None:
-        self.title = title
-        self.requests = requests
-
-
 def build(context: Context) -> Selector:
     """Return the root of the tree over a context."""
     latches, status = context.latches, context.status
@@ -263,7 +244,7 @@ def build(context: Context) -> Selector:
     side_by_side.add_children([_motion(context), _camera(context), _instant(context)])
     return _selector(
         "rover",
-        _sequence(Branch.STOP.title, stopping, StopRover("stop", context)),
+        _sequence("priority stop", stopping, StopRover("stop", context)),
         _sequence("safety", Condition("unsafe?", unsafe), HoldWhileUnsafe("hold", context)),
         _sequence("work", any_goal, side_by_side),
         Rest("idle"),
@@ -289,10 +270,10 @@ def _motion(context: Context) -> Behaviour:
     )
     return _selector(
         "motion",
-        _sequence(Branch.GO.title, TakeGoal("take place", goals, Branch.GO.requests, waits), leg),
+        _sequence("go", TakeGoal("take place", goals, Place, waits), leg),
         _sequence(
-            Branch.VELOCITY.title,
-            TakeGoal("take velocity", goals, Branch.VELOCITY.requests, waits),
+            "velocity",
+            TakeGoal("take velocity", goals, DriveFor, waits),
             HoldVelocity("hold velocity", context),
         ),
         Rest("no motion"),
@@ -304,13 +285,13 @@ def _camera(context: Context) -> Behaviour:
     return _selector(
         "camera",
         _sequence(
-            Branch.POINT.title,
-            TakeGoal("take angles", goals, Branch.POINT.requests),
+            "point",
+            TakeGoal("take angles", goals, CameraPointing),
             PanTilt("pan and tilt", context, goals),
         ),
         _sequence(
-            Branch.PICTURE.title,
-            TakeGoal("take picture", goals, Branch.PICTURE.requests),
+            "picture",
+            TakeGoal("take picture", goals, TakePicture),
             Capture("capture", context, goals),
         ),
         Rest("no camera work"),
@@ -322,8 +303,8 @@ def _instant(context: Context) -> Behaviour:
     return _selector(
         "instant commands",
         _sequence(
-            Branch.INSTANT.title,
-            TakeGoal("take instant command", goals, Branch.INSTANT.requests),
+            "instant command",
+            TakeGoal("take instant command", goals, InstantCommand),
             RunInstantCommand("run instant command", context, goals),
         ),
         Rest("no instant command"),

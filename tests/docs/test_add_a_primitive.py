@@ -48,7 +48,7 @@ def follow(root: Path) -> None:
     import_wait = f"{imported}Wait\n{imported}"
     edit(catalogue, ("Motion = ", f"{request}\n\nMotion = Wait | "))
     edit(motion, (imported, import_wait), ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"))
-    branch = "        _sequence(Branch.GO.title,"
+    branch = '        _sequence("go",'
     edit(
         rover,
         (imported, f"from trees.motion import StandBy\n{import_wait}"),
