@@ -76,6 +76,7 @@ class Alarms:
         self._archive, self._publish, self._limits = archive, publish, limits
         self._waiting: deque[Change] = deque(maxlen=MOST_WAITING)
         self._something = asyncio.Event()
+        self._refreshing = asyncio.Lock()
         self._told: dict[int, AlarmStatus] = {}
         self._samples: dict[Key, _Watched] = {}
         self._trees: dict[str, TreeState] = {}
@@ -103,16 +104,17 @@ class Alarms:
 
     async def refresh(self) -> None:
         """Write down what changed, and tell pages of all that is not as they were told."""
-        changes = tuple(self._waiting)
-        if changes:
-            await self._archive.write(partial(change_alarms, changes=changes))
-            for _ in changes:
-                self._waiting.popleft()
-        found = await self._archive.read(partial(standing_alarms, also=tuple(self._told)))
-        for alarm in found:
-            if self._told.get(alarm.id) != alarm:
-                self._publish(alarm)
-        self._told = {alarm.id: alarm for alarm in found if alarm.standing}
+        async with self._refreshing:
+            changes = tuple(self._waiting)
+            if changes:
+                await self._archive.write(partial(change_alarms, changes=changes))
+                for _ in changes:
+                    self._waiting.popleft()
+            found = await self._archive.read(partial(standing_alarms, also=tuple(self._told)))
+            for alarm in found:
+                if self._told.get(alarm.id) != alarm:
+                    self._publish(alarm)
+            self._told = {alarm.id: alarm for alarm in found if alarm.standing}
 
     def hear_report(self, report: Notified) -> None:
         """Raise or clear what a report tells of."""

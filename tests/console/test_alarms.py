@@ -1,12 +1,15 @@
 """Alarms: raised, cleared and acknowledged, by several consoles and over restarts."""
 
+import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import pytest
 from sqlalchemy import Engine
 
+from adapters.console.alarms import Alarms
 from adapters.console.archive import (
     Archive,
     Change,
@@ -24,6 +27,7 @@ from adapters.console.messages import AlarmStatus
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console
 from tests.console.postgres import fresh
+from tests.console.test_archive import notified
 from tests.mrs.aboard import Aboard
 
 LOW_V, FULL_V = 20.0, 26.0
@@ -159,6 +163,24 @@ async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
     await delete_old(archive, Retention(days=1.0), 1e6)
     all_alarms = partial(read_alarms, page=Page("jackal", None, None, 9))
     assert await archive.read(all_alarms) == [other]
+    await archive.close()
+
+
+async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engine) -> None:
+    archive = Archive(engine)
+    told: list[AlarmStatus] = []
+    alarms = Alarms(archive, told.append, lambda *_: (None, None))
+
+    def hear(utc: float, text: str) -> None:
+        alarms.hear_report(replace(notified(1, utc), text=text))
+
+    hear(1.0, "dust")
+    looks = [asyncio.create_task(alarms.refresh()) for _ in range(3)]
+    await asyncio.sleep(0)
+    hear(2.0, "wind")
+    await asyncio.gather(*looks)
+    await alarms.refresh()
+    assert [each.text for each in told] == ["dust", "wind"]
     await archive.close()
 
 
