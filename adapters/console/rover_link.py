@@ -153,18 +153,25 @@ class RoverLink:
             self.client, self._was_up = client, True
             try:
                 self._listener.on_asset(self, definitions)
+                telemetry = await self._subscribed(client.telemetry)
                 self._turn(LinkState.UP, "")
-                await self._listen(client, notifications)
+                await self._listen(client, notifications, telemetry)
             finally:
                 self.client = None
 
-    async def _listen(self, client: MrsClient, notifications: Stream[Notification]) -> None:
+    async def _listen(
+        self,
+        client: MrsClient,
+        notifications: Stream[Notification],
+        telemetry: Stream[ParameterValue] | None,
+    ) -> None:
         with suppress(MalError):  # telemetry may come seldom
             for value in await client.get_value():
                 self._value(value)
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._notifications(client, notifications))
-            tasks.create_task(self._stream(client.telemetry, self._value))
+            if telemetry is not None:
+                tasks.create_task(self._hear(telemetry, self._value))
             tasks.create_task(self._stream(client.tree_snapshots, self._listener.on_tree, self))
             tasks.create_task(self._stream(client.plan_updates, self._listener.on_plan, self))
             tasks.create_task(self._stream(client.file_events, self._listener.on_file, self))
@@ -196,11 +203,19 @@ class RoverLink:
         hear: Callable[..., None],
         *first: Any,
     ) -> None:
+        stream = await self._subscribed(subscribe)
+        if stream is not None:
+            await self._hear(stream, hear, *first)
+
+    async def _subscribed(self, subscribe: Callable[[], Awaitable[Stream[T]]]) -> Stream[T] | None:
+        """Return what is told from now on; None of a part of the MRS that is not served there."""
         try:
-            stream = await subscribe()
+            return await subscribe()
         except MalError as error:
-            _LOG.info("%s: %s", self.uri, error)  # a part of the MRS that is not served there
-            return
+            _LOG.info("%s: %s", self.uri, error)
+            return None
+
+    async def _hear(self, stream: Stream[T], hear: Callable[..., None], *first: Any) -> None:
         async for item in stream:
             self._heard()
             hear(*first, item)
