@@ -190,6 +190,23 @@ def console(pages: int, seconds: float) -> "list[Figure]":
     return console.measure(pages, seconds, tell)
 
 
+@benchmark(
+    "console-page --loads 3 --samples 50",
+    click.option("--loads", type=click.IntRange(1), default=7, show_default=True),
+    click.option("--samples", type=click.IntRange(2), default=100, show_default=True),
+    click.option("--pages", type=click.IntRange(1), default=10, show_default=True),
+    click.option("--seconds", type=click.FloatRange(1.0), default=20.0, show_default=True),
+)
+def console_page(loads: int, samples: int, pages: int, seconds: float) -> "list[Figure]":
+    """Loading of the console's pages, values and pictures on them, in a browser; and `console`."""
+    from tests.benchmarks import console, console_page
+
+    return [
+        *console_page.measure(loads, samples, tell),
+        *console.measure(pages, seconds, tell),
+    ]
+
+
 @benchmark("hostile --connections 200", count("--connections", 1000))
 def hostile(count: int) -> "list[Figure]":
     """Memory, and the round trip of who was there first, while a thousand connections attack."""

@@ -16,6 +16,7 @@ from tests.benchmarks.commands import bench
 from tests.benchmarks.competitors import COMPETITORS
 from tests.benchmarks.locomotion import OWN_GOALS, read_goals
 from tests.benchmarks.lower_bound import lower_bound_s
+from tests.support.browser import BROWSER, REQUIRED
 from tests.support.figures import Figure, Goal, quantile, table
 
 ALL = Goal(24.0, at_least=True)
@@ -279,3 +280,18 @@ def test_a_console_is_measured_with_its_pages(tmp_path: Path) -> None:
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
     assert values["console: values sent"] > 0
     assert 0 < values["console: value to page, p50"] < 60_000
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("ros_domain")
+@pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium")
+def test_the_pages_of_a_console_are_measured_in_a_browser(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    arguments = ["console-page", "--loads", "1", "--samples", "3", "--pages", "1"]
+    result = CliRunner().invoke(bench, [*arguments, "--seconds", "1", "--json", str(out)])
+    assert result.exit_code in (0, 1), result.output
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert 0.5 < values["whole page: loads"] < 1.3
+    assert 0 < values["light page: loads"] < 0.2
+    for name in ("whole page: value, p50", "light page: value, p50", "picture, p50"):
+        assert 0 < values[name] < 60_000
