@@ -7,11 +7,17 @@ from typing import Final
 
 from aiohttp import web
 
-from adapters.console.access import Access
-from adapters.console.answers import MOST_OCTETS, Handler, answer, refusals, refused
-from adapters.console.dictionary import AssetEntry
-from adapters.console.hub import Hub
-from adapters.console.sockets import Sockets
+from adapters.console.rovers import AssetEntry
+from adapters.console.web import (
+    MOST_OCTETS,
+    Access,
+    Handler,
+    Hub,
+    Sockets,
+    answer,
+    refusals,
+    refused,
+)
 
 STATIC: Final = Path(__file__).parent / "static"
 _PAGES: Final = {"/": "index.html", "/lite": "lite.html"}

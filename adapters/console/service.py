@@ -14,8 +14,6 @@ from typing import Final
 import click
 from aiohttp import web
 
-from adapters.console.access import Access, read_tokens
-from adapters.console.alarms import Alarms
 from adapters.console.archive import (
     Archive,
     Retention,
@@ -25,23 +23,22 @@ from adapters.console.archive import (
     read_command,
     retain,
 )
-from adapters.console.authority_desk import AuthorityDesk
-from adapters.console.commanding import Commanding
-from adapters.console.dictionary import AssetEntry
-from adapters.console.explaining import Explaining
-from adapters.console.files import Files
-from adapters.console.fleet import Fleet
-from adapters.console.history import History
-from adapters.console.hub import KEPT_COMMANDS, Hub
 from adapters.console.messages import Broadcast, CommandStatus, Link, Notified, Sample, TreeState
-from adapters.console.operations import Operations
-from adapters.console.plans import Plans
 from adapters.console.recordings import Recordings
-from adapters.console.rover_link import Known
+from adapters.console.requests import (
+    Alarms,
+    Commanding,
+    Explaining,
+    Files,
+    History,
+    Operations,
+    Plans,
+    Video,
+)
+from adapters.console.rovers import AssetEntry, AuthorityDesk, CommandTracker, Fleet, Known
 from adapters.console.server import Server
 from adapters.console.tasks import begin
-from adapters.console.tracker import CommandTracker
-from adapters.console.video import Video
+from adapters.console.web import KEPT_COMMANDS, Access, Hub, read_tokens
 from adapters.mal import CertificateError, is_loopback
 from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import pytest
 from aiohttp import ClientSession, TCPConnector, WSCloseCode
 
-from adapters.console.access import read_tokens
+from adapters.console.web import read_tokens
 from adapters.mrs.terms import Terms
 from adapters.process import StartError
 from tests.console.conftest import NEEDED, Launch

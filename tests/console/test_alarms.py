@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine
 
-from adapters.console.alarms import Alarms
 from adapters.console.archive import (
     Archive,
     Change,
@@ -24,6 +23,7 @@ from adapters.console.archive import (
     standing_alarms,
 )
 from adapters.console.messages import AlarmStatus
+from adapters.console.requests import Alarms
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console
 from tests.console.postgres import fresh

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.console import files
+from adapters.console.requests import files
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, at_console
 

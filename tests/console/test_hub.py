@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-from adapters.console.hub import KEPT, MOST_SAMPLES, MOST_WAITING, Hub
 from adapters.console.messages import (
     DictionaryChanged,
     Link,
@@ -13,6 +12,7 @@ from adapters.console.messages import (
     Sample,
     encode,
 )
+from adapters.console.web import KEPT, MOST_SAMPLES, MOST_WAITING, Hub
 
 
 def sample(number: int, value: float | None = None) -> Sample:

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.console.dictionary import FORMS, command_entries
-from adapters.console.posted import args_of, request_of
+from adapters.console.rovers import FORMS, args_of, command_entries, request_of
 from adapters.process import StartError
 from adapters.recording import RunFile, RunReader, decode
 from executive.commands import Request, declaration_of

@@ -6,13 +6,6 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from adapters.console.authority_desk import AuthorityDesk
-from adapters.console.dictionary import (
-    AssetEntry,
-    command_entries,
-    parameter_entries,
-    zone_entries,
-)
 from adapters.console.messages import (
     AssetState,
     Broadcast,
@@ -29,9 +22,16 @@ from adapters.console.messages import (
     TreeNode,
     TreeState,
 )
-from adapters.console.rover_link import Known, RoverLink
+from adapters.console.rovers.authority_desk import AuthorityDesk
+from adapters.console.rovers.dictionary import (
+    AssetEntry,
+    command_entries,
+    parameter_entries,
+    zone_entries,
+)
+from adapters.console.rovers.rover_link import Known, RoverLink
+from adapters.console.rovers.tracker import CommandTracker
 from adapters.console.tasks import begin
-from adapters.console.tracker import CommandTracker
 from adapters.mal import NamedValue, Typed
 from adapters.mrs.ground import FileNews
 from adapters.mrs.spec import (

@@ -14,10 +14,10 @@ from urllib.parse import quote
 
 from aiohttp import web
 
-from adapters.console.answers import answer, refused
-from adapters.console.commanding import Commanding
-from adapters.console.fleet import NS_PER_S, figures_of
 from adapters.console.messages import Scalar
+from adapters.console.requests.commanding import Commanding
+from adapters.console.rovers import NS_PER_S, figures_of
+from adapters.console.web import answer, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient, TransferError
 from adapters.mrs.spec import AreaError, FileInfo, describe_error

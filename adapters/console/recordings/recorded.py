@@ -6,13 +6,6 @@ from pathlib import Path
 from typing import Final
 
 from adapters.console.archive import Written
-from adapters.console.dictionary import (
-    AssetEntry,
-    RecordingEntry,
-    parameter_entries,
-    zone_entries,
-)
-from adapters.console.fleet import notified, tree_of
 from adapters.console.messages import (
     CommandState,
     CommandStatus,
@@ -21,8 +14,16 @@ from adapters.console.messages import (
     Quality,
     Sample,
 )
-from adapters.console.posted import args_of
-from adapters.console.tracker import CommandTracker
+from adapters.console.rovers import (
+    AssetEntry,
+    CommandTracker,
+    RecordingEntry,
+    args_of,
+    notified,
+    parameter_entries,
+    tree_of,
+    zone_entries,
+)
 from adapters.explanation import Chronicle
 from adapters.explanation.builder import KINDS, ChronicleBuilder
 from adapters.mrs.spec import DEFINED, notification_of

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from adapters.console.access import OPERATOR, Access
-from adapters.console.hub import Hub, Page
 from adapters.console.messages import encode
+from adapters.console.web.access import OPERATOR, Access
+from adapters.console.web.hub import Hub, Page
 from executive.commands.intake import is_source
 
 HEARTBEAT_S: Final = 20.0

@@ -10,7 +10,7 @@ from enum import Enum
 from math import isfinite
 from typing import Any, Final
 
-from adapters.console.dictionary import FORMS, ArgumentEntry, CommandEntry
+from adapters.console.rovers.dictionary import FORMS, ArgumentEntry, CommandEntry
 from executive.commands import Argument, Request, arguments_of, declaration_of
 
 MOST_TEXT: Final = 1024

@@ -12,18 +12,6 @@ from typing import Any, Final, TypeVar
 from aiohttp import web
 from sqlalchemy import Connection
 
-from adapters.console.access import OPERATOR
-from adapters.console.answers import (
-    HIGHEST,
-    answer,
-    body_of,
-    count_of,
-    json_answer,
-    number_of,
-    one_of,
-    page_of,
-    refused,
-)
 from adapters.console.archive import (
     MOST_SAMPLES,
     Archive,
@@ -44,9 +32,21 @@ from adapters.console.archive import (
     read_samples,
     to_us,
 )
-from adapters.console.export import Form, writing
 from adapters.console.messages import Link, ObjectChanged
 from adapters.console.recordings import Recordings
+from adapters.console.requests.export import Form, writing
+from adapters.console.web import (
+    HIGHEST,
+    OPERATOR,
+    answer,
+    body_of,
+    count_of,
+    json_answer,
+    number_of,
+    one_of,
+    page_of,
+    refused,
+)
 
 T = TypeVar("T")
 

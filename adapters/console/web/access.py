@@ -15,7 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 from aiohttp import web
 
-from adapters.console.answers import Handler, answer, body_of, refused, text_of
+from adapters.console.web.answers import Handler, answer, body_of, refused, text_of
 from adapters.process import StartError
 from executive.commands.intake import is_source
 

@@ -19,8 +19,6 @@ from typing import Final
 from aiohttp import web
 from sqlalchemy.exc import SQLAlchemyError
 
-from adapters.console.access import OPERATOR
-from adapters.console.answers import answer, body_of, page_of, refused
 from adapters.console.archive import (
     Archive,
     Change,
@@ -33,6 +31,7 @@ from adapters.console.archive import (
     standing_alarms,
 )
 from adapters.console.messages import AlarmStatus, Notified, Quality, Sample, TreeState
+from adapters.console.web import OPERATOR, answer, body_of, page_of, refused
 from executive.faults import DECLARED
 from executive.reasons import Reason
 

@@ -13,16 +13,24 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final, get_args
 
-from adapters.console.answers import one_of, refused
 from adapters.console.archive import ArchiveError
-from adapters.console.authority_desk import AuthorityDesk
-from adapters.console.dictionary import FORMS
-from adapters.console.fleet import Asset, Fleet
 from adapters.console.messages import CommandState, CommandStatus, Link, LinkState, StageReached
-from adapters.console.posted import BadArgument, request_of
-from adapters.console.rover_link import RoverLink
+from adapters.console.rovers import (
+    CONSOLE,
+    FORMS,
+    HEARD_WITHIN_S,
+    ORBITER,
+    SENT,
+    Asset,
+    AuthorityDesk,
+    BadArgument,
+    CommandTracker,
+    Fleet,
+    RoverLink,
+    request_of,
+)
 from adapters.console.tasks import begin
-from adapters.console.tracker import CONSOLE, HEARD_WITHIN_S, ORBITER, SENT, CommandTracker
+from adapters.console.web import one_of, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError, Preview, describe_error

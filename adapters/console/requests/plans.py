@@ -8,10 +8,9 @@ from typing import Any, Final
 
 from aiohttp import web
 
-from adapters.console.access import OPERATOR
-from adapters.console.answers import answer, body_of, refused, text_of
 from adapters.console.archive import Archive, PlanRevision, get_plan, keep_plan, list_plans
-from adapters.console.commanding import Commanding, Posted, identifier
+from adapters.console.requests.commanding import Commanding, Posted, identifier
+from adapters.console.web import OPERATOR, answer, body_of, refused, text_of
 from executive.commands import PlanArgument, PlanDefinition, SubmitPlan, declaration_of
 from executive.plans import FORMAT
 

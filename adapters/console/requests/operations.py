@@ -5,11 +5,10 @@ from http import HTTPStatus
 
 from aiohttp import web
 
-from adapters.console.access import OPERATOR
-from adapters.console.answers import answer, body_of, one_of, refused, text_of
-from adapters.console.authority_desk import Act, Asked, AuthorityDesk
-from adapters.console.commanding import Commanding, identifier, posted_command
 from adapters.console.messages import Link
+from adapters.console.requests.commanding import Commanding, identifier, posted_command
+from adapters.console.rovers import Act, Asked, AuthorityDesk
+from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
 
 ASK_S = 10.0
 """For an answer on the authority."""

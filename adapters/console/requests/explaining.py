@@ -8,9 +8,9 @@ from typing import Final
 
 from aiohttp import web
 
-from adapters.console.answers import answer, refused
-from adapters.console.commanding import Commanding
 from adapters.console.recordings import Recordings
+from adapters.console.requests.commanding import Commanding
+from adapters.console.web import answer, refused
 from adapters.explanation import (
     Chronicle,
     Explanation,

@@ -14,9 +14,9 @@ from enum import Enum, unique
 from http import HTTPStatus
 from typing import Final, assert_never
 
-from adapters.console.answers import RefusedError, refused
 from adapters.console.messages import AuthorityHeld, Link
-from adapters.console.rover_link import RoverLink
+from adapters.console.rovers.rover_link import RoverLink
+from adapters.console.web import RefusedError, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AuthorityStatus, describe_error

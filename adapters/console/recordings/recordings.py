@@ -19,11 +19,11 @@ from typing import Final
 
 from aiohttp import web
 
-from adapters.console.answers import answer, refused
 from adapters.console.archive import Archive, Written, open_database
-from adapters.console.dictionary import AssetEntry
 from adapters.console.messages import DictionaryChanged
-from adapters.console.recorded import RecordedRun
+from adapters.console.recordings.recorded import RecordedRun
+from adapters.console.rovers import AssetEntry
+from adapters.console.web import answer, refused
 from adapters.explanation import Chronicle
 from adapters.recording import RecordingError
 

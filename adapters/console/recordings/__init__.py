@@ -1,0 +1,7 @@
+"""Recordings as assets with an archive each."""
+
+from adapters.console.recordings.recordings import Recordings
+
+__all__ = [
+    "Recordings",
+]

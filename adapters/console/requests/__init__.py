@@ -1,0 +1,21 @@
+"""What pages and programs may ask for, and who answers it."""
+
+from adapters.console.requests.alarms import Alarms
+from adapters.console.requests.commanding import Commanding
+from adapters.console.requests.explaining import Explaining
+from adapters.console.requests.files import Files
+from adapters.console.requests.history import History
+from adapters.console.requests.operations import Operations
+from adapters.console.requests.plans import Plans
+from adapters.console.requests.video import Video
+
+__all__ = [
+    "Alarms",
+    "Commanding",
+    "Explaining",
+    "Files",
+    "History",
+    "Operations",
+    "Plans",
+    "Video",
+]
