@@ -202,6 +202,7 @@ async def _serving(
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         await fleet.close()
+        await alarms.close()
         await runner.cleanup()
         await recordings.close()
 

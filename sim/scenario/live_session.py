@@ -141,7 +141,8 @@ class LiveSession:
             until_s = min(self._timeline.next_s(), contact_s, self._lasts_s)
             pause_s = max(LEAST_PAUSE_S, until_s - self._now_s()) / self._speed
             with suppress(TimeoutError):
-                await asyncio.wait_for(self._news.wait(), pause_s)
+                async with asyncio.timeout(pause_s):
+                    await self._news.wait()
 
     @property
     def _done(self) -> bool:

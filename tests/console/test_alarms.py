@@ -184,6 +184,20 @@ async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engin
     await archive.close()
 
 
+async def test_what_is_heard_at_the_end_is_kept_and_holds_nothing_up(engine: Engine) -> None:
+    archive = Archive(engine)
+    alarms = Alarms(archive, lambda _: None, lambda *_: (None, None))
+    running = asyncio.create_task(alarms.run())
+    await asyncio.sleep(0.1)
+    alarms.hear_report(replace(notified(1, 1.0), text="late", severity="WARNING"))
+    running.cancel()
+    done, _ = await asyncio.wait({running}, timeout=5.0)
+    assert done
+    await alarms.close()
+    assert [each.text for each in await archive.read(standing_alarms)] == ["late"]
+    await archive.close()
+
+
 @pytest.mark.parametrize("page", [Page("no", None, None, 9), Page(None, 5_000_001, None, 9)])
 async def test_alarms_are_found_by_asset_and_time(engine: Engine, page: Page) -> None:
     archive = Archive(engine)

@@ -97,18 +97,29 @@ class Alarms:
                 _LOG.error("alarms wait, as the archive cannot be used: %s", error)
                 await asyncio.sleep(LOOK_S)
             try:
-                await asyncio.wait_for(self._something.wait(), LOOK_S)
+                async with asyncio.timeout(LOOK_S):
+                    await self._something.wait()
             except TimeoutError:
                 continue
+
+    async def close(self) -> None:
+        """Write down what changed at the end."""
+        try:
+            await self.refresh()
+        except SQLAlchemyError as error:
+            _LOG.error("alarms are lost, as the archive cannot be used: %s", cause_of(error))
 
     async def refresh(self) -> None:
         """Write down what changed, and tell pages of all that is not as they were told."""
         async with self._refreshing:
             changes = tuple(self._waiting)
-            if changes:
-                await self._archive.write(partial(change_alarms, changes=changes))
-                for _ in changes:
-                    self._waiting.popleft()
+            self._waiting.clear()
+            try:
+                if changes:
+                    await self._archive.write(partial(change_alarms, changes=changes))
+            except SQLAlchemyError:
+                self._waiting.extendleft(reversed(changes))
+                raise
             found = await self._archive.read(partial(standing_alarms, also=tuple(self._told)))
             for alarm in found:
                 if self._told.get(alarm.id) != alarm:

@@ -269,7 +269,8 @@ class BundleBridge:
     async def _is_confirmed(self, mark: int, within_s: float) -> bool:
         confirmed = self._unconfirmed[mark] = asyncio.Event()
         try:
-            await asyncio.wait_for(confirmed.wait(), within_s)
+            async with asyncio.timeout(within_s):
+                await confirmed.wait()
         except TimeoutError:
             return False
         finally:
