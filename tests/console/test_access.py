@@ -243,12 +243,12 @@ async def test_with_one_certificate_operators_take_turns(tmp_path: Path, launch:
 async def test_a_page_that_has_not_changed_is_answered_without_a_body(tmp_path: Path) -> None:
     """What came after the head would be taken for the next answer of the connection."""
     async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
-        async with anna.session.get(f"{address}app/files.js") as first:
+        async with anna.session.get(f"{address}app/views/files.js") as first:
             assert first.headers["Content-Encoding"] == "deflate"
             tag = first.headers["ETag"]
         host = urlsplit(address).netloc
         reader, writer = await asyncio.open_connection(*host.split(":"))
-        head = f"GET /app/files.js HTTP/1.1\r\nHost: {host}\r\nAccept-Encoding: deflate\r\n"
+        head = f"GET /app/views/files.js HTTP/1.1\r\nHost: {host}\r\nAccept-Encoding: deflate\r\n"
         writer.write(f"{head}If-None-Match: {tag}\r\nConnection: close\r\n\r\n".encode())
         said, _, body = (await reader.read()).partition(b"\r\n\r\n")
         writer.close()

@@ -1,17 +1,17 @@
 /** The light page, for weak links: STOP, map, commands and values, and nothing of Open MCT. */
 
-import * as bar from "./bar.js";
-import * as commandForm from "./command_form.js";
-import * as commandTable from "./command_table.js";
-import { contextOf } from "./context.js";
+import * as bar from "./views/bar.js";
+import * as commandForm from "./views/command_form.js";
+import * as commandTable from "./views/command_table.js";
+import { contextOf } from "./model/context.js";
 import { html } from "./dom.js";
-import * as fleet from "./fleet.js";
-import { login } from "./login.js";
-import * as map from "./map.js";
-import { LIGHT_TOPICS, Session } from "./session.js";
-import * as values from "./values.js";
+import * as fleet from "./views/fleet.js";
+import { login } from "./views/login.js";
+import * as map from "./views/map.js";
+import { LIGHT_TOPICS, Session } from "./model/session.js";
+import * as values from "./views/values.js";
 
-/** @type {[string, {mount: (element: HTMLElement, context: import("./context.js").Context) => () => void}][]} */
+/** @type {[string, {mount: (element: HTMLElement, context: import("./model/context.js").Context) => () => void}][]} */
 const PANELS = [
   ["Map", map],
   ["Command", commandForm],

@@ -1,13 +1,13 @@
 /** The whole console: Open MCT with the rovers as its objects, and the bar with STOP above it. */
 
-import * as bar from "./bar.js";
-import { cursor } from "./context.js";
-import { login } from "./login.js";
+import * as bar from "./views/bar.js";
+import { cursor } from "./model/context.js";
+import { login } from "./views/login.js";
 import { identifierOf, objects, partsOf } from "./openmct/objects.js";
 import { storedObjects } from "./openmct/stored_objects.js";
 import { telemetry } from "./openmct/telemetry.js";
 import { views } from "./openmct/views.js";
-import { Session } from "./session.js";
+import { Session } from "./model/session.js";
 
 const MINUTE_MS = 60_000;
 const AHEAD_MS = 5_000;

@@ -10,7 +10,7 @@ export const NAMESPACE = "rover";
 export const ROOT = "rovers";
 const MARK = "~";
 
-/** @typedef {import("../session.js").Session} Session */
+/** @typedef {import("../model/session.js").Session} Session */
 
 /** @param {...string} parts */
 export const identifierOf = (...parts) => ({ namespace: NAMESPACE, key: parts.map(encodeURIComponent).join(MARK) });

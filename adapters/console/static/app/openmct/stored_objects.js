@@ -3,12 +3,12 @@
  * consoles; who changes what somebody else changed meanwhile is told so, and nothing is overwritten.
  */
 
-import { ask } from "../connection.js";
+import { ask } from "../model/connection.js";
 
 const NAMESPACE = "shared";
 const ROOT = "displays";
 
-/** @param {import("../session.js").Session} session */
+/** @param {import("../model/session.js").Session} session */
 export function storedObjects(session) {
   /** @type {Map<string, number>} */
   const revisions = new Map();

@@ -1,7 +1,7 @@
 /** Telemetry of Open MCT: live, of the past, limits, and whether it is stale. One object is one parameter by one link. */
 
-import { ask } from "../connection.js";
-import { limitOf } from "../values.js";
+import { ask } from "../model/connection.js";
+import { limitOf } from "../views/values.js";
 import { NAMESPACE, partsOf } from "./objects.js";
 
 const GATHERED_MS = 20;
@@ -9,7 +9,7 @@ const STALE_S = 5;
 const FAR = 1e9;
 const BEYOND = { cssClass: "is-limit--red", name: "beyond its limits" };
 
-/** @param {import("../session.js").Session} session */
+/** @param {import("../model/session.js").Session} session */
 export function telemetry(session) {
   const latest = gathered(session);
 

@@ -1,18 +1,18 @@
 /** Our views as views of Open MCT: each of an object of its own, by an asset. */
 
-import * as alarms from "../alarms.js";
-import * as commandForm from "../command_form.js";
-import * as commandTable from "../command_table.js";
-import { contextOf } from "../context.js";
-import * as files from "../files.js";
-import * as fleet from "../fleet.js";
-import * as log from "../log.js";
-import * as map from "../map.js";
-import * as plans from "../plans.js";
-import * as recording from "../recording.js";
-import * as tree from "../tree.js";
-import * as values from "../values.js";
-import * as video from "../video.js";
+import * as alarms from "../views/alarms.js";
+import * as commandForm from "../views/command_form.js";
+import * as commandTable from "../views/command_table.js";
+import { contextOf } from "../model/context.js";
+import * as files from "../views/files.js";
+import * as fleet from "../views/fleet.js";
+import * as log from "../views/log.js";
+import * as map from "../views/map.js";
+import * as plans from "../views/plans.js";
+import * as recording from "../views/recording.js";
+import * as tree from "../views/tree.js";
+import * as values from "../views/values.js";
+import * as video from "../views/video.js";
 import { NAMESPACE, partsOf } from "./objects.js";
 
 /** By the last part of the object's key; `of` is what it is only for. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording"}>} */
@@ -30,14 +30,14 @@ export const VIEWS = {
   recording: { name: "Recording", icon: "icon-session", view: recording, of: "recording" },
 };
 
-/** The views that there are of an asset. @param {import("../asset.js").Asset} asset */
+/** The views that there are of an asset. @param {import("../model/asset.js").Asset} asset */
 export function viewsOf(asset) {
   const other = asset.recording ? "rover" : "recording";
   return Object.keys(VIEWS).filter((kind) => VIEWS[kind].of !== other);
 }
 
 /**
- * @param {import("../session.js").Session} session
+ * @param {import("../model/session.js").Session} session
  * @param {(name: string) => void} choose shows a rover
  */
 export function views(session, choose) {

@@ -3,11 +3,11 @@
  * is a command as any other, and appears among the commands.
  */
 
-import { ask, newId } from "./connection.js";
-import { eachFrame, html, keep, say, set } from "./dom.js";
-import { clock } from "./words.js";
+import { ask, newId } from "../model/connection.js";
+import { eachFrame, html, keep, say, set } from "../dom.js";
+import { clock } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 /** What may be done to a plan in each of its states. */
 const ACTS = {

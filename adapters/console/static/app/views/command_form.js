@@ -3,13 +3,13 @@
  * says it would come to, and what became of it beside that once it was sent.
  */
 
-import { ask, newId, operator } from "./connection.js";
+import { ask, newId, operator } from "../model/connection.js";
 import { comparison } from "./command_table.js";
-import { eachFrame, html, say } from "./dom.js";
-import { rangeOf } from "./draft.js";
-import { UNITS, clock, degrees, number } from "./words.js";
+import { eachFrame, html, say } from "../dom.js";
+import { rangeOf } from "../model/draft.js";
+import { UNITS, clock, degrees, number } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 /**
  * @param {HTMLElement} element

@@ -1,10 +1,10 @@
 /** A recording: what it is of, and the moment of it that is looked at. */
 
-import { ask } from "./connection.js";
-import { eachFrame, html, say } from "./dom.js";
-import { age, clock } from "./words.js";
+import { ask } from "../model/connection.js";
+import { eachFrame, html, say } from "../dom.js";
+import { age, clock } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 const STEP_S = 0.05;
 

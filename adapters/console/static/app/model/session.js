@@ -20,7 +20,7 @@ export class Session {
   #becomeReady = () => {};
   /** @type {Map<string, Asset>} */
   assets = new Map();
-  /** @type {Map<number, import("./alarms.js").Alarm>} those that stand, of all assets */
+  /** @type {Map<number, import("../views/alarms.js").Alarm>} those that stand, of all assets */
   alarms = new Map();
   /** @type {any[]} pages that are open */
   presence = [];

@@ -3,10 +3,10 @@
  * away from. x is to the right and y is up, as the frame has it; the grid tells the metres.
  */
 
-import { eachFrame, html, keep, say, set, svg } from "./dom.js";
-import { age, clock, degrees, fixed } from "./words.js";
+import { eachFrame, html, keep, say, set, svg } from "../dom.js";
+import { age, clock, degrees, fixed } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 const CLICK_PX = 4;
 const NEAREST_PX_PER_M = 2;
@@ -294,7 +294,7 @@ export function mount(element, context) {
     else draft.prepare("moveTo", { x: tidy(x), y: tidy(y) });
   }
 
-  /** @param {number} px @param {number} py @param {import("./asset.js").Fix} fix */
+  /** @param {number} px @param {number} py @param {import("../model/asset.js").Fix} fix */
   function offer(px, py, fix, x, y) {
     const command = asset.lastCommands.find((each) => {
       const span = asset.spanOf(each);
@@ -338,7 +338,7 @@ function tidy(value) {
   return Math.round(value * 100) / 100 || 0;
 }
 
-/** @param {import("./asset.js").Zone} zone */
+/** @param {import("../model/asset.js").Zone} zone */
 function outline(zone) {
   if (zone.corners.length) return zone.corners;
   const corners = [];
@@ -349,7 +349,7 @@ function outline(zone) {
   return corners;
 }
 
-/** The fix nearest to a place, if it is close. @param {import("./asset.js").Fix[]} track */
+/** The fix nearest to a place, if it is close. @param {import("../model/asset.js").Fix[]} track */
 function nearestOf(track, x, y, close) {
   let best = null;
   let least = close;
@@ -360,7 +360,7 @@ function nearestOf(track, x, y, close) {
   return best;
 }
 
-/** Where the motions under way and waiting lead. @param {import("./asset.js").Command[]} commands the last first */
+/** Where the motions under way and waiting lead. @param {import("../model/asset.js").Command[]} commands the last first */
 function waypointsOf(commands) {
   const open = commands.filter((each) => !each.ended && each.args && each.state !== "unknown");
   return open.reverse().flatMap((command) => {

@@ -3,11 +3,11 @@
  * for it, not before: the link may be slow.
  */
 
-import { ask } from "./connection.js";
-import { eachFrame, html, keep, say } from "./dom.js";
-import { clock } from "./words.js";
+import { ask } from "../model/connection.js";
+import { eachFrame, html, keep, say } from "../dom.js";
+import { clock } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 /**
  * @param {HTMLElement} element

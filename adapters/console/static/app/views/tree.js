@@ -3,12 +3,12 @@
  * stands or what moves it. Branches in which nothing is done are folded until somebody opens them.
  */
 
-import { ask } from "./connection.js";
-import { eachFrame, html, keep, say, set, svg } from "./dom.js";
-import { clock } from "./words.js";
+import { ask } from "../model/connection.js";
+import { eachFrame, html, keep, say, set, svg } from "../dom.js";
+import { clock } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
-/** @typedef {import("./asset.js").TreeNode} TreeNode */
+/** @typedef {import("../model/context.js").Context} Context */
+/** @typedef {import("../model/asset.js").TreeNode} TreeNode */
 
 const ROW = 22;
 const INDENT = 18;
@@ -43,7 +43,7 @@ const LOOKS = {
  */
 export function mount(element, context) {
   const { asset, session, selection, cursor } = context;
-  /** @type {import("./asset.js").Tree | null} how it was at the time that is looked at */
+  /** @type {import("../model/asset.js").Tree | null} how it was at the time that is looked at */
   let past = null;
   /** @type {Map<string, boolean>} what the operator folded or opened, by path */
   const chosen = new Map();

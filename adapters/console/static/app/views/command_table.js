@@ -3,12 +3,12 @@
  * shown as done: only EXECUTED is green, and a command of which nothing was heard is UNKNOWN.
  */
 
-import { ask } from "./connection.js";
-import { eachFrame, html, keep, say, set } from "./dom.js";
-import { UNITS, clock, number } from "./words.js";
+import { ask } from "../model/connection.js";
+import { eachFrame, html, keep, say, set } from "../dom.js";
+import { UNITS, clock, number } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
-/** @typedef {import("./asset.js").Command} Command */
+/** @typedef {import("../model/context.js").Context} Context */
+/** @typedef {import("../model/asset.js").Command} Command */
 
 const MOST_ROWS = 100;
 /** The way of a command that is carried out, by each link; a recording knows what the rover said. */
@@ -199,7 +199,7 @@ export function comparison(command) {
   );
 }
 
-/** The arguments in a few characters. @param {Command} command @param {import("./asset.js").Asset} asset */
+/** The arguments in a few characters. @param {Command} command @param {import("../model/asset.js").Asset} asset */
 function shortly(command, asset) {
   const entry = asset.entry?.commands.find((each) => each.name === command.name);
   return Object.entries(command.args ?? {})

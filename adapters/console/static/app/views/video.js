@@ -3,11 +3,11 @@
  * stream is asked for while somebody watches; whether the rover sends it is a command of its own.
  */
 
-import { ask, newId } from "./connection.js";
-import { eachFrame, html, say } from "./dom.js";
-import { radians } from "./words.js";
+import { ask, newId } from "../model/connection.js";
+import { eachFrame, html, say } from "../dom.js";
+import { radians } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 /** Of the time of arrival, before each picture. */
 const TIME_OCTETS = 8;

@@ -4,7 +4,7 @@
  */
 
 import { ask } from "./connection.js";
-import { UNITS, number } from "./words.js";
+import { UNITS, number } from "../words.js";
 
 const PAUSE_MS = 250;
 

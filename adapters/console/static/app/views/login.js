@@ -1,7 +1,7 @@
 /** Where the console wants to know who somebody is: asks for a token, once for each browser. */
 
-import { ask, operator } from "./connection.js";
-import { html, say } from "./dom.js";
+import { ask, operator } from "../model/connection.js";
+import { html, say } from "../dom.js";
 
 /** Return when this browser may ask the server. */
 export async function login() {

@@ -4,13 +4,13 @@
  */
 
 import * as alarms from "./alarms.js";
-import { ask, operator } from "./connection.js";
-import { contextOf } from "./context.js";
-import { eachFrame, html, keep, say, set } from "./dom.js";
-import { age, clock } from "./words.js";
+import { ask, operator } from "../model/connection.js";
+import { contextOf } from "../model/context.js";
+import { eachFrame, html, keep, say, set } from "../dom.js";
+import { age, clock } from "../words.js";
 
-/** @typedef {import("./session.js").Session} Session */
-/** @typedef {import("./asset.js").Asset} Asset */
+/** @typedef {import("../model/session.js").Session} Session */
+/** @typedef {import("../model/asset.js").Asset} Asset */
 
 const STOP_KEYS = ["F8", "Pause"];
 const STANDING = ["STOPPED", "SAFE", "PAUSED"];

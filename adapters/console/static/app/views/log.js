@@ -1,9 +1,9 @@
 /** What the asset told: its notifications, newest first, with filters; those of the selection stand out. */
 
-import { eachFrame, html, keep, say, set } from "./dom.js";
-import { clock } from "./words.js";
+import { eachFrame, html, keep, say, set } from "../dom.js";
+import { clock } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 const MOST_ROWS = 300;
 const SEVERITIES = ["INFORMATIONAL", "WARNING", "ALARM", "SEVERE", "CRITICAL"];

@@ -3,12 +3,12 @@
  * consoles show the same.
  */
 
-import { ask } from "./connection.js";
-import { contextOf } from "./context.js";
-import { eachFrame, html, keep, say, set } from "./dom.js";
-import { clock } from "./words.js";
+import { ask } from "../model/connection.js";
+import { contextOf } from "../model/context.js";
+import { eachFrame, html, keep, say, set } from "../dom.js";
+import { clock } from "../words.js";
 
-/** @typedef {import("./session.js").Session} Session */
+/** @typedef {import("../model/session.js").Session} Session */
 /** @typedef {{id: number, asset: string, source: string, severity: string, text: string, command: string | null, raised: number, last: number, occurrences: number, cleared: number | null, operator: string | null, acknowledged: number | null}} Alarm */
 
 const SEVERITIES = ["CRITICAL", "SEVERE", "ALARM", "WARNING"];

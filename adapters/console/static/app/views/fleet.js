@@ -1,12 +1,12 @@
 /** All rovers that were heard of, a line each; where there is none, how to get one. */
 
-import { eachFrame, html, keep, say } from "./dom.js";
+import { eachFrame, html, keep, say } from "../dom.js";
 import * as recording from "./recording.js";
-import { age, clock, fixed } from "./words.js";
+import { age, clock, fixed } from "../words.js";
 
 /**
  * @param {HTMLElement} element
- * @param {import("./session.js").Session} session
+ * @param {import("../model/session.js").Session} session
  * @param {(name: string) => void} choose
  * @returns {() => void}
  */

@@ -1,12 +1,12 @@
 /** The newest value of each parameter, with its unit, its limits, and how old it is by each link. */
 
-import { newestOf } from "./asset.js";
-import { ask } from "./connection.js";
-import { eachFrame, html, keep, say, set } from "./dom.js";
-import { rangeOf } from "./draft.js";
-import { age, clock, inTypedUnit } from "./words.js";
+import { newestOf } from "../model/asset.js";
+import { ask } from "../model/connection.js";
+import { eachFrame, html, keep, say, set } from "../dom.js";
+import { rangeOf } from "../model/draft.js";
+import { age, clock, inTypedUnit } from "../words.js";
 
-/** @typedef {import("./context.js").Context} Context */
+/** @typedef {import("../model/context.js").Context} Context */
 
 const LATE_S = 5;
 
