@@ -4,7 +4,7 @@ from adapters.bundle.agent import BundleAgent, Delivery, Health, NeighbourHealth
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
 from adapters.bundle.codec.eid import Eid, Ipn, node_of, parse_eid
 from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
-from adapters.bundle.links.contact import ContactOverride, ContactPlan, load_contact_plan
+from adapters.bundle.links.contact import Contact, ContactOverride, ContactPlan, load_contact_plan
 from adapters.bundle.node.reporting import DeliveryStatus, Notice
 from adapters.bundle.node.security import (
     KeySettings,
@@ -28,6 +28,7 @@ from adapters.bundle.node.settings import (
     listen_error,
 )
 from adapters.bundle.node.store import Queued
+from adapters.bundle.node.traffic import Traffic
 
 __all__ = [
     "DAY_S",
@@ -37,6 +38,7 @@ __all__ = [
     "BundleAgent",
     "BundleError",
     "BundleId",
+    "Contact",
     "ContactOverride",
     "ContactPlan",
     "Delivery",
@@ -59,6 +61,7 @@ __all__ = [
     "SecuritySettings",
     "StoreError",
     "StoreFull",
+    "Traffic",
     "engine_of",
     "listen_error",
     "load_contact_plan",

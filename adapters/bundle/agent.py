@@ -5,7 +5,7 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -35,6 +35,7 @@ from adapters.bundle.node.settings import (
     UdpLink,
 )
 from adapters.bundle.node.store import Queued
+from adapters.bundle.node.traffic import Traffic
 
 _LOG: Final = logging.getLogger(__name__)
 _CONTACT_LOOK_S: Final = 0.2
@@ -79,6 +80,7 @@ class NeighbourHealth:
         next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
             the operator keeps it closed.
         last_heard_s: how long ago something came from it; None for never.
+        traffic: what went over the link.
     """
 
     node: Eid
@@ -87,6 +89,7 @@ class NeighbourHealth:
     override: ContactOverride
     next_contact_utc_s: float
     last_heard_s: float | None
+    traffic: Traffic
 
 
 @dataclass(frozen=True, slots=True)
@@ -357,11 +360,20 @@ class BundleAgent:
         """Yield the payloads for a destination that are still in the store, the newest first."""
         return self._opened.node.outbox.queued(destination)
 
+    def queued_octets(self, neighbour: Eid) -> int:
+        """Return how much waits for a neighbour, or for a confirmation."""
+        return self._opened.node.outbox.octets(str(neighbour))
+
     def override(self, neighbour: Eid, override: ContactOverride) -> None:
         """Force contact with a neighbour up or down, or follow the plan."""
         self._opened.gates[str(neighbour)].override = override
         self._look()
         self._wake()
+
+    @property
+    def plan(self) -> ContactPlan | None:
+        """The contact plan; None for contact always."""
+        return self._plan
 
     def set_plan(self, plan: ContactPlan | None) -> None:
         """Replace the contact plan."""
@@ -410,6 +422,7 @@ class BundleAgent:
             override=gate.override,
             next_contact_utc_s=state.next_contact_utc_s,
             last_heard_s=None if heard_s is None else asyncio.get_running_loop().time() - heard_s,
+            traffic=replace(session.node.traffic[name]),
         )
 
     def _look(self) -> None:

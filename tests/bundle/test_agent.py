@@ -146,6 +146,9 @@ async def test_tcpcl_loses_nothing_where_sessions_break(tmp_path: Path) -> None:
             assert sorted(await two.take(1500)) == payloads
             assert sorted(await one.take(1500)) == payloads
             assert cutter.cuts > 0
+            (to_two,) = one.agent.health().neighbours
+            assert to_two.traffic.retransmitted > 0
+            assert to_two.traffic.round_trip_s is not None
         server.close()
 
 
@@ -300,6 +303,10 @@ async def test_what_udp_loses_is_sent_again_until_it_is_confirmed(tmp_path: Path
             )
             assert sorted(await two.take(50)) == payloads
             await one.until(lambda: one.agent.health().queued == 0)
+            traffic = one.agent.health().neighbours[0].traffic
+            assert traffic.acknowledged == 50
+            assert traffic.sent == 50 + traffic.retransmitted > 50
+            assert traffic.round_trip_s is None
     await proxy.close()
 
 

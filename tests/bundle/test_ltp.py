@@ -127,6 +127,7 @@ def test_a_checkpoint_is_repeated_for_as_long_as_it_takes_but_not_without_contac
     for _ in range(100):
         engine.wait(1.0)
         assert engine.said() == [checkpoint]
+    assert engine.span.resent == 100
     engine.span.suspend()
     assert engine.span.next_s == inf
     engine.wait(1000.0)
@@ -134,6 +135,22 @@ def test_a_checkpoint_is_repeated_for_as_long_as_it_takes_but_not_without_contac
     engine.span.resume()
     engine.wait(0.0)
     assert engine.said() == [checkpoint]
+
+
+def test_a_round_trip_is_that_of_a_checkpoint_that_was_sent_once() -> None:
+    engine = Engine()
+    engine.span.send(bytes(40))
+    first = data_of(engine.said())[-1]
+    engine.now_s += 0.25
+    engine.span.receive(reported(first, (0, 10)))
+    assert engine.span.round_trip_s == 0.25
+    assert engine.span.resent == 3
+    last = data_of(engine.said()[1:])[-1]
+    engine.wait(1.0)  # repeated: nobody knows which of the two is answered
+    engine.span.receive(reported(last, (0, 40), serial=2))
+    assert isinstance(engine.events()[-1], Completed)
+    assert engine.span.round_trip_s == 0.25
+    assert engine.span.resent == 4
 
 
 def test_the_light_time_makes_it_wait() -> None:

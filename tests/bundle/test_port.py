@@ -43,6 +43,12 @@ async def test_what_is_sent_arrives_once_with_its_sender_and_both_are_told(
         (neighbour,) = two.agent.health().neighbours
         assert neighbour.contact
         assert neighbour.last_heard_s is not None
+        (to_two,) = one.agent.health().neighbours
+        traffic = to_two.traffic
+        assert (traffic.sent, traffic.acknowledged) == (41, 41)
+        assert traffic.received >= 40
+        assert (traffic.round_trip_s is not None) == (kind is Kind.EMBEDDED)
+        assert one.agent.queued_octets(to_two.node) == 0
 
 
 @every_way
@@ -97,6 +103,7 @@ async def test_what_outlives_its_lifetime_is_told_and_does_not_come(
         await one.agent.send(TWO, b"too late", lifetime_s=0.2)
         await one.until(lambda: bool(one.notices))
         assert [notice.status for notice in one.notices] == [DeliveryStatus.EXPIRED]
+        assert one.agent.health().neighbours[0].traffic.expired == 1
         one.agent.override(Ipn(2, 0), ContactOverride.BY_PLAN)
         await one.agent.send(TWO, b"in time")
         assert await two.take(1) == [b"in time"]

@@ -81,19 +81,19 @@ class ContactPlan:
         """Return the contact there is at a time; where contacts overlap, the one that ends last."""
         there = [
             contact
-            for contact in self._between(sender, receiver)
+            for contact in self.between(sender, receiver)
             if contact.begin_utc_s <= utc_s < contact.end_utc_s
         ]
         return max(there, key=lambda contact: contact.end_utc_s, default=None)
 
     def next_contact_utc_s(self, sender: int, receiver: int, utc_s: float) -> float:
         """Return when the next contact after a time begins; infinity if none is planned."""
-        begins = (contact.begin_utc_s for contact in self._between(sender, receiver))
+        begins = (contact.begin_utc_s for contact in self.between(sender, receiver))
         return min((begin for begin in begins if begin > utc_s), default=inf)
 
     def planned(self, sender: int, receiver: int, utc_s: float) -> bool:
         """Return whether there is a contact at a time, or one after it."""
-        return any(utc_s < contact.end_utc_s for contact in self._between(sender, receiver))
+        return any(utc_s < contact.end_utc_s for contact in self.between(sender, receiver))
 
     def light_time_s(self, sender: int, receiver: int, utc_s: float) -> float:
         """Return how long a signal takes; a range holds both ways unless each way has its own."""
@@ -104,7 +104,8 @@ class ContactPlan:
         }
         return there.get((sender, receiver), there.get((receiver, sender), 0.0))
 
-    def _between(self, sender: int, receiver: int) -> Iterator[Contact]:
+    def between(self, sender: int, receiver: int) -> Iterator[Contact]:
+        """Return the contacts in which one node can send to another, as they are listed."""
         return (
             contact
             for contact in self.contacts

@@ -48,6 +48,7 @@ class Link(ABC):
         self.name, self.up = neighbour.name, True
         self.last_heard_s: float | None = None
         self._node, self._now_s, self._wake = context.node, context.now_s, context.wake
+        self._traffic = context.node.traffic[neighbour.name]
         self._contact = True
 
     @property

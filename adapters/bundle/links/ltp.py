@@ -60,6 +60,7 @@ class LtpNeighbour(Link):
         self._pacer = Pacer(context.now_s)
         self._blocks: dict[int, list[Outgoing]] = {}
         self._refusing = False
+        self._cancelled = 0
 
     def receive(self, segment: Segment) -> None:
         """Take a segment from the neighbour."""
@@ -70,6 +71,7 @@ class LtpNeighbour(Link):
                 case Completed():
                     self._node.sending.handed_on(self._blocks.pop(event.number))
                 case Cancelled():
+                    self._cancelled += len(self._blocks[event.number])
                     self._requeue(event.number)
                 case Arrived():
                     self._store(event)
@@ -157,6 +159,8 @@ class LtpNeighbour(Link):
         if self.span.segments:
             segments, self.span.segments[:] = list(self.span.segments), []
             self._transmit(segments)
+        self._traffic.retransmitted = self.span.resent + self._cancelled
+        self._traffic.round_trip_s = self.span.round_trip_s
 
 
 class LtpEndpoint(DatagramEndpoint):

@@ -102,6 +102,8 @@ class ExportSession:
     Attributes:
         done: whether all has been claimed.
         due_s: when the last checkpoint is to be repeated; kept by the span.
+        resent: how many segments were sent once more.
+        checkpoint_at_s: when the last one was sent, until repeated or answered; kept by the span.
     """
 
     def __init__(
@@ -113,6 +115,8 @@ class ExportSession:
         send: Callable[[Data], None],
     ) -> None:
         self.done, self.due_s = False, 0.0
+        self.resent = 0
+        self.checkpoint_at_s: float | None = None
         self._session, self._block = session, block
         self._segment_octets, self._serial, self._send = segment_octets, serial, send
         self._claimed = Ranges()
@@ -128,8 +132,7 @@ class ExportSession:
         upper = min(report.upper, len(self._block))
         self._claim(report.lower, upper, report.claims)
         self.done = self._claimed.cover(0, len(self._block))
-        answers = self._last and self._last.checkpoint
-        if self.done or (answers and answers.serial == report.checkpoint_serial):
+        if self.done or self.is_answered_by(report):
             self._last = None
         if self.done:
             return False
@@ -140,9 +143,15 @@ class ExportSession:
             self._send_gaps(gaps, report.serial)
         return bool(gaps)
 
+    def is_answered_by(self, report: Report) -> bool:
+        """Return whether a report answers the last checkpoint."""
+        last = None if self._last is None else self._last.checkpoint
+        return last is not None and last.serial == report.checkpoint_serial
+
     def resend_checkpoint(self) -> None:
         """Send the checkpoint that was not answered again."""
         if self._last is not None:
+            self.resent += 1
             self._send(self._last)
 
     def _claim(self, lower: int, upper: int, claims: tuple[Claim, ...]) -> None:
@@ -152,11 +161,10 @@ class ExportSession:
             self._claimed.add(claim.offset, end)
 
     def _send_gaps(self, gaps: list[tuple[int, int]], report_serial: int) -> None:
-        cut = [
-            (at, min(at + self._segment_octets, end))
-            for begin, end in gaps
-            for at in range(begin, end, self._segment_octets)
-        ]
+        size = self._segment_octets
+        cut = [(at, min(at + size, end)) for begin, end in gaps for at in range(begin, end, size)]
+        if report_serial:
+            self.resent += len(cut)
         for begin, end in cut[:-1]:
             self._send(self._data(begin, end, None))
         checkpoint = Checkpoint(self._serial, report_serial)
@@ -336,6 +344,7 @@ class LtpSpan:
     Attributes:
         light_time_s: how long a signal takes one way.
         suspended: whether there is no contact.
+        round_trip_s: how long the last checkpoint that was sent only once waited for its report.
         segments: what is to be sent; the sender empties it.
         events: what has happened; the reader empties it.
     """
@@ -349,6 +358,8 @@ class LtpSpan:
         now_s: Callable[[], float],
     ) -> None:
         self.light_time_s = 0.0
+        self.round_trip_s: float | None = None
+        self._resent = 0
         self.segments: list[Segment] = []
         self.events: list[Event] = []
         self._own, self._other, self._link = own, other, link
@@ -368,6 +379,11 @@ class LtpSpan:
         """How many more blocks may be on their way; less than none where more are."""
         return self._link.sessions - len(self._exports)
 
+    @property
+    def resent(self) -> int:
+        """How many segments were sent once more."""
+        return self._resent + sum(export.resent for export in self._exports.values())
+
     def send(self, block: bytes) -> int:
         """Send a block; return the number of its session."""
         number = self._next_number()
@@ -377,7 +393,7 @@ class LtpSpan:
             session, block, self._link.segment_octets, serial, self.segments.append
         )
         self._exports[number] = export
-        export.due_s = self._now_s() + self._answer_s
+        self._await_report(export)
         return number
 
     def owns(self, session: SessionId) -> bool:
@@ -452,6 +468,7 @@ class LtpSpan:
         for export in self._exports.values():
             if export.due_s <= now_s:
                 export.resend_checkpoint()
+                export.checkpoint_at_s = None
                 export.due_s = now_s + self._answer_s
         for key, told in list(self._pending_reports.items()):
             if told.due_s <= now_s:
@@ -475,19 +492,26 @@ class LtpSpan:
         self.segments.append(told.report)
         told.due_s = now_s + self._answer_s
 
+    def _await_report(self, export: ExportSession) -> None:
+        export.checkpoint_at_s = self._now_s()
+        export.due_s = export.checkpoint_at_s + self._answer_s
+
     def _on_report(self, number: int, report: Report) -> None:
         export = self._exports.get(number)
         if export is None:
             return
+        if export.checkpoint_at_s is not None and export.is_answered_by(report):
+            self.round_trip_s = self._now_s() - export.checkpoint_at_s
+            export.checkpoint_at_s = None
         if export.on_report(report):
-            export.due_s = self._now_s() + self._answer_s
+            self._await_report(export)
         if export.done:
             self._end(number)
             self.events.append(Completed(number))
 
     def _end(self, number: int) -> None:
         """Remember an ended session: its last report may come again and wants its answer."""
-        del self._exports[number]
+        self._resent += self._exports.pop(number).resent
         _remember(self._ended, number, None)
 
     def _take(self, number: int, data: Data) -> None:

@@ -82,7 +82,7 @@ class TcpclSession(asyncio.Protocol):
         self._keepalive_s = 0.0
         self._last_heard_s = self._last_sent_s = self._now_s()
         self._incoming = bytearray()
-        self._in_flight: deque[Outgoing] = deque()
+        self._in_flight: deque[tuple[Outgoing, float]] = deque()
         self._in_flight_octets = 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -142,7 +142,7 @@ class TcpclSession(asyncio.Protocol):
             end = at + segment_octets >= len(octets)
             self._send(DataSegment(octets[at : at + segment_octets], start=not at, end=end))
         if self._acknowledged:
-            self._in_flight.append(outgoing)
+            self._in_flight.append((outgoing, self._now_s()))
             self._in_flight_octets += len(octets)
         else:
             self._node.sending.handed_on([outgoing])
@@ -193,7 +193,7 @@ class TcpclSession(asyncio.Protocol):
         self.stage = SessionStage.OVER
         self._incoming.clear()
         if self._neighbour is not None:
-            self._neighbour.remove_session(self, list(self._in_flight))
+            self._neighbour.remove_session(self, [outgoing for outgoing, _ in self._in_flight])
         self._in_flight.clear()
         self.flush()
         if self._transport is not None:
@@ -279,12 +279,16 @@ class TcpclSession(asyncio.Protocol):
     def _acked(self, length: int) -> None:
         if not self._in_flight:
             raise DecodeError("an acknowledgement of nothing")
-        expected = len(self._in_flight[0].octets)
+        outgoing, sent_s = self._in_flight[0]
+        expected = len(outgoing.octets)
         if length > expected:
             raise DecodeError(f"{length} octets acknowledged, {expected} were sent")
         if length == expected:
             self._in_flight_octets -= expected
-            self._node.sending.handed_on([self._in_flight.popleft()])
+            self._in_flight.popleft()
+            assert self._neighbour is not None
+            self._neighbour.answered_in(self._now_s() - sent_s)
+            self._node.sending.handed_on([outgoing])
 
     def _send(self, message: Message) -> None:
         self._last_sent_s = self._now_s()
@@ -377,7 +381,12 @@ class TcpclNeighbour(Link):
         if session in self._sessions:
             self._sessions.remove(session)
         self.up = bool(self._sessions)
+        self._traffic.retransmitted += len(unacknowledged)
         self._node.sending.requeue(self.name, unacknowledged)
+
+    def answered_in(self, round_trip_s: float) -> None:
+        """Note how long the neighbour took to acknowledge a bundle."""
+        self._traffic.round_trip_s = round_trip_s
 
     async def _dial(self, address: Address) -> None:
         """Keep dialling; the pauses grow while no session lasts longer than they do."""

@@ -147,7 +147,11 @@ class Node(NodeState):
         """
         self.database.look_for_room()
         now_utc_ms = self.utc_ms()
-        if self.outbox.unconfirmed(now_utc_ms):
+        unconfirmed = self.outbox.unconfirmed(now_utc_ms)
+        for neighbour in unconfirmed:
+            if traffic := self.traffic.get(neighbour):
+                traffic.retransmitted += 1
+        if unconfirmed:
             self.sending.rewind()
         outgoing = self.outbox.expired(now_utc_ms, _ENDED_AT_ONCE)
         for _, identity, octets in outgoing:
@@ -168,6 +172,8 @@ class Node(NodeState):
             self.database.set_count("expired", self.expired)
 
     def _end(self, identity: BundleId, bundle: Bundle) -> None:
+        if neighbour := self.settings.neighbour_of(bundle.primary.destination):
+            self.traffic[neighbour].expired += 1
         self._reporting.deleted(bundle, ReportReason.LIFETIME_EXPIRED)
         if bundle.primary.source == self.settings.sender:
             self.notify(identity, DeliveryStatus.EXPIRED)
@@ -199,6 +205,8 @@ class Receiving:
         """
         try:
             for bundle, encoded in decode_bundles(octets):
+                if traffic := self._state.traffic.get(neighbour):
+                    traffic.received += 1
                 self._take(bundle, encoded, neighbour)
         except DecodeError as error:
             self.malformed += 1

@@ -38,6 +38,7 @@ from adapters.bundle.node.database import Database, Transaction
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import NodeSettings
 from adapters.bundle.node.store import Inbox, Outbox
+from adapters.bundle.node.traffic import Traffic
 
 _LOG: Final = logging.getLogger(__name__)
 _TELL_EVERY_MS: Final = 10_000
@@ -111,6 +112,7 @@ class NodeState:
     Attributes:
         transaction: what gathers until it is committed.
         refusals: of what came.
+        traffic: what went over the links, by the names of the neighbours.
     """
 
     def __init__(
@@ -124,6 +126,7 @@ class NodeState:
         self.settings, self.database, self.utc_ms = settings, database, utc_ms
         self.security, self.refusals = security, Refusals(utc_ms)
         self.transaction = Transaction(database)
+        self.traffic = {each.name: Traffic() for each in settings.neighbours}
         self.outbox, self.inbox = Outbox(database), Inbox(database)
         self._on_status = on_status
         self._last = Creation(database.count(_LAST_TIME), database.count(_LAST_SEQUENCE))
@@ -254,7 +257,10 @@ class Reporting:
             return
         identity = BundleId(report.source, report.creation)
         if report.says(Assertion.DELIVERED) and not report.part:
-            state.outbox.remove(state.outbox.ids(identity))
+            rows = state.outbox.ids(identity)
+            state.outbox.remove(rows)
+            if neighbour := state.settings.neighbour_of(sender):
+                state.traffic[neighbour].acknowledged += len(rows)
             state.notify(identity, DeliveryStatus.DELIVERED)
         elif report.says(Assertion.DELETED):
             _LOG.warning("bundle %s deleted by %s", identity, sender)

@@ -87,6 +87,7 @@ class Sending:
             if taken and octets < 0:
                 break
             taken.append(queue.ready.popleft())
+        self._state.traffic[neighbour].sent += len(taken)
         return taken
 
     def handed_on(self, sent: Sequence[Outgoing]) -> None:
@@ -167,6 +168,8 @@ class Sending:
     def _write_handed_on(self, whole: Sequence[Stored]) -> None:
         self._state.outbox.handed_on(whole, self._state.utc_ms(), self._pause_ms)
         for stored in whole:
+            if not stored.confirm and self._state.settings.acknowledges(stored.neighbour):
+                self._state.traffic[stored.neighbour].acknowledged += 1
             if stored.own:
                 self._state.notify(stored.identity, DeliveryStatus.HANDED_ON)
             else:

@@ -285,13 +285,17 @@ class NodeSettings:
     def must_confirm(self, destination: Eid) -> bool:
         """Return whether what goes there may get lost unless its receiver confirms it."""
         neighbour = self.neighbour_of(destination)
-        match None if neighbour is None else self.link_to(neighbour):
+        return neighbour is not None and not self.acknowledges(neighbour)
+
+    def acknowledges(self, neighbour: str) -> bool:
+        """Return whether a neighbour, or the daemon before it, says what it has."""
+        match self.link_to(neighbour):
             case UdpLink():
-                return True
-            case TcpclLink(acknowledge=acknowledge):
-                return not acknowledge
-            case LtpLink() | DaemonLink() | None:
                 return False
+            case TcpclLink(acknowledge=acknowledge):
+                return acknowledge
+            case LtpLink() | DaemonLink():
+                return True
             case link:
                 assert_never(link)
 

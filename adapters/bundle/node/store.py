@@ -155,18 +155,23 @@ class Outbox:
                 yield Queued(bundle_id_from_key(key), payload, expires_utc_ms / 1000)
             before = rows[-1][0]
 
-    def unconfirmed(self, now_utc_ms: int) -> int:
-        """Requeue what was handed on and should have been confirmed by now; return how many."""
+    def unconfirmed(self, now_utc_ms: int) -> list[str]:
+        """Requeue what was handed on and should have been confirmed by now.
+
+        Returns:
+            The neighbour of each.
+        """
         found = self._db.read(
-            "SELECT id FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
+            "SELECT id, neighbour FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
             (now_utc_ms, State.HANDED_ON.value),
         )
         if found:
             self._db.write_all(
-                "UPDATE outbox SET state = 0, again_utc_ms = NULL WHERE id = ?", found
+                "UPDATE outbox SET state = 0, again_utc_ms = NULL WHERE id = ?",
+                [(row_id,) for row_id, _ in found],
             )
             self._without_expedited.clear()
-        return len(found)
+        return [neighbour for _, neighbour in found]
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId, bytes]]:
         """Return bundles whose lifetime has ended: id, identity, octets."""
@@ -193,6 +198,13 @@ class Outbox:
         where, values = ("", ()) if neighbour is None else (" WHERE neighbour = ?", (neighbour,))
         ((count,),) = self._db.read(f"SELECT count(*) FROM outbox{where}", values)
         return int(count)
+
+    def octets(self, neighbour: str) -> int:
+        """Return how much waits for a neighbour, or for a confirmation."""
+        ((octets,),) = self._db.read(
+            "SELECT total(length(octets)) FROM outbox WHERE neighbour = ?", (neighbour,)
+        )
+        return int(octets)
 
     def oldest_utc_ms(self) -> int | None:
         """Return when the oldest of all came in, if there is one."""
