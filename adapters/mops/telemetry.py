@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from typing import Final
 
 from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
 from adapters.mops.dictionary import OtherEntry, TelemetryEntry
@@ -24,6 +25,12 @@ class LinkHealth:
         last_heard_s: how long ago something came from the other end; None for never.
         unread: bundles that wait to be published.
         refused: messages that were refused since the start.
+        contact: whether it could send to the other end; None, as all below, where the end is of a
+            version that does not tell.
+        queued_octets: of the bundles that wait to be sent.
+        sent, acknowledged, retransmitted, expired, received: what went over its link since the
+            start, as `adapters.bundle.Traffic` has it.
+        round_trip_s: how long the other end took to answer last; None before it did.
     """
 
     utc_s: float
@@ -33,6 +40,18 @@ class LinkHealth:
     last_heard_s: float | None
     unread: int
     refused: int
+    contact: bool | None = None
+    queued_octets: int | None = None
+    sent: int | None = None
+    acknowledged: int | None = None
+    retransmitted: int | None = None
+    expired: int | None = None
+    received: int | None = None
+    round_trip_s: float | None = None
+
+
+_ALWAYS_TOLD: Final = 7
+"""Values of LinkHealth that every version tells."""
 
 
 def health_message(health: LinkHealth, entry: OtherEntry, source: str) -> Message:
@@ -53,9 +72,10 @@ def health_of(message: Message, entry: OtherEntry) -> LinkHealth:
     """
     if (message.code, message.command) != (entry.code, entry.command) or message.inputs:
         raise MopsError(f"{message.code:03X} {message.command} tells nothing of a link")
-    if len(message.outputs) != len(LinkHealth.__slots__):
+    missing = len(LinkHealth.__slots__) - len(message.outputs)
+    if missing and len(message.outputs) != _ALWAYS_TOLD:
         raise MopsError(f"outputs: {len(message.outputs)}, not {len(LinkHealth.__slots__)}")
-    health: LinkHealth = made_of(LinkHealth, message.outputs)
+    health: LinkHealth = made_of(LinkHealth, (*message.outputs, *missing * ("",)))
     require_within("utc_s", health.utc_s, 0, LATEST_UTC_S)
     return health
 

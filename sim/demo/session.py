@@ -183,7 +183,9 @@ async def look(client: MrsClient) -> RoverStatus:
     """Ask the rover, or the relay in its place, how it is."""
     status = await client.get_status()
     figures = {
-        value.name: float(value.value.value) for value in status.values if value.value is not None
+        value.name: float(value.value.value)
+        for value in status.values
+        if value.value is not None and not isinstance(value.value.value, str)
     }
     relayed = any(value.name == DTN_QUEUED for value in status.values)
     return RoverStatus(

@@ -318,11 +318,21 @@ COUNTS = st.integers(0, 1 << 40)
 
 @given(
     st.builds(
-        LinkHealth, TIMES, COUNTS, FINITE, st.none() | FINITE, st.none() | FINITE, COUNTS, COUNTS
+        LinkHealth,
+        *(TIMES, COUNTS, FINITE, st.none() | FINITE, st.none() | FINITE, COUNTS, COUNTS),
+        *(st.none() | st.booleans(), *[st.none() | COUNTS] * 6, st.none() | FINITE),
     )
 )
 def test_the_health_of_a_link_comes_back(health: LinkHealth) -> None:
     assert health_of(decode(encode(health_message(health, LINK, "JACKAL"))), LINK) == health
+
+
+def test_an_end_that_counts_nothing_tells_of_its_link_too() -> None:
+    health = LinkHealth(1.0, 2, 0.5, None, None, 0, 0)
+    message = health_message(health, LINK, "JACKAL")
+    assert health_of(replace(message, outputs=message.outputs[:7]), LINK) == health
+    with pytest.raises(MopsError, match="outputs: 8"):
+        health_of(replace(message, outputs=message.outputs[:8]), LINK)
 
 
 def test_what_tells_nothing_of_a_link_is_refused() -> None:

@@ -93,7 +93,7 @@ class _Look:
     authority: AuthorityStatus | None
 
     @property
-    def values(self) -> dict[str, float | None]:
+    def values(self) -> dict[str, float | str | None]:
         """The figures of the parameters, None for what is not known."""
         return {value.name: _figure(value) for value in self.status.values}
 
@@ -213,11 +213,11 @@ def _work(status: AssetStatus) -> str:
     return doing if status.activePlan is None else f"{doing}, plan {status.activePlan}"
 
 
-def _place(values: dict[str, float | None], camera: CameraState) -> str:
+def _place(values: dict[str, float | str | None], camera: CameraState) -> str:
     """Return where the rover is, and whether it films."""
     x, y, heading = values.get("POS_X"), values.get("POS_Y"), values.get("HEAD")
     video = f"video {'on' if camera.videoOn else 'off'}"
-    if x is None or y is None or heading is None:
+    if not (isinstance(x, float) and isinstance(y, float) and isinstance(heading, float)):
         return f"where it is, is not known now, {video}"
     return f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°, {video}"
 
@@ -305,12 +305,21 @@ async def _show_asset(to: Target, asset: str, as_json: bool) -> None:
     print_table(rows, "parameter", "value", "unit", "sampled, UTC")
 
 
-def _figure(value: ParameterValue) -> float | None:
-    return None if value.value is None else float(value.value.value)
+def _figure(value: ParameterValue) -> float | str | None:
+    if value.value is None:
+        return None
+    found = value.value.value
+    return found if isinstance(found, str) else float(found)
 
 
-def _shown(figure: float | None) -> str:
-    return "not known" if figure is None else f"{figure:z.3f}"
+def _shown(figure: float | str | None) -> str:
+    match figure:
+        case None:
+            return "not known"
+        case str():
+            return printable(figure)
+        case _:
+            return f"{figure:z.3f}"
 
 
 @click.command()

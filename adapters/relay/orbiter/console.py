@@ -7,10 +7,11 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
+from adapters.mal import Typed
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Notification, ParameterValue, describe_error
-from adapters.relay.orbiter.link_status import CONTACT
+from adapters.mrs.spec import DEFINED, Notification, ParameterValue, describe_error
+from adapters.relay.orbiter.link_status import CONTACT, LINK_PARAMETERS
 from executive.commands import Command, ExecuteAction, Request
 
 NOT_GIVEN: Final = "-"
@@ -116,7 +117,7 @@ class Console:
             gathered.clear()
 
 
-_LAST: Final = frozenset({"CAM_ROTATE_SPEED", "DTN_ABOARD_OLDEST"})
+_LAST: Final = frozenset({DEFINED[-1].name, LINK_PARAMETERS[-1].name})
 """The parameters that come last, as `listDefinition` has them."""
 
 
@@ -145,11 +146,14 @@ def notification_line(notification: Notification) -> str:
 
 def values_line(kind: str, values: Sequence[ParameterValue]) -> str:
     """Return the line of parameters, `-` where one is not known."""
-    figures = (
-        f"{value.name}={'-' if value.value is None else format(value.value.value, 'z.3f')}"
-        for value in values
-    )
+    figures = (f"{value.name}={_written(value.value)}" for value in values)
     return line(max(value.timestamp for value in values) / 1e9, kind, *figures)
+
+
+def _written(value: Typed | None) -> str:
+    if value is None:
+        return "-"
+    return repr(value.value) if isinstance(value.value, str) else format(value.value, "z.3f")
 
 
 def help_lines(dictionary: Dictionary) -> list[str]:

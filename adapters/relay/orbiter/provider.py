@@ -223,7 +223,8 @@ class RoverProvider:
         return (*own, *self._health())
 
     def _health(self) -> tuple[wire.ParameterValue, ...]:
-        return (*self._link_status().values(self._utc_s()), *aboard_values(self._rover.aboard))
+        status, aboard = self._link_status(), aboard_values(self._rover.aboard)
+        return (*status.values(self._utc_s()), *aboard, *status.planned.values())
 
     def _camera(self) -> wire.CameraState:
         figure = figures(self._rover)

@@ -18,6 +18,7 @@ from adapters.bundle import (
     ContactPlan,
     Delivery,
     Eid,
+    Ipn,
     NeighbourHealth,
     Notice,
     Queued,
@@ -32,7 +33,14 @@ from adapters.bundle import (
 from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
 from adapters.mrs.terms import Terms
 from adapters.process import StartError, exclusive, termination_event
-from adapters.relay.orbiter.link_status import BY_PLAN, LinkMonitor, LinkStatus, measure_link
+from adapters.relay.orbiter.link_status import (
+    BY_PLAN,
+    LinkMonitor,
+    LinkStatus,
+    PlannedContacts,
+    list_contacts,
+    measure_link,
+)
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover
@@ -82,6 +90,7 @@ class OrbiterRelay:
     ) -> None:
         self._settings, self._dictionary, self._utc_s = settings, dictionary, utc_s
         self._read_plan, store = read_plan, folder / _BUNDLES
+        self._node = settings.node().node
         self.agent = make_agent(
             settings.node(), store, settings.daemon, settings.listen, read_plan(), utc_s,
             security=security,
@@ -101,6 +110,7 @@ class OrbiterRelay:
             for each in settings.rovers
         }
         self._full = False
+        self._planned: dict[Eid, PlannedContacts] = {}
         self._monitors = {
             node: LinkMonitor(settings.old_after_s, rover.tell)
             for node, rover in self.rovers.items()
@@ -200,8 +210,22 @@ class OrbiterRelay:
             rover.record.prune(self._utc_s())
 
     def _measure(self, health: NeighbourHealth, room_octets: int) -> LinkStatus:
-        oldest_utc_s = self.rovers[health.node].record.outstanding.oldest_utc_s()
-        return measure_link(health, room_octets, oldest_utc_s, self._utc_s())
+        node, utc_s = health.node, self._utc_s()
+        return measure_link(
+            health,
+            room_octets,
+            self.agent.queued_octets(node),
+            self.rovers[node].record.outstanding.oldest_utc_s(),
+            self._list_contacts(node, utc_s),
+            utc_s,
+        )
+
+    def _list_contacts(self, node: Eid, utc_s: float) -> PlannedContacts:
+        own, rover = (each.node if isinstance(each, Ipn) else 0 for each in (self._node, node))
+        self._planned[node] = list_contacts(
+            self.agent.plan, own, rover, self._planned.get(node), utc_s
+        )
+        return self._planned[node]
 
     def _tell_if_full(self, why: str) -> None:
         if bool(why) == self._full:

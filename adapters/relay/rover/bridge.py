@@ -357,7 +357,7 @@ class BundleBridge:
     def _measure(self) -> LinkHealth:
         health = self.agent_health = self._agent.health()
         (orbiter,) = health.neighbours
-        next_utc_s = orbiter.next_contact_utc_s
+        next_utc_s, traffic = orbiter.next_contact_utc_s, orbiter.traffic
         return LinkHealth(
             utc_s=time.time(),
             queued=health.queued,
@@ -366,6 +366,14 @@ class BundleBridge:
             last_heard_s=orbiter.last_heard_s,
             unread=health.unread,
             refused=self.refused + health.malformed + health.refused,
+            contact=orbiter.contact,
+            queued_octets=self._agent.queued_octets(orbiter.node),
+            sent=traffic.sent,
+            acknowledged=traffic.acknowledged,
+            retransmitted=traffic.retransmitted,
+            expired=traffic.expired,
+            received=traffic.received,
+            round_trip_s=traffic.round_trip_s,
         )
 
 

@@ -1,6 +1,7 @@
 """An operator opens and closes the way to a rover, before the plan."""
 
 import asyncio
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -118,6 +119,14 @@ async def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Pa
     ):
         (node,) = relay.rovers
         planned_s = relay.link_status(node).next_contact_s
+        up, down = await client.get_value("DTN_CONTACTS_UP", "DTN_CONTACTS_DOWN")
+        assert up.value is not None
+        begin, end = map(datetime.fromisoformat, up.value.value.split("/"))
+        assert end - begin == timedelta(seconds=600)
+        assert begin.timestamp() == pytest.approx(clock.utc_s() + planned_s, abs=2.0)
+        assert down.value is not None
+        assert down.value.value == ""
+        assert (await client.get_value("DTN_CONTACTS_UP"))[0].timestamp == up.timestamp
         assert (await client.run(client.command(ExecuteAction("CONTACT UP")))).executed
         fault = await refused(client, "CONTACT PLAN")
         assert fault == "Rejected: contact plan p: line 1: no whole number: 'x'"
@@ -126,6 +135,9 @@ async def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Pa
         assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
         assert not relay.link_status(node).contact
         assert relay.link_status(node).next_contact_s == float("inf")
+        (up,) = await client.get_value("DTN_CONTACTS_UP")
+        assert up.value is not None
+        assert up.value.value == ""
         assert "Invalid" in await refused_number_0(client)
 
 

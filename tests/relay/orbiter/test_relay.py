@@ -7,6 +7,7 @@ import pytest
 from adapters.bundle import ContactPlan
 from adapters.bundle.links.contact import Contact
 from adapters.mal import MalError, StandardError
+from adapters.mops import LinkHealth
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
@@ -90,10 +91,11 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
         commands = [client.command(MoveForward(1.0)), client.command(Stop())]
         runs = [asyncio.create_task(client.run(command)) for command in commands]
         await until(lambda: relay.link_status(rover_node).queued == 2)
-        (queued, dawn, heard) = await client.get_value(
-            "DTN_QUEUED", "DTN_NEXT_CONTACT", "DTN_LAST_HEARD"
+        (queued, octets, dawn, heard) = await client.get_value(
+            "DTN_QUEUED", "DTN_QUEUED_OCTETS", "DTN_NEXT_CONTACT", "DTN_LAST_HEARD"
         )
         assert figure(queued) == 2.0
+        assert 100.0 < figure(octets) < 500.0
         assert 3500.0 < figure(dawn) < 3601.0
         assert heard.validity is Validity.INVALID
         assert (await client.get_status()).mode is AssetMode.OFFLINE
@@ -113,8 +115,17 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
         assert dark.startswith("no contact until ")
         assert old.startswith("a command has waited for 120 s; next contact at ")
         assert light == "contact"
-        values = await client.get_value("DTN_QUEUED", "DTN_OLDEST")
-        assert list(map(figure, values)) == [0.0, 0.0]
+        names = ("DTN_QUEUED", "DTN_QUEUED_OCTETS", "DTN_OLDEST", "DTN_SENT", "DTN_ACKNOWLEDGED")
+        values = await client.get_value(*names)
+        assert list(map(figure, values)) == [0.0, 0.0, 0.0, 2.0, 2.0]
+        told = LinkHealth(
+            clock.utc_s(), 3, 1.5, None, 0.25, 0, 0, True, 700, 9, 6, 1, 0, 2, round_trip_s=0.125
+        )
+        await rover.link(told)
+        await until(lambda: relay.rovers[rover_node].aboard is not None)
+        aboard = ("CONTACT", "QUEUED_OCTETS", "SENT", "RETRANSMITTED", "RECEIVED", "ROUND_TRIP")
+        values = await client.get_value(*(f"DTN_ABOARD_{name}" for name in aboard))
+        assert list(map(figure, values)) == [1.0, 700.0, 9.0, 1.0, 2.0, 0.125]
         assert (await client.get_status()).mode is AssetMode.STOPPED
 
 
