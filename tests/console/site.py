@@ -14,7 +14,7 @@ from tests.support.processes import Running, executive, running, simulation
 
 SIZE: Final = (1600, 1000)
 LIMIT_MS: Final = 30_000
-_OPTIONS: Final = (
+OPTIONS: Final = (
     "--headless",
     "--no-sandbox",  # it does not start as root otherwise
     "--disable-gpu",
@@ -92,7 +92,7 @@ class Visitors:
 def visitors() -> Iterator[Visitors]:
     """Give people a browser for the time of the with."""
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=list(_OPTIONS))
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         try:
             yield Visitors(browser)
         finally:

@@ -1,10 +1,11 @@
 """A rover behind an orbiter: real agents and sockets, an eclipse, and both links at once."""
 
+from itertools import groupby
 from pathlib import Path
 
 from tests.console.conftest import Launch
-from tests.console.consoles import at_console
-from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting
+from tests.console.consoles import ALL, at_console
+from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, until
 
 
 async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
@@ -34,6 +35,40 @@ async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
         nodes = {each["stage"]: each["node"] for each in done["history"]}
         assert (nodes["TAKEN"], nodes["EXECUTED"]) == ("orbiter", "jackal")
         assert len(far.commands) == 1
+
+
+async def test_what_waits_at_the_orbiter_counts_up_and_drains_and_is_kept_in_the_archive(
+    tmp_path: Path,
+) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with (
+        orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
+        landed(sky, "jackal"),
+        at_console(tmp_path, str(station.uri), "anna", topics=[*ALL, "tm"]) as (anna,),
+    ):
+
+        async def told(key: str, value: float) -> None:
+            station.tell_health()
+            await anna.page.until(lambda said: (said.get("key"), said.get("value")) == (key, value))
+
+        await anna.page.is_up()
+        for number in (1.0, 2.0):
+            await anna.send(f"waits{number}", "moveForward", distance=number)
+            await anna.page.command(f"waits{number}", "taken")
+            await told("DTN_QUEUED", number)
+        clock.shift_s = 3601.0
+        await anna.page.command("waits2.0", "executed")
+        await until(lambda: relay.agent.health().queued == 0)
+        await told("DTN_ACKNOWLEDGED", 2.0)
+
+        async def kept(key: str) -> list[float | str]:
+            samples = (await anna.get(f"api/tm/jackal/{key}", link="relay"))["samples"]
+            return [each["value"] for each in samples]
+
+        assert [each for each, _ in groupby(await kept("DTN_QUEUED"))] == [0.0, 1.0, 2.0, 0.0]
+        assert (await kept("DTN_QUEUED_OCTETS"))[-2] > 100.0
+        assert (await kept("DTN_SENT"))[-1] == 2.0
+        assert len(await kept("DTN_CONTACTS_UP")) == 1, "told often, kept at each change"
 
 
 async def test_one_rover_by_both_links_is_one_asset_with_two_sources(

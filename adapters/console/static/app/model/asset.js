@@ -1,6 +1,6 @@
 /** What this page knows of one asset, told to the views by topics. */
 
-/** @typedef {{asset: string, key: string, link: string, utc: number, rx: number, value: any, q: string}} Sample */
+/** @typedef {{asset: string, key: string, link: string, utc: number, rx: number, value: any, q: string, interval?: number}} Sample `interval`: seconds since the one before */
 /** @typedef {{stage: string, node: string, utc: number, rx: number, detail: string, code: number | null, step: number | null, steps: number | null, figures: Record<string, any>}} Stage */
 /** @typedef {{id: string, asset: string, name: string, args: Record<string, any> | null, by: string, source: string, number: number, link: string, state: string, ended: boolean, made: number, deadline: number | null, history: Stage[]}} Command */
 /** @typedef {{sequence: number, link: string, utc: number, rx: number, kind: string, severity: string, text: string, command: string | null, stage: string | null, figures: Record<string, any>}} Notice */
@@ -87,7 +87,8 @@ export class Asset {
     const links = this.values.get(sample.key) ?? new Map();
     this.values.set(sample.key, links);
     const last = links.get(sample.link);
-    if (!last || last.utc <= sample.utc) links.set(sample.link, sample);
+    if (!last) links.set(sample.link, sample);
+    else if (last.utc <= sample.utc) links.set(sample.link, { ...sample, interval: sample.utc - last.utc || last.interval });
     if (POSE.includes(sample.key)) this.#addToFix(sample);
     this.changed("sample", sample);
     this.changed("values");

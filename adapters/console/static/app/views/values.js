@@ -7,8 +7,12 @@ import { rangeOf } from "../model/draft.js";
 import { age, clock, inTypedUnit } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
+/** @typedef {import("../model/asset.js").Sample} Sample */
 
 const LATE_S = 5;
+/** So many of the usual intervals without a value are a loss. */
+const MISSED = 2.5;
+const LONGEST_INTERVAL_S = 30;
 
 /**
  * @param {HTMLElement} element
@@ -33,11 +37,9 @@ export function mount(element, context) {
     const utc = cursor.utc_s;
     if (utc === null) past = new Map();
     else {
-      const keys = (asset.entry?.parameters ?? []).map((each) => [asset.name, each.key]);
-      const { samples } = await ask("/api/tm:batch", { json: { keys, end: utc } }).catch(() => ({ samples: [] }));
+      const found = await valuesAt(asset, (asset.entry?.parameters ?? []).map((each) => each.key), utc);
       if (cursor.utc_s !== utc) return;
-      past = new Map();
-      for (const sample of samples) past.set(sample.key, (past.get(sample.key) ?? new Map()).set(sample.link, sample));
+      past = found;
     }
     draw();
   }
@@ -79,13 +81,13 @@ export function mount(element, context) {
     const { text, unit } = inTypedUnit(newest?.value, entry);
     say(cells[1], text);
     say(cells[2], unit);
-    const late = newest === null || now - newest.utc > LATE_S;
     const state = newest === null || newest.value === null ? "none" : limitOf(entry, newest.value);
-    set(row, { class: `${state}${late ? " stale" : ""}` });
+    set(row, { class: `${state}${isLate(newest, now) ? " stale" : ""}` });
     set(cells[1], { title: newest ? `${clock(newest.utc, true)} UTC by ${newest.link}` : "never told" });
     links.forEach((link, index) => {
       const sample = told?.get(link);
       say(row.children[3 + index], sample ? age(now - sample.utc) : "–");
+      set(row.children[3 + index], { class: `age${sample && isLate(sample, now) ? " late" : ""}` });
     });
     say(limits, rangeOf({ ...entry, typed: entry.typed ?? null, unit: "", low: entry.low ?? null, high: entry.high ?? null }, ""));
   }
@@ -103,6 +105,33 @@ export function mount(element, context) {
     offs.forEach((off) => off());
     root.remove();
   };
+}
+
+/**
+ * The last values of parameters until a moment, by their keys and links.
+ * @param {import("../model/asset.js").Asset} asset
+ * @param {string[]} keys
+ * @param {number} utc
+ * @returns {Promise<Map<string, Map<string, Sample>>>}
+ */
+export async function valuesAt(asset, keys, utc) {
+  const wanted = keys.map((key) => [asset.name, key]);
+  const { samples } = await ask("/api/tm:batch", { json: { keys: wanted, end: utc } }).catch(() => ({ samples: [] }));
+  const found = new Map();
+  for (const sample of samples) found.set(sample.key, (found.get(sample.key) ?? new Map()).set(sample.link, sample));
+  return found;
+}
+
+/**
+ * Whether a value should have been told anew by now: by how often it is told, and a text at each change only.
+ * @param {Sample | null | undefined} sample
+ * @param {number} now
+ */
+export function isLate(sample, now) {
+  if (!sample) return true;
+  if (typeof sample.value === "string" && Number.isNaN(Number(sample.value))) return false;
+  const usual = Math.min(LONGEST_INTERVAL_S, sample.interval ?? 0);
+  return now - sample.utc > Math.max(LATE_S, MISSED * usual);
 }
 
 /** Whether a value is beyond its limits. */
