@@ -2,6 +2,7 @@
 
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, at_console
@@ -61,7 +62,7 @@ async def test_what_waits_at_the_orbiter_counts_up_and_drains_and_is_kept_in_the
         await until(lambda: relay.agent.health().queued == 0)
         await told("DTN_ACKNOWLEDGED", 2.0)
 
-        async def kept(key: str) -> list[float | str]:
+        async def kept(key: str) -> list[Any]:
             samples = (await anna.get(f"api/tm/jackal/{key}", link="relay"))["samples"]
             return [each["value"] for each in samples]
 
