@@ -67,6 +67,11 @@ class Inbox:
         return self._items.empty() and self._stops.empty()
 
     @property
+    def waiting(self) -> int:
+        """How many commands and questions wait."""
+        return self._items.qsize() + self._stops.qsize()
+
+    @property
     def stops_now(self) -> int:
         """How many stops are to be taken now."""
         return min(self._stops.qsize(), MOST_A_TURN)

@@ -248,6 +248,11 @@ class Executive:
         return len(self._context.goals)
 
     @property
+    def waiting(self) -> int:
+        """How many commands and questions of others wait to be looked at."""
+        return self._inbox.waiting
+
+    @property
     def active_plan(self) -> str | None:
         """The plan that has the rover, if one does."""
         return self._context.plans.executing

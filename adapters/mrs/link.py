@@ -3,14 +3,16 @@
 import asyncio
 import logging
 import threading
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
 from adapters.explanation.builder import ChronicleBuilder
-from adapters.mal import MalUri
+from adapters.mal import MalError, MalUri
 from adapters.mrs.aboard import (
     AssetServices,
     FileServices,
@@ -22,7 +24,7 @@ from adapters.mrs.aboard import (
     serve_authority,
 )
 from adapters.mrs.fleet import FleetService
-from adapters.mrs.spec import PORT
+from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING, PORT, housekeeping_values
 from adapters.mrs.terms import CLEAR, Terms
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
@@ -30,6 +32,10 @@ from executive.settings import Settings
 from executive.state import FileEvent, ParameterValue
 
 _LOG: Final = logging.getLogger(__name__)
+HOUSEKEEPING_S: Final = 5.0
+"""Between two times that the housekeeping is told."""
+Measure = Callable[[Executive], Mapping[str, float | None]]
+"""Returns figures by the names of `EXECUTIVE_HOUSEKEEPING`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,14 @@ class _Serving:
 
 def _holder(executive: Executive) -> str | None:
     return executive.authority.state.holder
+
+
+async def _keep_house(gateway: Gateway, asset: AssetServices, measure: Measure) -> None:
+    while True:
+        with suppress(MalError):  # the core is busy: the values get old, and are seen to
+            figures = await gateway.ask(measure)
+            asset.keep_house(housekeeping_values(EXECUTIVE_HOUSEKEEPING, figures, time.time()))
+        await asyncio.sleep(HOUSEKEEPING_S)
 
 
 class MrsLink:
@@ -61,6 +75,8 @@ class MrsLink:
         terms: the encoding and the certificates agreed on with the ground.
         service_layer: where another service layer is, to be registered at; None for nowhere.
         history: what the executive records, to be asked for; None where it records nothing.
+        measure: measures the executive's housekeeping, on the core's thread; None where nobody
+            does.
     """
 
     def __init__(
@@ -72,6 +88,7 @@ class MrsLink:
         terms: Terms = CLEAR,
         service_layer: MalUri | None = None,
         history: ChronicleBuilder | None = None,
+        measure: Measure | None = None,
     ) -> None:
         self._settings = settings
         self._address = (host, port)
@@ -79,6 +96,7 @@ class MrsLink:
         self._terms = terms
         self._service_layer = service_layer
         self._history = history
+        self._measure = measure
         self._thread: threading.Thread | None = None
         self._serving: _Serving | None = None
 
@@ -146,7 +164,9 @@ class MrsLink:
         served = ServedOperations(self._terms.encoding, executive.ground.hear)
         gateway = Gateway(executive, asyncio.get_running_loop())
         fleet = FleetService(served, gateway, settings, self._terms)
-        asset = AssetServices(served, gateway, settings)
+        parameters = () if self._measure is None else EXECUTIVE_HOUSEKEEPING
+        asset = AssetServices(served, gateway, settings, parameters)
+        fleet.housekeeping = lambda: asset.housekeeping
         PreviewService(served, gateway)
         TreeService(served, gateway, settings)
         if self._history is not None:
@@ -158,6 +178,11 @@ class MrsLink:
         listening.set_result(served.provider.uri)
         if self._service_layer is not None:
             asset.above = fleet.join(self._service_layer)
+        keeping = None
+        if self._measure is not None:
+            keeping = asyncio.create_task(_keep_house(gateway, asset, self._measure))
         await over.wait()
+        if keeping is not None:
+            keeping.cancel()
         await fleet.leave()
         await served.provider.close()

@@ -22,6 +22,7 @@ from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.onboard.guard import guarded
+from adapters.onboard.housekeeping import ExecutiveHousekeeping
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive
@@ -32,6 +33,7 @@ from adapters.ros import (
     RosMotionRover,
     RosRover,
     RosVelocityRover,
+    TickStatistics,
     Topics,
     declare_sensor_topics,
     declare_topic,
@@ -104,6 +106,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     """
     settings = options.settings
     history = ChronicleBuilder(MOST_REMEMBERED)
+    housekeeping = ExecutiveHousekeeping(options.data)
     asked = Termination()
     try:
         with (
@@ -127,6 +130,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                     options.terms,
                     options.service_layer,
                     history,
+                    housekeeping.measure,
                 )
             ) as link,
             closing(VideoForwarder(settings.video)) if settings.video else nullcontext() as video,
@@ -143,6 +147,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 solver,
                 options.data / "recordings",
                 history,
+                housekeeping.note,
             ) as executive,
             watched(node, executive) as watchdog,
         ):
@@ -170,6 +175,7 @@ def executive_on(
     solver: SharedSolver | None = None,
     recordings: Path | None = None,
     history: ChronicleBuilder | None = None,
+    on_ticks: Callable[[TickStatistics], None] = lambda _: None,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands.
 
@@ -186,6 +192,7 @@ def executive_on(
         recordings: the folder that its recordings are kept in, if the settings want any; None for
             none.
         history: takes what can be asked for of the recent past; None if nobody will ask.
+        on_ticks: is told each second how regular the ticks were.
     """
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
     settings = replace(settings, sensors=sensors.without_topicless(settings.sensors))
@@ -223,6 +230,7 @@ def executive_on(
         if tape is not None:
             tape.tell = partial(_tell_of_recording, executive)
         served = ExecutiveNode(node, topics, sensors, rover, executive)
+        served.on_ticks = on_ticks
         if relay is not None:
             relay.serve(executive.submit, served, lambda: executive.mode)
         try:

@@ -14,13 +14,16 @@ from adapters.process.folder import default_folder, exclusive
 from adapters.process.log import log_to_stderr
 from adapters.process.signals import Termination, termination_event
 from adapters.process.start import missing_package, require
+from adapters.process.usage import ProcessUsage, Usage
 
 __all__ = [
     "EXISTING_FILE",
     "PORT_NUMBER",
     "ROS_ARGS",
+    "ProcessUsage",
     "StartError",
     "Termination",
+    "Usage",
     "asset_option",
     "data_option",
     "default_folder",

@@ -9,7 +9,7 @@ from adapters.ros.conversions import (
     stamp_s,
     time_message,
 )
-from adapters.ros.diagnostics import diagnostic_array
+from adapters.ros.diagnostics import TickStatistics, diagnostic_array
 from adapters.ros.heartbeat import HeartbeatMonitor, publish_heartbeat, watch
 from adapters.ros.parameters import (
     ParameterError,
@@ -73,6 +73,7 @@ __all__ = [
     "RosVelocityRover",
     "SensorTopics",
     "Subscribe",
+    "TickStatistics",
     "Topic",
     "Topics",
     "WheelJoints",

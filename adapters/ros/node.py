@@ -63,6 +63,9 @@ class ExecutiveNode:
     A message that cannot be is refused and counted: the fact is then missing, and the core stands
     when it needs it. A callback that raises is a fault: the rover stands, SAFE, and the process
     goes on.
+
+    Attributes:
+        on_ticks: is told each second how regular the ticks were.
     """
 
     def __init__(
@@ -77,6 +80,7 @@ class ExecutiveNode:
         self._topics = topics
         self._rover = rover
         self._executive = executive
+        self.on_ticks: Callable[[TickStatistics], None] = lambda _: None
         self._diagnosed = self._situation
         self._pan_rad: float | None = None
         self._tilt_rad: float | None = None
@@ -224,7 +228,9 @@ class ExecutiveNode:
         names = foreign_publishers(self._node, self._topics.cmd_vel.name)
         if names != self._executive.status.foreign:
             self._executive.observe(ForeignPublishers(names))
-        self._diagnose(self._ticks.take())
+        ticks = self._ticks.take()
+        self.on_ticks(ticks)
+        self._diagnose(ticks)
         self._rejected = 0
 
     @property

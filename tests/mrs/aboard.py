@@ -17,7 +17,7 @@ from adapters.cli.main import main
 from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import AttributeType, Consumer, MalError, MalUri, Typed, TypedList
 from adapters.mrs.ground import MrsClient, Outcome
-from adapters.mrs.link import MrsLink
+from adapters.mrs.link import Measure, MrsLink
 from adapters.mrs.spec import (
     CommandHeader,
     Notification,
@@ -97,7 +97,9 @@ class LinkedBench(Bench):
         service_layer: str | None,
         authority: AuthoritySettings,
         explains: bool,
+        measure: Measure | None,
     ) -> None:
+        self._measure = measure
         self._history = ChronicleBuilder(KEPT) if explains else None
         self._port = port
         self._terms = terms
@@ -114,6 +116,7 @@ class LinkedBench(Bench):
             terms=self._terms,
             service_layer=self._service_layer,
             history=self._history,
+            measure=self._measure,
         )
         return super()._start()
 
@@ -134,6 +137,7 @@ class Aboard:
         service_layer: the URI of another's service layer, where it registers.
         authority: who may command it.
         explains: whether it tells why.
+        measure: measures its housekeeping.
     """
 
     def __init__(
@@ -145,7 +149,9 @@ class Aboard:
         service_layer: str | None = None,
         authority: AuthoritySettings = ANYBODY,
         explains: bool = False,
+        measure: Measure | None = None,
     ) -> None:
+        self.measure = measure
         self.authority = authority
         self.explains = explains
         self.runs = False
@@ -264,6 +270,7 @@ class Aboard:
             self.service_layer,
             self.authority,
             self.explains,
+            self.measure,
         )
         while True:
             try:

@@ -11,7 +11,7 @@ from math import degrees
 from operator import attrgetter
 from typing import Any, Final, assert_never
 
-from adapters.mrs.spec import ParameterDefinition
+from adapters.mrs.spec import ParameterDefinition, housekeeping_limits
 from executive.commands import (
     ACCEPTED,
     Argument,
@@ -193,7 +193,7 @@ def parameter_entries(
     definitions: Iterable[ParameterDefinition], settings: Settings | None
 ) -> tuple[ParameterEntry, ...]:
     """Return what an asset defines, with limits where its settings are known."""
-    limits = {} if settings is None else _limits(settings)
+    limits = {} if settings is None else _limits(settings) | housekeeping_limits(settings)
     entries = []
     for each in definitions:
         low, high = limits.get(each.name, (None, None))
@@ -318,10 +318,10 @@ def _typed(unit: str) -> Typed | None:
     return None if typed is None else Typed(typed, degrees(1.0))
 
 
-def _limits(settings: Settings) -> dict[str, tuple[float, float | None]]:
+def _limits(settings: Settings) -> dict[str, tuple[float | None, float | None]]:
     """Return between which values parameters may be, by their names, as the settings have it."""
     drive, camera = settings.drive, settings.camera
-    limits: dict[Parameter, tuple[float, float | None]] = {
+    limits: dict[Parameter, tuple[float | None, float | None]] = {
         Parameter.TRAVEL_SPEED: (0.0, drive.travel_speed_mps),
         Parameter.ROTATE_SPEED: (0.0, drive.rotate_speed_radps),
         Parameter.CURRENT_TRAVEL_SPEED: (-drive.travel_speed_mps, drive.travel_speed_mps),

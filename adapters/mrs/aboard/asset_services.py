@@ -1,7 +1,8 @@
 """The operations of one asset but those about files: commands, state, telemetry, reports, plans."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from math import isfinite
@@ -21,10 +22,12 @@ from adapters.mrs.spec import (
     REQUESTS,
     AreaError,
     CommandHeader,
+    HousekeepingParameter,
     Notification,
     NotificationKind,
     command_of,
     figure_values,
+    housekeeping_values,
     look_up,
     notification_keys,
     notification_of,
@@ -64,8 +67,6 @@ MONITOR_NOTIFICATION: Final = (
     ("Notification", "monitorNotification"),
     ("NotificationClient", "monitorAssetNotification"),
 )
-
-_NAMES: Final = tuple(parameter.value for parameter in Parameter)
 
 
 class CommandIntake(Protocol):
@@ -136,6 +137,7 @@ class AssetServices:
 
     Attributes:
         above: publishes at the service layer that the asset joined; None if it joined none.
+        housekeeping: the last values of the executive's own; none where nobody measures them.
     """
 
     def __init__(
@@ -143,10 +145,12 @@ class AssetServices:
         served: ServedOperations,
         gateway: Gateway,
         settings: Settings,
+        housekeeping: Sequence[HousekeepingParameter] = (),
     ) -> None:
         self._gateway = gateway
         self._asset = settings.asset
         self.above: PublisherAbove | None = None
+        self.housekeeping = housekeeping_values(housekeeping, {}, 0.0)
         named = (settings.asset, settings.domain)
         self._tell_value = [
             served.broadcast(*operation, *named, droppable=True) for operation in MONITOR_VALUE
@@ -156,7 +160,10 @@ class AssetServices:
         serve_commands(served, gateway)
         for service, operation, question in QUESTIONS:
             served.ask(service, operation, gateway, question)
-        served.serve("Monitoring", "listDefinition", lambda _: (DEFINED,))
+        served.ask("Monitoring", "getValue", gateway, self._present_values)
+        served.ask("Status", "getStatus", gateway, self._status)
+        definitions = (*DEFINED, *(each.definition for each in housekeeping))
+        served.serve("Monitoring", "listDefinition", lambda _: (definitions,))
         loop = asyncio.get_running_loop()
         self._of_peer = PeerRate(EVENTS_HZ, loop.time)
         self._of_all = PeerRate(ALL_EVENTS_HZ, loop.time)
@@ -173,7 +180,15 @@ class AssetServices:
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast values of the rover's own."""
-        for value in map(parameter_value, values):
+        self._broadcast(map(parameter_value, values))
+
+    def keep_house(self, values: tuple[wire.ParameterValue, ...]) -> None:
+        """Broadcast the executive's housekeeping, and keep it for who asks."""
+        self.housekeeping = values
+        self._broadcast(values)
+
+    def _broadcast(self, values: Iterable[wire.ParameterValue]) -> None:
+        for value in values:
             for tell in self._tell_value:
                 tell(value, keys=(self._asset, value.name))
             if self.above is not None:
@@ -183,6 +198,15 @@ class AssetServices:
         """Broadcast how far a plan has come."""
         keys = (self._asset, update.plan_id, update.status.value)
         self._tell_plan(wire_update(update), keys=keys)
+
+    def _present_values(
+        self, executive: Executive, names: Sequence[str]
+    ) -> tuple[wire.ParameterValue, ...]:
+        return present_values(executive, names, self.housekeeping)
+
+    def _status(self, executive: Executive) -> wire.AssetStatus:
+        status = _asset_status(executive)
+        return replace(status, values=(*status.values, *self.housekeeping))
 
     def _send_notification(self, call: Call, notification: Notification) -> asyncio.Future[None]:
         """Have the executive report an event of somebody else, who is named in it."""
@@ -202,15 +226,25 @@ class AssetServices:
         return self._gateway.ask(lambda executive: _report(executive, severity, said, figures))
 
 
-def present_values(executive: Executive, names: Sequence[str]) -> tuple[wire.ParameterValue, ...]:
+def present_values(
+    executive: Executive,
+    names: Sequence[str],
+    housekeeping: Sequence[wire.ParameterValue] = (),
+) -> tuple[wire.ParameterValue, ...]:
     """Return the asset's present values, all if none is named.
+
+    Args:
+        executive: whose.
+        names: of the parameters.
+        housekeeping: the values of those that are not the rover's.
 
     Raises:
         MalError: NotFound, there is no such parameter; TOO_MANY.
     """
     require_few(names)
-    by_name = {each.parameter.value: parameter_value(each) for each in executive.parameters()}
-    return tuple(look_up(by_name, name) for name in names or _NAMES)
+    own = map(parameter_value, executive.parameters())
+    by_name = {value.name: value for value in (*own, *housekeeping)}
+    return tuple(look_up(by_name, name) for name in names or by_name)
 
 
 def past_notifications(
@@ -333,13 +367,11 @@ def _figure(parameter: NamedValue) -> Figure:
 QUESTIONS: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
     ("Action", "listActions", _actions),
     ("Camera", "getState", _camera_state),
-    ("Monitoring", "getValue", present_values),
     ("MotionControl", "getPose", wire.pose),
     ("MotionControl", "getSpeeds", wire.speeds),
     ("Notification", "getNotifications", past_notifications),
     ("Plan", "getPlanStatus", _plan_updates),
     ("Status", "getFaults", _fault_status),
-    ("Status", "getStatus", _asset_status),
     ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),
     ("ServiceLayer", "getAsset", own_info),
 )

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -65,11 +66,15 @@ class FleetService:
         gateway: the way to the executive.
         settings: of the asset.
         terms: on which others are spoken to.
+
+    Attributes:
+        housekeeping: returns the last values of this asset that are not the rover's.
     """
 
     def __init__(
         self, served: ServedOperations, gateway: Gateway, settings: Settings, terms: Terms
     ) -> None:
+        self.housekeeping: Callable[[], Sequence[ParameterValue]] = tuple
         self._served = served
         self._gateway = gateway
         self._asset = settings.asset
@@ -174,7 +179,10 @@ class FleetService:
         self, _: Call, asset: str, names: tuple[str, ...]
     ) -> tuple[tuple[ParameterValue, ...]]:
         if asset == self._asset:
-            return (await self._gateway.ask(lambda executive: present_values(executive, names)),)
+            values = self.housekeeping()
+            return (
+                await self._gateway.ask(lambda executive: present_values(executive, names, values)),
+            )
         require_few(names)
         other = self._known.find(asset)
         return (tuple(look_up(other.values, name) for name in names or other.values),)

@@ -11,6 +11,19 @@ from adapters.mrs.spec.errors import (
     with_text,
 )
 from adapters.mrs.spec.histories import chronicle_of, report_of, wire_history
+from adapters.mrs.spec.housekeeping import (
+    CONSOLE,
+    CONSOLE_HOUSEKEEPING,
+    EXECUTIVE,
+    EXECUTIVE_HOUSEKEEPING,
+    ORBITER,
+    ORBITER_HOUSEKEEPING,
+    HousekeepingParameter,
+    figure_value,
+    housekeeping_limits,
+    housekeeping_values,
+    usage_figures,
+)
 from adapters.mrs.spec.mapping import (
     DEFINED,
     LINK,
@@ -81,7 +94,11 @@ from adapters.mrs.spec.types import (
 from adapters.mrs.terms import NAME, PORT
 
 __all__ = [
+    "CONSOLE",
+    "CONSOLE_HOUSEKEEPING",
     "DEFINED",
+    "EXECUTIVE",
+    "EXECUTIVE_HOUSEKEEPING",
     "LINK",
     "LONGEST_NAME",
     "LONGEST_SOURCE",
@@ -89,6 +106,8 @@ __all__ = [
     "MOST_FIGURES",
     "NAME",
     "NUMBER_TYPES",
+    "ORBITER",
+    "ORBITER_HOUSEKEEPING",
     "PORT",
     "REQUESTS",
     "ActiveFault",
@@ -108,6 +127,7 @@ __all__ = [
     "FileInfo",
     "FileReport",
     "History",
+    "HousekeepingParameter",
     "Notification",
     "NotificationKind",
     "ParameterDefinition",
@@ -132,11 +152,14 @@ __all__ = [
     "definition_of",
     "describe_error",
     "duplicate",
+    "figure_value",
     "figure_values",
     "figures",
     "find_service",
     "given_up",
     "header_of",
+    "housekeeping_limits",
+    "housekeeping_values",
     "invalid",
     "invocation",
     "is_prediction",
@@ -157,6 +180,7 @@ __all__ = [
     "speeds",
     "supplements_of",
     "to_ns",
+    "usage_figures",
     "wire_definition",
     "wire_history",
     "wire_preview",

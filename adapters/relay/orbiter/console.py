@@ -11,11 +11,11 @@ from adapters.mal import Typed
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import DEFINED, Notification, ParameterValue, describe_error
-from adapters.relay.orbiter.link_status import CONTACT, LINK_PARAMETERS
+from adapters.relay.orbiter.link_status import CONTACT, ORBITER_PARAMETERS
 from executive.commands import Command, ExecuteAction, Request
 
 NOT_GIVEN: Final = "-"
-_HEALTH: Final = "DTN_"
+_OF_ROVER: Final = frozenset(definition.name for definition in DEFINED)
 
 
 class Console:
@@ -109,7 +109,7 @@ class Console:
 
     def _gather(self, value: ParameterValue) -> None:
         """Print parameters that belong together when the last of them has come."""
-        kind = "DTN" if value.name.startswith(_HEALTH) else "TELEMETRY"
+        kind = "TELEMETRY" if value.name in _OF_ROVER else "DTN"
         gathered = self._gathered[kind]
         gathered[value.name] = value
         if value.name in _LAST:
@@ -117,7 +117,7 @@ class Console:
             gathered.clear()
 
 
-_LAST: Final = frozenset({DEFINED[-1].name, LINK_PARAMETERS[-1].name})
+_LAST: Final = frozenset({DEFINED[-1].name, ORBITER_PARAMETERS[-1].name})
 """The parameters that come last, as `listDefinition` has them."""
 
 

@@ -17,7 +17,14 @@ from adapters.mrs.ground import (
     OVERRIDE,
     describe_next_contact,
 )
-from adapters.mrs.spec import ParameterDefinition, ParameterValue, Validity, to_ns
+from adapters.mrs.spec import (
+    ORBITER_HOUSEKEEPING,
+    ParameterDefinition,
+    ParameterValue,
+    Validity,
+    figure_value,
+    to_ns,
+)
 from executive.reasons import Figure
 from executive.reports import Severity
 
@@ -67,14 +74,23 @@ _ABOARD: Final = (
     ("DTN_ABOARD_RECEIVED", "Bundles that had come from the orbiter until then", None),
     ("DTN_ABOARD_ROUND_TRIP", "How long the orbiter had taken to answer last", "s"),
 )
-LINK_PARAMETERS: Final = tuple(
-    ParameterDefinition(name=name, description=description, type=kind, unit=unit, writable=False)
-    for kind, rows in (
-        (AttributeType.DOUBLE, (*_HERE, *_ABOARD)),
-        (AttributeType.STRING, _PLANNED),
-    )
-    for name, description, unit in rows
+
+
+def _define(
+    kind: AttributeType, rows: Sequence[tuple[str, str, str | None]]
+) -> Iterator[ParameterDefinition]:
+    for name, description, unit in rows:
+        yield ParameterDefinition(
+            name=name, description=description, type=kind, unit=unit, writable=False
+        )
+
+
+ORBITER_PARAMETERS: Final = (
+    *_define(AttributeType.DOUBLE, (*_HERE, *_ABOARD)),
+    *(each.definition for each in ORBITER_HOUSEKEEPING),
+    *_define(AttributeType.STRING, _PLANNED),
 )
+"""What is told of the orbiter and of the link to a rover, in this order."""
 _LISTED_S: Final = 3600.0
 """For so long a contact is listed after its end."""
 _MOST_LISTED: Final = 50
@@ -289,11 +305,6 @@ def _values(
     rows: Sequence[tuple[str, str, str | None]], figures: Sequence[float], utc_s: float
 ) -> tuple[ParameterValue, ...]:
     return tuple(
-        ParameterValue(
-            name=name,
-            timestamp=to_ns(utc_s),
-            validity=Validity.INVALID if isinf(figure) else Validity.VALID,
-            value=None if isinf(figure) else Typed(AttributeType.DOUBLE, figure),
-        )
+        figure_value(name, None if isinf(figure) else figure, utc_s)
         for (name, _, _), figure in zip(rows, figures, strict=True)
     )

@@ -14,8 +14,11 @@ from adapters.mrs import spec as wire
 from adapters.mrs.aboard import LAST_SEQUENCE, ServedOperations, page_size, serve_commands
 from adapters.mrs.spec import (
     DEFINED,
+    ORBITER,
+    ORBITER_HOUSEKEEPING,
     AreaError,
     figures,
+    housekeeping_values,
     look_up,
     notification_keys,
     notification_of,
@@ -23,13 +26,15 @@ from adapters.mrs.spec import (
     pose,
     speeds,
     to_ns,
+    usage_figures,
     with_text,
 )
 from adapters.mrs.terms import Terms
+from adapters.process import Usage
 from adapters.relay.orbiter.link_status import (
     BY_PLAN,
     CONTACT,
-    LINK_PARAMETERS,
+    ORBITER_PARAMETERS,
     LinkStatus,
     aboard_values,
 )
@@ -49,7 +54,7 @@ NOBODY_PROVEN: Final = (
     " certificates, or have each command claim its epoch itself"
 )
 DISTRIBUTION: Final = "rover-executive"
-_NAMES: Final = tuple(definition.name for definition in (*DEFINED, *LINK_PARAMETERS))
+_NAMES: Final = tuple(definition.name for definition in (*DEFINED, *ORBITER_PARAMETERS))
 
 ORBITER_ACTIONS: Final = {
     f"{CONTACT} UP": ContactOverride.UP,
@@ -67,6 +72,7 @@ class RoverProvider:
         link_status: returns how the way to it is now.
         order: overrides the contact plan for the rover, and returns what holds then; raises
             BundleError.
+        usage: returns what the orbiter's process takes.
         silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
         terms: the encoding and the certificates agreed on with the ground.
         utc_s: the time in seconds since 1970.
@@ -77,11 +83,13 @@ class RoverProvider:
         rover: RelayedRover,
         link_status: Callable[[], LinkStatus],
         order: Callable[[ContactOverride], str],
+        usage: Callable[[], Usage],
         silent_after_s: float,
         terms: Terms,
         utc_s: Callable[[], float] = time.time,
     ) -> None:
         self._rover, self._link_status, self._order = rover, link_status, order
+        self._usage = usage
         self._utc_s = utc_s
         self._silent_after_s = silent_after_s
         self._names_prove_something = True
@@ -93,7 +101,7 @@ class RoverProvider:
         self._tell_value = offer.broadcast("Monitoring", "monitorValue", *named, droppable=True)
         offer.serve("Notification", "getNotifications", lambda _, *wanted: self._past(*wanted))
         offer.serve("Monitoring", "getValue", lambda _, names: (self._present(names),))
-        offer.serve("Monitoring", "listDefinition", lambda _: ((*DEFINED, *LINK_PARAMETERS),))
+        offer.serve("Monitoring", "listDefinition", lambda _: ((*DEFINED, *ORBITER_PARAMETERS),))
         offer.serve("MotionControl", "getPose", lambda _: (pose(rover),))
         offer.serve("MotionControl", "getSpeeds", lambda _: (speeds(rover),))
         offer.serve("Camera", "getState", lambda _: (self._camera(),))
@@ -223,8 +231,14 @@ class RoverProvider:
         return (*own, *self._health())
 
     def _health(self) -> tuple[wire.ParameterValue, ...]:
-        status, aboard = self._link_status(), aboard_values(self._rover.aboard)
-        return (*status.values(self._utc_s()), *aboard, *status.planned.values())
+        utc_s, status, aboard = self._utc_s(), self._link_status(), self._rover.aboard
+        usage = usage_figures(ORBITER, self._usage())
+        return (
+            *status.values(utc_s),
+            *aboard_values(aboard),
+            *housekeeping_values(ORBITER_HOUSEKEEPING, usage, utc_s),
+            *status.planned.values(),
+        )
 
     def _camera(self) -> wire.CameraState:
         figure = figures(self._rover)

@@ -32,7 +32,7 @@ from adapters.bundle import (
 )
 from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
 from adapters.mrs.terms import Terms
-from adapters.process import StartError, exclusive, termination_event
+from adapters.process import ProcessUsage, StartError, exclusive, termination_event
 from adapters.relay.orbiter.link_status import (
     BY_PLAN,
     LinkMonitor,
@@ -73,6 +73,7 @@ class OrbiterRelay:
     Attributes:
         rovers: the rovers by their nodes.
         agent: the bundle agent.
+        usage: looks at what this process takes.
 
     Raises:
         LedgerError: a record cannot be used.
@@ -109,6 +110,7 @@ class OrbiterRelay:
             )
             for each in settings.rovers
         }
+        self.usage = ProcessUsage(folder)
         self._full = False
         self._planned: dict[Eid, PlannedContacts] = {}
         self._monitors = {
@@ -326,6 +328,7 @@ async def serve(
                     rover,
                     partial(relay.link_status, node),
                     partial(relay.order, node),
+                    relay.usage.look,
                     settings.silent_after_s,
                     terms,
                 )

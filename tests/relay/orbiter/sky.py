@@ -220,8 +220,13 @@ async def orbiting(
     await relay.open()
     stations = [
         RoverProvider(
-            *(rover, partial(relay.link_status, node), partial(relay.order, node)),
-            *(settings.silent_after_s, CLEAR, utc_s),
+            rover,
+            partial(relay.link_status, node),
+            partial(relay.order, node),
+            relay.usage.look,
+            settings.silent_after_s,
+            CLEAR,
+            utc_s,
         )
         for node, rover in relay.rovers.items()
     ]

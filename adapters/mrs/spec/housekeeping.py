@@ -1,0 +1,132 @@
+"""Housekeeping of the components between operator and rover: parameters like those of the rover."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Final
+
+from adapters.mal import AttributeType, Typed
+from adapters.mrs.spec.mapping import to_ns
+from adapters.mrs.spec.types import ParameterDefinition, ParameterValue, Validity
+from adapters.process import Usage
+from executive.commands import Limit
+from executive.settings import Settings
+
+LEAST_FREE_OCTETS: Final = 100_000_000
+"""Of a disk, below which it is an alarm."""
+
+
+@dataclass(frozen=True, slots=True)
+class HousekeepingParameter:
+    """A parameter of a component.
+
+    Attributes:
+        low, high: beyond which something is wrong: a figure, or the path of a setting of the asset;
+            None for no bound.
+    """
+
+    name: str
+    description: str
+    unit: str | None = None
+    low: Limit | None = None
+    high: Limit | None = None
+
+    @property
+    def definition(self) -> ParameterDefinition:
+        """How it is told of in the MRS."""
+        return ParameterDefinition(
+            name=self.name,
+            description=self.description,
+            type=AttributeType.DOUBLE,
+            unit=self.unit,
+            writable=False,
+        )
+
+
+def _of_process(prefix: str, component: str) -> tuple[HousekeepingParameter, ...]:
+    return (
+        HousekeepingParameter(f"{prefix}_MEMORY", f"Memory that {component} holds", "B"),
+        HousekeepingParameter(f"{prefix}_CPU", f"Part of a processor core that {component} takes"),
+        HousekeepingParameter(
+            f"{prefix}_DISK_FREE", f"Free on the disk of {component}", "B", LEAST_FREE_OCTETS
+        ),
+        HousekeepingParameter(f"{prefix}_UPTIME", f"Time since {component} began", "s"),
+    )
+
+
+def usage_figures(prefix: str, usage: Usage) -> dict[str, float | None]:
+    """Return what a process takes, by the names of its parameters."""
+    return {
+        f"{prefix}_MEMORY": usage.memory_octets,
+        f"{prefix}_CPU": usage.cpu_ratio,
+        f"{prefix}_DISK_FREE": usage.disk_free_octets,
+        f"{prefix}_UPTIME": usage.uptime_s,
+    }
+
+
+EXECUTIVE: Final = "EXEC"
+EXECUTIVE_HOUSEKEEPING: Final = (
+    HousekeepingParameter(
+        "EXEC_TICK", "Longest tick of the last seconds", "s", high="safety.watchdog_s"
+    ),
+    HousekeepingParameter(
+        name="EXEC_TICK_PERIOD",
+        description="Longest time from one tick to the next, of the last seconds",
+        unit="s",
+        high="safety.watchdog_s",
+    ),
+    HousekeepingParameter("EXEC_OVERRUNS", "Ticks that were late, since the start"),
+    HousekeepingParameter("EXEC_WAITING", "Commands and questions that wait for the core"),
+    HousekeepingParameter("EXEC_GOALS", "Accepted commands that wait or are under way"),
+    HousekeepingParameter("EXEC_LEDGER", "Octets of the ledger on the disk", "B"),
+    HousekeepingParameter("EXEC_REPORTS", "Number of the last report"),
+    *_of_process(EXECUTIVE, "rover-executive"),
+)
+"""Of the executive, by the direct link."""
+
+ORBITER: Final = "ORBITER"
+ORBITER_HOUSEKEEPING: Final = _of_process(ORBITER, "rover-mops")
+"""Of the orbiter, by the relay link."""
+
+CONSOLE: Final = "CONSOLE"
+CONSOLE_HOUSEKEEPING: Final = _of_process(CONSOLE, "rover-console")
+"""Of an operations console, which tells it to its own pages."""
+
+
+def housekeeping_values(
+    parameters: Iterable[HousekeepingParameter],
+    figures: Mapping[str, float | None],
+    utc_s: float,
+) -> tuple[ParameterValue, ...]:
+    """Return values of parameters for the wire, INVALID where there is no figure.
+
+    Args:
+        parameters: which.
+        figures: by their names.
+        utc_s: when they were measured, seconds since 1970-01-01 UTC.
+    """
+    return tuple(
+        figure_value(parameter.name, figures.get(parameter.name), utc_s) for parameter in parameters
+    )
+
+
+def figure_value(name: str, figure: float | None, utc_s: float) -> ParameterValue:
+    """Return a value for the wire, INVALID if there is no figure."""
+    return ParameterValue(
+        name=name,
+        timestamp=to_ns(utc_s),
+        validity=Validity.INVALID if figure is None else Validity.VALID,
+        value=None if figure is None else Typed(AttributeType.DOUBLE, float(figure)),
+    )
+
+
+def housekeeping_limits(settings: Settings) -> dict[str, tuple[float | None, float | None]]:
+    """Return between which values housekeeping may be, by the names of the parameters."""
+
+    def figure(limit: Limit | None) -> float | None:
+        return attrgetter(limit)(settings) if isinstance(limit, str) else limit
+
+    return {
+        each.name: (figure(each.low), figure(each.high))
+        for each in (*EXECUTIVE_HOUSEKEEPING, *ORBITER_HOUSEKEEPING, *CONSOLE_HOUSEKEEPING)
+    }

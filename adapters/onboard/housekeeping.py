@@ -1,0 +1,47 @@
+"""How the executive's process is doing, as housekeeping parameters."""
+
+from pathlib import Path
+from typing import Final
+
+from adapters.mrs.spec import EXECUTIVE, usage_figures
+from adapters.process import ProcessUsage
+from adapters.ros import TickStatistics
+from executive.runner import Executive
+
+_LEDGER_FILES: Final = ("ledger.sqlite", "ledger.sqlite-wal")
+
+
+class ExecutiveHousekeeping:
+    """Measures what the core does not know of itself; on the core's thread.
+
+    Args:
+        data: the folder of its ledger.
+    """
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+        self._usage = ProcessUsage(data)
+        self._ticks: list[TickStatistics] = []
+
+    def note(self, ticks: TickStatistics) -> None:
+        """Take in what was measured of the ticks since the last time."""
+        self._ticks.append(ticks)
+
+    def measure(self, executive: Executive) -> dict[str, float | None]:
+        """Return the figures since the last call, by the names of the parameters."""
+        ticks, self._ticks = self._ticks, []
+        longest = max((each.longest_tick_s for each in ticks), default=None)
+        return {
+            "EXEC_TICK": longest,
+            "EXEC_TICK_PERIOD": max((each.longest_period_s for each in ticks), default=None),
+            "EXEC_OVERRUNS": ticks[-1].overruns if ticks else None,
+            "EXEC_WAITING": executive.waiting,
+            "EXEC_GOALS": executive.goal_count,
+            "EXEC_LEDGER": self._ledger_octets(),
+            "EXEC_REPORTS": executive.last_sequence,
+            **usage_figures(EXECUTIVE, self._usage.look()),
+        }
+
+    def _ledger_octets(self) -> int:
+        files = (self._data / name for name in _LEDGER_FILES)
+        return sum(file.stat().st_size for file in files if file.exists())
