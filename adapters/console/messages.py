@@ -21,11 +21,13 @@ class Link(Enum):
 
     Attributes:
         RECORDING: it was read in a recording; nothing is sent by it.
+        CONSOLE: the console has measured it; nothing is sent by it.
     """
 
     DIRECT = "direct"
     RELAY = "relay"
     RECORDING = "recording"
+    CONSOLE = "console"
 
 
 @unique

@@ -30,6 +30,7 @@ class Server:
     Args:
         hub: what goes to the pages.
         entries: returns what there is of each asset.
+        own: what there is of this console.
         access: who may ask.
         routes: where else is answered.
     """
@@ -38,10 +39,11 @@ class Server:
         self,
         hub: Hub,
         entries: Callable[[], Iterable[AssetEntry]],
+        own: AssetEntry,
         access: Access,
         routes: Sequence[web.RouteDef],
     ) -> None:
-        self._hub, self._entries = hub, entries
+        self._hub, self._entries, self._own = hub, entries, own
         self._access = access
         self._routes = routes
 
@@ -71,7 +73,8 @@ class Server:
         return answer({"instance": self._hub.instance})
 
     async def _dictionary(self, _: web.Request) -> web.Response:
-        return answer({"assets": {each.asset: each for each in self._entries()}})
+        assets = {each.asset: each for each in self._entries()}
+        return answer({"assets": assets, "console": self._own})
 
     async def _page(self, request: web.Request) -> web.StreamResponse:
         response = web.FileResponse(STATIC / _PAGES[request.path])

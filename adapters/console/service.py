@@ -23,6 +23,7 @@ from adapters.console.archive import (
     read_command,
     retain,
 )
+from adapters.console.housekeeping import ConsoleHousekeeping
 from adapters.console.messages import Broadcast, CommandStatus, Link, Notified, Sample, TreeState
 from adapters.console.recordings import Recordings
 from adapters.console.requests import (
@@ -135,6 +136,11 @@ async def _serving(
         archive.put_tree(state)
         alarms.hear_tree(state)
 
+    def limits_of(asset: str, key: str) -> tuple[float | None, float | None]:
+        known = fleet.assets.get(asset)
+        entry = housekeeping.entry if known is None else known.entry
+        return entry.limits_of(key) if entry.asset == asset else (None, None)
+
     async def find(name: str) -> CommandStatus | None:
         return await archive.read(partial(read_command, name=name))
 
@@ -152,7 +158,8 @@ async def _serving(
         fleet = Fleet(uris, options.to[0].terms, publish, sample, tree, last_known, tracker, desk)
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
-    alarms = Alarms(archive, publish, fleet.limits_of)
+    housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample)
+    alarms = Alarms(archive, publish, limits_of)
     commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
     recordings = Recordings(_emptied(options.data / OPENED), publish)
     routes = [
@@ -170,7 +177,9 @@ async def _serving(
         return chain(fleet.entries(), recordings.entries())
 
     runner = web.AppRunner(
-        Server(hub, entries, access, routes).application(), access_log=None, shutdown_timeout=1.0
+        Server(hub, entries, housekeeping.entry, access, routes).application(),
+        access_log=None,
+        shutdown_timeout=1.0,
     )
     await runner.setup()
     site = web.TCPSite(runner, options.host, options.port, ssl_context=context)
@@ -179,6 +188,7 @@ async def _serving(
         tracker.run(),
         desk.run(),
         alarms.run(),
+        housekeeping.run(),
         retain(archive, options.retention),
     ]
     tasks = [begin(each) for each in working]

@@ -92,6 +92,23 @@ async def test_a_rover_without_its_ledger_leaves_commands_unknown(tmp_path: Path
         other.close()
 
 
+async def test_the_console_tells_of_itself_and_of_its_links(rover: Aboard, tmp_path: Path) -> None:
+    async with at_console(tmp_path, rover.uri, "anna", topics=["tm"]) as (anna,):
+
+        async def told(key: str) -> Said:
+            return await anna.page.until(lambda said: said.get("key") == key)
+
+        pages = await told("CONSOLE_PAGES")
+        assert (pages["asset"], pages["link"]) == ("rover-console", "console")
+        assert (await told("CONSOLE_MEMORY"))["value"] > 1e7
+        assert 0.0 < (await told("LINK_ROUND_TRIP"))["value"] < 5.0
+        assert (await told("LINK_CLOCK_OFFSET"))["link"] == "direct"
+        console = (await anna.get("api/dictionary"))["console"]
+        free = next(each for each in console["parameters"] if each["key"] == "CONSOLE_DISK_FREE")
+        assert (free["unit"], free["low"]) == ("B", 100_000_000)
+        await anna.get("api/tm/rover-console/CONSOLE_PAGES", link="console")
+
+
 async def test_assets_that_are_registered_appear_by_themselves(
     launch: Launch, tmp_path: Path
 ) -> None:

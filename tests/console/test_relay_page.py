@@ -16,7 +16,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
-RELAY = "#/browse/rover:rovers/rover:jackal/rover:jackal~dtn?hideInspector=true"
+PAGE = "#/browse/rover:rovers/rover:{0}/rover:{0}~{1}?hideInspector=true"
 
 
 async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
@@ -24,6 +24,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
 ) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     errors: list[str] = []
+    ARTIFACTS.mkdir(parents=True, exist_ok=True)
     async with (
         orbiting(sky, clock, eclipse(clock)) as (_, (station,)),
         landed(sky, "jackal"),
@@ -33,9 +34,15 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
         page = await browser.new_page(viewport={"width": 1200, "height": 700})
         page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.goto(f"{anna.address}{RELAY.replace('jackal', 'scout')}")
+        await page.goto(f"{anna.address}{PAGE.format('scout', 'dtn')}")
         await expect(page.get_by_text("No orbiter is known by which scout is")).to_be_visible()
-        await page.goto(f"{anna.address}{RELAY}")
+        await page.goto(f"{anna.address}{PAGE.format('rover-console', 'values')}")
+        await expect(page.get_by_test_id("value-CONSOLE_PAGES")).to_have_text("2")
+        await expect(page.get_by_test_id("value-CONSOLE_LOST")).to_have_text("0")
+        rovers = page.get_by_role("combobox", name="rover")
+        await expect(rovers.locator("option")).to_have_text(["jackal", "scout"])
+        await page.screenshot(path=ARTIFACTS / "console-own.png")
+        await page.goto(f"{anna.address}{PAGE.format('jackal', 'dtn')}")
         way = page.locator("[data-part=bundles]")
         await expect(way).to_contain_text(re.compile("no contact.*next at .* in (60 min|1 h)"))
         await expect(way).to_have_attribute("data-open", "false")
@@ -45,7 +52,6 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         station.tell_health()
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("1")
         await expect(page.locator("[data-strip=DTN_CONTACTS_UP] [data-contact]")).to_have_count(1)
-        ARTIFACTS.mkdir(parents=True, exist_ok=True)
         await page.screenshot(path=ARTIFACTS / "console-relay.png")
         clock.shift_s = 3601.0
         await expect(command).to_have_count(0)

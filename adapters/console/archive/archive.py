@@ -65,6 +65,10 @@ class Archive:
     Args:
         engine: of a database whose tables are up to date.
         utc: the time.
+
+    Attributes:
+        samples: telemetry values that were written, since the start.
+        lost: messages that gave way to later ones while the database could not be written.
     """
 
     def __init__(self, engine: Engine, utc: Callable[[], float] = time.time) -> None:
@@ -77,9 +81,16 @@ class Archive:
         self._looks: dict[str, tuple[tuple[str | None, ...], ...]] = {}
         self._parameters: dict[tuple[str, str, str], int] = {}
         self._failing = False
+        self.samples = self.lost = 0
+
+    @property
+    def waiting(self) -> int:
+        """How many messages are not written yet."""
+        return len(self._waiting)
 
     def put(self, message: Written) -> None:
         """Have a message written with the next batch."""
+        self.lost += len(self._waiting) == MOST_WAITING
         self._waiting.append(message)
 
     def put_tree(self, tree: TreeState) -> None:
@@ -117,6 +128,7 @@ class Archive:
                 _LOG.error("the archive cannot be written, what comes waits: %s", cause_of(error))
             self._failing = True
         else:
+            self.samples += sum(isinstance(message, Sample) for message in batch)
             if self._failing:
                 _LOG.warning("the archive can be written again")
             self._failing = False

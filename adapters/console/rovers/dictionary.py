@@ -170,6 +170,11 @@ class AssetEntry:
     footprint: Footprint | None
     recording: RecordingEntry | None = None
 
+    def limits_of(self, key: str) -> tuple[float | None, float | None]:
+        """Return between which values a parameter may be; None for no bound."""
+        found = ((each.low, each.high) for each in self.parameters if each.key == key)
+        return next(found, (None, None))
+
 
 def zone_entries(settings: Settings | None) -> tuple[ZoneEntry, ...]:
     """Return the zones and rocks that an asset's settings tell of."""
@@ -193,7 +198,9 @@ def parameter_entries(
     definitions: Iterable[ParameterDefinition], settings: Settings | None
 ) -> tuple[ParameterEntry, ...]:
     """Return what an asset defines, with limits where its settings are known."""
-    limits = {} if settings is None else _limits(settings) | housekeeping_limits(settings)
+    limits = housekeeping_limits(settings)
+    if settings is not None:
+        limits |= _limits(settings)
     entries = []
     for each in definitions:
         low, high = limits.get(each.name, (None, None))

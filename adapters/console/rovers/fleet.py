@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -29,7 +29,7 @@ from adapters.console.rovers.dictionary import (
     parameter_entries,
     zone_entries,
 )
-from adapters.console.rovers.rover_link import Known, RoverLink
+from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, Known, RoverLink
 from adapters.console.rovers.tracker import CommandTracker
 from adapters.console.tasks import begin
 from adapters.mal import NamedValue, Typed
@@ -136,12 +136,6 @@ class Fleet:
             return None
         return known.settings.video.to_host, known.settings.video.to_port
 
-    def limits_of(self, asset: str, key: str) -> tuple[float | None, float | None]:
-        """Return between which values a parameter may be; None for no bound."""
-        known = self.assets.get(asset)
-        parameters = () if known is None else known.entry.parameters
-        return next(((each.low, each.high) for each in parameters if each.key == key), (None, None))
-
     def on_asset(self, link: RoverLink, definitions: tuple[ParameterDefinition, ...]) -> None:
         """Take in what an asset is."""
         assert link.info is not None
@@ -153,6 +147,7 @@ class Fleet:
             for entry in (
                 *(() if known is None else known.entry.parameters),
                 *parameter_entries(definitions, settings),
+                *parameter_entries((each.definition for each in LINK_HOUSEKEEPING), settings),
             )
         }
         entry = AssetEntry(
@@ -210,6 +205,11 @@ class Fleet:
                 quality,
             )
         )
+
+    def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
+        """Tell what was measured here of a link."""
+        for key, value in figures.items():
+            self._sample(Sample(link.asset, key, link.kind, rx_s, rx_s, value, Quality.GOOD))
 
     def on_notification(self, link: RoverLink, notification: Notification, rx_s: float) -> None:
         """Pass a notification on, with the id of the command that it is of."""

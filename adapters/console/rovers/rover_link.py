@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeVar
@@ -15,6 +15,7 @@ from adapters.mrs.spec import (
     AssetInfo,
     AssetStatus,
     AuthorityStatus,
+    HousekeepingParameter,
     Notification,
     ParameterDefinition,
     ParameterValue,
@@ -31,12 +32,25 @@ ANSWER_S: Final = 5.0
 """For each answer; what takes longer is a link that is silent."""
 STATUS_S: Final = 1.0
 """Between two questions for mode and authority, by which it is known that the asset is there."""
+MEASURED_S: Final = 5.0
+"""Between two values of what is measured of a link."""
 DIRECTORY_S: Final = 5.0
 """Between two looks at which other assets are registered there."""
 FIRST_PAUSE_S: Final = 0.5
 LONGEST_PAUSE_S: Final = 5.0
 CATCH_UP: Final = 1000
 """Notifications of the past that are asked for where none is known yet."""
+
+
+LINK_HOUSEKEEPING: Final = (
+    HousekeepingParameter(
+        "LINK_ROUND_TRIP", "How long the answer to the console's last question took", "s"
+    ),
+    HousekeepingParameter(
+        "LINK_CLOCK_OFFSET", "How far the clock aboard is ahead of the console's", "s"
+    ),
+)
+"""What is measured here of each link; the clock by the direct one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +72,9 @@ class Listener(Protocol):
 
     def on_value(self, link: "RoverLink", value: ParameterValue, rx_s: float) -> None:
         """A telemetry value."""
+
+    def on_measured(self, link: "RoverLink", figures: Mapping[str, float], rx_s: float) -> None:
+        """Figures of `LINK_HOUSEKEEPING`, by their names."""
 
     def on_notification(self, link: "RoverLink", notification: Notification, rx_s: float) -> None:
         """A notification, each once."""
@@ -221,17 +238,30 @@ class RoverLink:
             hear(*first, item)
 
     async def _ask_status(self, client: MrsClient) -> None:
+        measured_s = -MEASURED_S
         while True:
             try:
+                asked_s, began_s = time.time(), time.monotonic()
                 status = await client.get_status()
+                round_trip_s = time.monotonic() - began_s
                 self._heard()
                 self._turn(LinkState.UP, "")
                 self._listener.on_status(self, status)
+                if began_s - measured_s >= MEASURED_S:
+                    measured_s = began_s
+                    self._measured(status, asked_s, round_trip_s)
                 with suppress(MalError):  # not everybody serves the authority
                     self._listener.on_authority(self, await client.authority.status())
             except MalError as error:
                 self._turn(LinkState.SILENT, str(error))
             await asyncio.sleep(STATUS_S)
+
+    def _measured(self, status: AssetStatus, asked_s: float, round_trip_s: float) -> None:
+        figures = {"LINK_ROUND_TRIP": round_trip_s}
+        if self.kind is Link.DIRECT:  # an orbiter tells when it last heard of the rover
+            offset_s = status.timestamp / 1e9 - (asked_s + round_trip_s / 2)
+            figures["LINK_CLOCK_OFFSET"] = offset_s
+        self._listener.on_measured(self, figures, self.heard_s or asked_s)
 
     async def _ask_directory(self, client: MrsClient) -> None:
         while True:

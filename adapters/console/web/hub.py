@@ -102,7 +102,9 @@ class Page:
         if not isinstance(message, Sample):
             self._put(text)
             return
-        self._dropped += len(self._samples) == MOST_SAMPLES
+        if len(self._samples) == MOST_SAMPLES:
+            self._dropped += 1
+            self._hub.dropped += 1
         self._samples.append(text)
         self._something.set()
 
@@ -138,10 +140,12 @@ class Hub:
 
     Attributes:
         instance: of this run; numbers of messages mean something within it only.
+        dropped: telemetry values that were not sent to slow pages.
     """
 
     def __init__(self, utc: Callable[[], float] = time.time) -> None:
         self.instance = secrets.token_hex(8)
+        self.dropped = 0
         self._utc = utc
         self._seq = 0
         self._kept: deque[tuple[str, str]] = deque(maxlen=KEPT)
@@ -188,6 +192,11 @@ class Hub:
         """Forget a page."""
         self._pages.remove(page)
         self._tell_presence()
+
+    @property
+    def page_count(self) -> int:
+        """How many pages are open."""
+        return len(self._pages)
 
     def is_present(self, operator: str) -> bool:
         """Whether an operator has a page open."""

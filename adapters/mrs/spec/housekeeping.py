@@ -89,7 +89,16 @@ ORBITER_HOUSEKEEPING: Final = _of_process(ORBITER, "rover-mops")
 """Of the orbiter, by the relay link."""
 
 CONSOLE: Final = "CONSOLE"
-CONSOLE_HOUSEKEEPING: Final = _of_process(CONSOLE, "rover-console")
+CONSOLE_HOUSEKEEPING: Final = (
+    HousekeepingParameter("CONSOLE_PAGES", "Pages that are open"),
+    HousekeepingParameter("CONSOLE_DROPPED", "Values not sent to slow pages, since the start"),
+    HousekeepingParameter("CONSOLE_WAITING", "Messages that wait to be written to the archive"),
+    HousekeepingParameter(
+        "CONSOLE_LOST", "Messages that the archive has lost, since the start", high=0
+    ),
+    HousekeepingParameter("CONSOLE_SAMPLES", "Values written to the archive in a second", "1/s"),
+    *_of_process(CONSOLE, "rover-console"),
+)
 """Of an operations console, which tells it to its own pages."""
 
 
@@ -120,11 +129,19 @@ def figure_value(name: str, figure: float | None, utc_s: float) -> ParameterValu
     )
 
 
-def housekeeping_limits(settings: Settings) -> dict[str, tuple[float | None, float | None]]:
-    """Return between which values housekeeping may be, by the names of the parameters."""
+def housekeeping_limits(
+    settings: Settings | None,
+) -> dict[str, tuple[float | None, float | None]]:
+    """Return between which values housekeeping may be, by the names of the parameters.
+
+    Args:
+        settings: of the asset; None where they are not known, nor the limits that they say.
+    """
 
     def figure(limit: Limit | None) -> float | None:
-        return attrgetter(limit)(settings) if isinstance(limit, str) else limit
+        if not isinstance(limit, str):
+            return limit
+        return None if settings is None else attrgetter(limit)(settings)
 
     return {
         each.name: (figure(each.low), figure(each.high))

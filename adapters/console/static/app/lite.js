@@ -48,7 +48,7 @@ function show(name) {
 }
 
 function choose() {
-  if (shown.name === null && session.assets.size > 0) show([...session.assets.keys()].sort()[0]);
+  if (shown.name === null && session.rovers.length > 0) show(session.rovers[0].name);
   nobody.hidden = shown.name !== null;
   panels.hidden = shown.name === null;
 }

@@ -142,8 +142,9 @@ let lookedAt = null;
 function chosen() {
   const found = /rover:([^/?]+)(?:[?]|$)/.exec(location.hash.replace(/rover:rovers\/?/, ""));
   const name = found ? partsOf({ key: found[1] })[0] : null;
-  if (name && session.assets.has(name)) return name;
-  const assets = [...session.assets.values()].sort((one, other) => one.name.localeCompare(other.name));
+  const assets = session.rovers;
+  if (assets.some((each) => each.name === name)) return name;
+  if (name !== null && shown.name !== null && session.assets.has(name)) return shown.name;
   return (assets.find((each) => !each.recording) ?? assets[0])?.name ?? null;
 }
 

@@ -48,6 +48,16 @@ export function age(age_s) {
 }
 
 /**
+ * A number of octets.
+ * @param {number} count
+ * @returns {{text: string, unit: string}}
+ */
+export function octets(count) {
+  const [size, unit] = count >= 1e9 ? [1e9, "GB"] : count >= 1e6 ? [1e6, "MB"] : count >= 1e3 ? [1e3, "kB"] : [1, "B"];
+  return { text: number(count / size), unit };
+}
+
+/**
  * A value of a parameter in the unit that people use.
  * @param {any} value in SI units; null where nothing valid is known, undefined where nothing was told
  * @param {{unit?: string, typed?: {unit: string, per_unit: number} | null}} entry
@@ -58,6 +68,7 @@ export function inTypedUnit(value, entry) {
   const unit = entry.typed ? (UNITS[entry.typed.unit] ?? entry.typed.unit) : (entry.unit ?? "");
   if (value === undefined || value === null) return { text: "–", unit, factor };
   if (typeof value !== "number") return { text: String(value), unit, factor };
+  if (unit === "B") return { ...octets(value), factor };
   return { text: entry.typed ? fixed(value * factor, 1) : number(value), unit, factor };
 }
 

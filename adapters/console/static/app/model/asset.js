@@ -9,6 +9,7 @@
 /** @typedef {{utc: number, why: string, mode: string, active: string | null, faults: string[], nodes: TreeNode[]}} Tree */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
 
+const CONSOLE = "rover-console";
 const POSE = ["POS_X", "POS_Y", "HEAD"];
 const MOST_FIXES = 20000;
 const MOST_NOTICES = 2000;
@@ -55,8 +56,14 @@ export class Asset {
     return this.entry?.recording ?? null;
   }
 
+  /** Whether it is the console itself, which tells of itself as a rover does, and cannot be commanded. */
+  get isConsole() {
+    return this.name === CONSOLE;
+  }
+
   /** The links by which values are told. @returns {string[]} */
   get valueLinks() {
+    if (this.isConsole) return ["console"];
     return this.recording ? ["recording"] : [...this.links.keys()].sort();
   }
 

@@ -44,6 +44,12 @@ export class Session {
     setInterval(() => this.#tell("second"), 1000);
   }
 
+  /** The rovers and recordings, by their names. @returns {Asset[]} */
+  get rovers() {
+    const rovers = [...this.assets.values()].filter((each) => !each.isConsole);
+    return rovers.sort((one, other) => one.name.localeCompare(other.name));
+  }
+
   /** The addresses at which no rover was reached yet. */
   get tried() {
     return [...this.#tried.keys()];
@@ -179,9 +185,9 @@ export class Session {
   /** Read which assets there are; recordings, which are all past, are not for a page without the past. */
   async readDictionary() {
     try {
-      const { assets } = await ask("/api/dictionary");
+      const { assets, console: own } = await ask("/api/dictionary");
       for (const [name, { entry }] of this.assets) if (entry?.recording && !(name in assets)) this.assets.delete(name);
-      for (const [name, entry] of Object.entries(assets)) {
+      for (const [name, entry] of [...Object.entries(assets), [own.asset, own]]) {
         if (entry.recording && !this.hasLog) continue;
         const asset = this.asset(name, entry);
         asset.entry = entry;

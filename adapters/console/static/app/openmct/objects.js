@@ -55,7 +55,7 @@ function objectOf(session, identifier) {
   const location = `${NAMESPACE}:${identifierOf(name).key}`;
   if (kind === "layout") return layoutOf(identifier, session.asset(name), location);
   if (kind === "telemetry" && key === undefined) {
-    return { identifier, name: link === "recording" ? "Telemetry" : `Telemetry, ${link} link`, type: "folder", location };
+    return { identifier, name: ["recording", "console"].includes(link) ? "Telemetry" : `Telemetry, ${link} link`, type: "folder", location };
   }
   if (kind === "telemetry") {
     const entry = session.asset(name).entry?.parameters.find((each) => each.key === key);
@@ -118,7 +118,7 @@ function composition(session) {
     const asset = session.asset(name);
     if (kind === undefined) {
       return [
-        identifierOf(name, "layout"),
+        ...(asset.isConsole ? [] : [identifierOf(name, "layout")]),
         ...viewsOf(asset).map((each) => identifierOf(name, each)),
         ...asset.valueLinks.map((each) => identifierOf(name, "telemetry", each)),
       ];

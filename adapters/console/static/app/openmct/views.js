@@ -16,15 +16,15 @@ import * as values from "../views/values.js";
 import * as video from "../views/video.js";
 import { NAMESPACE, partsOf } from "./objects.js";
 
-/** By the last part of the object's key; `of` is what it is only for. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording"}>} */
+/** By the last part of the object's key; `of` is what it is only for, `console` whether the console has it, too. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording", console?: boolean}>} */
 export const VIEWS = {
   map: { name: "Map", icon: "icon-map", view: map },
   form: { name: "Command", icon: "icon-command", view: commandForm, of: "rover" },
   commands: { name: "Commands", icon: "icon-activity", view: commandTable },
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
-  values: { name: "Latest values", icon: "icon-tabular-lad", view: values },
+  values: { name: "Latest values", icon: "icon-tabular-lad", view: values, console: true },
   log: { name: "Log", icon: "icon-list-view", view: log },
-  alarms: { name: "Alarms", icon: "icon-bell", view: alarms, of: "rover" },
+  alarms: { name: "Alarms", icon: "icon-bell", view: alarms, of: "rover", console: true },
   dtn: { name: "Relay", icon: "icon-chain-links", view: dtn, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
@@ -34,6 +34,7 @@ export const VIEWS = {
 
 /** The views that there are of an asset. @param {import("../model/asset.js").Asset} asset */
 export function viewsOf(asset) {
+  if (asset.isConsole) return Object.keys(VIEWS).filter((kind) => VIEWS[kind].console);
   const other = asset.recording ? "rover" : "recording";
   return Object.keys(VIEWS).filter((kind) => VIEWS[kind].of !== other);
 }

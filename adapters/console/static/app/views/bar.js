@@ -139,7 +139,7 @@ export function mount(element, session, shown) {
 
   function render() {
     const rover = asset();
-    const names = [...session.assets.keys()].sort();
+    const names = session.rovers.map((each) => each.name);
     picker.hidden = names.length === 0;
     keep(picker, names, (each) => each, (each) => html("option", { value: each, textContent: each }), () => {});
     if (shown.name !== null && picker.value !== shown.name) picker.value = shown.name;
@@ -219,7 +219,7 @@ export function mount(element, session, shown) {
   const draw = eachFrame(render);
   const offs = new Map();
   function watch() {
-    for (const rover of session.assets.values()) {
+    for (const rover of session.rovers) {
       if (offs.has(rover)) continue;
       const topics = ["links", "authority", "status", "tree", "commands", "entry"];
       offs.set(rover, topics.map((topic) => rover.on(topic, draw)));

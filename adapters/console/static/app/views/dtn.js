@@ -5,7 +5,7 @@
  */
 
 import { eachFrame, html, keep, say, set } from "../dom.js";
-import { age, clock, number } from "../words.js";
+import { age, clock, number, octets } from "../words.js";
 import { isLate, valuesAt } from "./values.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
@@ -30,6 +30,7 @@ const ROWS = [
 const KEYS = [
   ...ROWS.flatMap(([, here, aboard]) => [here, aboard]),
   ...["DTN_NEXT_CONTACT", "DTN_OVERRIDE", "DTN_ROOM", "DTN_CONTACTS_UP", "DTN_CONTACTS_DOWN"],
+  "LINK_ROUND_TRIP",
   ...["DTN_ABOARD_CONTACT", "DTN_ABOARD_NEXT_CONTACT", "DTN_ABOARD_UNREAD", "DTN_ABOARD_REFUSED"],
 ];
 const DIRECTIONS = [
@@ -114,14 +115,16 @@ export function mount(element, context) {
   function drawPath() {
     const link = asset.links.get("relay");
     const [heard, room] = [sampleOf("DTN_QUEUED"), figureOf("DTN_ROOM")];
+    const roundTrip = figureOf("LINK_ROUND_TRIP");
     const unread = figureOf("DTN_ABOARD_UNREAD");
     const refused = figureOf("DTN_ABOARD_REFUSED");
     const rover = [toldAboard() || "told nothing yet", unread ? `${unread} commands not taken` : "", refused ? `${refused} refused` : ""];
+    const ground = [link?.detail || (heard ? `told ${ago(heard.utc)}` : "nothing told yet"), roundTrip === null ? "" : `round trip ${number(roundTrip)} s`];
     /** @type {Part[]} */
     const parts = [
       { kind: "ground", title: "rover-console", lines: [] },
-      { kind: "mal", title: `link ${link?.state ?? "not known"}`, lines: [link?.detail || (heard ? `told ${ago(heard.utc)}` : "nothing told yet")], isOpen: link?.state === "up" },
-      { kind: "orbiter", title: "orbiter", lines: [room === null ? "" : `room for ${octets(room)}`] },
+      { kind: "mal", title: `link ${link?.state ?? "not known"}`, lines: ground, isOpen: link?.state === "up" },
+      { kind: "orbiter", title: "orbiter", lines: [room === null ? "" : `room for ${amount(room)}`] },
       { kind: "bundles", ...contactUp() },
       { kind: "rover", title: asset.name, lines: rover },
     ];
@@ -214,7 +217,7 @@ export function mount(element, context) {
     if (typeof sample?.value !== "number") return "–";
     switch (kind) {
       case "octets":
-        return octets(sample.value);
+        return amount(sample.value);
       case "span":
         return span(sample.value);
       case "ago":
@@ -288,7 +291,7 @@ const makeRow = ([title, here, aboard]) =>
 const span = (time_s) => (age(time_s) === "now" ? "0 s" : age(time_s));
 
 /** @param {number} count */
-function octets(count) {
-  const [size, unit] = count >= 1e9 ? [1e9, "GB"] : count >= 1e6 ? [1e6, "MB"] : count >= 1e3 ? [1e3, "kB"] : [1, "B"];
-  return `${number(count / size)} ${unit}`;
+function amount(count) {
+  const { text, unit } = octets(count);
+  return `${text} ${unit}`;
 }

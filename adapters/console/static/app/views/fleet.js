@@ -48,7 +48,7 @@ export function mount(element, session, choose) {
   }
 
   function render() {
-    const assets = [...session.assets.values()].sort((one, other) => one.name.localeCompare(other.name));
+    const assets = session.rovers;
     nobody.hidden = assets.length > 0;
     table.hidden = !nobody.hidden;
     const tried = session.tried.join(", ");

@@ -89,7 +89,7 @@ export function mount(element, context) {
       say(row.children[3 + index], sample ? age(now - sample.utc) : "–");
       set(row.children[3 + index], { class: `age${sample && isLate(sample, now) ? " late" : ""}` });
     });
-    say(limits, rangeOf({ ...entry, typed: entry.typed ?? null, unit: "", low: entry.low ?? null, high: entry.high ?? null }, ""));
+    say(limits, limitsOf(entry));
   }
 
   const draw = eachFrame(render);
@@ -132,6 +132,12 @@ export function isLate(sample, now) {
   if (typeof sample.value === "string" && Number.isNaN(Number(sample.value))) return false;
   const usual = Math.min(LONGEST_INTERVAL_S, sample.interval ?? 0);
   return now - sample.utc > Math.max(LATE_S, MISSED * usual);
+}
+
+/** The limits in the unit that people use; of octets in megabytes. */
+function limitsOf({ low = null, high = null, unit, typed = null }) {
+  if (unit === "B") return rangeOf({ low, high, unit: "", typed: { unit: "MB", per_unit: 1e-6 } });
+  return rangeOf({ low, high, unit: "", typed }, "");
 }
 
 /** Whether a value is beyond its limits. */

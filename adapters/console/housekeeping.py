@@ -1,0 +1,73 @@
+"""The console's own housekeeping: how it is doing, as parameters of an asset that is no rover."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from adapters.console.archive import Archive
+from adapters.console.messages import Link, Quality, Sample
+from adapters.console.rovers import AssetEntry, parameter_entries
+from adapters.console.web import Hub
+from adapters.mrs.spec import CONSOLE, CONSOLE_HOUSEKEEPING, usage_figures
+from adapters.process import ProcessUsage
+
+ASSET: Final = "rover-console"
+"""No rover is called so: it is no name of ROS."""
+EVERY_S: Final = 5.0
+
+
+class ConsoleHousekeeping:
+    """Measures the console, and tells it as telemetry.
+
+    Args:
+        archive: where messages wait to be written.
+        hub: which pages are open.
+        data: the folder that the console writes to.
+        sample: sends a telemetry value to whoever wants it.
+    """
+
+    def __init__(
+        self, archive: Archive, hub: Hub, data: Path, sample: Callable[[Sample], None]
+    ) -> None:
+        self._archive, self._hub, self._sample = archive, hub, sample
+        self._usage = ProcessUsage(data)
+        self._before = (time.monotonic(), 0)
+        self.entry = AssetEntry(
+            asset=ASSET,
+            description="This operations console",
+            version=version("rover-executive"),
+            ranges_known=False,
+            parameters=parameter_entries((each.definition for each in CONSOLE_HOUSEKEEPING), None),
+            commands=(),
+            zones=(),
+            footprint=None,
+        )
+
+    async def run(self) -> None:
+        """Tell it again and again."""
+        while True:
+            self._tell()
+            await asyncio.sleep(EVERY_S)
+
+    def _tell(self) -> None:
+        utc_s, figures = time.time(), self._measure()
+        for key, value in figures.items():
+            quality = Quality.INVALID if value is None else Quality.GOOD
+            self._sample(Sample(ASSET, key, Link.CONSOLE, utc_s, utc_s, value, quality))
+
+    def _measure(self) -> dict[str, float | None]:
+        now_s, written = time.monotonic(), self._archive.samples
+        before_s, before = self._before
+        self._before = (now_s, written)
+        passed_s = now_s - before_s
+        return {
+            "CONSOLE_PAGES": self._hub.page_count,
+            "CONSOLE_DROPPED": self._hub.dropped,
+            "CONSOLE_WAITING": self._archive.waiting,
+            "CONSOLE_LOST": self._archive.lost,
+            "CONSOLE_SAMPLES": (written - before) / passed_s if passed_s > 1.0 else None,
+            **usage_figures(CONSOLE, self._usage.look()),
+        }
