@@ -19,6 +19,7 @@ from adapters.mops.dictionary import (
     conditions_of,
     load_dictionary,
 )
+from adapters.mops.housekeeping import Housekeeping, housekeeping_message, housekeeping_of
 from adapters.mops.reports import (
     HIGHEST_SEQUENCE,
     LINK,
@@ -48,6 +49,7 @@ __all__ = [
     "UNNUMBERED",
     "Conditions",
     "Dictionary",
+    "Housekeeping",
     "LinkHealth",
     "Message",
     "MopsError",
@@ -65,6 +67,8 @@ __all__ = [
     "fingerprint",
     "health_message",
     "health_of",
+    "housekeeping_message",
+    "housekeeping_of",
     "is_last",
     "ledger_of",
     "load_dictionary",

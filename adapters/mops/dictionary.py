@@ -73,6 +73,7 @@ class Spelling:
     link: OtherEntry
     keep_alive: OtherEntry = OtherEntry(0x303, "KEEP_ALIVE")
     authority: OtherEntry = OtherEntry(0x304, "AUTHORITY")
+    housekeeping: OtherEntry = OtherEntry(0x305, "HOUSEKEEPING")
 
     def __post_init__(self) -> None:
         """Check what is true of any dictionary; which commands there are is `Dictionary`'s."""
@@ -100,6 +101,7 @@ class Spelling:
             ("link", self.link),
             ("keep_alive", self.keep_alive),
             ("authority", self.authority),
+            ("housekeeping", self.housekeeping),
         ):
             yield key, entry.code, entry.command
 

@@ -1,5 +1,6 @@
 """How the executive's process is doing, as housekeeping parameters."""
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -16,9 +17,13 @@ class ExecutiveHousekeeping:
 
     Args:
         data: the folder of its ledger.
+
+    Attributes:
+        tell: is told the figures, too.
     """
 
     def __init__(self, data: Path) -> None:
+        self.tell: Callable[[Mapping[str, float | None]], None] = lambda _: None
         self._data = data
         self._usage = ProcessUsage(data)
         self._ticks: list[TickStatistics] = []
@@ -31,7 +36,7 @@ class ExecutiveHousekeeping:
         """Return the figures since the last call, by the names of the parameters."""
         ticks, self._ticks = self._ticks, []
         longest = max((each.longest_tick_s for each in ticks), default=None)
-        return {
+        figures = {
             "EXEC_TICK": longest,
             "EXEC_TICK_PERIOD": max((each.longest_period_s for each in ticks), default=None),
             "EXEC_OVERRUNS": ticks[-1].overruns if ticks else None,
@@ -41,6 +46,8 @@ class ExecutiveHousekeeping:
             "EXEC_REPORTS": executive.last_sequence,
             **usage_figures(EXECUTIVE, self._usage.look()),
         }
+        self.tell(figures)
+        return figures
 
     def _ledger_octets(self) -> int:
         files = (self._data / name for name in _LEDGER_FILES)

@@ -33,7 +33,6 @@ from adapters.ros import (
     RosMotionRover,
     RosRover,
     RosVelocityRover,
-    TickStatistics,
     Topics,
     declare_sensor_topics,
     declare_topic,
@@ -147,7 +146,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 solver,
                 options.data / "recordings",
                 history,
-                housekeeping.note,
+                housekeeping,
             ) as executive,
             watched(node, executive) as watchdog,
         ):
@@ -175,7 +174,7 @@ def executive_on(
     solver: SharedSolver | None = None,
     recordings: Path | None = None,
     history: ChronicleBuilder | None = None,
-    on_ticks: Callable[[TickStatistics], None] = lambda _: None,
+    housekeeping: ExecutiveHousekeeping | None = None,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands.
 
@@ -192,7 +191,7 @@ def executive_on(
         recordings: the folder that its recordings are kept in, if the settings want any; None for
             none.
         history: takes what can be asked for of the recent past; None if nobody will ask.
-        on_ticks: is told each second how regular the ticks were.
+        housekeeping: takes how regular the ticks are; None if nobody will ask.
     """
     topics, sensors = declare_topics(node), declare_sensor_topics(node, settings.sensors)
     settings = replace(settings, sensors=sensors.without_topicless(settings.sensors))
@@ -230,8 +229,11 @@ def executive_on(
         if tape is not None:
             tape.tell = partial(_tell_of_recording, executive)
         served = ExecutiveNode(node, topics, sensors, rover, executive)
-        served.on_ticks = on_ticks
+        if housekeeping is not None:
+            served.on_ticks = housekeeping.note
         if relay is not None:
+            if housekeeping is not None:
+                housekeeping.tell = relay.housekeeping
             relay.serve(executive.submit, served, lambda: executive.mode)
         try:
             yield executive

@@ -135,6 +135,7 @@ async def ground(uri: str, relay: RelayEnd) -> AsyncIterator[MrsClient]:
                 if value.name == "POS_X" and value.value is not None:
                     break
         await relay.until(lambda: relay.ready)
+        await relay.until(lambda: any(m.command == "HOUSEKEEPING" for m in relay.heard))
         yield client
 
 

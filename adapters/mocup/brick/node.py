@@ -29,6 +29,7 @@ from adapters.mocup.brick.usb import (
     UsbAddress,
 )
 from adapters.mops import (
+    Housekeeping,
     Message,
     MopsError,
     RelayAuthority,
@@ -36,6 +37,7 @@ from adapters.mops import (
     encode,
     facts_of,
     fingerprint,
+    housekeeping_message,
     load_dictionary,
 )
 from adapters.ros import (
@@ -58,6 +60,8 @@ from executive.state import Battery, CameraAngles, Odometry
 
 NODE_NAME: Final = "nxt"
 HEALTH_S: Final = 1.0
+HOUSEKEEPING_S: Final = 30.0
+"""Between two times that the ground is told of this process: the link is narrow."""
 _LOG: Final = logging.getLogger(__name__)
 HIGHEST_PERIOD_S: Final = 3600.0
 _USB: Final = {
@@ -173,6 +177,7 @@ class NxtNode:
         dictionary = load_dictionary()
         spelling = dictionary.spelling
         self._telemetry = spelling.telemetry
+        self._housekeeping, self._house_s = spelling.housekeeping, -inf
         authority = RelayAuthority(settings.relay_needs_authority)
         self._router = Router(
             dictionary, settings.brick, self, self._refused, record, authority, SystemClock()
@@ -293,11 +298,31 @@ class NxtNode:
     def _look_around(self) -> None:
         self._router.look()
         self._diagnose()
+        self._tell_housekeeping()
         for link, publisher in self._notifications.items():
             found = subscribers_of(self._node, publisher)
             if found - self._listeners[link]:
                 self._router.resend_last(link)
             self._listeners[link] = found
+
+    def _tell_housekeeping(self) -> None:
+        """Tell the ground by the relay how this process is doing."""
+        now_s, counts = time.monotonic(), self._router.counts
+        if now_s < self._house_s or not self._listeners[Link.RELAY]:
+            return
+        self._house_s = now_s + HOUSEKEEPING_S
+        figures = {
+            "NXT_CONNECTED": float(self._session.connected),
+            "NXT_WAITING": counts.waiting,
+            "NXT_COMMANDS": counts.commands,
+            "NXT_REPEATS": counts.repeats,
+            "NXT_REFUSED": counts.refused,
+            "NXT_DEAD_MAN": counts.dead_man,
+        }
+        told = Housekeeping(time.time(), figures)
+        self.notify(
+            Link.RELAY, housekeeping_message(told, self._housekeeping, self._settings.brick)
+        )
 
     def _diagnose(self) -> None:
         """Publish one status: ERROR without the brick, WARN where messages were refused."""

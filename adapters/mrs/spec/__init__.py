@@ -12,6 +12,7 @@ from adapters.mrs.spec.errors import (
 )
 from adapters.mrs.spec.histories import chronicle_of, report_of, wire_history
 from adapters.mrs.spec.housekeeping import (
+    ABOARD_HOUSEKEEPING,
     CONSOLE,
     CONSOLE_HOUSEKEEPING,
     EXECUTIVE,
@@ -94,6 +95,7 @@ from adapters.mrs.spec.types import (
 from adapters.mrs.terms import NAME, PORT
 
 __all__ = [
+    "ABOARD_HOUSEKEEPING",
     "CONSOLE",
     "CONSOLE_HOUSEKEEPING",
     "DEFINED",

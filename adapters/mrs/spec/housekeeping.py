@@ -84,6 +84,19 @@ EXECUTIVE_HOUSEKEEPING: Final = (
 )
 """Of the executive, by the direct link."""
 
+NXT_HOUSEKEEPING: Final = (
+    HousekeepingParameter("NXT_CONNECTED", "Whether MOCUP's brick is there: 1 or 0", None, 1),
+    HousekeepingParameter("NXT_WAITING", "Commands of the relay that wait for the brick"),
+    HousekeepingParameter("NXT_COMMANDS", "Commands that came to rover-nxt, since its start"),
+    HousekeepingParameter("NXT_REPEATS", "Commands that came again, since then"),
+    HousekeepingParameter("NXT_REFUSED", "Messages that went nowhere, since then"),
+    HousekeepingParameter("NXT_DEAD_MAN", "Stops because nobody was left who moved it, since then"),
+)
+"""Of `rover-nxt`, by the relay link."""
+
+ABOARD_HOUSEKEEPING: Final = (*EXECUTIVE_HOUSEKEEPING, *NXT_HOUSEKEEPING)
+"""Of what is aboard and told by the relay link: of a rover the one, of a brick the other."""
+
 ORBITER: Final = "ORBITER"
 ORBITER_HOUSEKEEPING: Final = _of_process(ORBITER, "rover-mops")
 """Of the orbiter, by the relay link."""
@@ -145,5 +158,5 @@ def housekeeping_limits(
 
     return {
         each.name: (figure(each.low), figure(each.high))
-        for each in (*EXECUTIVE_HOUSEKEEPING, *ORBITER_HOUSEKEEPING, *CONSOLE_HOUSEKEEPING)
+        for each in (*ABOARD_HOUSEKEEPING, *ORBITER_HOUSEKEEPING, *CONSOLE_HOUSEKEEPING)
     }

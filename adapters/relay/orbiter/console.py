@@ -11,11 +11,10 @@ from adapters.mal import Typed
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import DEFINED, Notification, ParameterValue, describe_error
-from adapters.relay.orbiter.link_status import CONTACT, ORBITER_PARAMETERS
+from adapters.relay.orbiter.link_status import CONTACT, LINK_PARAMETERS, ORBITER_PARAMETERS
 from executive.commands import Command, ExecuteAction, Request
 
 NOT_GIVEN: Final = "-"
-_OF_ROVER: Final = frozenset(definition.name for definition in DEFINED)
 
 
 class Console:
@@ -37,7 +36,11 @@ class Console:
         self._client = client
         self._dictionary = dictionary
         self._say = say
-        self._gathered: dict[str, dict[str, ParameterValue]] = {"TELEMETRY": {}, "DTN": {}}
+        self._gathered: dict[str, dict[str, ParameterValue]] = {
+            "TELEMETRY": {},
+            "DTN": {},
+            "HEALTH": {},
+        }
 
     async def run(self, lines: AsyncIterator[str], telemetry: bool) -> None:
         """Read lines to their end; raises ConnectionError when the other end does not come back.
@@ -109,15 +112,23 @@ class Console:
 
     def _gather(self, value: ParameterValue) -> None:
         """Print parameters that belong together when the last of them has come."""
-        kind = "TELEMETRY" if value.name in _OF_ROVER else "DTN"
+        kind = _KINDS.get(value.name, "HEALTH")
         gathered = self._gathered[kind]
-        gathered[value.name] = value
+        if kind != "HEALTH" or value.value is not None:
+            gathered[value.name] = value
         if value.name in _LAST:
             self._say(values_line(kind, tuple(gathered.values())))
             gathered.clear()
 
 
-_LAST: Final = frozenset({DEFINED[-1].name, ORBITER_PARAMETERS[-1].name})
+_KINDS: Final = {
+    definition.name: kind
+    for kind, definitions in (("TELEMETRY", DEFINED), ("DTN", LINK_PARAMETERS))
+    for definition in definitions
+}
+"""Of the rover, and of the link; what is known of the components is HEALTH."""
+
+_LAST: Final = frozenset(each[-1].name for each in (DEFINED, LINK_PARAMETERS, ORBITER_PARAMETERS))
 """The parameters that come last, as `listDefinition` has them."""
 
 

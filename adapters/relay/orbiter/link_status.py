@@ -18,6 +18,7 @@ from adapters.mrs.ground import (
     describe_next_contact,
 )
 from adapters.mrs.spec import (
+    ABOARD_HOUSEKEEPING,
     ORBITER_HOUSEKEEPING,
     ParameterDefinition,
     ParameterValue,
@@ -85,12 +86,15 @@ def _define(
         )
 
 
-ORBITER_PARAMETERS: Final = (
+LINK_PARAMETERS: Final = (
     *_define(AttributeType.DOUBLE, (*_HERE, *_ABOARD)),
-    *(each.definition for each in ORBITER_HOUSEKEEPING),
     *_define(AttributeType.STRING, _PLANNED),
 )
-"""What is told of the orbiter and of the link to a rover, in this order."""
+ORBITER_PARAMETERS: Final = (
+    *LINK_PARAMETERS,
+    *(each.definition for each in (*ORBITER_HOUSEKEEPING, *ABOARD_HOUSEKEEPING)),
+)
+"""What is told of the link to a rover, of the orbiter and of what is aboard, in this order."""
 _LISTED_S: Final = 3600.0
 """For so long a contact is listed after its end."""
 _MOST_LISTED: Final = 50

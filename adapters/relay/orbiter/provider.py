@@ -13,6 +13,7 @@ from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard import LAST_SEQUENCE, ServedOperations, page_size, serve_commands
 from adapters.mrs.spec import (
+    ABOARD_HOUSEKEEPING,
     DEFINED,
     ORBITER,
     ORBITER_HOUSEKEEPING,
@@ -232,12 +233,13 @@ class RoverProvider:
 
     def _health(self) -> tuple[wire.ParameterValue, ...]:
         utc_s, status, aboard = self._utc_s(), self._link_status(), self._rover.aboard
-        usage = usage_figures(ORBITER, self._usage())
+        usage, told = usage_figures(ORBITER, self._usage()), self._rover.housekeeping
         return (
             *status.values(utc_s),
             *aboard_values(aboard),
-            *housekeeping_values(ORBITER_HOUSEKEEPING, usage, utc_s),
             *status.planned.values(),
+            *housekeeping_values(ORBITER_HOUSEKEEPING, usage, utc_s),
+            *housekeeping_values(ABOARD_HOUSEKEEPING, told.figures, told.utc_s),
         )
 
     def _camera(self) -> wire.CameraState:

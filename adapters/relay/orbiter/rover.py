@@ -23,12 +23,14 @@ from adapters.mops import (
     UNNUMBERED,
     Conditions,
     Dictionary,
+    Housekeeping,
     LinkHealth,
     Message,
     MopsError,
     decode,
     encode,
     health_of,
+    housekeeping_of,
     ledger_of,
     messages_in,
     mode_of,
@@ -69,6 +71,7 @@ class RelayedRover:
         record: what survives a restart.
         listener: who is told; None while nobody is.
         aboard: what the rover's end of the link said last of itself.
+        housekeeping: what the rover's executive, or the brick's router, said last of itself.
     """
 
     def __init__(
@@ -86,6 +89,7 @@ class RelayedRover:
         self.record = record
         self.listener: RoverListener | None = None
         self.aboard: LinkHealth | None = None
+        self.housekeeping = Housekeeping(0.0, {})
         self._agent = agent
         self._dictionary = dictionary
         self._utc_s = utc_s
@@ -271,6 +275,9 @@ class RelayedRover:
         if message.code == spelling.link.code:
             self.aboard = health_of(message, spelling.link)
             self._give_up_unheard(self.aboard)
+            return
+        if message.code == spelling.housekeeping.code:
+            self.housekeeping = housekeeping_of(message, spelling.housekeeping)
             return
         if message.code == spelling.telemetry.code:
             values = self._parameters(message, made_utc_s)

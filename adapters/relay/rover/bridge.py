@@ -446,7 +446,11 @@ class SendQueue:
     def __init__(self, dictionary: Dictionary, telemetry_queue: int) -> None:
         self._telemetry_queue = telemetry_queue
         spelling = dictionary.spelling
-        self._measurements = {spelling.telemetry.code, spelling.link.code}
+        self._measurements = {
+            spelling.telemetry.code,
+            spelling.link.code,
+            spelling.housekeeping.code,
+        }
         self._reports: dict[Reports, None] = {}
         self._newest: dict[int, Message] = {}
 

@@ -1,11 +1,13 @@
 """The executive's end of the relay link: MOPS strings on ROS topics to and from `rover-relay`."""
 
 import logging
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
+from math import inf
 from typing import Any, Final, Protocol, assert_never
 
 from rclpy.node import Node
@@ -15,11 +17,13 @@ from adapters.mops import (
     LINK,
     TO_ALL,
     Dictionary,
+    Housekeeping,
     Message,
     MopsError,
     conditions_of,
     event_of,
     fingerprint,
+    housekeeping_message,
     messages_in,
     refusal_of,
     reply_of,
@@ -35,6 +39,8 @@ from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
 
 LOOK_S: Final = 0.2
+HOUSEKEEPING_S: Final = 30.0
+"""Between two times that the housekeeping is told, at least: the link is narrow."""
 RETRANSMIT_LOOKS: Final = 5
 """Reports that the relay has not confirmed for so many looks are told again."""
 WINDOW: Final = 4
@@ -120,6 +126,7 @@ class ExecutiveRelayLink:
         self._sent = self._kept = self._record.kept
         self._unconfirmed: dict[int, Told] = {}
         self._looks = self._listeners = 0
+        self._house_s = -inf
 
     def serve(
         self, submit: Submit, served: Served, mode: Callable[[], Mode | None] = lambda: None
@@ -153,6 +160,16 @@ class ExecutiveRelayLink:
             spelling = self._dictionary.spelling.telemetry
             mode = self._mode()
             self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
+
+    def housekeeping(self, figures: Mapping[str, float | None]) -> None:
+        """Publish how the executive is doing, now and then."""
+        now_s = time.monotonic()
+        if self._listeners and now_s >= self._house_s:
+            self._house_s = now_s + HOUSEKEEPING_S
+            told = Housekeeping(time.time(), figures)
+            self._say(
+                housekeeping_message(told, self._dictionary.spelling.housekeeping, self._asset)
+            )
 
     def file(self, event: FileEvent) -> None:
         """Do nothing: files go by the direct link."""

@@ -20,7 +20,14 @@ from std_msgs.msg import Float64, String
 
 from adapters.mocup.brick.node import declare_settings
 from adapters.mocup.brick.record import Link
-from adapters.mops import Message, MopsStream, encode, load_dictionary
+from adapters.mops import (
+    Message,
+    MopsStream,
+    decode,
+    encode,
+    housekeeping_of,
+    load_dictionary,
+)
 from adapters.ros import (
     Topic,
     conversions,
@@ -60,6 +67,7 @@ class Bench:
         self.plug: UsbPlug | None = None
         self.brick: list[Message] = []
         self.notified: list[tuple[Link, str]] = []
+        self.housekeeping: list[Message] = []
         self.odometry: list[Odometry] = []
         self.battery: list[Battery] = []
         self.camera: dict[str, float] = {}
@@ -131,7 +139,14 @@ class Bench:
         return lambda angle: self.camera.update({name: angle.data})
 
     def _on_notification(self, link: Link) -> Callable[[String], None]:
-        return lambda text: self.notified.append((link, text.data))
+        def note(text: String) -> None:
+            message = decode(text.data.encode())
+            if message.code == SPELLING.housekeeping.code:
+                self.housekeeping.append(message)
+            else:
+                self.notified.append((link, text.data))
+
+        return note
 
 
 def _is_heard(publisher: Publisher) -> bool:
@@ -204,6 +219,9 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
     ]
     bench.until(lambda: bench.health[-1].level == DiagnosticStatus.ERROR, "a diagnosis")
     assert "the brick is not there" in bench.health[-1].message
+    bench.until(lambda: bool(bench.housekeeping), "the ground is told, too")
+    figures = housekeeping_of(bench.housekeeping[0], SPELLING.housekeeping).figures
+    assert {"NXT_CONNECTED", "NXT_WAITING", "NXT_DEAD_MAN"} <= figures.keys()
     plug = bench.plug_in()
     bench.command(Link.RELAY, second)
     bench.until(lambda: len(bench.brick) > 1, "the brick is stopped")

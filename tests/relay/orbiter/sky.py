@@ -24,12 +24,14 @@ from adapters.bundle import (
 from adapters.bundle.links.contact import Contact
 from adapters.bundle.node.database import Synchronous
 from adapters.mops import (
+    Housekeeping,
     LinkHealth,
     Message,
     decode,
     encode,
     event_of,
     health_message,
+    housekeeping_message,
     load_dictionary,
     reply_of,
     telemetry_of,
@@ -165,6 +167,10 @@ class FarRover:
 
     async def link(self, health: LinkHealth) -> None:
         await self._send(health_message(health, DICTIONARY.spelling.link, self.name))
+
+    async def housekeeping(self, **figures: float | None) -> None:
+        told = Housekeeping(time.time(), figures)
+        await self._send(housekeeping_message(told, DICTIONARY.spelling.housekeeping, self.name))
 
     def _report(
         self, kind: Kind, text: str, identity: Identity | None = None, stage: Stage | None = None

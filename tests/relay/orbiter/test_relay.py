@@ -126,6 +126,11 @@ async def test_what_was_sent_in_the_dark_arrives_when_contact_begins(tmp_path: P
         aboard = ("CONTACT", "QUEUED_OCTETS", "SENT", "RETRANSMITTED", "RECEIVED", "ROUND_TRIP")
         values = await client.get_value(*(f"DTN_ABOARD_{name}" for name in aboard))
         assert list(map(figure, values)) == [1.0, 700.0, 9.0, 1.0, 2.0, 0.125]
+        await rover.housekeeping(EXEC_TICK=0.0625, EXEC_GOALS=None, EXEC_OF_TOMORROW=1.0)
+        await until(lambda: bool(relay.rovers[rover_node].housekeeping.figures))
+        tick, goals, brick = await client.get_value("EXEC_TICK", "EXEC_GOALS", "NXT_CONNECTED")
+        assert figure(tick) == 0.0625
+        assert {goals.validity, brick.validity} == {Validity.INVALID}
         memory, free = await client.get_value("ORBITER_MEMORY", "ORBITER_DISK_FREE")
         assert figure(memory) > 1e7
         assert figure(free) > 0.0

@@ -73,7 +73,8 @@ async def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
             (refused,) = [r for r in orbiter.reports if r.stage is Stage.REJECTED]
             assert refused.reason is Reason.WRONG_MODE
             await orbiter.until(
-                lambda: any(m.command == "LINK" for m in orbiter.messages), "health of the relay"
+                lambda: {"LINK", "HOUSEKEEPING"} <= {m.command for m in orbiter.messages},
+                "health of the relay and of the executive",
             )
         assert relay.end() == 0
         assert "Traceback" not in relay.text
