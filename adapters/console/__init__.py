@@ -1,5 +1,8 @@
 """The operations console: what operators see of rovers in a browser, and command them by."""
 
-from adapters.console.service import PORT, PORT_VARIABLE, Options, running
+from typing import Final
 
-__all__ = ["PORT", "PORT_VARIABLE", "Options", "running"]
+PORT: Final = 21080
+"""TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
+PORT_VARIABLE: Final = "ROVER_CONSOLE_PORT"
+"""The variable of the environment that names another."""

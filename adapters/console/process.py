@@ -6,8 +6,9 @@ from typing import Final
 
 import click
 
+from adapters.console import PORT, PORT_VARIABLE
 from adapters.console.archive import Retention
-from adapters.console.service import PORT, PORT_VARIABLE, Options, serve
+from adapters.console.service import Options, serve
 from adapters.mrs.cli import Target, to_options
 from adapters.process import (
     EXISTING_FILE,

@@ -46,10 +46,6 @@ from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
 
-PORT: Final = 21080
-"""TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
-PORT_VARIABLE: Final = "ROVER_CONSOLE_PORT"
-"""The variable of the environment that names another."""
 LOCK: Final = "console.lock"
 FETCHED: Final = "fetched"
 """The folder of the data folder in which fetched files are."""

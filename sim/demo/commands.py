@@ -11,16 +11,19 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sim.demo.participants import Participants
+    from sim.processes import OperationsConsole
 
 FAILED: Final = 1
 DEFAULT: Final = "jackal"
-NO_CONSOLE: Final = "A console in a browser needs the extra console: rover-executive[console].\n"
+NO_CONSOLE: Final = "a console in a browser needs the extra console: rover-executive[console]"
+ENDS: Final = "\nWith --stay all goes on running afterwards."
 ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 
 
 @click.command()
 @click.option("--stay", is_flag=True, help="Leave the processes running afterwards.")
 @click.option("--no-play", is_flag=True, help="Play nothing: only start them, and stay.")
+@click.option("--no-console", is_flag=True, help="Without the operations console.")
 @click.option("--mocup", is_flag=True, help="With the small rover, whose brick moves by itself.")
 @click.option(
     "--relay",
@@ -48,6 +51,7 @@ ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
 def demo(
     stay: bool,
     no_play: bool,
+    no_console: bool,
     mocup: bool,
     relay: bool,
     assets: bool,
@@ -66,9 +70,9 @@ def demo(
     a while; with --assets two rovers are commanded at once, by both links. A timeline shows when
     each command was where.
 
-    Played without --stay it keeps to itself: a free port, and a free ROS domain on this machine.
-    With --stay the rover is where `rover command`, `rover status` and `rover watch` look for it,
-    and rover-console serves browsers at the address that is printed.
+    Beside it rover-console serves browsers at the address that is printed. Played without --stay it
+    keeps to itself: a free port, and a free ROS domain on this machine. With --stay the rover is
+    where `rover command`, `rover status` and `rover watch` look for it.
 
     \b
     Examples:
@@ -86,12 +90,19 @@ def demo(
     show = _show(mocup=mocup, relay=relay, assets=assets)
     if relay and speed != 1.0:
         raise click.UsageError("--speed does not work with --relay: contacts are planned in UTC")
+    import asyncio
     from contextlib import ExitStack
 
     from adapters.process import require
     from sim.demo.participants import Participants, start_rovers
     from sim.demo.script import SHOWS
-    from sim.processes import ChildError, PlaceError, free_place, known_place
+    from sim.processes import (
+        ChildError,
+        PlaceError,
+        free_place,
+        known_place,
+        operations_console,
+    )
 
     try:
         require("rclpy")
@@ -118,14 +129,22 @@ def demo(
                     await_executives(participants)
                 orbiter = relayed(folder, *participants.rovers, eclipses=eclipses)
                 participants = Participants(members, running.enter_context(orbiter))
-            played = play(participants, folder, console, scripted=not no_play)
+            operations = None
+            if not no_console:
+                uris = asyncio.run(participants.uris())
+                operations = running.enter_context(operations_console(folder, uris))
+                if operations is None:
+                    console.print(NO_CONSOLE, markup=False)
+            played = play(participants, folder, console, operations, scripted=not no_play)
             as_planned = True
             if not no_play:
                 from sim.demo.outcome import tell
 
                 as_planned = tell(played, participants, folder, console)
             if stay:
-                _stay(participants, folder, console)
+                _stay(participants, console, operations)
+            else:
+                console.print(ENDS)
             if not as_planned:
                 sys.exit(FAILED)
     except (ChildError, PlaceError) as error:
@@ -141,31 +160,29 @@ def _show(**asked: bool) -> str:
     return chosen[0] if chosen else DEFAULT
 
 
-def _stay(participants: "Participants", folder: Path, console: "Console") -> None:
-    """Leave the rovers running until Ctrl-C, with an operations console."""
+def _stay(
+    participants: "Participants", console: "Console", operations: "OperationsConsole | None"
+) -> None:
+    """Leave the rovers running until Ctrl-C."""
     import asyncio
 
+    from sim.demo.mission import BROWSE
     from sim.demo.participants import proposals
-    from sim.processes import operations_console
 
-    uris = asyncio.run(participants.uris())
-    with operations_console(folder, uris) as operations:
-        console.print(proposals(participants))
-        if operations is None:
-            console.print(NO_CONSOLE, markup=False)
-        else:
-            console.print(f"In a browser on this computer: {operations.address}\n")
-        if participants.members[0].rover.place.domain != 0:
-            console.print(ELSEWHERE)
-        console.print("Ctrl-C ends it.")
-        processes = [participants.processes, *([operations.process] if operations else [])]
-        try:
-            while True:
-                for group in processes:
-                    group.check()
-                time.sleep(0.2)
-        except KeyboardInterrupt:
-            console.print("ending")
+    console.print(proposals(participants))
+    if operations is not None:
+        console.print(f"{BROWSE}{asyncio.run(operations.address())}\n")
+    if participants.members[0].rover.place.domain != 0:
+        console.print(ELSEWHERE)
+    console.print("Ctrl-C ends it.")
+    processes = [participants.processes, *([operations] if operations else [])]
+    try:
+        while True:
+            for group in processes:
+                group.check()
+            time.sleep(0.2)
+    except KeyboardInterrupt:
+        console.print("ending")
 
 
 def _make_folder(out: Path | None) -> Path:

@@ -17,9 +17,10 @@ from sim.demo.display import display
 from sim.demo.participants import Participant, Participants
 from sim.demo.script import Link
 from sim.demo.session import Session, look, until_first
-from sim.processes import LOOK_S, PlaceError, ProcessGroup
+from sim.processes import LOOK_S, OperationsConsole, PlaceError, ProcessGroup
 from sim.processes.recorder import Recorder, recorder, since_start_s, told
 
+BROWSE: Final = "In a browser on this computer: "
 LOG: Final = "mission-control.log"
 START_S: Final = 60.0
 SETTLE_S: Final = 0.3
@@ -53,7 +54,12 @@ def await_executives(participants: Participants) -> None:
 
 
 def play(
-    participants: Participants, folder: Path, console: Console, *, scripted: bool = True
+    participants: Participants,
+    folder: Path,
+    console: Console,
+    operations: OperationsConsole | None,
+    *,
+    scripted: bool = True,
 ) -> Sequence[Played]:
     """Wait until the rovers can be commanded, say so, and play all sessions at once.
 
@@ -61,6 +67,7 @@ def play(
         participants: with whom.
         folder: where mission control's own log goes.
         console: where it is shown.
+        operations: whose address is told once it serves.
         scripted: whether anything is played.
 
     Raises:
@@ -81,11 +88,15 @@ def play(
             asset, domain = each.script.asset, each.rover.place.domain
             parameters = config_folder() / f"{asset}.ros.yaml"
             heard.append(listening.enter_context(recorder(asset, domain, parameters)))
-        return asyncio.run(_play(participants, heard, console, scripted))
+        return asyncio.run(_play(participants, heard, console, operations, scripted))
 
 
 async def _play(
-    participants: Participants, heard: Sequence[Recorder], console: Console, scripted: bool
+    participants: Participants,
+    heard: Sequence[Recorder],
+    console: Console,
+    operations: OperationsConsole | None,
+    scripted: bool,
 ) -> Sequence[Played]:
     members, several = participants.members, len(participants.members) > 1
     async with AsyncExitStack() as connected:
@@ -114,9 +125,14 @@ async def _play(
                 session = Session(links, audience, script.watched, member.rover.speed)
                 played.append(Played(member, session, listener))
 
+            async def tell_address() -> None:
+                if operations is not None:
+                    console.print(BROWSE + await operations.address())
+
             async def play_all() -> None:
                 await asyncio.gather(
-                    *(each.session.play(each.participant.script.steps) for each in played)
+                    tell_address(),
+                    *(each.session.play(each.participant.script.steps) for each in played),
                 )
                 await asyncio.sleep(SETTLE_S)
 

@@ -1,60 +1,59 @@
 """The operations console beside simulated rovers: `rover-console`, where its extra is installed."""
 
+import asyncio
 import os
 import re
 import socket
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
+from adapters.console import PORT, PORT_VARIABLE
 from sim.processes.children import LOOK_S, Child, ProcessGroup
 from sim.processes.place import ANY_PORT, HOST
 
 SERVES: Final = re.compile(r"^(http://\S+)$", re.MULTILINE)
 
 
-@dataclass(frozen=True, slots=True)
-class OperationsConsole:
-    """A console that runs.
+class OperationsConsole(ProcessGroup):
+    """A console that starts, or runs."""
 
-    Attributes:
-        address: for a browser.
-    """
+    def __init__(self, console: Child) -> None:
+        super().__init__(console)
+        self._console = console
 
-    process: ProcessGroup
-    address: str
+    async def address(self) -> str:
+        """Wait until it serves, and return the address for a browser.
+
+        Raises:
+            ChildError: it ended.
+        """
+        while (found := self._console.said(SERVES)) is None:
+            self.check()
+            await asyncio.sleep(LOOK_S)
+        return found[1]
 
 
 @contextmanager
 def operations_console(folder: Path, uris: Sequence[str]) -> Iterator[OperationsConsole | None]:
-    """Yield a console of rovers once it serves; None where its extra is not installed.
+    """Yield a console of rovers that starts; None where its extra is not installed.
 
     Args:
         folder: gets its log, and its archive.
         uris: of the rovers.
-
-    Raises:
-        ChildError: it ended.
     """
     if find_spec("aiohttp") is None:
         yield None
         return
-    from adapters.console import PORT, PORT_VARIABLE
-
     to = [word for uri in uris for word in ("--to", uri)]
     arguments = [*to, "--data", str(folder / "console")]
     if PORT_VARIABLE not in os.environ and not _is_free(PORT):
         arguments += ["--port", str(ANY_PORT)]
     child = Child("console", "adapters.console.process", arguments, folder, {})
     try:
-        while (found := child.said(SERVES)) is None:
-            child.check()
-            time.sleep(LOOK_S)
-        yield OperationsConsole(ProcessGroup(child), found[1])
+        yield OperationsConsole(child)
     finally:
         child.end()
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType
 
-from adapters.console import Options, running
+from adapters.console.service import Options, running
 from adapters.mrs.cli import Target
 from adapters.mrs.terms import CLEAR, Terms
 

@@ -120,5 +120,7 @@ def played(tmp_path_factory: pytest.TempPathFactory, patient: Path) -> Played:
         return once(f"{name}-again", *arguments) if ran.status and watch.stalled else ran
 
     return Played(
-        play("jackal"), play("mocup", "--mocup", "--speed", "1.5"), play("relay", "--relay")
+        play("jackal"),
+        play("mocup", "--mocup", "--speed", "1.5", "--no-console"),
+        play("relay", "--relay", "--no-console"),
     )

@@ -4,8 +4,10 @@ import json
 import re
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.request import urlopen
 from xml.etree import ElementTree
 
 import psutil
@@ -53,9 +55,21 @@ def test_true_error_and_first_motion_are_told(ran: Ran) -> None:
     assert re.search(r"first motion\s+\d+\.\d s after the start", ran.output)
 
 
+def test_a_console_shows_the_rover_meanwhile(demo: Demo) -> None:
+    (address,) = re.findall(r"http://127.0.0.1:\d+/", demo.wait_for("In a browser"))
+    names: set[str] = set()
+    deadline_s = time.monotonic() + END_S
+    while "MoveTo" not in names:
+        assert time.monotonic() < deadline_s, names
+        with urlopen(f"{address}api/commands") as answer:
+            names = {each["name"] for each in json.load(answer)["commands"]}
+
+
 def test_every_file_that_is_told_exists(ran: Ran) -> None:
-    told = ran.output[ran.output.index(f"Files in {ran.folder}") :].splitlines()[1:]
-    names = [name.strip(",") for line in told if line for name in line.split("  ")[0].split()]
+    told = ran.output[ran.output.index(f"Files in {ran.folder}") :].partition("\n\n")[0]
+    names = [
+        name.strip(",") for line in told.splitlines()[1:] for name in line.split("  ")[0].split()
+    ]
     assert len(names) == 9
     assert [name for name in names if not (ran.folder / name).exists()] == []
 
@@ -105,7 +119,7 @@ def test_a_process_that_dies_is_named_with_its_log(demo: Demo) -> None:
 
 def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
     others = demo.others()
-    assert len(others) == 3, "the simulation, the executive and its guard"
+    assert len(others) == 4, "the simulation, the executive and its guard, the console"
     demo.process.kill()
     _, alive = psutil.wait_procs(others, timeout=END_S)
     assert alive == []
@@ -174,7 +188,7 @@ def test_jackal_and_mocup_do_as_planned(played: Played) -> None:
 def test_what_is_asked_by_both_links_is_carried_out_once_by_either_rover(
     tmp_path: Path, patient: Path
 ) -> None:
-    ran = Demo(tmp_path / "run", patient, "--assets").ran()
+    ran = Demo(tmp_path / "run", patient, "--assets", "--no-console").ran()
     assert went_well(ran)
     assert draws_a_timeline(ran)
     assert ran.output.count("carried out once") == 2

@@ -3,7 +3,8 @@
 import * as bar from "./views/bar.js";
 import { cursor } from "./model/context.js";
 import { login } from "./views/login.js";
-import { identifierOf, objects, partsOf } from "./openmct/objects.js";
+import { identifierOf, partsOf } from "./openmct/identifiers.js";
+import { objects } from "./openmct/objects.js";
 import { storedObjects } from "./openmct/stored_objects.js";
 import { telemetry } from "./openmct/telemetry.js";
 import { views } from "./openmct/views.js";

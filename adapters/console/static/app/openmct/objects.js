@@ -4,19 +4,10 @@
  */
 
 import { UNITS } from "../words.js";
+import { NAMESPACE, ROOT, identifierOf, partsOf } from "./identifiers.js";
 import { VIEWS, viewsOf } from "./views.js";
 
-export const NAMESPACE = "rover";
-export const ROOT = "rovers";
-const MARK = "~";
-
 /** @typedef {import("../model/session.js").Session} Session */
-
-/** @param {...string} parts */
-export const identifierOf = (...parts) => ({ namespace: NAMESPACE, key: parts.map(encodeURIComponent).join(MARK) });
-
-/** @param {{key: string}} identifier */
-export const partsOf = (identifier) => identifier.key.split(MARK).map(decodeURIComponent);
 
 /**
  * How many percent of the width a column of the layout has, and of its height each frame in it.

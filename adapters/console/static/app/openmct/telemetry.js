@@ -2,7 +2,7 @@
 
 import { ask } from "../model/connection.js";
 import { limitOf } from "../views/values.js";
-import { NAMESPACE, partsOf } from "./objects.js";
+import { NAMESPACE, partsOf } from "./identifiers.js";
 
 const GATHERED_MS = 20;
 const STALE_S = 5;

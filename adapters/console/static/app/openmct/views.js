@@ -14,7 +14,7 @@ import * as recording from "../views/recording.js";
 import * as tree from "../views/tree.js";
 import * as values from "../views/values.js";
 import * as video from "../views/video.js";
-import { NAMESPACE, partsOf } from "./objects.js";
+import { NAMESPACE, partsOf } from "./identifiers.js";
 
 /** By the last part of the object's key; `of` is what it is only for, `console` whether the console has it, too. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording", console?: boolean}>} */
 export const VIEWS = {

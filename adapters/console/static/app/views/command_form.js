@@ -27,6 +27,8 @@ export function mount(element, context) {
   const fields = html("div", { className: "fields" });
   const replace = html("input", { type: "checkbox", onchange: () => draft.setReplace(replace.checked) });
   const replaceLine = html("label", { className: "check" }, replace, "end the motions under way and waiting first");
+  const link = html("select", { "aria-label": "link" });
+  const linkLine = html("label", { className: "check" }, "send by", link);
   const preview = html("div", { className: "preview-words", "data-testid": "preview" });
   const send = html("button", { type: "submit", className: "send", textContent: "Send" });
   const clear = html("button", { type: "button", textContent: "clear", onclick: () => ((sent = null), draft.prepare(null)) });
@@ -40,6 +42,7 @@ export function mount(element, context) {
     summary,
     fields,
     replaceLine,
+    linkLine,
     preview,
     html("div", { className: "buttons" }, send, clear, hindrance),
     outcome,
@@ -55,7 +58,11 @@ export function mount(element, context) {
     draw();
     try {
       await ask("/api/commands", {
-        json: { id, asset: asset.name, name: draft.entry.name, args: draft.values, ...(draft.replace ? { arrival: "replace" } : {}) },
+        json: {
+          ...{ id, asset: asset.name, name: draft.entry.name, args: draft.values },
+          ...(draft.replace ? { arrival: "replace" } : {}),
+          ...(link.value ? { link: link.value } : {}),
+        },
       });
     } catch (error) {
       trouble = error.status === 0 ? `${error.message}. It may have been sent: look at the commands.` : error.message;
@@ -173,10 +180,25 @@ export function mount(element, context) {
     say(summary, draft.entry ? draft.entry.summary : "Choose a command, or click the map to prepare a move there.");
     replaceLine.hidden = !draft.entry?.motion;
     replace.checked = draft.replace;
+    drawLink();
     drawProblems();
     drawPreview();
     drawSend();
     drawOutcome();
+  }
+
+  /** Offer the links of an asset that has several; left to the console, it is the first that is up, the direct one before all. */
+  function drawLink() {
+    const names = [...asset.links.keys()];
+    linkLine.hidden = draft.entry === null || names.length < 2;
+    if (link.drawn === names.join()) return;
+    link.drawn = names.join();
+    const chosen = link.value;
+    link.replaceChildren(
+      html("option", { value: "", textContent: "the link by which it is there soonest" }),
+      ...names.map((name) => html("option", { value: name, textContent: `the ${name} link` })),
+    );
+    link.value = names.includes(chosen) ? chosen : "";
   }
 
   function drawProblems() {

@@ -1,0 +1,11 @@
+/** How the objects of rovers are named: the asset, what of it, and for telemetry the link and the parameter. */
+
+export const NAMESPACE = "rover";
+export const ROOT = "rovers";
+const MARK = "~";
+
+/** @param {...string} parts */
+export const identifierOf = (...parts) => ({ namespace: NAMESPACE, key: parts.map(encodeURIComponent).join(MARK) });
+
+/** @param {{key: string}} identifier */
+export const partsOf = (identifier) => identifier.key.split(MARK).map(decodeURIComponent);
