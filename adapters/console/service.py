@@ -30,6 +30,7 @@ from adapters.console.requests import (
     Alarms,
     Commanding,
     Explaining,
+    Export,
     Files,
     History,
     Operations,
@@ -166,6 +167,7 @@ async def _serving(
         *Video(options.video, fleet.video_of).routes(),
         *recordings.routes(),
         *History(archive, recordings, publish).routes(),
+        *Export(archive, recordings).routes(),
         *alarms.routes(),
     ]
 

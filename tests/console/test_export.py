@@ -1,13 +1,28 @@
-"""Telemetry of the archive for other programs."""
+"""What the archive keeps, for other programs."""
 
+import csv
 import io
 import json
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from mcap.reader import make_reader
 
-from adapters.console.archive import Archive, open_database
-from adapters.console.messages import Link, Quality, Sample
+from adapters.console.archive import Archive, Raised, Written, change_alarms, open_database
+from adapters.console.messages import (
+    CommandState,
+    CommandStatus,
+    Link,
+    Notified,
+    PlanProgress,
+    Quality,
+    Sample,
+    StageReached,
+    TreeNode,
+    TreeState,
+    plain,
+)
 from tests.console.consoles import Operator, operator, served
 
 NOBODY = "127.0.0.1:1"
@@ -57,3 +72,120 @@ async def test_telemetry_is_exported_whole(tmp_path: Path) -> None:
         found = {channel.topic: counts[number] for number, channel in whole.channels.items()}
         rovers = {topic: count for topic, count in found.items() if "console" not in topic}
         assert rovers == {"/jackal/direct/POS_X": COUNT, "/scout/relay/HEAD": 1}
+
+
+COMMAND = CommandStatus(
+    id="a-1",
+    asset="jackal",
+    name="moveForward",
+    args={"distance": 3.0},
+    by="anna",
+    source="anna",
+    number=1,
+    link=Link.DIRECT,
+    state=CommandState.EXECUTED,
+    ended=True,
+    made=BEGAN_S + 1.0,
+    deadline=None,
+    history=(
+        StageReached("SENT", "console", BEGAN_S + 1.0, BEGAN_S + 1.0, ""),
+        StageReached("STARTED", "jackal", BEGAN_S + 2.0, BEGAN_S + 2.5, "", figures={"a": 1.0}),
+        StageReached("EXECUTED", "jackal", BEGAN_S + 5.0, BEGAN_S + 5.5, "done"),
+    ),
+)
+REPORTS = [
+    Notified(
+        asset="jackal",
+        link=Link.DIRECT,
+        sequence=number,
+        utc=BEGAN_S + number / 1000,
+        rx=BEGAN_S + number / 1000 + 0.5,
+        kind="EVENT",
+        severity=severity,
+        text=f"number {number}",
+        command=None,
+        stage=None,
+        code=None,
+        step=None,
+        steps=None,
+        figures={},
+    )
+    for number, severity in enumerate(["INFORMATIONAL", "WARNING", "CRITICAL"] * 400)
+]
+"""More than are read at once."""
+TREE = TreeState(
+    *("jackal", Link.DIRECT, BEGAN_S + 3.0, 7, "MOVING", "for anna:1", "anna:1", ()),
+    nodes=(
+        TreeNode("rover", "rover", 0, "SELECTOR", "running", "", None),
+        TreeNode("rover/drive", "drive", 1, "LEAF", "running", "1 m", "anna:1"),
+    ),
+)
+PLAN = PlanProgress("jackal", "look", "EXECUTING", BEGAN_S + 4.0, "look/drive", 1, 2, "")
+
+
+async def test_what_was_told_is_exported_as_the_archive_has_it(tmp_path: Path) -> None:
+    folder = tmp_path / "console"
+    folder.mkdir()
+    archive = Archive(open_database(None, folder))
+    told: list[Written] = [COMMAND, *REPORTS, TREE, PLAN]
+    for message in told:
+        archive.put(message)
+    await archive.write(
+        partial(change_alarms, changes=[Raised("jackal", "fault", BEGAN_S + 6.0, "SEVERE", "hot")])
+    )
+    await archive.close()
+    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+        what = "commands,reports,tree,plans,alarms"
+        octets = await export(anna, f"asset=jackal&fmt=mcap&what={what}")
+        read: dict[str, list[Any]] = {}
+        schemas = {}
+        for schema, channel, message in make_reader(io.BytesIO(octets)).iter_messages():
+            assert schema is not None
+            assert json.loads(schema.data)["type"] == "object"
+            schemas[channel.topic] = schema.name
+            read.setdefault(channel.topic, []).append(json.loads(message.data))
+        assert schemas == {
+            "/jackal/commands": "rover.CommandStatus",
+            "/jackal/reports": "foxglove.Log",
+            "/jackal/tree": "rover.TreeState",
+            "/jackal/plans": "rover.PlanProgress",
+            "/jackal/alarms": "rover.AlarmStatus",
+        }
+        logged = read["/jackal/reports"]
+        assert [each["report"] for each in logged] == [plain(each) for each in REPORTS]
+        assert [each["level"] for each in logged[:3]] == [2, 3, 5]
+        assert logged[1]["timestamp"] == {"sec": BEGAN_S, "nsec": 1_000_000}
+        assert logged[1]["message"] == "number 1"
+        assert read["/jackal/commands"] == [plain(COMMAND)]
+        assert read["/jackal/tree"] == [plain(TREE)]
+        assert read["/jackal/plans"] == [plain(PLAN)]
+        path = "alarms?asset=jackal"
+        async with anna.session.get(f"{address}api/{path}") as answer:
+            (alarm,) = (await answer.json())["alarms"]
+        assert read["/jackal/alarms"] == [{key: alarm[key] for key in alarm if key != "ty"}]
+
+        (line,) = await table(anna, "commands")
+        assert line["args"] == '{"distance": 3.0}'
+        assert float(line["started"]) == BEGAN_S + 2.0
+        assert float(line["end"]) == BEGAN_S + 5.0
+        assert line["accepted"] == ""
+        texts = [each["text"] for each in await table(anna, "reports")]
+        assert texts == [each.text for each in REPORTS]
+        nodes = await table(anna, "tree")
+        assert [(each["mode"], each["name"]) for each in nodes] == [
+            ("MOVING", "rover"),
+            ("MOVING", "drive"),
+        ]
+        assert (await table(anna, "plans"))[0]["node"] == "look/drive"
+        assert (await table(anna, "alarms"))[0]["text"] == "hot"
+        later = f"reports&start={BEGAN_S + 1}&end={BEGAN_S + 1.0015}"
+        assert len(await table(anna, later)) == 2
+
+        async with anna.session.get(f"{address}api/export?what=tm,reports") as answer:
+            assert answer.status == 422
+            assert "a CSV file holds one kind" in (await answer.json())["error"]
+
+
+async def table(anna: Operator, what: str) -> list[dict[str, str]]:
+    octets = await export(anna, f"asset=jackal&what={what}")
+    return list(csv.DictReader(io.StringIO(octets.decode())))

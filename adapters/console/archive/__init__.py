@@ -11,6 +11,14 @@ from adapters.console.archive.alarms import (
 )
 from adapters.console.archive.archive import Archive, Written, to_us
 from adapters.console.archive.database import ArchiveError, cause_of, open_database
+from adapters.console.archive.exports import (
+    Exported,
+    ExportRow,
+    Kept,
+    Place,
+    export_page,
+    kept_page,
+)
 from adapters.console.archive.objects import (
     Conflict,
     Stored,
@@ -22,12 +30,10 @@ from adapters.console.archive.objects import (
 from adapters.console.archive.plans import PlanRevision, get_plan, keep_plan, list_plans
 from adapters.console.archive.queries import (
     MOST_SAMPLES,
-    ExportRow,
     Page,
     Parameter,
     Strategy,
     Wanted,
-    export_page,
     find_parameters,
     last_commands,
     last_notification,
@@ -50,8 +56,11 @@ __all__ = [
     "Cleared",
     "Conflict",
     "ExportRow",
+    "Exported",
+    "Kept",
     "Page",
     "Parameter",
+    "Place",
     "PlanRevision",
     "Raised",
     "Retention",
@@ -69,6 +78,7 @@ __all__ = [
     "get_object",
     "get_plan",
     "keep_plan",
+    "kept_page",
     "last_commands",
     "last_notification",
     "list_objects",

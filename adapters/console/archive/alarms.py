@@ -93,7 +93,7 @@ def acknowledge_alarms(
 def standing_alarms(connection: Connection, also: Sequence[int] = ()) -> list[AlarmStatus]:
     """Return the alarms that stand, and some others by their ids, in the order of ids."""
     chosen = select(ALARM).where(or_(ALARM.c.standing == 1, ALARM.c.id.in_(also)))
-    return [_status(row) for row in connection.execute(chosen.order_by(ALARM.c.id))]
+    return [alarm_of(row) for row in connection.execute(chosen.order_by(ALARM.c.id))]
 
 
 def read_alarms(connection: Connection, page: Page) -> list[AlarmStatus]:
@@ -106,7 +106,7 @@ def read_alarms(connection: Connection, page: Page) -> list[AlarmStatus]:
     if page.before_us is not None:
         chosen = chosen.where(ALARM.c.raised_us < page.before_us)
     ordered = chosen.order_by(ALARM.c.raised_us.desc(), ALARM.c.id.desc())
-    return [_status(row) for row in connection.execute(ordered.limit(page.limit))]
+    return [alarm_of(row) for row in connection.execute(ordered.limit(page.limit))]
 
 
 def _lock(connection: Connection) -> None:
@@ -150,7 +150,9 @@ def _update(connection: Connection, number: int, **changed: Any) -> None:
     connection.execute(ALARM.update().where(ALARM.c.id == number).values(**changed))
 
 
-def _status(row: Row[Any]) -> AlarmStatus:
+def alarm_of(row: Row[Any]) -> AlarmStatus:
+    """Return an alarm of its row."""
+
     def utc(us: int | None) -> float | None:
         return None if us is None else us / US_PER_S
 

@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, unique
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from sqlalchemy import Column, Connection, Row, Select, Table, func, or_, select
 
@@ -17,8 +17,6 @@ from adapters.console.messages import CommandStatus, Link, decode_command
 
 MOST_SAMPLES: Final = 20_000
 """Of one answer."""
-PAGE: Final = 10_000
-"""Samples that are read at once for an export."""
 
 
 @unique
@@ -152,43 +150,6 @@ def find_parameters(
             chosen = chosen.where(column == wanted)
     rows = connection.execute(chosen.order_by(PARAMETER.c.id))
     return [Parameter(row.id, row.asset, row.key, row.link) for row in rows]
-
-
-class ExportRow(NamedTuple):
-    """A sample with all that is known of it; `value` is a text where it is no finite number."""
-
-    utc: float
-    rx: float
-    asset: str
-    link: str
-    key: str
-    value: float | str | None
-    quality: str
-
-
-def export_page(
-    connection: Connection, parameter: Parameter, start_us: int, end_us: int
-) -> tuple[list[ExportRow], int | None]:
-    """Return samples from a time on, and where the next page starts; None for no more."""
-    rows = connection.execute(
-        select(SAMPLE)
-        .where(SAMPLE.c.parameter == parameter.id, SAMPLE.c.utc_us.between(start_us, end_us))
-        .order_by(SAMPLE.c.utc_us)
-        .limit(PAGE)
-    ).all()
-    page = [
-        ExportRow(
-            row.utc_us / US_PER_S,
-            row.rx_us / US_PER_S,
-            parameter.asset,
-            parameter.link,
-            parameter.key,
-            row.text if row.value is None else row.value,
-            QUALITIES[row.quality].value,
-        )
-        for row in rows
-    ]
-    return page, rows[-1].utc_us + 1 if len(rows) == PAGE else None
 
 
 def read_command(connection: Connection, name: str) -> CommandStatus | None:

@@ -3,6 +3,7 @@
 from adapters.console.requests.alarms import Alarms
 from adapters.console.requests.commanding import Commanding
 from adapters.console.requests.explaining import Explaining
+from adapters.console.requests.export import Export
 from adapters.console.requests.files import Files
 from adapters.console.requests.history import History
 from adapters.console.requests.operations import Operations
@@ -13,6 +14,7 @@ __all__ = [
     "Alarms",
     "Commanding",
     "Explaining",
+    "Export",
     "Files",
     "History",
     "Operations",

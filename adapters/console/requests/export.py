@@ -1,142 +1,148 @@
-"""How telemetry is written for other programs: a table as CSV, or MCAP with a topic each parameter.
+"""The request that exports what the archive keeps, in pieces, however much it is."""
 
-MCAP messages are JSON, `{"value", "quality"}`, on `/ASSET/LINK/KEY`; they are published at the time
-aboard, and logged when they arrived here.
-"""
-
-import csv
-import io
-import json
-from collections.abc import Sequence
+from collections.abc import AsyncIterator
 from enum import Enum, unique
-from typing import Final, Protocol, assert_never
+from functools import partial
+from http import HTTPStatus
+from typing import Final
 
-from mcap.writer import Writer
+from aiohttp import web
+from sqlalchemy import Connection
 
-from adapters.console.archive import ExportRow
-
-LIBRARY: Final = "rover-console"
-NS_PER_S: Final = 1e9
-SCHEMA: Final = {
-    "type": "object",
-    "properties": {
-        "value": {"type": ["number", "string", "null"]},
-        "quality": {"enum": ["good", "late", "invalid"]},
-    },
-}
+from adapters.console.archive import (
+    Archive,
+    Exported,
+    Parameter,
+    Place,
+    export_page,
+    find_parameters,
+    kept_page,
+    to_us,
+)
+from adapters.console.messages import (
+    AlarmStatus,
+    CommandStatus,
+    Notified,
+    PlanProgress,
+    TreeState,
+)
+from adapters.console.recordings import Recordings
+from adapters.console.requests.export_files import CsvFile, McapFile
+from adapters.console.web import HIGHEST, number_of, one_of, refused
 
 
 @unique
 class Form(Enum):
-    """What there is."""
+    """How it is written."""
 
     CSV = "csv"
     MCAP = "mcap"
 
 
-class Writing(Protocol):
-    """A file that is written in pieces."""
+@unique
+class What(Enum):
+    """What there is to export."""
 
-    @property
-    def content_type(self) -> str:
-        """Of the file, for a browser."""
-
-    def begin(self) -> bytes:
-        """Return how it begins."""
-
-    def page(self, rows: Sequence[ExportRow]) -> bytes:
-        """Return what rows add to it."""
-
-    def end(self) -> bytes:
-        """Return how it ends."""
+    TELEMETRY = "tm"
+    COMMANDS = "commands"
+    REPORTS = "reports"
+    TREE = "tree"
+    PLANS = "plans"
+    ALARMS = "alarms"
 
 
-def writing(form: Form) -> Writing:
-    """Return what writes a file of a form."""
-    match form:
-        case Form.CSV:
-            return CsvFile()
-        case Form.MCAP:
-            return McapFile()
-        case _:
-            assert_never(form)
+_KEPT: Final[dict[What, Exported]] = {
+    What.COMMANDS: CommandStatus,
+    What.REPORTS: Notified,
+    What.TREE: TreeState,
+    What.PLANS: PlanProgress,
+    What.ALARMS: AlarmStatus,
+}
 
 
-class CsvFile:
-    """A line for each value, and one with the names of the columns before them."""
+class Export:
+    """Answers it.
 
-    content_type = "text/csv"
+    Args:
+        archive: what was kept.
+        recordings: where the past of a recording is instead.
+    """
 
-    def begin(self) -> bytes:
-        """Return the names of the columns."""
-        return self._lines([ExportRow._fields])
+    def __init__(self, archive: Archive, recordings: Recordings) -> None:
+        self._archive = archive
+        self._recordings = recordings
 
-    def page(self, rows: Sequence[ExportRow]) -> bytes:
-        """Return the lines of values."""
-        return self._lines(rows)
+    def routes(self) -> list[web.RouteDef]:
+        """Return where it is answered."""
+        return [web.get("/api/export", self._export)]
 
-    def end(self) -> bytes:
-        """Return nothing more."""
-        return b""
+    async def _export(self, request: web.Request) -> web.StreamResponse:
+        form = one_of(Form, "fmt", request.query.get("fmt", Form.CSV.value))
+        names = request.query.get("what", What.TELEMETRY.value).split(",")
+        wanted = [one_of(What, "what", name) for name in dict.fromkeys(names)]
+        if form is Form.CSV and len(wanted) > 1:
+            text = "what: a CSV file holds one kind; ask for each, or for fmt=mcap"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="what")
+        asset = request.query.get("asset")
+        start_us = to_us(number_of(request, "start", 0.0))
+        end_us = to_us(number_of(request, "end", HIGHEST))
+        recording = self._recordings.get(asset)
+        archive = self._archive if recording is None else recording.archive
+        await archive.flush()
+        file = CsvFile() if form is Form.CSV else McapFile()
 
-    def _lines(self, rows: Sequence[tuple[object, ...]]) -> bytes:
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows(rows)
-        return text.getvalue().encode()
-
-
-class _Pieces(io.BytesIO):
-    """What a writer wrote since it was last taken; positions are those in the whole."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._taken = 0
-
-    def tell(self) -> int:
-        return self._taken + super().tell()
-
-    def take(self) -> bytes:
-        piece = self.getvalue()
-        self._taken += len(piece)
-        self.seek(0)
-        self.truncate()
-        return piece
-
-
-class McapFile:
-    """A topic for each parameter and link."""
-
-    content_type = "application/octet-stream"
-
-    def __init__(self) -> None:
-        self._pieces = _Pieces()
-        self._writer = Writer(self._pieces)
-        self._channels: dict[str, int] = {}
-        self._schema = 0
-
-    def begin(self) -> bytes:
-        """Return the header."""
-        self._writer.start(library=LIBRARY)
-        schema = json.dumps(SCHEMA).encode()
-        self._schema = self._writer.register_schema("telemetry", "jsonschema", schema)
-        return self._pieces.take()
-
-    def page(self, rows: Sequence[ExportRow]) -> bytes:
-        """Return what is written of values; the writer may keep some until it has a chunk."""
-        for row in rows:
-            topic = f"/{row.asset}/{row.link}/{row.key}"
-            if topic not in self._channels:
-                channel = self._writer.register_channel(topic, "json", self._schema)
-                self._channels[topic] = channel
-            self._writer.add_message(
-                self._channels[topic],
-                log_time=round(row.rx * NS_PER_S),
-                data=json.dumps({"value": row.value, "quality": row.quality}).encode(),
-                publish_time=round(row.utc * NS_PER_S),
+        response = web.StreamResponse()
+        response.content_type = file.content_type
+        name = "telemetry" if wanted == [What.TELEMETRY] else "-".join(names)
+        response.headers["Content-Disposition"] = f'attachment; filename="{name}.{form.value}"'
+        await response.prepare(request)
+        await response.write(file.begin())
+        for each in wanted:
+            pieces = (
+                _telemetry(archive, file, asset, start_us, end_us)
+                if each is What.TELEMETRY
+                else _kept(archive, file, _KEPT[each], asset, start_us, end_us)
             )
-        return self._pieces.take()
+            async for piece in pieces:
+                await response.write(piece)
+        await response.write(file.end())
+        await response.write_eof()
+        return response
 
-    def end(self) -> bytes:
-        """Return the rest, with the index."""
-        self._writer.finish()
-        return self._pieces.take()
+
+async def _telemetry(
+    archive: Archive, file: CsvFile | McapFile, asset: str | None, start_us: int, end_us: int
+) -> AsyncIterator[bytes]:
+    def write_page(
+        connection: Connection, parameter: Parameter, since_us: int
+    ) -> tuple[bytes, int | None]:
+        rows, next_us = export_page(connection, parameter, since_us, end_us)
+        return file.samples(rows), next_us
+
+    yield file.samples([])
+    for parameter in await archive.read(partial(find_parameters, asset=asset)):
+        since_us: int | None = start_us
+        while since_us is not None:
+            octets, since_us = await archive.read(
+                partial(write_page, parameter=parameter, since_us=since_us)
+            )
+            yield octets
+
+
+async def _kept(
+    archive: Archive,
+    file: CsvFile | McapFile,
+    kind: Exported,
+    asset: str | None,
+    start_us: int,
+    end_us: int,
+) -> AsyncIterator[bytes]:
+    def write_page(connection: Connection, after: Place | None) -> tuple[bytes, Place | None]:
+        page, place = kept_page(connection, kind, asset, start_us, end_us, after)
+        return file.kept(kind, page), place
+
+    octets, after = await archive.read(partial(write_page, after=None))
+    yield octets
+    while after is not None:
+        octets, after = await archive.read(partial(write_page, after=after))
+        yield octets

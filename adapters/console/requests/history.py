@@ -16,12 +16,9 @@ from adapters.console.archive import (
     MOST_SAMPLES,
     Archive,
     Conflict,
-    Parameter,
     Strategy,
     Wanted,
     delete_object,
-    export_page,
-    find_parameters,
     get_object,
     list_objects,
     put_object,
@@ -34,7 +31,6 @@ from adapters.console.archive import (
 )
 from adapters.console.messages import Link, ObjectChanged
 from adapters.console.recordings import Recordings
-from adapters.console.requests.export import Form, writing
 from adapters.console.web import (
     HIGHEST,
     OPERATOR,
@@ -83,7 +79,6 @@ class History:
             web.get("/api/commands", self._commands),
             web.get("/api/notifications", self._notifications),
             web.get("/api/records/{ty}", self._records),
-            web.get("/api/export", self._export),
             web.get("/api/objects", self._list),
             web.get("/api/objects/{key}", self._get),
             web.put("/api/objects/{key}", self._put),
@@ -147,36 +142,6 @@ class History:
         ty, page = request.match_info["ty"], page_of(request)
         found = await self._read(page.asset, partial(read_records, ty=ty, page=page))
         return json_answer(f'{{"records":{found}}}')
-
-    async def _export(self, request: web.Request) -> web.StreamResponse:
-        form = one_of(Form, "fmt", request.query.get("fmt", Form.CSV.value))
-        asset = request.query.get("asset")
-        start_us = to_us(number_of(request, "start", 0.0))
-        end_us = to_us(number_of(request, "end", HIGHEST))
-        parameters = await self._read(asset, partial(find_parameters, asset=asset))
-        file = writing(form)
-
-        def write_page(
-            connection: Connection, parameter: Parameter, since_us: int
-        ) -> tuple[bytes, int | None]:
-            rows, next_us = export_page(connection, parameter, since_us, end_us)
-            return file.page(rows), next_us
-
-        response = web.StreamResponse()
-        response.content_type = file.content_type
-        response.headers["Content-Disposition"] = f'attachment; filename="telemetry.{form.value}"'
-        await response.prepare(request)
-        await response.write(file.begin())
-        for parameter in parameters:
-            since_us: int | None = start_us
-            while since_us is not None:
-                octets, since_us = await self._archive_of(asset).read(
-                    partial(write_page, parameter=parameter, since_us=since_us)
-                )
-                await response.write(octets)
-        await response.write(file.end())
-        await response.write_eof()
-        return response
 
     async def _list(self, _: web.Request) -> web.Response:
         found = await self._archive.read(list_objects)

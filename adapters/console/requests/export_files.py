@@ -1,0 +1,264 @@
+"""How what is exported is written for other programs: as CSV, or as MCAP with a topic each.
+
+MCAP messages are JSON. Telemetry is `{"value", "quality"}` on `/ASSET/LINK/KEY`, reports are
+`foxglove.Log` on `/ASSET/reports`, all else is as pages get it, on `/ASSET/KIND`. They are
+published at the time aboard, and logged when they arrived here.
+"""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from types import NoneType, UnionType
+from typing import Any, Final, get_args, get_origin, get_type_hints
+
+from mcap.writer import Writer
+
+from adapters.console.archive import Exported, ExportRow, Kept, to_us
+from adapters.console.messages import (
+    AlarmStatus,
+    CommandStatus,
+    Notified,
+    PlanProgress,
+    TreeNode,
+    TreeState,
+)
+
+LIBRARY: Final = "rover-console"
+NS_PER_S: Final = 1_000_000_000
+TELEMETRY: Final = {
+    "type": "object",
+    "properties": {
+        "value": {"type": ["number", "string", "null"]},
+        "quality": {"enum": ["good", "late", "invalid"]},
+    },
+}
+STAGES: Final = ("SENT", "TAKEN", "RECEIVED", "ACCEPTED", "STARTED")
+_TOPICS: Final[dict[Exported, str]] = {
+    CommandStatus: "commands",
+    Notified: "reports",
+    TreeState: "tree",
+    PlanProgress: "plans",
+    AlarmStatus: "alarms",
+}
+_LEVELS: Final = {"INFORMATIONAL": 2, "WARNING": 3, "ALARM": 4, "SEVERE": 4, "CRITICAL": 5}
+"""Of foxglove.Log: 2 is INFO, 5 is FATAL."""
+
+
+class CsvFile:
+    """A line for each, and one with the names of the columns before them.
+
+    A tree has a line for each node, a command one with the time of each stage; what is no figure or
+    text is JSON.
+    """
+
+    content_type = "text/csv"
+
+    def __init__(self) -> None:
+        self._has_names = False
+
+    def begin(self) -> bytes:
+        """Return nothing: the columns depend on what comes."""
+        return b""
+
+    def samples(self, rows: Sequence[ExportRow]) -> bytes:
+        """Return the lines of values."""
+        return self._lines(ExportRow._fields, rows)
+
+    def kept(self, kind: Exported, page: Sequence[Kept]) -> bytes:
+        """Return the lines of what was kept whole."""
+        names, lines = _COLUMNS.get(kind, (_names(kind), _one_line))
+        rows = (line for each in page for line in lines(each.body))
+        return self._lines(names, ([_cell(row.get(name)) for name in names] for row in rows))
+
+    def end(self) -> bytes:
+        """Return nothing more."""
+        return b""
+
+    def _lines(self, names: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        if not self._has_names:
+            writer.writerow(names)
+            self._has_names = True
+        writer.writerows(rows)
+        return text.getvalue().encode()
+
+
+def _names(kind: Any) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(kind))
+
+
+def _cell(value: object) -> object:
+    return json.dumps(value) if isinstance(value, dict | list) else value
+
+
+def _one_line(body: dict[str, Any]) -> list[dict[str, Any]]:
+    return [body]
+
+
+def _command_line(body: dict[str, Any]) -> list[dict[str, Any]]:
+    reached = {each["stage"]: each for each in body["history"]}
+    times = {stage.lower(): reached[stage]["utc"] for stage in STAGES if stage in reached}
+    last = body["history"][-1] if body["ended"] and body["history"] else {}
+    end = {"end": last.get("utc"), "detail": last.get("detail"), "code": last.get("code")}
+    return [{**body, **times, **end}]
+
+
+def _node_lines(body: dict[str, Any]) -> list[dict[str, Any]]:
+    return [{**body, **node} for node in body["nodes"]]
+
+
+_COLUMNS: Final[dict[Exported, tuple[tuple[str, ...], Any]]] = {
+    CommandStatus: (
+        (
+            *(name for name in _names(CommandStatus) if name != "history"),
+            *(stage.lower() for stage in STAGES),
+            "end",
+            "detail",
+            "code",
+        ),
+        _command_line,
+    ),
+    TreeState: (
+        (*(name for name in _names(TreeState) if name != "nodes"), *_names(TreeNode)),
+        _node_lines,
+    ),
+}
+
+
+class _Pieces(io.BytesIO):
+    """What a writer wrote since it was last taken; positions are those in the whole."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._taken = 0
+
+    def tell(self) -> int:
+        return self._taken + super().tell()
+
+    def take(self) -> bytes:
+        piece = self.getvalue()
+        self._taken += len(piece)
+        self.seek(0)
+        self.truncate()
+        return piece
+
+
+class McapFile:
+    """A topic for each parameter and link, and for each kind of what was kept whole."""
+
+    content_type = "application/octet-stream"
+
+    def __init__(self) -> None:
+        self._pieces = _Pieces()
+        self._writer = Writer(self._pieces)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+
+    def begin(self) -> bytes:
+        """Return the header."""
+        self._writer.start(library=LIBRARY)
+        return self._pieces.take()
+
+    def samples(self, rows: Sequence[ExportRow]) -> bytes:
+        """Return what is written of values; the writer may keep some until it has a chunk."""
+        for row in rows:
+            channel = self._channel(f"/{row.asset}/{row.link}/{row.key}", "telemetry", TELEMETRY)
+            self._add(channel, row.utc, row.rx, {"value": row.value, "quality": row.quality})
+        return self._pieces.take()
+
+    def kept(self, kind: Exported, page: Sequence[Kept]) -> bytes:
+        """Return what is written of what was kept whole."""
+        for each in page:
+            topic = f"/{each.body['asset']}/{_TOPICS[kind]}"
+            if kind is Notified:
+                channel = self._channel(topic, "foxglove.Log", LOG)
+                self._add(channel, each.utc, each.rx, _log(each))
+            else:
+                channel = self._channel(topic, f"rover.{kind.__name__}", schema_of(kind))
+                self._add(channel, each.utc, each.rx, each.body)
+        return self._pieces.take()
+
+    def end(self) -> bytes:
+        """Return the rest, with the index."""
+        self._writer.finish()
+        return self._pieces.take()
+
+    def _channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
+        if topic not in self._channels:
+            if name not in self._schemas:
+                octets = json.dumps(schema).encode()
+                self._schemas[name] = self._writer.register_schema(name, "jsonschema", octets)
+            channel = self._writer.register_channel(topic, "json", self._schemas[name])
+            self._channels[topic] = channel
+        return self._channels[topic]
+
+    def _add(self, channel: int, utc: float, rx: float, body: dict[str, Any]) -> None:
+        self._writer.add_message(
+            channel,
+            log_time=_ns(rx),
+            data=json.dumps(body).encode(),
+            publish_time=_ns(utc),
+        )
+
+
+def _ns(utc_s: float) -> int:
+    """Return a time in whole microseconds, as the archive has it."""
+    return to_us(utc_s) * 1000
+
+
+def _log(report: Kept) -> dict[str, Any]:
+    """Return a report as Foxglove's panel for logs reads it, with all that is known of it."""
+    sec, nsec = divmod(_ns(report.utc), NS_PER_S)
+    body = report.body
+    return {
+        "timestamp": {"sec": sec, "nsec": nsec},
+        "level": _LEVELS[body["severity"]],
+        "message": body["text"],
+        "name": body["asset"],
+        "file": "",
+        "line": 0,
+        "report": body,
+    }
+
+
+def schema_of(kind: Any) -> dict[str, Any]:
+    """Return the JSON schema of a type as `messages.plain` writes its values."""
+    options = get_args(kind) if isinstance(kind, UnionType) else ()
+    if options and NoneType in options:
+        others = [schema_of(each) for each in options if each is not NoneType]
+        return {"anyOf": [*others, {"type": "null"}]}
+    if is_dataclass(kind):
+        hints = get_type_hints(kind)
+        return {
+            "type": "object",
+            "properties": {each.name: schema_of(hints[each.name]) for each in fields(kind)},
+        }
+    if get_origin(kind) is tuple:
+        return {"type": "array", "items": schema_of(get_args(kind)[0])}
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return {"enum": [each.value for each in kind]}
+    return {"type": _TYPES[kind]} if kind in _TYPES else {"type": "object"}
+
+
+_TYPES: Final = {str: "string", int: "integer", bool: "boolean", float: "number"}
+LOG: Final = {
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "title": "time",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "level": {"type": "integer"},
+        "message": {"type": "string"},
+        "name": {"type": "string"},
+        "file": {"type": "string"},
+        "line": {"type": "integer"},
+        "report": schema_of(Notified),
+    },
+}
+"""https://docs.foxglove.dev/docs/sdk/schemas/log, and the report that it is of."""
