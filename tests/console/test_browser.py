@@ -21,6 +21,7 @@ pytestmark = [
     pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium"),
 ]
 
+STRIP = "rover:rovers/rover:jackal/rover:jackal~strip"
 ZONES = """
 zones:
   keep_out: [{name: crater, corners_m: [[1, -3.2], [3, -3.4], [3.4, -1.6], [1.2, -1.4]]}]
@@ -95,7 +96,7 @@ def test_a_command_is_previewed_sent_and_executed_and_the_rover_moves_on_the_map
     ):
         expect(marked.first).to_be_attached()
     page.screenshot(path=picture("console-executed"))
-    command.click()
+    command.locator(".head").click()
 
 
 def test_a_node_of_the_tree_leads_to_the_command_that_it_worked_on(page: Page) -> None:
@@ -104,6 +105,36 @@ def test_a_node_of_the_tree_leads_to_the_command_that_it_worked_on(page: Page) -
     expect(page.locator(".command.selected[data-name=moveTo]")).to_be_visible()
     page.locator(".tree .name").filter(has_text="drive").click()
     page.get_by_label("find a node").fill("")
+
+
+def test_the_time_strip_shows_what_was_done_when_and_selects_it(page: Page) -> None:
+    layout = page.evaluate("location.hash")
+    page.evaluate(f"location.hash = '#/browse/{STRIP}?hideInspector=true'")
+    lanes = page.locator(".strip [data-lane]")
+    expect(lanes).to_have_count(6)
+    moved = page.locator(".strip .bar[data-state=executed]").filter(has_text="moveTo").last
+    expect(moved.locator("rect.started, rect.executed")).to_have_count(1)
+    expect(page.locator(".strip [data-lane=mode] .mode-MOVING").first).to_be_attached()
+    expect(page.locator(".strip [data-lane=authority]")).to_contain_text("anna")
+    page.screenshot(path=picture("console-strip"))
+    page.get_by_label("what to export").select_option("commands")
+    with page.expect_download() as saving:
+        page.get_by_role("button", name="export CSV").click()
+    assert saving.value.suggested_filename == "commands.csv"
+    assert "moveTo" in Path(saving.value.path()).read_text(encoding="utf-8")
+
+    moved.locator("rect").last.click()
+    expect(moved).to_have_class(re.compile("selected"))
+    strip, bar = page.locator(".strip").bounding_box(), moved.locator("rect").last.bounding_box()
+    assert strip is not None
+    assert bar is not None
+    page.mouse.click(bar["x"] + bar["width"] / 2, strip["y"] + 8)
+    expect(page.get_by_test_id("strip-cursor")).to_have_attribute("visibility", "visible")
+    page.evaluate("hash => { location.hash = hash }", layout)
+    expect(page.locator(".command.selected[data-name=moveTo]")).to_be_visible()
+    expect(page.get_by_text("(past)")).to_be_visible()
+    page.get_by_role("button", name="back to now").click()
+    commands(page, "moveTo").first.locator(".head").click()
 
 
 def test_map_and_tree_show_how_it_was_at_the_end_of_a_span_of_the_past(page: Page) -> None:

@@ -1,7 +1,7 @@
 /** The whole console: Open MCT with the rovers as its objects, and the bar with STOP above it. */
 
 import * as bar from "./views/bar.js";
-import { cursor } from "./model/context.js";
+import { cursor, span } from "./model/context.js";
 import { login } from "./views/login.js";
 import { identifierOf, partsOf } from "./openmct/identifiers.js";
 import { objects } from "./openmct/objects.js";
@@ -110,6 +110,10 @@ function followTime() {
 }
 let wasFixed = false;
 openmct.time.on("boundsChanged", (_, isTick) => isTick || followTime());
+/** Views that show a span of time show that of the time conductor. */
+const followSpan = ({ start, end }) => span.set(start / 1000, end / 1000);
+openmct.time.on("boundsChanged", followSpan);
+followSpan(openmct.time.getBounds());
 openmct.time.on("modeChanged", followTime);
 cursor.on(() => {
   if (cursor.utc_s === null && openmct.time.isFixed()) openmct.time.setMode("realtime");

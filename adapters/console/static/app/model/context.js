@@ -4,7 +4,7 @@
  */
 
 import { Draft } from "./draft.js";
-import { Cursor, Selection } from "./selection.js";
+import { Cursor, Selection, Span } from "./selection.js";
 
 /**
  * @typedef {object} Context
@@ -12,6 +12,7 @@ import { Cursor, Selection } from "./selection.js";
  * @property {import("./asset.js").Asset} asset
  * @property {Selection} selection
  * @property {Cursor} cursor
+ * @property {Span} span
  * @property {Draft} draft
  */
 
@@ -19,6 +20,7 @@ import { Cursor, Selection } from "./selection.js";
 const contexts = new Map();
 /** One for the page: time is the same for all rovers. */
 export const cursor = new Cursor();
+export const span = new Span();
 
 /**
  * @param {import("./session.js").Session} session
@@ -29,7 +31,7 @@ export function contextOf(session, name) {
   const asset = session.asset(name);
   let context = contexts.get(name);
   if (context?.asset !== asset) {
-    context = { session, asset, cursor, selection: new Selection(), draft: new Draft(asset) };
+    context = { session, asset, cursor, span, selection: new Selection(), draft: new Draft(asset) };
     contexts.set(name, context);
   }
   return context;

@@ -49,6 +49,27 @@ export class Selection {
   }
 }
 
+/** The span of time that is looked at: that of the time conductor. */
+export class Span {
+  #listeners = new Set();
+  /** seconds since 1970-01-01 UTC */
+  start_s = Date.now() / 1000 - 300;
+  end_s = Date.now() / 1000;
+
+  /** @param {() => void} listener */
+  on(listener) {
+    this.#listeners.add(listener);
+    return () => this.#listeners.delete(listener);
+  }
+
+  /** @param {number} start_s @param {number} end_s */
+  set(start_s, end_s) {
+    this.start_s = start_s;
+    this.end_s = end_s;
+    for (const listener of [...this.#listeners]) listener();
+  }
+}
+
 /** The moment that is looked at; null is now. */
 export class Cursor {
   #listeners = new Set();

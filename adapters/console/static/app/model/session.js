@@ -124,7 +124,7 @@ export class Session {
       case "alarm":
         if (message.cleared === null || message.acknowledged === null) this.alarms.set(message.id, message);
         else this.alarms.delete(message.id);
-        this.#tell("alarms");
+        this.#tell("alarms", message);
         break;
       case "auth":
         this.#set(message, "authority");

@@ -1,0 +1,27 @@
+/** Saves what was kept of an asset within a span of time, for other programs. */
+
+import { html } from "../dom.js";
+
+const KINDS = { tm: "telemetry", commands: "commands", reports: "reports", tree: "behaviour tree", plans: "plans", alarms: "alarms" };
+const ALL = Object.keys(KINDS).join(",");
+
+/**
+ * @param {import("../model/asset.js").Asset} asset
+ * @param {import("../model/selection.js").Span} span
+ * @returns {HTMLElement} what to choose, and a button for each form
+ */
+export function exporter(asset, span) {
+  const option = ([value, textContent]) => html("option", { value, textContent });
+  const what = html("select", { "aria-label": "what to export" }, ...Object.entries(KINDS).map(option), option([ALL, "all, as MCAP"]));
+  what.onchange = () => (csv.disabled = what.value === ALL);
+  const button = (textContent, title, fmt) => html("button", { type: "button", textContent, title, onclick: () => save(fmt) });
+  const csv = button("export CSV", "a table of what happened in this span", "csv");
+  const mcap = button("export MCAP", "this span for Foxglove or PlotJuggler", "mcap");
+
+  function save(fmt) {
+    const query = new URLSearchParams({ asset: asset.name, what: what.value, fmt, start: String(span.start_s), end: String(span.end_s) });
+    html("a", { href: `/api/export?${query}`, download: `${asset.name}-${what.value === ALL ? "all" : what.value}.${fmt}` }).click();
+  }
+
+  return html("span", { className: "tools" }, what, csv, mcap);
+}
