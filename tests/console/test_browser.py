@@ -193,8 +193,10 @@ def test_a_display_that_an_operator_makes_is_kept_for_all(site: Site, people: Vi
     page.get_by_role("button", name="Save", exact=True).click()
     expect(page.get_by_role("main").get_by_text("Speeds")).to_be_visible()
     kept = page.request.get(f"{site.url}api/objects").json()["objects"]
-    names = [page.request.get(f"{site.url}api/objects/{each['key']}").json() for each in kept]
-    assert "Speeds" in [each["value"]["name"] for each in names]
+    values = [
+        page.request.get(f"{site.url}api/objects/{each['key']}").json()["value"] for each in kept
+    ]
+    assert ("Speeds", "bert") in [(each["name"], each.get("createdBy")) for each in values]
     page.context.close()
 
 

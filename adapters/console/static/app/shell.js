@@ -7,6 +7,7 @@ import { identifierOf, partsOf } from "./openmct/identifiers.js";
 import { objects } from "./openmct/objects.js";
 import { storedObjects } from "./openmct/stored_objects.js";
 import { telemetry } from "./openmct/telemetry.js";
+import { user } from "./openmct/user.js";
 import { views } from "./openmct/views.js";
 import { Session } from "./model/session.js";
 
@@ -66,6 +67,7 @@ for (const plugin of [
   views(session, (name) => shown.choose(name)),
   telemetry(session),
   storedObjects(session),
+  user(),
 ]) {
   openmct.install(plugin);
 }

@@ -29,7 +29,7 @@ export function objects(session) {
     openmct.objects.addProvider(NAMESPACE, {
       get: async (identifier) => {
         await session.ready;
-        return objectOf(session, identifier);
+        return { createdBy: "rover-console", modifiedBy: "rover-console", ...objectOf(session, identifier) };
       },
     });
     openmct.composition.addProvider(composition(session));
