@@ -1,5 +1,6 @@
 """The archive on SQLite and on PostgreSQL: what is kept, found, thinned out and deleted."""
 
+import asyncio
 import json
 from functools import partial
 from pathlib import Path
@@ -7,10 +8,13 @@ from pathlib import Path
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
-from sqlalchemy import Engine, text
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sqlalchemy import Engine, select, text
 
 from adapters.console.archive import (
     METADATA,
+    SAMPLE_MINUTE,
     Archive,
     Conflict,
     Page,
@@ -123,6 +127,110 @@ async def test_a_long_time_is_thinned_out_without_losing_its_extremes(engine: En
     few = await found(archive, Strategy.MINMAX, size=20, start=10.0, end=40.0)
     assert len(few) == 31  # as they are
     await archive.close()
+
+
+HEARD = st.lists(
+    st.tuples(
+        st.builds(
+            lambda minute, second: minute * 60.0 + second,
+            st.sampled_from([0, 1, 2, 700, 701, 1400]),
+            st.sampled_from([0, 0.5, 30, 59.999999]),
+        ),
+        st.sampled_from([None, "Infinity", -1.0, 0.0, 1.0, 2.5]),
+    ),
+    min_size=12,
+    max_size=60,
+)
+"""Times, some of them twice, and values, in the order of their arrival."""
+
+
+def test_a_long_time_is_thinned_out_the_same_in_whatever_order_it_was_heard(
+    engine: Engine,
+) -> None:
+    @settings(max_examples=30, deadline=None)
+    @given(
+        heard=HEARD,
+        batch=st.integers(1, 9),
+        size=st.integers(1, 6),
+        cut=st.sampled_from([0, 0, 0, 5]),
+    )
+    def check(
+        heard: list[tuple[float, float | str | None]], batch: int, size: int, cut: int
+    ) -> None:
+        first: dict[float, tuple[int, float | str | None]] = {}
+        for number, (utc, value) in enumerate(heard):
+            first.setdefault(utc, (number, value))
+        expected = {utc: value for utc, (number, value) in first.items() if number >= cut}
+        asyncio.run(compare(heard, batch, size, cut, thinned(expected, size)))
+
+    async def compare(
+        heard: list[tuple[float, float | str | None]],
+        batch: int,
+        size: int,
+        cut: int,
+        expected: list[tuple[float, float | str | None]],
+    ) -> None:
+        archive = Archive(engine)
+        await delete_old(archive, Retention(days=0.0), 1e9)
+        for number, (utc, value) in enumerate(heard):
+            quality = Quality.INVALID if value is None else Quality.GOOD
+            heard_s = 1000.0 + number
+            put = Sample("jackal", "POS_X", Link.DIRECT, utc, heard_s, value, quality)
+            archive.put(put)
+            if number % batch == 0:
+                await archive.flush()
+        await archive.flush()
+        await delete_old(archive, Retention(days=0.0), 1000.0 + cut)
+        thin = await found(archive, Strategy.MINMAX, size=size)
+        assert [(utc, value) for utc, value, _ in thin] == expected
+        await archive.close()
+
+    check()
+
+
+def thinned(
+    samples: dict[float, float | str | None], size: int
+) -> list[tuple[float, float | str | None]]:
+    """Return the extremes of each part, as all the samples tell them."""
+    times = sorted(samples)
+    if len(times) <= 2 * size:
+        return [(utc, samples[utc]) for utc in times]
+    first_us, last_us = to_us(times[0]), to_us(times[-1])
+    width_us = (last_us - first_us) // size + 1
+    if last_us - first_us >= 12 * 3600 * 10**6:
+        first_us -= first_us % (60 * 10**6)
+        width_us = ((last_us - first_us) // (60 * 10**6) // size + 1) * 60 * 10**6
+    parts: dict[int, list[tuple[float, float]]] = {}
+    for utc in times:
+        value = samples[utc]
+        if isinstance(value, float):
+            parts.setdefault((to_us(utc) - first_us) // width_us, []).append((value, utc))
+    extremes = {
+        utc
+        for part in parts.values()
+        for utc in (min(part)[1], min((-value, utc) for value, utc in part)[1])
+    }
+    return [(utc, samples[utc]) for utc in sorted(extremes)]
+
+
+async def test_samples_of_an_older_archive_are_counted_into_minutes(
+    engine: Engine, tmp_path: Path
+) -> None:
+    url = engine.url.render_as_string(hide_password=False)
+    archive = Archive(engine)
+    for number in range(300):
+        archive.put(sample(number * 7.0, float(number * 37 % 101) if number % 5 else None))
+    await archive.close()
+    every = select(SAMPLE_MINUTE).order_by(SAMPLE_MINUTE.c.parameter, SAMPLE_MINUTE.c.minute)
+    with engine.begin() as connection:
+        written = connection.execute(every).all()
+        connection.execute(text("DROP TABLE sample_minute"))
+        connection.execute(text("UPDATE alembic_version SET version_num = '0002'"))
+    assert len(written) == 35
+    again = open_database(url, tmp_path)
+    with again.connect() as connection:
+        assert connection.execute(every).all() == written
+    again.dispose()
 
 
 async def test_commands_notifications_and_records_come_back_as_they_were(engine: Engine) -> None:

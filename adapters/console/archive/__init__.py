@@ -45,11 +45,12 @@ from adapters.console.archive.queries import (
     read_samples,
 )
 from adapters.console.archive.retention import Retention, delete_old, retain
-from adapters.console.archive.tables import METADATA
+from adapters.console.archive.tables import METADATA, SAMPLE_MINUTE
 
 __all__ = [
     "METADATA",
     "MOST_SAMPLES",
+    "SAMPLE_MINUTE",
     "Archive",
     "ArchiveError",
     "Change",

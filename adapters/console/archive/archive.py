@@ -17,7 +17,15 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive.database import SQLITE, ArchiveError, cause_of
-from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
+from adapters.console.archive.rollup import add_samples
+from adapters.console.archive.tables import (
+    COMMAND,
+    NOTIFICATION,
+    PARAMETER,
+    RECORD,
+    SAMPLE,
+    SAMPLE_MINUTE,
+)
 from adapters.console.messages import (
     AlarmStatus,
     AssetState,
@@ -202,7 +210,7 @@ class Archive:
                     pass
                 case _:
                     assert_never(message)
-        self._insert(connection, SAMPLE, samples)
+        self._samples(connection, samples)
         self._insert(connection, NOTIFICATION, notifications)
         if records:
             connection.execute(RECORD.insert(), records)
@@ -228,6 +236,20 @@ class Archive:
             "text": value if is_text else None,
             "quality": QUALITIES.index(sample.q),
         }
+
+    def _samples(self, connection: Connection, rows: Rows) -> None:
+        """Write samples, and count those that are new into their minutes."""
+        if not rows:
+            return
+        key = (SAMPLE.c.parameter, SAMPLE.c.utc_us)
+        inserting = self._insert_into(SAMPLE).on_conflict_do_nothing().returning(*key)
+        new = {tuple(row) for row in connection.execute(inserting, rows)}
+        counted = []
+        for row in rows:
+            if (row["parameter"], row["utc_us"]) in new:
+                new.remove((row["parameter"], row["utc_us"]))
+                counted.append(row)
+        add_samples(connection, self._insert_into(SAMPLE_MINUTE), counted)
 
     def _parameter(self, connection: Connection, sample: Sample) -> int:
         key = (sample.asset, sample.key, sample.link.value)

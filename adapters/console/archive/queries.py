@@ -9,14 +9,17 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Any, Final
 
-from sqlalchemy import Column, Connection, Row, Select, Table, func, or_, select
+from sqlalchemy import Column, Connection, Row, Select, Table, and_, or_, select
 
 from adapters.console.archive.archive import QUALITIES, US_PER_S
+from adapters.console.archive.rollup import MINUTE_US, candidates_of, ranked_of, samples_of
 from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
 from adapters.console.messages import CommandStatus, Link, decode_command
 
 MOST_SAMPLES: Final = 20_000
 """Of one answer."""
+LONG_US: Final = 720 * MINUTE_US
+"""From so long a time on its parts are whole minutes."""
 
 
 @unique
@@ -77,34 +80,48 @@ def read_samples(connection: Connection, wanted: Wanted) -> str:
 
 
 def _extremes(connection: Connection, wanted: Wanted, numbers: Sequence[int]) -> Select[Any]:
-    """Return what selects the lowest and the highest sample of each part of a time."""
-    chosen = (
-        SAMPLE.c.parameter.in_(numbers),
-        SAMPLE.c.utc_us.between(wanted.start_us, wanted.end_us),
-        SAMPLE.c.value.is_not(None),
-    )
-    at = SAMPLE.c.utc_us
-    first_us, last_us = connection.execute(select(func.min(at), func.max(at)).where(*chosen)).one()
-    width_us = ((last_us or 0) - (first_us or 0)) // wanted.size + 1
-    part = (at - (first_us or 0)) // width_us
-    within = (SAMPLE.c.parameter, part)
-    rank = func.row_number()
-    rising = (SAMPLE.c.value, SAMPLE.c.utc_us)
-    falling = (SAMPLE.c.value.desc(), SAMPLE.c.utc_us)
-    ranked = (
-        select(
-            *SAMPLE.c,
-            rank.over(partition_by=within, order_by=rising).label("lowest"),
-            rank.over(partition_by=within, order_by=falling).label("highest"),
-        )
-        .where(*chosen)
-        .subquery()
-    )
+    """Return what selects the lowest and the highest sample of each part of a time.
+
+    Parts of a long time are whole minutes, of which the extremes are known.
+    """
+    first_us = min(_ends(connection, wanted, numbers, SAMPLE.c.utc_us))
+    last_us = max(_ends(connection, wanted, numbers, SAMPLE.c.utc_us.desc()))
+    if last_us - first_us >= LONG_US:
+        origin_us = first_us // MINUTE_US * MINUTE_US
+        minutes = (last_us - origin_us) // MINUTE_US // wanted.size + 1
+        width_us = minutes * MINUTE_US
+        candidates = candidates_of(numbers, first_us, last_us)
+    else:
+        origin_us = first_us
+        width_us = (last_us - first_us) // wanted.size + 1
+        candidates = samples_of(numbers, first_us, last_us)
+    ranked = ranked_of(candidates, width_us, origin_us)
+    chosen = select(ranked).where(or_(ranked.c.lowest == 1, ranked.c.highest == 1)).subquery()
     return (
-        select(ranked)
-        .where(or_(ranked.c.lowest == 1, ranked.c.highest == 1))
-        .order_by(ranked.c.utc_us)
+        select(SAMPLE)
+        .join(
+            chosen,
+            and_(SAMPLE.c.parameter == chosen.c.parameter, SAMPLE.c.utc_us == chosen.c.utc_us),
+        )
+        .order_by(SAMPLE.c.utc_us)
     )
+
+
+def _ends(connection: Connection, wanted: Wanted, numbers: Sequence[int], order: Any) -> list[int]:
+    """Return the first or the last time of each parameter within the time."""
+    found = (
+        connection.execute(
+            select(SAMPLE.c.utc_us)
+            .where(
+                SAMPLE.c.parameter == number,
+                SAMPLE.c.utc_us.between(wanted.start_us, wanted.end_us),
+            )
+            .order_by(order)
+            .limit(1)
+        ).scalar()
+        for number in numbers
+    )
+    return [each for each in found if each is not None]
 
 
 def read_last_sample(

@@ -17,6 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive.archive import Archive, to_us
 from adapters.console.archive.queries import find_parameters
+from adapters.console.archive.rollup import count_anew
 from adapters.console.archive.tables import ALARM, COMMAND, NOTIFICATION, RECORD, SAMPLE
 
 _LOG: Final = logging.getLogger(__name__)
@@ -78,8 +79,9 @@ async def delete_old(archive: Archive, retention: Retention, utc_s: float) -> in
 async def _delete_before(archive: Archive, rx_us: int) -> int:
     deleted = 0
     for parameter in await archive.read(find_parameters):
-        old = SAMPLE.delete().where(SAMPLE.c.parameter == parameter.id, SAMPLE.c.rx_us < rx_us)
-        deleted += await archive.write(partial(_execute, deleting=old))
+        deleted += await archive.write(
+            partial(_delete_samples, parameter=parameter.id, rx_us=rx_us)
+        )
     newest = select(func.max(NOTIFICATION.c.id)).group_by(NOTIFICATION.c.asset, NOTIFICATION.c.link)
     for deleting in (
         NOTIFICATION.delete().where(NOTIFICATION.c.rx_us < rx_us, NOTIFICATION.c.id.not_in(newest)),
@@ -88,6 +90,18 @@ async def _delete_before(archive: Archive, rx_us: int) -> int:
         ALARM.delete().where(ALARM.c.acknowledged_us < rx_us, ALARM.c.standing == 0),
     ):
         deleted += await archive.write(partial(_execute, deleting=deleting))
+    return deleted
+
+
+def _delete_samples(connection: Connection, parameter: int, rx_us: int) -> int:
+    """Delete samples that are too old, also from their minutes."""
+    old = (SAMPLE.c.parameter == parameter, SAMPLE.c.rx_us < rx_us)
+    at = SAMPLE.c.utc_us
+    first_us, last_us = connection.execute(select(func.min(at), func.max(at)).where(*old)).one()
+    if first_us is None:
+        return 0
+    deleted = connection.execute(SAMPLE.delete().where(*old)).rowcount
+    count_anew(connection, parameter, first_us, last_us)
     return deleted
 
 

@@ -55,6 +55,23 @@ SAMPLE: Final = Table(
 )
 """A telemetry value: a number, or else a text; neither where it is not known."""
 
+SAMPLE_MINUTE: Final = Table(
+    "sample_minute",
+    METADATA,
+    Column("parameter", ForeignKey("parameter.id"), primary_key=True),
+    Column("minute", BigInteger, primary_key=True, autoincrement=False),
+    Column("count", Integer, nullable=False),
+    Column("low", Float(53), nullable=False),
+    Column("low_us", BigInteger, nullable=False),
+    Column("high", Float(53), nullable=False),
+    Column("high_us", BigInteger, nullable=False),
+    sqlite_with_rowid=False,
+)
+"""How many figures of a minute (since 1970 UTC) there are, and the lowest and the highest of them.
+
+Of equal ones it is the first in time.
+"""
+
 NOTIFICATION: Final = Table(
     "notification",
     METADATA,
