@@ -43,6 +43,28 @@ async def test_values_come_with_both_times_link_and_quality(launch: Launch, tmp_
         assert [each["value"] for each in last[1]["samples"]] == [24.0]
 
 
+async def test_after_its_clock_was_set_back_the_values_of_a_new_session_are_in_time(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    async with at_console(tmp_path, rover.uri, "anna", topics=["link", "tm"]) as (anna,):
+
+        async def tell(utc_s: float) -> Said:
+            told = ParameterValue(Parameter.BATERY_VOLTAGE, utc_s, 25.0)
+            rover.do(lambda bench: bench.link.telemetry([told]))
+            return await anna.page.until(lambda said: said["ty"] == "tm" and said["utc"] == utc_s)
+
+        await anna.page.is_up()
+        assert (await tell(2e9 + 3600))["q"] == "good"
+        rover.hang_up()
+        await anna.page.until(lambda said: said.get("state") == "down")
+        rover.listen()
+        await anna.page.is_up()
+        assert (await tell(2e9))["q"] == "good"
+        assert (await tell(2e9 + 1))["q"] == "good"
+        assert (await tell(2e9 + 0.5))["q"] == "late"
+
+
 async def test_a_rover_that_restarts_is_found_again_and_what_was_missed_comes(
     launch: Launch, tmp_path: Path
 ) -> None:

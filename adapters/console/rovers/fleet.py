@@ -163,6 +163,8 @@ class Fleet:
         if known is None:
             known = self.assets[name] = Asset(settings, entry)
         known.links[link.kind] = link
+        for key in parameters:  # its clock may have been set back meanwhile
+            self._newest.pop((name, key, link.kind), None)
         if known.entry != entry or len(known.links) == 1:
             known.entry = entry
             self._publish(DictionaryChanged(name))
@@ -190,10 +192,8 @@ class Fleet:
         late = newest is not None and value.timestamp < newest.timestamp
         if not late:
             self._newest[key] = value
-        if value.validity is not Validity.VALID or value.value is None:
-            quality = Quality.INVALID
-        else:
-            quality = Quality.LATE if late else Quality.GOOD
+        is_valid = value.validity is Validity.VALID and value.value is not None
+        quality = Quality.GOOD if is_valid else Quality.INVALID
         self._sample(
             Sample(
                 link.asset,
@@ -201,8 +201,8 @@ class Fleet:
                 link.kind,
                 value.timestamp / NS_PER_S,
                 rx_s,
-                None if quality is Quality.INVALID else scalar_of(value.value),
-                quality,
+                scalar_of(value.value) if is_valid else None,
+                Quality.LATE if late else quality,
             )
         )
 

@@ -21,6 +21,8 @@ export class Asset {
   /** @type {Map<string, Set<string>>} the paths of the nodes that worked on each command, by SOURCE:NUMBER */
   #nodes = new Map();
   #fixes = new Map();
+  /** @type {Fix | null} the last one that came in time; null while none did, and when the clock aboard was set back */
+  #lastFix = null;
   /** @type {any} its entry in the dictionary; null until it is known */
   entry = null;
   /** @type {Map<string, Map<string, Sample>>} the newest of each parameter, by link */
@@ -94,11 +96,20 @@ export class Asset {
     const links = this.values.get(sample.key) ?? new Map();
     this.values.set(sample.key, links);
     const last = links.get(sample.link);
-    if (!last) links.set(sample.link, sample);
-    else if (last.utc <= sample.utc) links.set(sample.link, { ...sample, interval: sample.utc - last.utc || last.interval });
+    if (last && sample.utc < last.utc && sample.q !== "late") this.#forgetAfter(sample.utc);
+    if (!last || sample.q !== "late") links.set(sample.link, { ...sample, interval: intervalOf(last, sample) });
     if (POSE.includes(sample.key)) this.#addToFix(sample);
     this.changed("sample", sample);
     this.changed("values");
+  }
+
+  /** Forget what is newest by a clock aboard that was set back. @param {number} utc */
+  #forgetAfter(utc) {
+    for (const links of this.values.values()) {
+      for (const [link, sample] of links) if (sample.utc > utc) links.delete(link);
+    }
+    this.#fixes.clear();
+    this.#lastFix = null;
   }
 
   /** The newest sample of a parameter by whatever link. @param {string} key */
@@ -115,7 +126,9 @@ export class Asset {
     if (this.#fixes.size > MOST_WAITING) this.#fixes.delete(this.#fixes.keys().next().value);
     if (!POSE.every((key) => key in fix)) return;
     this.#fixes.delete(sample.utc);
-    this.addFixes([{ utc: sample.utc, x: fix.POS_X, y: fix.POS_Y, heading: fix.HEAD }]);
+    const whole = { utc: sample.utc, x: fix.POS_X, y: fix.POS_Y, heading: fix.HEAD };
+    if (sample.q !== "late" && whole.utc >= (this.#lastFix?.utc ?? 0)) this.#lastFix = whole;
+    this.addFixes([whole]);
   }
 
   /** Put fixes where they belong in time. @param {Fix[]} fixes in the order of time */
@@ -131,7 +144,7 @@ export class Asset {
 
   /** Where it was last known to be. */
   get pose() {
-    return this.track.at(-1) ?? null;
+    return this.#lastFix ?? this.track.at(-1) ?? null;
   }
 
   /** The last fix until a moment. @param {number} utc */
@@ -223,6 +236,12 @@ export class Asset {
   get isReached() {
     return [...this.links.values()].some((link) => link.state === "up");
   }
+}
+
+/** @param {Sample | undefined} last @param {Sample} sample @returns {number | undefined} */
+function intervalOf(last, sample) {
+  if (!last || sample.utc < last.utc) return undefined;
+  return sample.utc - last.utc || last.interval;
 }
 
 /** The newest sample of several links. @param {Map<string, Sample>} [links] */
