@@ -223,7 +223,7 @@ class CommandStatus:
     """A command and its life so far; each message has all of it.
 
     Attributes:
-        id: made by who posted it; SOURCE:NUMBER of a command that came from elsewhere.
+        id: made by who posted it; ASSET:SOURCE:NUMBER of a stop, and of what came from elsewhere.
         name: of the request, as in the dictionary.
         args: as they were posted; None where they are not known here.
         by: the operator, or the source.

@@ -4,7 +4,7 @@ import asyncio
 import shutil
 import ssl
 from collections.abc import AsyncIterator, Iterator, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
@@ -13,18 +13,17 @@ from typing import Final
 
 import click
 from aiohttp import web
+from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
     Archive,
     Retention,
-    last_commands,
     last_notification,
     open_database,
-    read_command,
     retain,
 )
 from adapters.console.housekeeping import ConsoleHousekeeping
-from adapters.console.messages import Broadcast, CommandStatus, Link, Notified, Sample, TreeState
+from adapters.console.messages import Broadcast, Link, Notified, Sample, TreeState
 from adapters.console.recordings import Recordings
 from adapters.console.requests import (
     Alarms,
@@ -33,11 +32,19 @@ from adapters.console.requests import (
     Export,
     Files,
     History,
+    Objects,
     Operations,
     Plans,
     Video,
 )
-from adapters.console.rovers import AssetEntry, AuthorityDesk, CommandTracker, Fleet, Known
+from adapters.console.rovers import (
+    AssetEntry,
+    AuthorityDesk,
+    CommandTracker,
+    Fleet,
+    Known,
+    SharedCommands,
+)
 from adapters.console.server import Server
 from adapters.console.tasks import begin
 from adapters.console.web import KEPT_COMMANDS, Access, Hub, read_tokens
@@ -47,6 +54,8 @@ from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
 
+READ_AGAIN_S: Final = 1.0
+"""Between two attempts to read the archive, where nothing goes on without it."""
 LOCK: Final = "console.lock"
 FETCHED: Final = "fetched"
 """The folder of the data folder in which fetched files are."""
@@ -138,27 +147,31 @@ async def _serving(
         entry = housekeeping.entry if known is None else known.entry
         return entry.limits_of(key) if entry.asset == asset else (None, None)
 
-    async def find(name: str) -> CommandStatus | None:
-        return await archive.read(partial(read_command, name=name))
-
     async def last_known(asset: str, link: Link) -> Known | None:
-        await archive.flush()
         last = partial(last_notification, asset=asset, link=link)
-        found = await archive.read(last)
-        return None if found is None else Known(*found)
+        while True:
+            with suppress(SQLAlchemyError):  # without that it is not known what was missed
+                found = await archive.read(last)
+                return None if found is None else Known(*found)
+            await asyncio.sleep(READ_AGAIN_S)
 
     tracker = CommandTracker(publish)
-    tracker.restore(await archive.read(partial(last_commands, count=KEPT_COMMANDS)))
+    commands = SharedCommands(archive, tracker)
+    await commands.restore(KEPT_COMMANDS)
     desk = AuthorityDesk(publish, hub.is_present)
     uris = [_uri(target) for target in options.to]
     try:
-        fleet = Fleet(uris, options.to[0].terms, publish, sample, tree, last_known, tracker, desk)
+        fleet = Fleet(
+            *(uris, options.to[0].terms, publish, sample, tree),
+            *(last_known, tracker, commands, desk),
+        )
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
     housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample)
     alarms = Alarms(archive, publish, limits_of)
-    commanding = Commanding(fleet, tracker, desk, archive.keep_command, find)
+    commanding = Commanding(fleet, tracker, commands, desk)
     recordings = Recordings(_emptied(options.data / OPENED), publish)
+    objects = Objects(archive, publish)
     routes = [
         *Operations(commanding, desk).routes(),
         *Plans(commanding, archive).routes(),
@@ -166,8 +179,9 @@ async def _serving(
         *Files(commanding, options.data / FETCHED).routes(),
         *Video(options.video, fleet.video_of).routes(),
         *recordings.routes(),
-        *History(archive, recordings, publish).routes(),
+        *History(archive, recordings).routes(),
         *Export(archive, recordings).routes(),
+        *objects.routes(),
         *alarms.routes(),
     ]
 
@@ -187,6 +201,8 @@ async def _serving(
         desk.run(),
         alarms.run(),
         housekeeping.run(),
+        commands.run(),
+        objects.run(),
         retain(archive, options.retention),
     ]
     tasks = [begin(each) for each in working]

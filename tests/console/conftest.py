@@ -67,8 +67,8 @@ def postgres() -> Iterator[str]:
     """Give the URL of a PostgreSQL of our own."""
     if not POSTGRES_NEEDED:
         pytest.skip("PostgreSQL is not installed: apt install postgresql")
-    with cluster() as url:
-        yield url
+    with cluster() as started:
+        yield started.url
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

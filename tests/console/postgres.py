@@ -3,11 +3,12 @@
 import os
 import pwd
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import count
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import psycopg
 from tests.support.browser import REQUIRED
 
 LIMIT_S = 60.0
+INITDB = ("-U", "console", "-A", "trust", "-E", "UTF8", "--no-sync")
 _NUMBERS = count()
 
 
@@ -29,41 +31,76 @@ NEEDED = REQUIRED or POSTGRES is not None
 """CI has it; elsewhere a test that needs one is skipped where it is not installed."""
 
 
-@contextmanager
-def cluster() -> Iterator[str]:
-    """Start one; gives the URL of its database."""
-    initdb, postgres = _binary("initdb"), POSTGRES
-    assert initdb is not None, "apt install postgresql"
-    assert postgres is not None
-    user = _user()
-    with tempfile.TemporaryDirectory(prefix="pg", ignore_cleanup_errors=True) as folder:
-        os.chown(folder, user.pw_uid, user.pw_gid)
-        data = Path(folder) / "data"
-        options: dict[str, object] = {"user": user.pw_uid, "group": user.pw_gid, "cwd": folder}
-        if os.getuid() != 0:
-            options = {"cwd": folder}
+class Cluster:
+    """One that runs, or was killed.
+
+    Args:
+        folder: where it is.
+
+    Attributes:
+        url: of its database.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.url = f"postgresql://console@/postgres?host={folder}"
+        self._options: dict[str, object] = {"cwd": folder}
+        if os.getuid() == 0:
+            user = _user()
+            os.chown(folder, user.pw_uid, user.pw_gid)
+            self._options |= {"user": user.pw_uid, "group": user.pw_gid}
+        initdb = _binary("initdb")
+        assert initdb is not None, "apt install postgresql"
         made = subprocess.run(
-            [initdb, "-D", data, "-U", "console", "-A", "trust", "-E", "UTF8", "--no-sync"],
+            [initdb, "-D", folder / "data", *INITDB],
             capture_output=True,
             check=False,
-            **options,  # type: ignore[call-overload]
+            **self._options,  # type: ignore[call-overload]
         )
         assert made.returncode == 0, made.stderr.decode()
-        log = (Path(folder) / "log").open("wb")
-        served = subprocess.Popen(
-            [postgres, "-D", data, "-k", folder, "-c", "listen_addresses=", "-c", "fsync=off"],
-            stdout=log,
-            stderr=log,
-            **options,  # type: ignore[call-overload]
-        )
-        try:
-            url = f"postgresql://console@/postgres?host={folder}"
-            _await(url, served)
-            yield url
-        finally:
-            served.terminate()
-            served.wait(60)
-            log.close()
+        self.start()
+
+    def start(self) -> None:
+        """Start it, again maybe, and wait until it answers."""
+        assert POSTGRES is not None
+        command = [POSTGRES, "-D", self._folder / "data", "-k", self._folder]
+        command += ["-c", "listen_addresses=", "-c", "fsync=off"]
+        with (self._folder / "log").open("ab") as log:
+            self._served = subprocess.Popen(
+                command,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+                **self._options,  # type: ignore[call-overload]
+            )
+        deadline_s = time.monotonic() + LIMIT_S
+        while True:
+            try:
+                psycopg.connect(self.url).close()
+                return
+            except psycopg.OperationalError:
+                assert self._served.poll() is None, (self._folder / "log").read_text()
+                assert time.monotonic() < deadline_s
+                time.sleep(0.05)
+
+    def kill(self) -> None:
+        """End it as kill -9 does, with all its processes."""
+        os.killpg(self._served.pid, signal.SIGKILL)
+        self._served.wait(LIMIT_S)
+
+    def close(self) -> None:
+        self._served.terminate()
+        self._served.wait(LIMIT_S)
+
+
+@contextmanager
+def cluster() -> Iterator[Cluster]:
+    """Start one."""
+    with (
+        tempfile.TemporaryDirectory(prefix="pg", ignore_cleanup_errors=True) as folder,
+        closing(Cluster(Path(folder))) as started,
+    ):
+        yield started
 
 
 def _user() -> pwd.struct_passwd:
@@ -81,15 +118,3 @@ def fresh(url: str) -> str:
     with psycopg.connect(url, autocommit=True) as connection:
         connection.execute(f"CREATE DATABASE {name}".encode())
     return url.replace("/postgres?", f"/{name}?")
-
-
-def _await(url: str, served: "subprocess.Popen[bytes]") -> None:
-    deadline_s = time.monotonic() + LIMIT_S
-    while True:
-        try:
-            psycopg.connect(url).close()
-            return
-        except psycopg.OperationalError:
-            assert served.poll() is None, "postgres ended"
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)

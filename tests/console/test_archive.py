@@ -2,11 +2,15 @@
 
 import asyncio
 import json
+from dataclasses import replace
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
 from alembic.autogenerate import compare_metadata
+from alembic.command import upgrade
+from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,8 +26,10 @@ from adapters.console.archive import (
     Stored,
     Strategy,
     Wanted,
+    changed_commands,
     delete_object,
     delete_old,
+    find_command,
     get_object,
     last_commands,
     last_notification,
@@ -45,6 +51,7 @@ from adapters.console.messages import (
     Quality,
     Sample,
     StageReached,
+    encode,
 )
 from adapters.process import StartError
 
@@ -65,11 +72,14 @@ def notified(sequence: int, utc: float = 100.0) -> Notified:
 
 def command(name: str, state: CommandState, made: float = 5.0) -> CommandStatus:
     ended = state is CommandState.EXECUTED
-    history = (StageReached("SENT", "console", made, made, "by anna", figures={"x": 1.5}),)
+    history = [StageReached("SENT", "console", made, made, "by anna", figures={"x": 1.5})]
+    if ended:
+        history.append(StageReached("EXECUTED", "jackal", made, made + 1, "", sequence=9))
     args = {"waypoints": [{"x": 1.0}]}
+    number = int.from_bytes(name.encode())
     return CommandStatus(
-        name, "jackal", "followPath", args, "anna", "anna", 7, Link.RELAY, state, ended, made,
-        None, history,
+        name, "jackal", "followPath", args, "anna", "anna", number, Link.RELAY, state, ended, made,
+        None, tuple(history),
     )  # fmt: skip
 
 
@@ -236,9 +246,10 @@ async def test_samples_of_an_older_archive_are_counted_into_minutes(
 async def test_commands_notifications_and_records_come_back_as_they_were(engine: Engine) -> None:
     archive = Archive(engine)
     began = command("one", CommandState.SENDING)
-    await archive.keep_command(began)
+    assert await archive.claim(began)
     assert await archive.read(partial(read_command, name="one")) == began
-    ended = command("one", CommandState.EXECUTED)
+    assert not await archive.claim(began)
+    ended = command("one", CommandState.EXECUTED, made=5.0)
     archive.put(ended)
     archive.put(command("old", CommandState.STARTED, made=1.0))
     for number in range(9):
@@ -341,6 +352,36 @@ def test_the_migrations_make_the_tables(engine: Engine) -> None:
     with engine.connect() as connection:
         context = MigrationContext.configure(connection)
         assert compare_metadata(context, METADATA) == []
+
+
+async def test_commands_of_an_older_archive_are_known_by_number_once_each(
+    engine: Engine, tmp_path: Path
+) -> None:
+    posted = command("drive", CommandState.EXECUTED)
+    doubled = replace(posted, id=f"anna:{posted.number}", args=None, made=4.0)
+    other = replace(doubled, id="MOE:1", source="MOE", number=1)
+    with engine.begin() as connection:
+        config = Config()
+        config.set_main_option(
+            "script_location", str(files("adapters.console.archive") / "migrations")
+        )
+        config.attributes["connection"] = connection
+        METADATA.drop_all(connection)
+        connection.execute(text("DROP TABLE alembic_version"))
+        upgrade(config, "0002")
+        insert = "INSERT INTO command VALUES (:id, 'jackal', :made_us, 1, :body)"
+        for each in (doubled, posted, other):
+            row = {"id": each.id, "made_us": to_us(each.made), "body": encode(each)}
+            connection.execute(text(insert), row)
+    url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
+    open_database(url, tmp_path).dispose()
+    archive = Archive(engine)
+    kept = await archive.read(partial(last_commands, count=9))
+    assert kept == [other, posted]
+    find = partial(find_command, asset="jackal", source="MOE", number=1)
+    assert await archive.read(find) == other
+    assert await archive.read(partial(changed_commands, since=0)) == ([posted, other], 2)
+    await archive.close()
 
 
 def test_an_archive_is_opened_again_and_a_newer_one_is_refused(

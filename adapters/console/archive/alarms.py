@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Row, or_, select, text
+from sqlalchemy import Connection, Row, or_, select
 
 from adapters.console.archive.archive import US_PER_S, to_us
-from adapters.console.archive.database import POSTGRESQL
 from adapters.console.archive.queries import Page
 from adapters.console.archive.tables import ALARM
 from adapters.console.messages import AlarmStatus
@@ -52,7 +51,6 @@ Change = Raised | Cleared
 
 def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
     """Raise and clear alarms, in this order."""
-    _lock(connection)
     for change in changes:
         known = _last(connection, change)
         match change:
@@ -76,7 +74,6 @@ def acknowledge_alarms(
         operator: who acknowledges them.
         utc_s: when.
     """
-    _lock(connection)
     for number, occurrences in seen:
         chosen = (
             ALARM.c.id == number,
@@ -107,12 +104,6 @@ def read_alarms(connection: Connection, page: Page) -> list[AlarmStatus]:
         chosen = chosen.where(ALARM.c.raised_us < page.before_us)
     ordered = chosen.order_by(ALARM.c.raised_us.desc(), ALARM.c.id.desc())
     return [alarm_of(row) for row in connection.execute(ordered.limit(page.limit))]
-
-
-def _lock(connection: Connection) -> None:
-    """Keep other consoles from changing alarms until this transaction is over."""
-    if connection.dialect.name == POSTGRESQL:
-        connection.execute(text("LOCK TABLE alarm IN SHARE ROW EXCLUSIVE MODE"))
 
 
 def _raise(connection: Connection, raised: Raised, known: Row[Any] | None) -> None:

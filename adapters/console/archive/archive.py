@@ -4,6 +4,7 @@ One thread writes, so that the order stays; another reads. The loop waits for ne
 """
 
 import asyncio
+import json
 import logging
 import time
 from collections import deque
@@ -12,11 +13,11 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any, Final, TypeVar, assert_never
 
-from sqlalchemy import Connection, Engine, Table, select
+from sqlalchemy import Connection, Engine, Insert, Table, bindparam, func, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import SQLAlchemyError
 
-from adapters.console.archive.database import SQLITE, ArchiveError, cause_of
+from adapters.console.archive.database import SQLITE, ArchiveError, begin_writing, cause_of
 from adapters.console.archive.rollup import add_samples
 from adapters.console.archive.tables import (
     COMMAND,
@@ -26,6 +27,7 @@ from adapters.console.archive.tables import (
     SAMPLE,
     SAMPLE_MINUTE,
 )
+from adapters.console.command_life import merge
 from adapters.console.messages import (
     AlarmStatus,
     AssetState,
@@ -42,6 +44,7 @@ from adapters.console.messages import (
     Quality,
     Sample,
     TreeState,
+    decode_command,
     encode,
     plain,
 )
@@ -141,22 +144,28 @@ class Archive:
                 _LOG.warning("the archive can be written again")
             self._failing = False
 
-    async def keep_command(self, command: CommandStatus) -> None:
-        """Write a command down before this returns.
+    async def claim(self, command: CommandStatus) -> bool:
+        """Write a new command down; return whether it is, as its id and its number are new.
+
+        Of several consoles that do so at the same time one has it.
 
         Raises:
             ArchiveError: it cannot be written.
         """
         try:
-            await self.write(lambda connection: self._commands(connection, [command]))
+            return await self.write(lambda connection: self._add(connection, command))
         except SQLAlchemyError as error:
             raise ArchiveError(f"the archive cannot be written: {cause_of(error)}") from error
 
     async def write(self, act: Callable[[Connection], T]) -> T:
-        """Do something in a transaction, after what was to be written before."""
+        """Do something in a transaction, after what was to be written before.
+
+        No other console writes meanwhile.
+        """
 
         def transaction() -> T:
             with self._engine.begin() as connection:
+                begin_writing(connection)
                 return act(connection)
 
         return await asyncio.get_running_loop().run_in_executor(self._writer, transaction)
@@ -213,8 +222,9 @@ class Archive:
         self._samples(connection, samples)
         self._insert(connection, NOTIFICATION, notifications)
         if records:
-            connection.execute(RECORD.insert(), records)
-        self._commands(connection, list(commands.values()))
+            connection.execute(_NEW_RECORD, records)
+        for command in commands.values():
+            self._keep(connection, command)
 
     def _record(self, message: _Recorded, utc_s: float) -> dict[str, Any]:
         return {
@@ -269,21 +279,52 @@ class Archive:
     def _insert_into(self, table: Table) -> Any:
         return sqlite.insert(table) if self._is_sqlite else postgresql.insert(table)
 
-    def _commands(self, connection: Connection, commands: Sequence[CommandStatus]) -> None:
-        """Write how commands stand, in place of how they stood."""
-        if not commands:
+    def _keep(self, connection: Connection, command: CommandStatus) -> None:
+        """Write how a command stands, with what other consoles wrote of it."""
+        this = (
+            COMMAND.c.asset == command.asset,
+            COMMAND.c.source == command.source,
+            COMMAND.c.number == command.number,
+        )
+        body = connection.execute(select(COMMAND.c.body).where(*this)).scalar()
+        if body is None:
+            self._add(connection, command)
             return
-        rows = [
-            {
-                "id": each.id,
-                "asset": each.asset,
-                "made_us": to_us(each.made),
-                "ended": int(each.ended),
-                "body": encode(each),
-            }
-            for each in commands
-        ]
-        insert = self._insert_into(COMMAND)
-        changed = {name: insert.excluded[name] for name in ("ended", "body")}
-        update = insert.on_conflict_do_update(index_elements=[COMMAND.c.id], set_=changed)
-        connection.execute(update, rows)
+        kept = decode_command(json.loads(body))
+        merged = merge(kept, command)
+        if merged != kept:
+            row = _command_row(connection, merged)
+            connection.execute(COMMAND.update().where(*this).values(**row))
+
+    def _add(self, connection: Connection, command: CommandStatus) -> bool:
+        insert = self._insert_into(COMMAND).values(**_command_row(connection, command))
+        new = insert.on_conflict_do_nothing().returning(COMMAND.c.id)
+        return connection.execute(new).first() is not None
+
+
+def _command_row(connection: Connection, command: CommandStatus) -> dict[str, Any]:
+    last = connection.execute(select(func.max(COMMAND.c.revision))).scalar()
+    return {
+        "id": command.id,
+        "asset": command.asset,
+        "source": command.source,
+        "number": command.number,
+        "made_us": to_us(command.made),
+        "ended": int(command.ended),
+        "body": encode(command),
+        "revision": (last or 0) + 1,
+    }
+
+
+def _new_record() -> Insert:
+    """Return what inserts a record, unless another console has told the same."""
+    given = {
+        each.name: bindparam(each.name, type_=each.type) for each in RECORD.c if each.name != "id"
+    }
+    same = select(RECORD.c.id).where(
+        *(RECORD.c[name] == given[name] for name in ("ty", "asset", "utc_us", "body"))
+    )
+    return RECORD.insert().from_select(list(given), select(*given.values()).where(~same.exists()))
+
+
+_NEW_RECORD: Final = _new_record()

@@ -9,7 +9,7 @@ from alembic import command
 from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Engine, create_engine, event, make_url
+from sqlalchemy import Connection, Engine, create_engine, event, func, make_url, select
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from adapters.process import StartError, require
@@ -19,6 +19,8 @@ FILE: Final = "archive.sqlite"
 SQLITE: Final = "sqlite"
 POSTGRESQL: Final = "postgresql"
 _DRIVERS: Final = {SQLITE: SQLITE, POSTGRESQL: "postgresql+psycopg"}
+_WRITING: Final = 0x526F766572
+"""The advisory lock of PostgreSQL under which one console writes at a time."""
 _HOW: Final = "write sqlite:///FILE or postgresql://USER@HOST/DATABASE"
 
 
@@ -29,6 +31,14 @@ class ArchiveError(Exception):
 def cause_of(error: Exception) -> str:
     """Return why a database did not do something, in one line."""
     return str(getattr(error, "orig", None) or error).strip().partition("\n")[0]
+
+
+def begin_writing(connection: Connection) -> None:
+    """Begin a transaction in which nobody else writes: until it is over, other consoles wait."""
+    if connection.dialect.name == SQLITE:
+        connection.exec_driver_sql("BEGIN IMMEDIATE")
+    else:
+        connection.execute(select(func.pg_advisory_xact_lock(_WRITING)))
 
 
 def open_database(url: str | None, folder: Path) -> Engine:
@@ -77,6 +87,7 @@ def _migrate(engine: Engine) -> None:
     config.set_main_option("script_location", str(MIGRATIONS))
     known = {each.revision for each in ScriptDirectory.from_config(config).walk_revisions()}
     with engine.begin() as connection:
+        begin_writing(connection)
         current = MigrationContext.configure(connection).get_current_revision()
         if current is not None and current not in known:
             raise StartError(

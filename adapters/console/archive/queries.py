@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Any, Final
 
-from sqlalchemy import Column, Connection, Row, Select, Table, and_, or_, select
+from sqlalchemy import Column, Connection, Row, Select, Table, and_, func, or_, select
 
 from adapters.console.archive.archive import QUALITIES, US_PER_S
 from adapters.console.archive.rollup import MINUTE_US, candidates_of, ranked_of, samples_of
@@ -20,6 +20,8 @@ MOST_SAMPLES: Final = 20_000
 """Of one answer."""
 LONG_US: Final = 720 * MINUTE_US
 """From so long a time on its parts are whole minutes."""
+PAGE: Final = 10_000
+"""Commands that are read at once."""
 
 
 @unique
@@ -173,6 +175,28 @@ def read_command(connection: Connection, name: str) -> CommandStatus | None:
     """Return a command by its id."""
     body = connection.execute(select(COMMAND.c.body).where(COMMAND.c.id == name)).scalar()
     return None if body is None else decode_command(json.loads(body))
+
+
+def find_command(
+    connection: Connection, asset: str, source: str, number: int
+) -> CommandStatus | None:
+    """Return a command by what its asset knows it by."""
+    this = (COMMAND.c.asset == asset, COMMAND.c.source == source, COMMAND.c.number == number)
+    body = connection.execute(select(COMMAND.c.body).where(*this)).scalar()
+    return None if body is None else decode_command(json.loads(body))
+
+
+def last_revision(connection: Connection) -> int:
+    """Return the revision of the command that was changed last; 0 for none."""
+    return connection.execute(select(func.max(COMMAND.c.revision))).scalar() or 0
+
+
+def changed_commands(connection: Connection, since: int) -> tuple[list[CommandStatus], int]:
+    """Return the commands that were changed since a revision, and the last revision among them."""
+    later = select(COMMAND.c.body, COMMAND.c.revision).where(COMMAND.c.revision > since)
+    rows = connection.execute(later.order_by(COMMAND.c.revision).limit(PAGE)).all()
+    last = rows[-1].revision if rows else since
+    return [decode_command(json.loads(row.body)) for row in rows], last
 
 
 def last_commands(connection: Connection, count: int) -> list[CommandStatus]:

@@ -92,12 +92,20 @@ COMMAND: Final = Table(
     METADATA,
     Column("id", String(512), primary_key=True),
     Column("asset", String(256), nullable=False),
+    Column("source", String(256), nullable=False),
+    Column("number", BigInteger, nullable=False),
     Column("made_us", BigInteger, nullable=False),
     Column("ended", SmallInteger, nullable=False),
     Column("body", Text, nullable=False),
+    Column("revision", BigInteger, nullable=False),
     Index(None, "made_us"),
+    Index(None, "revision"),
+    UniqueConstraint("asset", "source", "number"),
 )
-"""A command and its life so far, whole as the JSON that pages get."""
+"""A command and its life so far, whole as the JSON that pages get.
+
+`revision` counts up with each change of any command: so other consoles find what is new to them.
+"""
 
 RECORD: Final = Table(
     "record",

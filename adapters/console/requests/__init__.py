@@ -6,6 +6,7 @@ from adapters.console.requests.explaining import Explaining
 from adapters.console.requests.export import Export
 from adapters.console.requests.files import Files
 from adapters.console.requests.history import History
+from adapters.console.requests.objects import Objects
 from adapters.console.requests.operations import Operations
 from adapters.console.requests.plans import Plans
 from adapters.console.requests.video import Video
@@ -17,6 +18,7 @@ __all__ = [
     "Export",
     "Files",
     "History",
+    "Objects",
     "Operations",
     "Plans",
     "Video",

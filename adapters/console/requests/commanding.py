@@ -6,27 +6,25 @@ stop claims nothing.
 
 import asyncio
 import logging
-import secrets
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final, get_args
 
 from adapters.console.archive import ArchiveError
+from adapters.console.command_life import CONSOLE, ORBITER, SENT
 from adapters.console.messages import CommandState, CommandStatus, Link, LinkState, StageReached
 from adapters.console.rovers import (
-    CONSOLE,
     FORMS,
     HEARD_WITHIN_S,
-    ORBITER,
-    SENT,
     Asset,
     AuthorityDesk,
     BadArgument,
     CommandTracker,
     Fleet,
     RoverLink,
+    SharedCommands,
     request_of,
 )
 from adapters.console.tasks import begin
@@ -42,8 +40,6 @@ LONGEST_ID: Final = 64
 LONGEST_LIFETIME_S: Final = 7 * 86_400.0
 PREVIEW_S: Final = 60.0
 _REFUSALS: Final = {error.value for error in AreaError}
-
-Keep = Callable[[CommandStatus], Awaitable[None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,22 +84,19 @@ class Commanding:
     Args:
         fleet: the assets.
         tracker: hears what becomes of commands.
+        commands: those of all consoles.
         desk: who holds the authority.
-        keep: writes a command down, so that it is not sent again after a restart.
-        find: returns a command that was written down, by its id.
     """
 
     def __init__(
         self,
         fleet: Fleet,
         tracker: CommandTracker,
+        commands: SharedCommands,
         desk: AuthorityDesk,
-        keep: Keep,
-        find: Callable[[str], Awaitable[CommandStatus | None]],
     ) -> None:
         self._fleet, self._tracker, self._desk = fleet, tracker, desk
-        self._keep, self._find = keep, find
-        self._posting: set[str] = set()
+        self._commands = commands
         self._sending: set[asyncio.Task[None]] = set()
 
     async def post(self, operator: str, posted: Posted) -> CommandStatus:
@@ -133,11 +126,13 @@ class Commanding:
         Raises:
             RefusedError: it is not sent.
         """
-        await self._require_new(posted.id)
-        try:
-            request = make()
-            link = self.link(posted.asset, posted.link)
-            client = self._desk.client(link)
+        if (known := self._tracker.get(posted.id)) is not None:
+            raise _posted_before(known)
+        request = make()
+        link = self.link(posted.asset, posted.link)
+        client = self._desk.client(link)
+        claimed = False
+        while not claimed:
             command = client.command(
                 request,
                 source=self._desk.source(link, operator),
@@ -146,13 +141,8 @@ class Commanding:
                 authority=self._desk.claim(link, operator),
             )
             status = _status(operator, posted, link, command)
-            await self._keep(status)
-            self._tracker.begin(status)
-        except ArchiveError as error:
-            text = f"{error}: nothing was sent; make room, then post it again"
-            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
-        finally:
-            self._posting.discard(posted.id)
+            claimed = await self._claim(status)
+        self._tracker.begin(status)
         self._send(client, link, status.id, command)
         return status
 
@@ -177,10 +167,10 @@ class Commanding:
         found = [(link, link.client) for link in by if link.client is not None]
         if not found:
             raise _unreachable(asset)
-        if name is None or self._tracker.get(name) is not None:
-            name = secrets.token_hex(8)
         link, client = found[0]
         command = client.command(Stop(), source=self._desk.source(link, operator))
+        if name is None or self._tracker.get(name) is not None:
+            name = f"{asset}:{command.identity}"
         status = _status(operator, Posted(name, asset, STOP, {}), link, command)
         self._tracker.begin(status)
         for link, client in found:
@@ -218,7 +208,7 @@ class Commanding:
 
     async def identity(self, name: str) -> str:
         """Return SOURCE:NUMBER of a command by its id; the same of what has no id here."""
-        known = self._tracker.get(name) or await self._find(name)
+        known = await self._commands.find(name)
         return name if known is None else f"{known.source}:{known.number}"
 
     async def close(self) -> None:
@@ -228,18 +218,22 @@ class Commanding:
         for task in self._sending:
             task.cancel()
 
-    async def _require_new(self, name: str) -> None:
-        """Check that an id was never posted, and take it: it is in `_posting` then."""
-        if name not in self._posting:
-            self._posting.add(name)
-            known = self._tracker.get(name) or await self._find(name)
-            if known is None:
-                return
-            self._posting.discard(name)
-        else:
-            known = None
-        text = f"{name} was posted before, and is not sent again: `command` is how it stands"
-        raise refused(HTTPStatus.CONFLICT, text, command=known)
+    async def _claim(self, status: CommandStatus) -> bool:
+        """Make a command this console's to send; return False if its number was given elsewhere.
+
+        Raises:
+            RefusedError: its id was posted before, or it cannot be written down.
+        """
+        try:
+            if await self._commands.claim(status):
+                return True
+        except ArchiveError as error:
+            text = f"{error}: nothing was sent; make room, then post it again"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
+        known = await self._commands.find(status.id)
+        if known is not None:
+            raise _posted_before(known)
+        return False
 
     def _asset(self, name: str) -> Asset:
         asset = self._fleet.assets.get(name)
@@ -325,6 +319,11 @@ def _status(operator: str, posted: Posted, link: RoverLink, command: Command) ->
 
 
 STOP: Final = next(each.name for each in FORMS.values() if each.family is Family.STOP)
+
+
+def _posted_before(known: CommandStatus) -> Exception:
+    text = f"{known.id} was posted before, and is not sent again: `command` is how it stands"
+    return refused(HTTPStatus.CONFLICT, text, command=known)
 
 
 def _unreachable(asset: str, by: str = "") -> Exception:

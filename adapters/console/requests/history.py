@@ -1,7 +1,5 @@
-"""The requests that read the archive, and those for what operators share."""
+"""The requests that read the archive."""
 
-import json
-import time
 from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
@@ -15,13 +13,8 @@ from sqlalchemy import Connection
 from adapters.console.archive import (
     MOST_SAMPLES,
     Archive,
-    Conflict,
     Strategy,
     Wanted,
-    delete_object,
-    get_object,
-    list_objects,
-    put_object,
     read_commands,
     read_last_sample,
     read_notifications,
@@ -29,11 +22,10 @@ from adapters.console.archive import (
     read_samples,
     to_us,
 )
-from adapters.console.messages import Link, ObjectChanged
+from adapters.console.messages import Link
 from adapters.console.recordings import Recordings
 from adapters.console.web import (
     HIGHEST,
-    OPERATOR,
     answer,
     body_of,
     count_of,
@@ -48,8 +40,6 @@ T = TypeVar("T")
 
 SIZE: Final = 500
 MOST_KEYS: Final = 1000
-LONGEST_KEY: Final = 256
-MOST_VALUE: Final = 512 * 1024
 
 
 class History:
@@ -58,18 +48,11 @@ class History:
     Args:
         archive: what was kept.
         recordings: where the past of a recording is instead.
-        publish: tells pages that an object has changed.
     """
 
-    def __init__(
-        self,
-        archive: Archive,
-        recordings: Recordings,
-        publish: Callable[[ObjectChanged], None],
-    ) -> None:
+    def __init__(self, archive: Archive, recordings: Recordings) -> None:
         self._archive = archive
         self._recordings = recordings
-        self._publish = publish
 
     def routes(self) -> list[web.RouteDef]:
         """Return where they are answered."""
@@ -79,10 +62,6 @@ class History:
             web.get("/api/commands", self._commands),
             web.get("/api/notifications", self._notifications),
             web.get("/api/records/{ty}", self._records),
-            web.get("/api/objects", self._list),
-            web.get("/api/objects/{key}", self._get),
-            web.put("/api/objects/{key}", self._put),
-            web.delete("/api/objects/{key}", self._delete),
         ]
 
     def _archive_of(self, asset: str | None) -> Archive:
@@ -143,57 +122,6 @@ class History:
         found = await self._read(page.asset, partial(read_records, ty=ty, page=page))
         return json_answer(f'{{"records":{found}}}')
 
-    async def _list(self, _: web.Request) -> web.Response:
-        found = await self._archive.read(list_objects)
-        return answer({"objects": [{"key": key, "revision": number} for key, number in found]})
-
-    async def _get(self, request: web.Request) -> web.Response:
-        key = request.match_info["key"]
-        found = await self._archive.read(partial(get_object, key=key))
-        if found is None:
-            raise refused(HTTPStatus.NOT_FOUND, f"there is no object {key!r}")
-        response = answer(
-            {
-                "key": key,
-                "revision": found.revision,
-                "operator": found.operator,
-                "value": json.loads(found.value),
-            }
-        )
-        response.headers["ETag"] = f'"{found.revision}"'
-        return response
-
-    async def _put(self, request: web.Request) -> web.Response:
-        key = request.match_info["key"]
-        if not 0 < len(key) <= LONGEST_KEY or not key.isprintable():
-            text = f"a key has 1 to {LONGEST_KEY} printable characters"
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="key")
-        body = await body_of(request)
-        value = json.dumps(body.get("value"), separators=(",", ":"))
-        if "value" not in body or len(value) > MOST_VALUE:
-            text = f"value: any JSON of at most {MOST_VALUE} characters is needed"
-            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="value")
-        revision = None if request.headers.get("If-None-Match") == "*" else _if_match(request)
-        done = await self._archive.write(
-            lambda connection: put_object(
-                connection, key, value, revision, request[OPERATOR], time.time()
-            )
-        )
-        if isinstance(done, Conflict):
-            raise _conflict(key, done)
-        self._publish(ObjectChanged(key, done.revision))
-        response = answer({"key": key, "revision": done.revision})
-        response.headers["ETag"] = f'"{done.revision}"'
-        return response
-
-    async def _delete(self, request: web.Request) -> web.Response:
-        key, revision = request.match_info["key"], _if_match(request)
-        conflict = await self._archive.write(partial(delete_object, key=key, revision=revision))
-        if conflict is not None:
-            raise _conflict(key, conflict)
-        self._publish(ObjectChanged(key, None))
-        return web.Response(status=HTTPStatus.NO_CONTENT)
-
 
 def _last_of(
     connection: Connection, asset: str, wanted: list[tuple[str, Link | None]], end_us: int
@@ -213,21 +141,3 @@ def _is_key(key: object) -> bool:
     return (
         isinstance(key, list) and len(key) in {2, 3} and all(isinstance(each, str) for each in key)
     )
-
-
-def _if_match(request: web.Request) -> int:
-    given = request.headers.get("If-Match", "").strip('"')
-    if not given.isdecimal():
-        text = (
-            'the header If-Match: "REVISION" is needed, which is the one that is changed; for a'
-            " new object If-None-Match: *"
-        )
-        raise refused(HTTPStatus.PRECONDITION_REQUIRED, text)
-    return int(given)
-
-
-def _conflict(key: str, conflict: Conflict) -> Exception:
-    if conflict.revision is None:
-        return refused(HTTPStatus.PRECONDITION_FAILED, f"there is no object {key!r} any more")
-    text = f"{key!r} is at revision {conflict.revision}: get it, and change that"
-    return refused(HTTPStatus.PRECONDITION_FAILED, text, revision=conflict.revision)

@@ -12,15 +12,13 @@ from adapters.console.rovers.dictionary import (
 from adapters.console.rovers.fleet import NS_PER_S, Asset, Fleet, figures_of, notified, tree_of
 from adapters.console.rovers.posted import BadArgument, args_of, request_of
 from adapters.console.rovers.rover_link import Known, RoverLink
-from adapters.console.rovers.tracker import CONSOLE, HEARD_WITHIN_S, ORBITER, SENT, CommandTracker
+from adapters.console.rovers.shared_commands import SharedCommands
+from adapters.console.rovers.tracker import HEARD_WITHIN_S, CommandTracker
 
 __all__ = [
-    "CONSOLE",
     "FORMS",
     "HEARD_WITHIN_S",
     "NS_PER_S",
-    "ORBITER",
-    "SENT",
     "Act",
     "Asked",
     "Asset",
@@ -32,6 +30,7 @@ __all__ = [
     "Known",
     "RecordingEntry",
     "RoverLink",
+    "SharedCommands",
     "args_of",
     "command_entries",
     "figures_of",

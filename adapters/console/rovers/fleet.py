@@ -30,6 +30,7 @@ from adapters.console.rovers.dictionary import (
     zone_entries,
 )
 from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, Known, RoverLink
+from adapters.console.rovers.shared_commands import SharedCommands
 from adapters.console.rovers.tracker import CommandTracker
 from adapters.console.tasks import begin
 from adapters.mal import NamedValue, Typed
@@ -53,6 +54,7 @@ from trees import Snapshot, looks, served
 _LOG: Final = logging.getLogger(__name__)
 
 NS_PER_S: Final = 1e9
+NS_PER_US: Final = 1000
 _LAYER: Final = ".ServiceLayer"
 
 
@@ -88,6 +90,7 @@ class Fleet:
         tree: the same for a behaviour tree.
         last_known: returns the last notification that was kept of an asset by a link.
         tracker: hears what becomes of commands.
+        commands: knows those that other consoles sent.
         desk: hears who may command.
     """
 
@@ -100,6 +103,7 @@ class Fleet:
         tree: Callable[[TreeState], None],
         last_known: Callable[[str, Link], Awaitable[Known | None]],
         tracker: CommandTracker,
+        commands: SharedCommands,
         desk: AuthorityDesk,
     ) -> None:
         self._terms = terms
@@ -107,12 +111,13 @@ class Fleet:
         self._sample = sample
         self._tree = tree
         self._last_known = last_known
-        self._tracker, self._desk = tracker, desk
+        self._tracker, self._commands, self._desk = tracker, commands, desk
         self._links = [RoverLink(uri, terms, self) for uri in uris]
         self._running: set[asyncio.Task[None]] = set()
         self.assets: dict[str, Asset] = {}
         self._newest: dict[tuple[str, str, Link], ParameterValue] = {}
         self._states: dict[tuple[str, Link], AssetState] = {}
+        self._heard: dict[tuple[str, Link], Known] = {}
 
     def start(self) -> None:
         """Begin to connect."""
@@ -211,7 +216,9 @@ class Fleet:
         for key, value in figures.items():
             self._sample(Sample(link.asset, key, link.kind, rx_s, rx_s, value, Quality.GOOD))
 
-    def on_notification(self, link: RoverLink, notification: Notification, rx_s: float) -> None:
+    async def on_notification(
+        self, link: RoverLink, notification: Notification, rx_s: float
+    ) -> None:
         """Pass a notification on, with the id of the command that it is of."""
         said = notified(link.asset, link.kind, notification, rx_s)
         lost = given_up(notification)
@@ -219,7 +226,11 @@ class Fleet:
             said = replace(said, command=self._tracker.hear_given_up(said, lost))
         elif notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
+            await self._commands.look_up(link.asset, identity)
             said = replace(said, command=self._tracker.hear(said, identity))
+        if notification.sequence > 0:
+            known = Known(notification.sequence, notification.timestamp // NS_PER_US)
+            self._heard[link.asset, link.kind] = known
         self._publish(said)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
@@ -289,8 +300,9 @@ class Fleet:
                 self._run(self._links[-1])
 
     async def last_known(self, link: RoverLink) -> Known | None:
-        """Return the last notification that was kept."""
-        return await self._last_known(link.asset, link.kind)
+        """Return the last notification that was heard here, or else kept by a former run."""
+        heard = self._heard.get((link.asset, link.kind))
+        return heard or await self._last_known(link.asset, link.kind)
 
     def on_new_ledger(self, link: RoverLink) -> None:
         """Say that what was under way is not known any more."""

@@ -76,7 +76,9 @@ class Listener(Protocol):
     def on_measured(self, link: "RoverLink", figures: Mapping[str, float], rx_s: float) -> None:
         """Figures of `LINK_HOUSEKEEPING`, by their names."""
 
-    def on_notification(self, link: "RoverLink", notification: Notification, rx_s: float) -> None:
+    async def on_notification(
+        self, link: "RoverLink", notification: Notification, rx_s: float
+    ) -> None:
         """A notification, each once."""
 
     def on_status(self, link: "RoverLink", status: AssetStatus) -> None:
@@ -201,15 +203,15 @@ class RoverLink:
         if anew:
             self._listener.on_new_ledger(self)
         for notification in missed:
-            self._notification(notification)
+            await self._notification(notification)
         seen = {notification.sequence for notification in missed}
         async for notification in stream:
             if notification.sequence not in seen:
-                self._notification(notification)
+                await self._notification(notification)
             seen.discard(notification.sequence)
 
-    def _notification(self, notification: Notification) -> None:
-        self._listener.on_notification(self, notification, self._heard())
+    async def _notification(self, notification: Notification) -> None:
+        await self._listener.on_notification(self, notification, self._heard())
 
     def _value(self, value: ParameterValue) -> None:
         self._listener.on_value(self, value, self._heard())

@@ -7,16 +7,21 @@ heard is UNKNOWN, until something is.
 import asyncio
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Final
 
-from adapters.console.messages import (
-    ENDED,
-    CommandState,
-    CommandStatus,
-    Notified,
-    StageReached,
+from adapters.console.command_life import (
+    CONSOLE,
+    GIVEN_UP,
+    LIFE,
+    ORBITER,
+    PREDICTED,
+    REJECTED,
+    TAKEN,
+    UNKNOWN,
+    merge,
+    reach,
 )
+from adapters.console.messages import CommandState, CommandStatus, Notified, StageReached
 from executive.reports import Identity
 
 HEARD_WITHIN_S: Final = 10.0
@@ -24,32 +29,6 @@ HEARD_WITHIN_S: Final = 10.0
 CHECK_S: Final = 1.0
 MOST: Final = 5000
 """Commands that are kept in mind; those that ended longest ago are let go first."""
-CONSOLE: Final = "console"
-ORBITER: Final = "orbiter"
-SENT: Final = "SENT"
-TAKEN: Final = "TAKEN"
-REJECTED: Final = "REJECTED"
-GIVEN_UP: Final = "GIVEN_UP"
-UNKNOWN: Final = "UNKNOWN"
-PREDICTED: Final = "PREDICTED"
-_STATES: Final = {
-    "RECEIVED": CommandState.RECEIVED,
-    "ACCEPTED": CommandState.ACCEPTED,
-    "STARTED": CommandState.STARTED,
-    "PROGRESS": CommandState.STARTED,
-    "EXECUTED": CommandState.EXECUTED,
-    REJECTED: CommandState.REJECTED,
-    "FAILED": CommandState.FAILED,
-    "CANCELLED": CommandState.CANCELLED,
-    "EXPIRED": CommandState.EXPIRED,
-    TAKEN: CommandState.TAKEN,
-    GIVEN_UP: CommandState.GIVEN_UP,
-    UNKNOWN: CommandState.UNKNOWN,
-}
-_ORDER: Final = list(CommandState)
-_LIFE: Final = (
-    frozenset({CommandState.RECEIVED, CommandState.ACCEPTED, CommandState.STARTED}) | ENDED
-)
 
 
 class CommandTracker:
@@ -71,10 +50,7 @@ class CommandTracker:
     def restore(self, commands: Iterable[CommandStatus]) -> None:
         """Take in commands of a former run, oldest first."""
         for command in commands:
-            self._keep(command)
-            self._publish(command)
-            if command.state is CommandState.SENDING:
-                self.doubt(command.id, "the console was restarted before it was answered")
+            self._set(command)
 
     def get(self, name: str) -> CommandStatus | None:
         """Return how the command of an id stands."""
@@ -84,9 +60,21 @@ class CommandTracker:
         """Take in a command that is about to be sent."""
         self._set(command)
 
+    def knows(self, asset: str, identity: Identity) -> bool:
+        """Whether a command is known by its source and number."""
+        return (asset, identity) in self._ids
+
+    def take_in(self, kept: CommandStatus) -> None:
+        """Take in a command as the archive has it, where other consoles write, too."""
+        name = self._ids.get((kept.asset, Identity(kept.source, kept.number)))
+        before = None if name is None else self._commands[name]
+        after = kept if before is None else merge(kept, before)
+        if after != before:
+            self._set(after)
+
     def taken(self, name: str, node: str) -> None:
         """The other end of the link has it; that is no news once it was heard of."""
-        if self._commands[name].state not in _LIFE:
+        if self._commands[name].state not in LIFE:
             self._reach(name, self._own(TAKEN, node))
 
     def refused(self, name: str, node: str, why: str) -> None:
@@ -110,7 +98,7 @@ class CommandTracker:
         """Take in a notification on a command; return the command's id."""
         name = self._ids.get((said.asset, identity))
         if name is None:
-            name = str(identity)
+            name = f"{said.asset}:{identity}"
             self._set(self._foreign(name, said, identity))
         stage = PREDICTED if said.stage is None else said.stage
         self._reach(
@@ -159,28 +147,10 @@ class CommandTracker:
         return any(each.stage == stage for each in self._commands[name].history)
 
     def _reach(self, name: str, reached: StageReached) -> None:
-        command = self._commands[name]
-        history = command.history
-        alike = [
-            each
-            for each in history
-            if (each.stage, each.step) == (reached.stage, reached.step) and each.stage != UNKNOWN
-        ]
-        if alike and (alike[0].sequence is not None or reached.sequence is None):
-            return  # by another link, or because the command came again
-        history = tuple(each for each in history if each not in alike)
-        state = _later(command.state, _STATES.get(reached.stage, command.state))
-        waits = state in {CommandState.SENDING, CommandState.TAKEN}
-        kept = waits and not (state is CommandState.TAKEN and reached.node == ORBITER)
-        self._set(
-            replace(
-                command,
-                state=state,
-                ended=state in ENDED,
-                deadline=command.deadline if kept else None,
-                history=(*history, reached),
-            )
-        )
+        before = self._commands[name]
+        after = reach(before, reached)
+        if after is not before:
+            self._set(after)
 
     def _foreign(self, name: str, said: Notified, identity: Identity) -> CommandStatus:
         return CommandStatus(
@@ -204,21 +174,13 @@ class CommandTracker:
         self._publish(command)
 
     def _keep(self, command: CommandStatus) -> None:
-        self._commands[command.id] = command
         identity = Identity(command.source, command.number)
+        former = self._ids.get((command.asset, identity), command.id)
+        if former != command.id:  # it was heard of before it was known who posted it
+            del self._commands[former]
+        self._commands[command.id] = command
         self._ids[command.asset, identity] = command.id
         if len(self._commands) > MOST:
             gone = next((each for each in self._commands.values() if each.ended), command)
             del self._commands[gone.id]
             del self._ids[gone.asset, Identity(gone.source, gone.number)]
-
-
-def _later(now: CommandState, reached: CommandState) -> CommandState:
-    """Return the state after a stage was heard, maybe late: a life goes on and does not go back."""
-    if now in ENDED:
-        return now
-    if reached in _LIFE or now not in _LIFE:
-        if now in _LIFE and _ORDER.index(reached) < _ORDER.index(now):
-            return now
-        return reached
-    return reached if reached in {CommandState.UNKNOWN, CommandState.GIVEN_UP} else now

@@ -10,8 +10,9 @@ from math import isfinite, nan
 from typing import Any, Final, TypeVar
 
 from aiohttp import web
+from sqlalchemy.exc import SQLAlchemyError
 
-from adapters.console.archive import Page, to_us
+from adapters.console.archive import Page, cause_of, to_us
 from adapters.console.messages import CommandStatus, plain
 
 MOST_OCTETS: Final = 1 << 20
@@ -81,6 +82,9 @@ async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse
     except RefusedError as refusal:
         told = {name: value for name, value in plain(refusal.problem).items() if value is not None}
         return answer(told, refusal.status)
+    except SQLAlchemyError as error:
+        text = f"the archive cannot be used now: {cause_of(error)}"
+        return answer({"error": text}, HTTPStatus.SERVICE_UNAVAILABLE)
     except web.HTTPException as error:
         if error.status < HTTPStatus.BAD_REQUEST or not request.path.startswith("/api/"):
             raise

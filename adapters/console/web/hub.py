@@ -150,7 +150,7 @@ class Hub:
         self._seq = 0
         self._kept: deque[tuple[str, str]] = deque(maxlen=KEPT)
         self._standing: dict[tuple[object, ...], Message] = {}
-        self._commands: dict[str, CommandStatus] = {}
+        self._commands: dict[tuple[str, str, int], CommandStatus] = {}
         self._pages: list[Page] = []
 
     def publish(self, message: Broadcast) -> None:
@@ -225,8 +225,8 @@ class Hub:
 
     def _keep(self, message: Broadcast) -> None:
         match message:
-            case CommandStatus(id=name):
-                self._commands[name] = message
+            case CommandStatus(asset=asset, source=source, number=number):
+                self._commands[asset, source, number] = message
                 if len(self._commands) > KEPT_COMMANDS:
                     del self._commands[next(iter(self._commands))]
             case Notified() | FileChanged() | ObjectChanged():

@@ -161,13 +161,16 @@ export class Asset {
 
   /** @param {Command} command */
   setCommand(command) {
+    const former = this.commandOf(`${command.source}:${command.number}`);
+    if (former && former.id !== command.id) this.commands.delete(former.id); // heard of before it was known who posted it
     this.commands.set(command.id, command);
     this.changed("commands", command);
   }
 
   /** The command that the rover knows by SOURCE:NUMBER. @param {string} identity */
   commandOf(identity) {
-    return this.lastCommands.find((each) => identity === `${each.source}:${each.number}`) ?? null;
+    for (const each of this.commands.values()) if (identity === `${each.source}:${each.number}`) return each;
+    return null;
   }
 
   /** Note which nodes of a tree worked on which commands. @param {Tree} tree */

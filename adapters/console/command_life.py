@@ -1,0 +1,98 @@
+"""The life of a command: what a stage makes of it, and what several consoles know together."""
+
+from dataclasses import replace
+from typing import Final
+
+from adapters.console.messages import ENDED, CommandState, CommandStatus, StageReached
+
+CONSOLE: Final = "console"
+ORBITER: Final = "orbiter"
+SENT: Final = "SENT"
+TAKEN: Final = "TAKEN"
+REJECTED: Final = "REJECTED"
+GIVEN_UP: Final = "GIVEN_UP"
+UNKNOWN: Final = "UNKNOWN"
+PREDICTED: Final = "PREDICTED"
+_STATES: Final = {
+    "RECEIVED": CommandState.RECEIVED,
+    "ACCEPTED": CommandState.ACCEPTED,
+    "STARTED": CommandState.STARTED,
+    "PROGRESS": CommandState.STARTED,
+    "EXECUTED": CommandState.EXECUTED,
+    REJECTED: CommandState.REJECTED,
+    "FAILED": CommandState.FAILED,
+    "CANCELLED": CommandState.CANCELLED,
+    "EXPIRED": CommandState.EXPIRED,
+    TAKEN: CommandState.TAKEN,
+    GIVEN_UP: CommandState.GIVEN_UP,
+    UNKNOWN: CommandState.UNKNOWN,
+}
+_ORDER: Final = list(CommandState)
+LIFE: Final = (
+    frozenset({CommandState.RECEIVED, CommandState.ACCEPTED, CommandState.STARTED}) | ENDED
+)
+
+
+def reach(command: CommandStatus, reached: StageReached) -> CommandStatus:
+    """Return a command after a stage was heard; the same command if that is no news."""
+    history = command.history
+    alike = [
+        each
+        for each in history
+        if (each.stage, each.step) == (reached.stage, reached.step) and each.stage != UNKNOWN
+    ]
+    if alike and (alike[0].sequence is not None or reached.sequence is None):
+        return command  # by another link, or because the command came again
+    history = tuple(each for each in history if each not in alike)
+    state = _later(command.state, _STATES.get(reached.stage, command.state))
+    waits = state in {CommandState.SENDING, CommandState.TAKEN}
+    kept = waits and not (state is CommandState.TAKEN and reached.node == ORBITER)
+    return replace(
+        command,
+        state=state,
+        ended=state in ENDED,
+        deadline=command.deadline if kept else None,
+        history=(*history, reached),
+    )
+
+
+def merge(kept: CommandStatus, heard: CommandStatus) -> CommandStatus:
+    """Return a command as the archive and a console together know it, or two consoles.
+
+    Args:
+        kept: as the archive has it; who posted it, and what, is taken from here, if it is known.
+        heard: as the console has it.
+    """
+    news = [each for each in heard.history if each not in kept.history]
+    history = sorted([*kept.history, *news], key=_heard_at)
+    posted = heard if kept.args is None and heard.args is not None else kept
+    merged = replace(
+        kept,
+        name=posted.name or heard.name,
+        args=posted.args,
+        by=posted.by,
+        link=posted.link,
+        made=min(kept.made, heard.made),
+        state=CommandState.SENDING,
+        ended=False,
+        deadline=kept.deadline if heard.deadline is None else heard.deadline,
+        history=(),
+    )
+    for reached in history:
+        merged = reach(merged, reached)
+    return merged
+
+
+def _heard_at(reached: StageReached) -> tuple[float, int, float]:
+    return reached.rx, reached.sequence or 0, reached.utc
+
+
+def _later(now: CommandState, reached: CommandState) -> CommandState:
+    """Return the state after a stage was heard, maybe late: a life goes on and does not go back."""
+    if now in ENDED:
+        return now
+    if reached in LIFE or now not in LIFE:
+        if now in LIFE and _ORDER.index(reached) < _ORDER.index(now):
+            return now
+        return reached
+    return reached if reached in {CommandState.UNKNOWN, CommandState.GIVEN_UP} else now

@@ -1,0 +1,138 @@
+"""The requests for what operators make and share, such as displays, on all consoles."""
+
+import asyncio
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from http import HTTPStatus
+from typing import Final
+
+from aiohttp import web
+from sqlalchemy.exc import SQLAlchemyError
+
+from adapters.console.archive import (
+    Archive,
+    Conflict,
+    delete_object,
+    get_object,
+    list_objects,
+    put_object,
+)
+from adapters.console.messages import ObjectChanged
+from adapters.console.web import OPERATOR, answer, body_of, refused
+
+LOOK_S: Final = 1.0
+"""Between two looks at what other consoles changed."""
+LONGEST_KEY: Final = 256
+MOST_VALUE: Final = 512 * 1024
+
+
+class Objects:
+    """Answers these requests.
+
+    Args:
+        archive: where they are.
+        publish: tells pages that an object has changed.
+    """
+
+    def __init__(self, archive: Archive, publish: Callable[[ObjectChanged], None]) -> None:
+        self._archive, self._publish = archive, publish
+        self._told: dict[str, int] | None = None
+        self._refreshing = asyncio.Lock()
+
+    def routes(self) -> list[web.RouteDef]:
+        """Return where they are answered."""
+        return [
+            web.get("/api/objects", self._list),
+            web.get("/api/objects/{key}", self._get),
+            web.put("/api/objects/{key}", self._put),
+            web.delete("/api/objects/{key}", self._delete),
+        ]
+
+    async def run(self) -> None:
+        """Tell what other consoles changed, again and again."""
+        while True:
+            with suppress(SQLAlchemyError):  # the archive tells when it cannot be written
+                await self.refresh()
+            await asyncio.sleep(LOOK_S)
+
+    async def refresh(self) -> None:
+        """Tell pages of all objects that are not as they were told; at first nothing is new."""
+        async with self._refreshing:
+            found = dict(await self._archive.read(list_objects))
+            told = found if self._told is None else self._told
+            for key in told.keys() | found.keys():
+                if told.get(key) != found.get(key):
+                    self._publish(ObjectChanged(key, found.get(key)))
+            self._told = found
+
+    async def _list(self, _: web.Request) -> web.Response:
+        found = await self._archive.read(list_objects)
+        return answer({"objects": [{"key": key, "revision": number} for key, number in found]})
+
+    async def _get(self, request: web.Request) -> web.Response:
+        key = request.match_info["key"]
+        found = await self._archive.read(partial(get_object, key=key))
+        if found is None:
+            raise refused(HTTPStatus.NOT_FOUND, f"there is no object {key!r}")
+        response = answer(
+            {
+                "key": key,
+                "revision": found.revision,
+                "operator": found.operator,
+                "value": json.loads(found.value),
+            }
+        )
+        response.headers["ETag"] = f'"{found.revision}"'
+        return response
+
+    async def _put(self, request: web.Request) -> web.Response:
+        key = request.match_info["key"]
+        if not 0 < len(key) <= LONGEST_KEY or not key.isprintable():
+            text = f"a key has 1 to {LONGEST_KEY} printable characters"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="key")
+        body = await body_of(request)
+        value = json.dumps(body.get("value"), separators=(",", ":"))
+        if "value" not in body or len(value) > MOST_VALUE:
+            text = f"value: any JSON of at most {MOST_VALUE} characters is needed"
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="value")
+        revision = None if request.headers.get("If-None-Match") == "*" else _if_match(request)
+        done = await self._archive.write(
+            lambda connection: put_object(
+                connection, key, value, revision, request[OPERATOR], time.time()
+            )
+        )
+        if isinstance(done, Conflict):
+            raise _conflict(key, done)
+        await self.refresh()
+        response = answer({"key": key, "revision": done.revision})
+        response.headers["ETag"] = f'"{done.revision}"'
+        return response
+
+    async def _delete(self, request: web.Request) -> web.Response:
+        key, revision = request.match_info["key"], _if_match(request)
+        conflict = await self._archive.write(partial(delete_object, key=key, revision=revision))
+        if conflict is not None:
+            raise _conflict(key, conflict)
+        await self.refresh()
+        return web.Response(status=HTTPStatus.NO_CONTENT)
+
+
+def _if_match(request: web.Request) -> int:
+    given = request.headers.get("If-Match", "").strip('"')
+    if not given.isdecimal():
+        text = (
+            'the header If-Match: "REVISION" is needed, which is the one that is changed; for a'
+            " new object If-None-Match: *"
+        )
+        raise refused(HTTPStatus.PRECONDITION_REQUIRED, text)
+    return int(given)
+
+
+def _conflict(key: str, conflict: Conflict) -> Exception:
+    if conflict.revision is None:
+        return refused(HTTPStatus.PRECONDITION_FAILED, f"there is no object {key!r} any more")
+    text = f"{key!r} is at revision {conflict.revision}: get it, and change that"
+    return refused(HTTPStatus.PRECONDITION_FAILED, text, revision=conflict.revision)

@@ -1,0 +1,79 @@
+"""What several consoles know of a command, together: whoever tells first."""
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adapters.console.command_life import merge, reach
+from adapters.console.messages import CommandState, CommandStatus, Link, StageReached
+
+SENT = CommandStatus(
+    "drive", "jackal", "moveForward", {"distance": 1.0}, "anna", "anna", 7, Link.DIRECT,
+    CommandState.SENDING, False, 0.0, 10.0,
+    (StageReached("SENT", "console", 0.0, 0.0, "by anna"),),
+)  # fmt: skip
+HEARD = replace(SENT, id="jackal:anna:7", name="", args=None, deadline=None, history=())
+ABOARD = [
+    StageReached(stage, "jackal", float(number), float(number), "", sequence=number, step=step)
+    for number, (stage, step) in enumerate(
+        [("RECEIVED", None), ("ACCEPTED", None), ("STARTED", None), ("PROGRESS", 1),
+         ("PROGRESS", 2), ("EXECUTED", None)],
+        start=1,
+    )
+]  # fmt: skip
+DOUBT = StageReached("UNKNOWN", "console", 10.5, 10.5, "nothing was heard of it")
+TAKEN = StageReached("TAKEN", "jackal", 0.5, 0.5, "")
+
+
+def after(command: CommandStatus, *stages: StageReached) -> CommandStatus:
+    for each in stages:
+        command = reach(command, each)
+    return command
+
+
+def life(command: CommandStatus) -> tuple[object, ...]:
+    return command.state, command.ended, command.deadline, command.history
+
+
+@st.composite
+def heard(draw: st.DrawFn, of: CommandStatus) -> CommandStatus:
+    """Give a command as a console heard of it, which missed some and heard the rest later."""
+    late = draw(st.floats(0.0, 0.4))
+    stages = draw(st.lists(st.sampled_from([TAKEN, *ABOARD]), unique_by=id))
+    stages.sort(key=lambda each: each.rx)
+    return after(of, *(replace(each, rx=each.rx + late) for each in stages))
+
+
+@given(heard(SENT), heard(HEARD), heard(HEARD))
+def test_whoever_writes_first_it_comes_to_the_same(
+    one: CommandStatus, two: CommandStatus, three: CommandStatus
+) -> None:
+    merged = merge(merge(one, two), three)
+    assert life(merge(merge(one, three), two)) == life(merged)
+    assert life(merge(merge(three, two), one)) == life(merged)
+    for each in (one, two, three):
+        assert merge(merged, each) == merged
+    assert (merged.by, merged.args) == ("anna", {"distance": 1.0})
+
+
+@given(heard(SENT))
+def test_what_nobody_else_heard_of_stays_as_it_is(one: CommandStatus) -> None:
+    assert merge(one, one) == one
+    assert merge(SENT, one) == one
+
+
+def test_a_doubt_ends_with_what_another_console_heard_later() -> None:
+    doubted = after(SENT, TAKEN, DOUBT)
+    assert merge(SENT, doubted) == doubted
+    late = after(HEARD, replace(ABOARD[0], rx=11.0))
+    assert merge(doubted, late).state is CommandState.RECEIVED
+    assert merge(after(HEARD, *ABOARD), doubted).state is CommandState.EXECUTED
+    started = merge(after(HEARD, *ABOARD[:3]), doubted)
+    assert (started.state, started.ended) == (CommandState.UNKNOWN, False)
+
+
+def test_a_relay_that_has_it_lets_it_wait() -> None:
+    taken = replace(TAKEN, node="orbiter")
+    assert merge(SENT, after(SENT, taken)).deadline is None
+    assert merge(SENT, after(SENT, TAKEN)).deadline == 10.0
