@@ -22,7 +22,7 @@ SERVICE: Final = "ServiceLayer"
 SERVICE_LAYER_ABOVE: Final = f"{SERVICE}.above"
 """Under which the service layer is listed that this asset is registered at."""
 MOST_SERVICES: Final = 64
-MOST_OF_A_PEER: Final = 16
+MOST_OF_A_PEER: Final = 24
 """Services that one peer may register: it must not take the room of all others."""
 MOST_OPERATIONS: Final = 256
 LONGEST_URI: Final = 256
