@@ -6,8 +6,8 @@ import re
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import AsyncExitStack, closing
+from collections.abc import Callable, Iterator
+from contextlib import AsyncExitStack, closing, contextmanager
 from pathlib import Path
 from subprocess import DEVNULL, Popen
 
@@ -28,21 +28,28 @@ CPU = Goal(10.0)
 def measure(pages: int, duration_s: float, tell: Callable[[str], None]) -> list[Figure]:
     """Measure a console with some pages, each of which gets all values."""
     with tempfile.TemporaryDirectory() as folder, closing(Aboard(Path(folder) / "rover")) as rover:
-        log = Path(folder) / "log"
-        command = [sys.executable, "-m", "adapters.console.process", "--to", rover.uri]
-        command += ["--port", "0", "--data", f"{folder}/console"]
-        with log.open("wb") as output, Popen(command, stdout=output, stderr=DEVNULL) as process:
-            try:
-                tell(f"console: {pages} pages, {VALUES_HZ} values/s, {duration_s:g} s ...")
-                return asyncio.run(_measure(rover, log, process.pid, pages, duration_s))
-            finally:
-                process.terminate()
+        tell(f"console: {pages} pages, {VALUES_HZ} values/s, {duration_s:g} s ...")
+        with console_of(rover.uri, Path(folder)) as (log, pid):
+            return asyncio.run(_measure(rover, log, pid, pages, duration_s))
+
+
+@contextmanager
+def console_of(uri: str, folder: Path) -> Iterator[tuple[Path, int]]:
+    """Run a console of a rover; gives the file in which its address will be, and its process."""
+    log = folder / "log"
+    command = [sys.executable, "-m", "adapters.console.process", "--to", uri]
+    command += ["--port", "0", "--data", f"{folder}/console"]
+    with log.open("wb") as output, Popen(command, stdout=output, stderr=DEVNULL) as process:
+        try:
+            yield log, process.pid
+        finally:
+            process.terminate()
 
 
 async def _measure(
     rover: Aboard, log: Path, pid: int, pages: int, duration_s: float
 ) -> list[Figure]:
-    address = await _address(log)
+    address = await address_of(log)
     process = psutil.Process(pid)
     async with AsyncExitStack() as opened:
         session = await opened.enter_async_context(ClientSession())
@@ -84,7 +91,8 @@ async def _measure(
     ]
 
 
-async def _address(log: Path) -> str:
+async def address_of(log: Path) -> str:
+    """Return where a console is served, once it is."""
     async with asyncio.timeout(START_S):
         while (found := re.search(r"http://\S+", log.read_text())) is None:
             await asyncio.sleep(0.05)

@@ -282,6 +282,17 @@ def test_a_console_is_measured_with_its_pages(tmp_path: Path) -> None:
     assert 0 < values["console: value to page, p50"] < 60_000
 
 
+@pytest.mark.slow
+def test_a_console_is_measured_with_many_rovers(tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    arguments = ["console-fleet", "--rovers", "3", "--pages", "1", "--seconds", "1"]
+    result = CliRunner().invoke(bench, [*arguments, "--json", str(out)])
+    assert result.exit_code in (0, 1), result.output
+    values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
+    assert values["fleet: values"] > 0
+    assert values["fleet: CPU"] > 0
+
+
 @pytest.mark.ros
 @pytest.mark.usefixtures("ros_domain")
 @pytest.mark.skipif(BROWSER is None and not REQUIRED, reason="needs chromium")
