@@ -110,3 +110,18 @@ async def test_one_rover_by_both_links_is_one_asset_with_two_sources(
         stop = (await anna.ask("POST", "api/stop/jackal"))[1]
         assert (await anna.page.command(stop["id"], "executed"))["link"] == "relay"
         assert [message.command for message in far.commands] == ["STOP"]
+
+
+async def test_a_rover_that_is_known_by_the_relay_is_found_by_a_service_layer_too(
+    launch: Launch, tmp_path: Path
+) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    scout = launch("scout")
+    async with (
+        orbiting(sky, clock, eclipse(clock)) as (_, (station,)),
+        landed(sky, "jackal"),
+        at_console(tmp_path, [str(station.uri), scout.uri], "anna") as (anna,),
+    ):
+        assert (await anna.page.is_up())["link"] == "relay"
+        launch("jackal", service_layer=scout.uri)
+        assert (await anna.page.is_up())["link"] == "direct"

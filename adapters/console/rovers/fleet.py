@@ -288,15 +288,15 @@ class Fleet:
         )
 
     def on_services(self, _: RoverLink, services: tuple[ServiceDescriptor, ...]) -> None:
-        """Connect with the assets that are registered there and not known yet."""
+        """Connect with the assets that are registered there and have no direct link yet."""
         for service in services:
-            asset = service.name.removesuffix(_LAYER)
-            known = asset in self.assets or service.providerURI in {
-                link.uri for link in self._links
-            }
+            name, uri = service.name.removesuffix(_LAYER), service.providerURI
+            asset = self.assets.get(name)
+            known = asset is not None and Link.DIRECT in asset.links
+            known |= uri in {link.uri for link in self._links}
             if service.name.endswith(_LAYER) and not known:
-                _LOG.info("%s is registered at %s", asset, service.providerURI)
-                self._links.append(RoverLink(service.providerURI, self._terms, self))
+                _LOG.info("%s is registered at %s", name, uri)
+                self._links.append(RoverLink(uri, self._terms, self))
                 self._run(self._links[-1])
 
     async def last_known(self, link: RoverLink) -> Known | None:
