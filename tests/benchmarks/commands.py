@@ -210,14 +210,15 @@ def console_page(loads: int, samples: int, pages: int, seconds: float) -> "list[
 @benchmark(
     "console-fleet --rovers 5 --seconds 5",
     click.option("--rovers", type=click.IntRange(1), default=20, show_default=True),
+    click.option("--values", type=click.FloatRange(1.0), default=12.0, help="A second, of each."),
     click.option("--pages", type=click.IntRange(1), default=3, show_default=True),
     click.option("--seconds", type=click.FloatRange(1.0), default=20.0, show_default=True),
 )
-def console_fleet(rovers: int, pages: int, seconds: float) -> "list[Figure]":
+def console_fleet(rovers: int, values: float, pages: int, seconds: float) -> "list[Figure]":
     """CPU and memory of a console of many rovers, how soon all are found, a page with all."""
     from tests.benchmarks import console_fleet
 
-    return console_fleet.measure(rovers, pages, seconds, tell)
+    return console_fleet.measure(rovers, values, pages, seconds, tell)
 
 
 @benchmark("hostile --connections 200", count("--connections", 1000))

@@ -50,10 +50,10 @@ FRAMES = """async ms => {
 
 
 def measure(
-    rovers: int, pages: int, duration_s: float, tell: Callable[[str], None]
+    rovers: int, values_hz: float, pages: int, duration_s: float, tell: Callable[[str], None]
 ) -> list[Figure]:
     """Measure a console of so many rovers, with some pages, each of which hears all."""
-    with tempfile.TemporaryDirectory() as folder, _fleet(Path(folder), rovers) as uri:
+    with tempfile.TemporaryDirectory() as folder, _fleet(Path(folder), rovers, values_hz) as uri:
         tell(f"console: {rovers} rovers, {pages} pages, {duration_s:g} s ...")
         began_s = time.monotonic()
         with console_of(uri, Path(folder)) as (log, pid):
@@ -61,7 +61,7 @@ def measure(
 
 
 @contextmanager
-def _fleet(folder: Path, rovers: int) -> Iterator[str]:
+def _fleet(folder: Path, rovers: int, values_hz: float) -> Iterator[str]:
     """Run rovers in a few processes; gives the address of the first, where all register."""
     shares = [len(range(each, rovers, PROCESSES)) for each in range(PROCESSES)]
     with ExitStack() as running:
@@ -69,7 +69,7 @@ def _fleet(folder: Path, rovers: int) -> Iterator[str]:
         first = 0
         for share in filter(None, shares):
             command = [sys.executable, "-m", "tests.benchmarks.fleet_rovers", str(folder)]
-            command += [str(first), str(share), *at[:1]]
+            command += [str(first), str(share), str(values_hz), *at[:1]]
             process = running.enter_context(Popen(command, stdout=PIPE, text=True))
             running.callback(process.terminate)
             assert process.stdout is not None

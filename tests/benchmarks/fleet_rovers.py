@@ -11,22 +11,25 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from executive.commands import MoveForward
+from executive.commands import MoveForward, SetStatusInterval
+from executive.state import Parameter
 from tests.mrs.aboard import Aboard, LinkedBench
 
-STEP_S: Final = 0.25
+STEP_S: Final = 0.1
 DRIVE_EACH_S: Final = 20.0
 """Each rover is commanded so often, forward and back."""
+STEPS: Final = round(DRIVE_EACH_S / STEP_S)
 WAY_M: Final = 2.0
 
 
-def main(folder: str, first: str, count: str, at: str = "") -> None:
+def main(folder: str, first: str, count: str, values_hz: str, at: str = "") -> None:
     """Run rovers until the process is ended.
 
     Args:
         folder: for their data.
         first: the number of the first.
         count: how many.
+        values_hz: how many telemetry values each tells a second.
         at: the service layer where they register; that of the first, unless it is given.
     """
     numbers = range(int(first), int(first) + int(count))
@@ -37,11 +40,13 @@ def main(folder: str, first: str, count: str, at: str = "") -> None:
             layer = at or (rovers[0].uri if rovers else None)
             rover = Aboard(Path(folder) / name, asset=name, service_layer=layer)
             rovers.append(running.enter_context(closing(rover)))
+            tell = SetStatusInterval(len(Parameter) / float(values_hz))
+            rover.do(partial(LinkedBench.submit, request=tell, number=1))
         print(rovers[0].uri, flush=True)
         began_s, step = time.monotonic(), 0
         while True:
             for number, rover in zip(numbers, rovers, strict=True):
-                drives = (step + 4 * number) % int(DRIVE_EACH_S / STEP_S) == 0
+                drives = (step + 10 * number) % STEPS == 0
                 rover.do(partial(_live, step=step if drives else None))
             step += 1
             time.sleep(max(began_s + step * STEP_S - time.monotonic(), 0.0))
@@ -49,7 +54,8 @@ def main(folder: str, first: str, count: str, at: str = "") -> None:
 
 def _live(bench: LinkedBench, step: int | None) -> None:
     if step is not None:
-        bench.submit(MoveForward(WAY_M if step // 80 % 2 else -WAY_M), step + 1)
+        is_back = step // STEPS % 2
+        bench.submit(MoveForward(-WAY_M if is_back else WAY_M), step + 2)
     bench.run(STEP_S)
 
 
