@@ -304,6 +304,9 @@ async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine)
             archive.put(sample(day * DAY_S + number, float(number)))
         archive.put(notified(day + 1, utc=day * DAY_S))
     archive.put(command("open", CommandState.UNKNOWN, made=1.0))
+    await archive.flush()
+    for name in ("first", "last"):
+        assert await archive.claim(command(name, CommandState.EXECUTED, made=2.0))
     clock_is_wrong = Sample("sim", "X", Link.DIRECT, 5.0, now_s - 1.0, 1.0, Quality.GOOD)
     archive.put(clock_is_wrong)
     await archive.flush()
@@ -322,7 +325,8 @@ async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine)
     assert await found(archive) == []
     known = partial(last_notification, asset="jackal", link=Link.DIRECT)
     assert await archive.read(known) == (100, to_us(99 * DAY_S))
-    assert await archive.read(partial(read_command, name="open")) is not None
+    kept_commands = await archive.read(partial(last_commands, count=9))
+    assert [each.id for each in kept_commands] == ["open", "last"]  # revisions go on from the last
     assert await archive.read(list_objects) == [("plot", 1)]
     await archive.close()
 

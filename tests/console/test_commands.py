@@ -85,7 +85,7 @@ async def test_anybody_stops_the_rover_and_all_see_who(guarded: Aboard, tmp_path
         assert guarded.do(lambda bench: bench.executive.mode.name) == "STOPPED"
         ended = [said for said in anna.page.got if said["ty"] == "cmd" and said["id"] == "long"]
         assert ended[-1]["state"] == "cancelled"
-        again = await ben.post("api/stop/jackal", id=stop["id"])
+        again = await ben.send(stop["id"], "stop")
         assert again[0] == 202
         assert again[1]["id"] != stop["id"]  # a stop is never a repeat
 

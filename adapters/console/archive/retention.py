@@ -83,9 +83,12 @@ async def _delete_before(archive: Archive, rx_us: int) -> int:
             partial(_delete_samples, parameter=parameter.id, rx_us=rx_us)
         )
     newest = select(func.max(NOTIFICATION.c.id)).group_by(NOTIFICATION.c.asset, NOTIFICATION.c.link)
+    last = select(func.max(COMMAND.c.revision)).scalar_subquery()  # revisions go on from there
     for deleting in (
         NOTIFICATION.delete().where(NOTIFICATION.c.rx_us < rx_us, NOTIFICATION.c.id.not_in(newest)),
-        COMMAND.delete().where(COMMAND.c.made_us < rx_us, COMMAND.c.ended == 1),
+        COMMAND.delete().where(
+            COMMAND.c.made_us < rx_us, COMMAND.c.ended == 1, COMMAND.c.revision < last
+        ),
         RECORD.delete().where(RECORD.c.rx_us < rx_us),
         ALARM.delete().where(ALARM.c.acknowledged_us < rx_us, ALARM.c.standing == 0),
     ):

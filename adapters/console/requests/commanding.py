@@ -106,7 +106,7 @@ class Commanding:
             RefusedError: it is not sent.
         """
         if posted.name == STOP:  # nothing stands before it
-            return await self.stop(operator, posted.asset, posted.id)
+            return await self.stop(operator, posted.asset)
         return await self.send(
             operator,
             posted,
@@ -146,16 +146,15 @@ class Commanding:
         self._send(client, link, status.id, command)
         return status
 
-    async def stop(self, operator: str, asset: str, name: str | None) -> CommandStatus:
+    async def stop(self, operator: str, asset: str) -> CommandStatus:
         """Stop an asset, whoever holds the authority; by the direct link, if that is up.
 
         Else it is sent by all links that are there. By a relay it may come much later, and would
-        stop the rover again that was resumed meanwhile.
+        stop the rover again that was resumed meanwhile. It is sent again each time.
 
         Args:
             operator: who stops it.
             asset: its name.
-            name: the id of the command; None for a new one. A stop is sent again each time.
 
         Raises:
             RefusedError: it cannot be reached.
@@ -169,8 +168,7 @@ class Commanding:
             raise _unreachable(asset)
         link, client = found[0]
         command = client.command(Stop(), source=self._desk.source(link, operator))
-        if name is None or self._tracker.get(name) is not None:
-            name = f"{asset}:{command.identity}"
+        name = f"{asset}:{command.identity}"  # so others call it, too: it is not claimed first
         status = _status(operator, Posted(name, asset, STOP, {}), link, command)
         self._tracker.begin(status)
         for link, client in found:

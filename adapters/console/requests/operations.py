@@ -6,7 +6,7 @@ from http import HTTPStatus
 from aiohttp import web
 
 from adapters.console.messages import Link
-from adapters.console.requests.commanding import Commanding, identifier, posted_command
+from adapters.console.requests.commanding import Commanding, posted_command
 from adapters.console.rovers import Act, Asked, AuthorityDesk
 from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
 
@@ -41,10 +41,7 @@ class Operations:
         return answer(status, HTTPStatus.ACCEPTED)
 
     async def _stop(self, request: web.Request) -> web.Response:
-        body = await body_of(request) if request.can_read_body else {}
-        name = identifier(body["id"]) if "id" in body else None
-        asset = request.match_info["asset"]
-        status = await self._commanding.stop(request[OPERATOR], asset, name)
+        status = await self._commanding.stop(request[OPERATOR], request.match_info["asset"])
         return answer(status, HTTPStatus.ACCEPTED)
 
     async def _preview(self, request: web.Request) -> web.Response:

@@ -57,13 +57,14 @@ export function mount(element, context) {
     sent = id;
     draw();
     try {
-      await ask("/api/commands", {
+      const taken = await ask("/api/commands", {
         json: {
           ...{ id, asset: asset.name, name: draft.entry.name, args: draft.values },
           ...(draft.replace ? { arrival: "replace" } : {}),
           ...(link.value ? { link: link.value } : {}),
         },
       });
+      sent = taken.id; // a stop has another
     } catch (error) {
       trouble = error.status === 0 ? `${error.message}. It may have been sent: look at the commands.` : error.message;
     }
