@@ -14,7 +14,7 @@ from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sqlalchemy import Engine, select, text
+from sqlalchemy import Connection, Engine, select, text
 
 from adapters.console.archive import (
     METADATA,
@@ -223,6 +223,17 @@ def thinned(
     return [(utc, samples[utc]) for utc in sorted(extremes)]
 
 
+def make_older(connection: Connection) -> None:
+    """Make the tables of revision 0002 in place of those that are there, empty."""
+    config = Config()
+    migrations = files("adapters.console.archive") / "migrations"
+    config.set_main_option("script_location", str(migrations))
+    config.attributes["connection"] = connection
+    METADATA.drop_all(connection)
+    connection.execute(text("DROP TABLE alembic_version"))
+    upgrade(config, "0002")
+
+
 async def test_samples_of_an_older_archive_are_counted_into_minutes(
     engine: Engine, tmp_path: Path
 ) -> None:
@@ -234,8 +245,11 @@ async def test_samples_of_an_older_archive_are_counted_into_minutes(
     every = select(SAMPLE_MINUTE).order_by(SAMPLE_MINUTE.c.parameter, SAMPLE_MINUTE.c.minute)
     with engine.begin() as connection:
         written = connection.execute(every).all()
-        connection.execute(text("DROP TABLE sample_minute"))
-        connection.execute(text("UPDATE alembic_version SET version_num = '0002'"))
+        tables = [METADATA.tables[name] for name in ("parameter", "sample")]
+        kept = [connection.execute(select(each)).mappings().all() for each in tables]
+        make_older(connection)
+        for table, rows in zip(tables, kept, strict=True):
+            connection.execute(table.insert(), [dict(row) for row in rows])
     assert len(written) == 35
     again = open_database(url, tmp_path)
     with again.connect() as connection:
@@ -365,14 +379,7 @@ async def test_commands_of_an_older_archive_are_known_by_number_once_each(
     doubled = replace(posted, id=f"anna:{posted.number}", args=None, made=4.0)
     other = replace(doubled, id="MOE:1", source="MOE", number=1)
     with engine.begin() as connection:
-        config = Config()
-        config.set_main_option(
-            "script_location", str(files("adapters.console.archive") / "migrations")
-        )
-        config.attributes["connection"] = connection
-        METADATA.drop_all(connection)
-        connection.execute(text("DROP TABLE alembic_version"))
-        upgrade(config, "0002")
+        make_older(connection)
         insert = "INSERT INTO command VALUES (:id, 'jackal', :made_us, 1, :body)"
         for each in (doubled, posted, other):
             row = {"id": each.id, "made_us": to_us(each.made), "body": encode(each)}
