@@ -31,11 +31,17 @@ _NAMED: Final = (  # the empty page that a browser begins with keeps nothing
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A console that runs."""
+    """A console that runs.
+
+    Attributes:
+        to: the rover.
+        video: the UDP port at which its video arrives.
+    """
 
     folder: Path
     port: int
     to: str
+    video: int | None = None
 
     @property
     def url(self) -> str:
@@ -45,7 +51,9 @@ class Site:
     @contextmanager
     def console(self) -> Iterator[Running]:
         """Run it for the time of the with."""
-        arguments = ("--port", str(self.port), "--to", self.to, "--data", str(self.folder / "data"))
+        arguments = ["--port", str(self.port), "--to", self.to, "--data", str(self.folder / "data")]
+        if self.video is not None:
+            arguments += ["--video", f"jackal=127.0.0.1:{self.video}"]
         number = len(list(self.folder.glob("console-*.log")))
         with running(self.folder / f"console-{number}.log", "rover-console", *arguments) as process:
             process.said(re.escape(self.url))
@@ -53,9 +61,16 @@ class Site:
 
 
 @contextmanager
-def rover(folder: Path) -> Iterator[str]:
-    """Run a simulated rover and its executive; give the address of its link."""
-    with simulation(folder), executive(folder) as (_, uri):
+def rover(folder: Path, camera: int, ground: int) -> Iterator[str]:
+    """Run a simulated rover and its executive; give the address of its link.
+
+    Args:
+        folder: of their files.
+        camera, ground: the UDP ports to which its camera sends, and from there the executive.
+    """
+    aboard, far = f"127.0.0.1:{camera}", f"127.0.0.1:{ground}"
+    video = ("--video-from", aboard, "--video-to", far)
+    with simulation(folder, "--video-to", aboard), executive(folder, *video) as (_, uri):
         yield uri
 
 

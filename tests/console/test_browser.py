@@ -14,6 +14,7 @@ from tests.conftest import port_of
 from tests.console.site import LIMIT_MS, Site, Visitors, rover, visitors
 from tests.docs.pages import CHECKOUT
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
+from tests.support.ports import free_udp_ports
 
 pytestmark = [
     pytest.mark.ros,
@@ -43,8 +44,9 @@ def site(
         settings.write(f"\nauthority: {{needed: true}}{ZONES}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROVER_CONFIG", str(config))
-        with rover(folder) as uri:
-            site = Site(folder, port_of(module_ros_domain), uri)
+        camera, ground = free_udp_ports(2)
+        with rover(folder, camera, ground) as uri:
+            site = Site(folder, port_of(module_ros_domain), uri, ground)
             with site.console():
                 yield site
 
@@ -183,6 +185,30 @@ def test_a_plan_from_a_file_is_submitted_and_removed(
     plan.get_by_role("button", name="remove").click()
     expect(commands(page, "removePlan").first).to_have_attribute("data-state", "executed")
     plans.context.close()
+
+
+def test_the_camera_shows_its_video_is_turned_and_takes_a_picture(
+    site: Site, page: Page, people: Visitors
+) -> None:
+    place = f"{site.url}#/browse/rover:rovers/rover:jackal/rover:jackal~"
+    camera = people.visit(f"{place}video?hideInspector=true", "anna")
+    expect(camera.get_by_text("the rover sends them after")).to_be_visible()
+    camera.get_by_role("button", name="video on").click()
+    expect(camera.get_by_test_id("video")).to_have_attribute("data-frames", re.compile("^[2-9]"))
+    expect(camera.get_by_text(re.compile("[1-9] pictures/s"))).to_be_visible()
+    camera.get_by_role("button", name="→").click()
+    expect(commands(page, "moveCameraAngles").first).to_have_attribute("data-state", "executed")
+    expect(page.get_by_test_id("value-CAM_PAN")).to_have_text(re.compile("^-(9.9|10)"))
+    camera.screenshot(path=picture("console-camera"))
+    camera.get_by_role("button", name="video off").click()
+    expect(camera.get_by_text("0 pictures/s")).to_be_visible()
+    camera.get_by_role("button", name="take picture").click()
+    camera.goto(f"{place}files?hideInspector=true")
+    camera.get_by_role("button", name="show", exact=True).click()
+    expect(camera.get_by_role("figure").locator("img")).to_have_js_property("naturalWidth", 640)
+    expect(camera.get_by_text(re.compile(r"POS_X -?0\S* m; .*CAM_PAN -(9.9|10)"))).to_be_visible()
+    camera.screenshot(path=picture("console-files"))
+    camera.context.close()
 
 
 def test_a_display_that_an_operator_makes_is_kept_for_all(site: Site, people: Visitors) -> None:

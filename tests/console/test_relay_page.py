@@ -1,4 +1,4 @@
-"""The page of the relay in a real browser: an eclipse, through the orbiter and a console."""
+"""A rover behind an orbiter in a real browser: an eclipse, and both links at once."""
 
 import re
 from pathlib import Path
@@ -6,11 +6,13 @@ from pathlib import Path
 import pytest
 from playwright.async_api import async_playwright, expect
 
+from executive.state import Parameter, ParameterValue
 from tests.console.conftest import Launch
-from tests.console.consoles import at_console
+from tests.console.consoles import ALL, at_console, served
 from tests.console.site import OPTIONS
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
+from tests.support.certificates import certified
 
 pytestmark = [
     pytest.mark.slow,
@@ -62,3 +64,74 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("0")
         await browser.close()
     assert errors == []
+
+
+async def test_by_the_link_that_is_chosen_a_command_goes_and_a_value_comes(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover, sky = launch(), Sky(tmp_path, "jackal")
+    errors: list[str] = []
+    async with (
+        orbiting(sky) as (_, (station,)),
+        landed(sky, "jackal") as far,
+        at_console(tmp_path, [rover.uri, str(station.uri)], "anna", topics=[*ALL, "tm"]) as (anna,),
+        async_playwright() as playwright,
+    ):
+        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
+        page = await browser.new_page(viewport={"width": 1600, "height": 1000})
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        await page.goto(anna.address)
+        await page.get_by_label("command", exact=True).select_option("moveForward")
+        await page.get_by_label("distance", exact=True).fill("1")
+        await page.get_by_label("link", exact=True).select_option("relay")
+        await page.get_by_role("button", name="Send moveForward to jackal").click()
+        command = page.locator(".command[data-name=moveForward]")
+        await expect(command).to_have_attribute("data-state", "executed")
+        assert [message.command for message in far.commands] == ["MOVE_FORWARD"]
+
+        await far.telemetry(BATERY_VOLTAGE=25.0)
+        began_s = (await anna.page.until(lambda said: said.get("value") == 26.0))["utc"]
+        told = [
+            ParameterValue(Parameter.BATERY_VOLTAGE, began_s + later_s, value)
+            for later_s, value in ((1.0, 24.0), (3.0, 23.0), (2.0, 23.5))
+        ]
+        rover.do(lambda bench: bench.link.telemetry(told))
+        heard = await anna.page.until(lambda said: said.get("value") == 25.0)
+        for link, values, first_s, last_s in (
+            ("direct", ["23", "23.5", "24"], began_s + 1.0, began_s + 3.0),
+            ("relay", ["25"], heard["utc"], heard["utc"]),
+        ):
+            span = f"tc.startBound={1e3 * first_s - 10:.0f}&tc.endBound={1e3 * last_s + 10:.0f}"
+            table = f"rover:jackal/rover:jackal~telemetry~{link}~BATERY_VOLTAGE?view=table"
+            told_of = await browser.new_page()
+            await told_of.goto(
+                f"{anna.address}#/browse/rover:rovers/{table}&tc.mode=fixed&tc.timeSystem=utc&{span}"
+            )
+            cells = told_of.locator(".c-telemetry-table__body [aria-label^='value table cell']")
+            await expect(cells).to_have_text(values)
+        await browser.close()
+    assert errors == []
+
+
+async def test_who_has_a_token_logs_in_by_tls(tmp_path: Path) -> None:
+    tokens = tmp_path / "tokens"
+    tokens.write_text("anna 0123456789abcdef\n")
+    ends = certified(tmp_path, "console")["console"]
+    tls = (ends.certificate, ends.key)
+    async with (
+        served(tmp_path, "maltcp://127.0.0.1:1/MRS", tokens=tokens, tls=tls) as address,
+        async_playwright() as playwright,
+    ):
+        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
+        page = await browser.new_page(ignore_https_errors=True)
+        for path in ("lite", ""):
+            await page.goto(f"{address}{path}")
+            await expect(page.get_by_test_id("stop")).to_have_count(0)
+            await page.get_by_label("token").fill("0123456789abcdeX")
+            await page.get_by_role("button", name="Log in").click()
+            await expect(page.get_by_role("alert")).to_have_text(re.compile("token"))
+            await page.get_by_label("token").fill("0123456789abcdef")
+            await page.get_by_role("button", name="Log in").click()
+            await expect(page.get_by_role("button", name="anna")).to_be_visible()
+            await page.context.clear_cookies()
+        await browser.close()

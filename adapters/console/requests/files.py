@@ -77,6 +77,8 @@ class Files:
         client = self._commanding.client(asset)
         try:
             file = await client.get_attributes(path)
+            if "about" in request.query:
+                return answer(_entry(file))
             here = await self._fetch(client, asset, file)
         except (MalError, ConnectionError, TransferError, OSError) as error:
             raise _refused(error) from error

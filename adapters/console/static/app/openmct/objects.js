@@ -46,7 +46,7 @@ function objectOf(session, identifier) {
   const location = `${NAMESPACE}:${identifierOf(name).key}`;
   if (kind === "layout") return layoutOf(identifier, session.asset(name), location);
   if (kind === "telemetry" && key === undefined) {
-    return { identifier, name: ["recording", "console"].includes(link) ? "Telemetry" : `Telemetry, ${link} link`, type: "folder", location };
+    return { identifier, name: ["recording", "console"].includes(link) ? "Telemetry" : `By ${link} link`, type: "folder", location };
   }
   if (kind === "telemetry") {
     const entry = session.asset(name).entry?.parameters.find((each) => each.key === key);
@@ -62,7 +62,7 @@ function layoutOf(identifier, asset, location) {
   const frames = layout.flatMap(([, each]) => each.map(([kind]) => kind));
   return {
     identifier,
-    name: asset.recording ? `${name}: recording` : `${name}: operations`,
+    name: asset.recording ? "Recording, all" : "Operations",
     type: "flexible-layout",
     location,
     composition: frames.map((kind) => identifierOf(name, kind)),

@@ -22,9 +22,10 @@ export function telemetry(session) {
   }
 
   const isOurs = (object) => object.identifier.namespace === NAMESPACE && object.type === "rover.telemetry";
+  // Whole milliseconds: what is both told and asked for is the same then, and a table shows it once.
   const datum = (sample, factor) => ({
-    utc: sample.utc * 1000,
-    rx: sample.rx * 1000,
+    utc: Math.round(sample.utc * 1000),
+    rx: Math.round(sample.rx * 1000),
     value: typeof sample.value === "number" ? sample.value * factor : sample.value,
   });
 

@@ -30,7 +30,7 @@ export const VIEWS = {
   dtn: { name: "Relay", icon: "icon-chain-links", view: dtn, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
-  files: { name: "Files and pictures", icon: "icon-image", view: files, of: "rover" },
+  files: { name: "Files", icon: "icon-image", view: files, of: "rover" },
   recording: { name: "Recording", icon: "icon-session", view: recording, of: "recording" },
 };
 

@@ -5,7 +5,7 @@
 
 import { ask } from "../model/connection.js";
 import { eachFrame, html, keep, say } from "../dom.js";
-import { clock } from "../words.js";
+import { clock, inTypedUnit } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
 
@@ -50,8 +50,20 @@ export function mount(element, context) {
   function show(file) {
     shown.hidden = false;
     say(caption, `${file.path} is being fetched from aboard …`);
-    picture.onload = () => say(caption, `${file.path}, ${clock(file.modified)} UTC`);
+    picture.onload = async () => {
+      const about = await ask(`${pathOf(file)}?about`).catch(() => file);
+      if (picture.src.endsWith(pathOf(file))) say(caption, [`${file.path}, ${clock(file.modified)} UTC`, ...figuresOf(about)].join("; "));
+    };
     picture.src = pathOf(file);
+  }
+
+  /** Where a picture was taken, and how the camera stood, in words. */
+  function figuresOf(file) {
+    const entries = new Map(asset.entry?.parameters.map((each) => [each.key, each]));
+    return Object.entries(file.meta).filter(([key]) => entries.has(key)).map(([key, value]) => {
+      const { text, unit } = inTypedUnit(value, entries.get(key));
+      return `${key} ${text} ${unit}`.trim();
+    });
   }
 
   function render() {
