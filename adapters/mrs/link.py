@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Final
+from typing import Final, Protocol
 
 from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import MalError, MalUri
@@ -24,7 +24,7 @@ from adapters.mrs.aboard import (
     serve_authority,
 )
 from adapters.mrs.fleet import FleetService
-from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING, PORT, housekeeping_values
+from adapters.mrs.spec import PORT, HousekeepingParameter, housekeeping_values
 from adapters.mrs.terms import CLEAR, Terms
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
@@ -34,8 +34,6 @@ from executive.state import FileEvent, ParameterValue
 _LOG: Final = logging.getLogger(__name__)
 HOUSEKEEPING_S: Final = 5.0
 """Between two times that the housekeeping is told."""
-Measure = Callable[[Executive], Mapping[str, float | None]]
-"""Returns figures by the names of `EXECUTIVE_HOUSEKEEPING`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +50,24 @@ def _holder(executive: Executive) -> str | None:
     return executive.authority.state.holder
 
 
-async def _keep_house(gateway: Gateway, asset: AssetServices, measure: Measure) -> None:
+class Housekeeping(Protocol):
+    """Measures how the components aboard are doing.
+
+    Attributes:
+        parameters: what it measures.
+    """
+
+    parameters: tuple[HousekeepingParameter, ...]
+
+    def measure(self, executive: Executive) -> Mapping[str, float | None]:
+        """Return figures by the names of the parameters; on the core's thread."""
+
+
+async def _keep_house(gateway: Gateway, asset: AssetServices, housekeeping: Housekeeping) -> None:
     while True:
         with suppress(MalError):  # the core is busy: the values get old, and are seen to
-            figures = await gateway.ask(measure)
-            asset.keep_house(housekeeping_values(EXECUTIVE_HOUSEKEEPING, figures, time.time()))
+            figures = await gateway.ask(housekeeping.measure)
+            asset.keep_house(housekeeping_values(housekeeping.parameters, figures, time.time()))
         await asyncio.sleep(HOUSEKEEPING_S)
 
 
@@ -75,8 +86,7 @@ class MrsLink:
         terms: the encoding and the certificates agreed on with the ground.
         service_layer: where another service layer is, to be registered at; None for nowhere.
         history: what the executive records, to be asked for; None where it records nothing.
-        measure: measures the executive's housekeeping, on the core's thread; None where nobody
-            does.
+        housekeeping: measures how the components aboard are doing; None where nobody does.
     """
 
     def __init__(
@@ -88,7 +98,7 @@ class MrsLink:
         terms: Terms = CLEAR,
         service_layer: MalUri | None = None,
         history: ChronicleBuilder | None = None,
-        measure: Measure | None = None,
+        housekeeping: Housekeeping | None = None,
     ) -> None:
         self._settings = settings
         self._address = (host, port)
@@ -96,7 +106,7 @@ class MrsLink:
         self._terms = terms
         self._service_layer = service_layer
         self._history = history
-        self._measure = measure
+        self._housekeeping = housekeeping
         self._thread: threading.Thread | None = None
         self._serving: _Serving | None = None
 
@@ -164,7 +174,8 @@ class MrsLink:
         served = ServedOperations(self._terms.encoding, executive.ground.hear)
         gateway = Gateway(executive, asyncio.get_running_loop())
         fleet = FleetService(served, gateway, settings, self._terms)
-        parameters = () if self._measure is None else EXECUTIVE_HOUSEKEEPING
+        housekeeping = self._housekeeping
+        parameters = () if housekeeping is None else housekeeping.parameters
         asset = AssetServices(served, gateway, settings, parameters)
         fleet.housekeeping = lambda: asset.housekeeping
         PreviewService(served, gateway)
@@ -179,8 +190,8 @@ class MrsLink:
         if self._service_layer is not None:
             asset.above = fleet.join(self._service_layer)
         keeping = None
-        if self._measure is not None:
-            keeping = asyncio.create_task(_keep_house(gateway, asset, self._measure))
+        if housekeeping is not None:
+            keeping = asyncio.create_task(_keep_house(gateway, asset, housekeeping))
         await over.wait()
         if keeping is not None:
             keeping.cancel()

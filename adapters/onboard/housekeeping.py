@@ -2,12 +2,26 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
-from adapters.mrs.spec import EXECUTIVE, usage_figures
+from adapters.mrs.spec import (
+    EXECUTIVE,
+    EXECUTIVE_HOUSEKEEPING,
+    HousekeepingParameter,
+    usage_figures,
+)
 from adapters.process import ProcessUsage
 from adapters.ros import TickStatistics
 from executive.runner import Executive
+
+
+@runtime_checkable
+class TellsOfItself(Protocol):
+    """What speaks with a rover, and hears how the process between is doing."""
+
+    def housekeeping(self) -> Mapping[str, float | None]:
+        """Return what it heard last, by the names of `NXT_HOUSEKEEPING`."""
+
 
 _LEDGER_FILES: Final = ("ledger.sqlite", "ledger.sqlite-wal")
 
@@ -17,12 +31,18 @@ class ExecutiveHousekeeping:
 
     Args:
         data: the folder of its ledger.
+        parameters: what is measured.
 
     Attributes:
         tell: is told the figures, too.
+        rover: what speaks with the rover, if that tells of itself.
     """
 
-    def __init__(self, data: Path) -> None:
+    def __init__(
+        self, data: Path, parameters: tuple[HousekeepingParameter, ...] = EXECUTIVE_HOUSEKEEPING
+    ) -> None:
+        self.parameters = parameters
+        self.rover: TellsOfItself | None = None
         self.tell: Callable[[Mapping[str, float | None]], None] = lambda _: None
         self._data = data
         self._usage = ProcessUsage(data)
@@ -46,6 +66,8 @@ class ExecutiveHousekeeping:
             "EXEC_REPORTS": executive.last_sequence,
             **usage_figures(EXECUTIVE, self._usage.look()),
         }
+        if self.rover is not None:
+            figures |= self.rover.housekeeping()
         self.tell(figures)
         return figures
 

@@ -1,6 +1,7 @@
 """MOCUP on ROS: its MOPS strings on two topics, its camera as any rover's."""
 
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -9,7 +10,14 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover, relay_authority
-from adapters.mops import Message, MopsError, decode, load_dictionary
+from adapters.mops import (
+    Housekeeping,
+    Message,
+    MopsError,
+    decode,
+    housekeeping_of,
+    load_dictionary,
+)
 from adapters.ros import (
     MessageError,
     RosFrames,
@@ -26,6 +34,8 @@ from executive.state import Fact
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5
+SILENT_S: Final = 15.0
+"""After so long what `rover-nxt` said of itself is not known any more: it tells every 5 s."""
 TOLD_AGAIN: Final = 200
 """Reports that are looked through for what `rover-nxt` has to know when it comes back."""
 
@@ -60,6 +70,7 @@ class MocupOnRos(RosFrames):
             self._dictionary, clock, self._send, self._tell, SOURCE, self._brick
         )
         self._claim_again: Callable[[], None] = lambda: None
+        self._told: Housekeeping | None = None
         self._listeners = 0
         node.create_timer(REMIND_S, self._look)
 
@@ -115,6 +126,11 @@ class MocupOnRos(RosFrames):
         """Wait until the last command has been received; return whether it was."""
         return self._commands.wait_for_all_acked(Duration(seconds=timeout_s))
 
+    def housekeeping(self) -> Mapping[str, float | None]:
+        """Return how `rover-nxt` said that it is doing; nothing once it is silent."""
+        told = self._told
+        return {} if told is None or time.time() - told.utc_s > SILENT_S else told.figures
+
     def _look(self) -> None:
         listeners = self._commands.get_subscription_count()
         if listeners > self._listeners:
@@ -130,6 +146,10 @@ class MocupOnRos(RosFrames):
 
     def _on_reply(self, text: String) -> None:
         try:
-            self._rover.take(decode(text.data.encode()))
+            message, entry = decode(text.data.encode()), self._dictionary.spelling.housekeeping
+            if message.code == entry.code:
+                self._told = housekeeping_of(message, entry)
+            else:
+                self._rover.take(message)
         except MopsError as fault:
             raise MessageError(f"no MOPS reply: {fault}") from fault

@@ -20,9 +20,10 @@ from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import CertificateError, MalUri
 from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
+from adapters.mrs.spec import ABOARD_HOUSEKEEPING, EXECUTIVE_HOUSEKEEPING
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.onboard.guard import guarded
-from adapters.onboard.housekeeping import ExecutiveHousekeeping
+from adapters.onboard.housekeeping import ExecutiveHousekeeping, TellsOfItself
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive
@@ -105,13 +106,14 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     """
     settings = options.settings
     history = ChronicleBuilder(MOST_REMEMBERED)
-    housekeeping = ExecutiveHousekeeping(options.data)
+    kind = rover_kind(settings)
+    tells = isinstance(kind, type) and issubclass(kind, TellsOfItself)
+    parameters = ABOARD_HOUSEKEEPING if tells else EXECUTIVE_HOUSEKEEPING
+    housekeeping = ExecutiveHousekeeping(options.data, parameters)
     asked = Termination()
     try:
         with (
-            guarded(
-                settings, options.parameters, options.ros_arguments, rover_kind(settings)
-            ) as arm,
+            guarded(settings, options.parameters, options.ros_arguments, kind) as arm,
             exclusive(options.data, "lock"),
             ros_node(
                 NODE_NAME,
@@ -129,7 +131,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                     options.terms,
                     options.service_layer,
                     history,
-                    housekeeping.measure,
+                    housekeeping,
                 )
             ) as link,
             closing(VideoForwarder(settings.video)) if settings.video else nullcontext() as video,
@@ -231,6 +233,7 @@ def executive_on(
         served = ExecutiveNode(node, topics, sensors, rover, executive)
         if housekeeping is not None:
             served.on_ticks = housekeeping.note
+            housekeeping.rover = rover if isinstance(rover, TellsOfItself) else None
         if relay is not None:
             if housekeeping is not None:
                 housekeeping.tell = relay.housekeeping

@@ -184,6 +184,11 @@ async def directly_first(client: MrsClient, relay: RelayEnd) -> None:
     assert relay.stages(command)[-2:] == ["STARTED", "EXECUTED"]
     assert relay.stages(waiting)[-2:] == ["STARTED", "EXECUTED"]
     assert await along(client) - start_m == pytest.approx(DISTANCE_M + 0.1, abs=0.03)
+    async with asyncio.timeout(LIMIT_S):
+        async for value in await client.telemetry():
+            if value.name == "NXT_COMMANDS" and value.value is not None:
+                assert value.value.value > 0.0
+                break
 
 
 async def by_the_relay_first(client: MrsClient, relay: RelayEnd) -> None:

@@ -17,7 +17,7 @@ from adapters.cli.main import main
 from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import AttributeType, Consumer, MalError, MalUri, Typed, TypedList
 from adapters.mrs.ground import MrsClient, Outcome
-from adapters.mrs.link import Measure, MrsLink
+from adapters.mrs.link import Housekeeping, MrsLink
 from adapters.mrs.spec import (
     CommandHeader,
     Notification,
@@ -97,9 +97,9 @@ class LinkedBench(Bench):
         service_layer: str | None,
         authority: AuthoritySettings,
         explains: bool,
-        measure: Measure | None,
+        housekeeping: Housekeeping | None,
     ) -> None:
-        self._measure = measure
+        self._housekeeping = housekeeping
         self._history = ChronicleBuilder(KEPT) if explains else None
         self._port = port
         self._terms = terms
@@ -116,7 +116,7 @@ class LinkedBench(Bench):
             terms=self._terms,
             service_layer=self._service_layer,
             history=self._history,
-            measure=self._measure,
+            housekeeping=self._housekeeping,
         )
         return super()._start()
 
@@ -137,7 +137,7 @@ class Aboard:
         service_layer: the URI of another's service layer, where it registers.
         authority: who may command it.
         explains: whether it tells why.
-        measure: measures its housekeeping.
+        housekeeping: measures how it is doing.
     """
 
     def __init__(
@@ -149,9 +149,9 @@ class Aboard:
         service_layer: str | None = None,
         authority: AuthoritySettings = ANYBODY,
         explains: bool = False,
-        measure: Measure | None = None,
+        housekeeping: Housekeeping | None = None,
     ) -> None:
-        self.measure = measure
+        self.housekeeping = housekeeping
         self.authority = authority
         self.explains = explains
         self.runs = False
@@ -270,7 +270,7 @@ class Aboard:
             self.service_layer,
             self.authority,
             self.explains,
-            self.measure,
+            self.housekeeping,
         )
         while True:
             try:

@@ -23,7 +23,7 @@ def rover(tmp_path: Path) -> Iterator[Aboard]:
     housekeeping = ExecutiveHousekeeping(tmp_path)
     for ticks in (SLOW, QUICK):
         housekeeping.note(ticks)
-    with closing(Aboard(tmp_path, measure=housekeeping.measure)) as rover:
+    with closing(Aboard(tmp_path, housekeeping=housekeeping)) as rover:
         rover.runs = True
         yield rover
 

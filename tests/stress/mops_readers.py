@@ -25,6 +25,7 @@ from adapters.mops import (
     encode,
     facts_of,
     health_of,
+    housekeeping_of,
     parameters_of,
     report_of,
 )
@@ -126,6 +127,8 @@ class Parsers:
             report_of(message, dictionary, 0.0)
         with suppress(MopsError):
             health_of(message, link)
+        with suppress(MopsError):
+            housekeeping_of(message, dictionary.spelling.housekeeping)
         with suppress(MopsError):
             parameters_of(message, telemetry, 0.0)
             tuple(facts_of(message, telemetry, 0.0))

@@ -8,12 +8,14 @@ from typing import Final, get_args
 from hypothesis import strategies as st
 
 from adapters.mops import (
+    Housekeeping,
     LinkHealth,
     Message,
     MopsError,
     encode,
     event_of,
     health_message,
+    housekeeping_message,
     load_dictionary,
     refusal_of,
     reply_of,
@@ -97,6 +99,10 @@ def sound_messages(asset: str, seed: int) -> tuple[bytes, ...]:
     def health(utc_s: float) -> Message:
         return health_message(LinkHealth(utc_s, 3, 1.5, None, 0.25, 0, 0), spelling.link, asset)
 
+    def housekeeping(utc_s: float) -> Message:
+        told = Housekeeping(utc_s, {"EXEC_TICK": 0.25, "EXEC_GOALS": None})
+        return housekeeping_message(told, spelling.housekeeping, asset)
+
     commands = [st.builds(command, st.from_type(kind), IDENTITIES) for kind in get_args(Request)]
     any_command = st.one_of(commands)
     kinds: list[st.SearchStrategy[Message | None]] = [
@@ -106,6 +112,7 @@ def sound_messages(asset: str, seed: int) -> tuple[bytes, ...]:
         reports(Kind.EVENT).map(lambda report: event_of(report, spelling.event, asset)),
         KNOWN.map(lambda known: telemetry_of(known, spelling.telemetry, asset, "ALL")),
         st.floats(0.0, 2e9).map(health),
+        st.floats(0.0, 2e9).map(housekeeping),
     ]
     found = (each for kind in kinds for each in examples(kind, EACH, seed) if each is not None)
     return tuple(octets for message in found for octets in _encoded(message))

@@ -60,8 +60,8 @@ from executive.state import Battery, CameraAngles, Odometry
 
 NODE_NAME: Final = "nxt"
 HEALTH_S: Final = 1.0
-HOUSEKEEPING_S: Final = 30.0
-"""Between two times that the ground is told of this process: the link is narrow."""
+HOUSEKEEPING_S: Final = {Link.DIRECT: 5.0, Link.RELAY: 30.0}
+"""Between two times that this process tells of itself; the relay's link is narrow."""
 _LOG: Final = logging.getLogger(__name__)
 HIGHEST_PERIOD_S: Final = 3600.0
 _USB: Final = {
@@ -177,7 +177,8 @@ class NxtNode:
         dictionary = load_dictionary()
         spelling = dictionary.spelling
         self._telemetry = spelling.telemetry
-        self._housekeeping, self._house_s = spelling.housekeeping, -inf
+        self._housekeeping = spelling.housekeeping
+        self._house_s = dict.fromkeys(Link, -inf)
         authority = RelayAuthority(settings.relay_needs_authority)
         self._router = Router(
             dictionary, settings.brick, self, self._refused, record, authority, SystemClock()
@@ -306,11 +307,10 @@ class NxtNode:
             self._listeners[link] = found
 
     def _tell_housekeeping(self) -> None:
-        """Tell the ground by the relay how this process is doing."""
+        """Tell by both links how this process is doing."""
         now_s, counts = time.monotonic(), self._router.counts
-        if now_s < self._house_s or not self._listeners[Link.RELAY]:
-            return
-        self._house_s = now_s + HOUSEKEEPING_S
+        due = [link for link in Link if now_s >= self._house_s[link] and self._listeners[link]]
+        self._house_s |= {link: now_s + HOUSEKEEPING_S[link] for link in due}
         figures = {
             "NXT_CONNECTED": float(self._session.connected),
             "NXT_WAITING": counts.waiting,
@@ -320,9 +320,8 @@ class NxtNode:
             "NXT_DEAD_MAN": counts.dead_man,
         }
         told = Housekeeping(time.time(), figures)
-        self.notify(
-            Link.RELAY, housekeeping_message(told, self._housekeeping, self._settings.brick)
-        )
+        for link in due:
+            self.notify(link, housekeeping_message(told, self._housekeeping, self._settings.brick))
 
     def _diagnose(self) -> None:
         """Publish one status: ERROR without the brick, WARN where messages were refused."""

@@ -82,7 +82,7 @@ EXECUTIVE_HOUSEKEEPING: Final = (
     HousekeepingParameter("EXEC_REPORTS", "Number of the last report"),
     *_of_process(EXECUTIVE, "rover-executive"),
 )
-"""Of the executive, by the direct link."""
+"""Of the executive."""
 
 NXT_HOUSEKEEPING: Final = (
     HousekeepingParameter("NXT_CONNECTED", "Whether MOCUP's brick is there: 1 or 0", None, 1),
@@ -92,10 +92,10 @@ NXT_HOUSEKEEPING: Final = (
     HousekeepingParameter("NXT_REFUSED", "Messages that went nowhere, since then"),
     HousekeepingParameter("NXT_DEAD_MAN", "Stops because nobody was left who moved it, since then"),
 )
-"""Of `rover-nxt`, by the relay link."""
+"""Of `rover-nxt`, the process before MOCUP's brick."""
 
 ABOARD_HOUSEKEEPING: Final = (*EXECUTIVE_HOUSEKEEPING, *NXT_HOUSEKEEPING)
-"""Of what is aboard and told by the relay link: of a rover the one, of a brick the other."""
+"""Of the processes aboard; one that is not there tells nothing."""
 
 ORBITER: Final = "ORBITER"
 ORBITER_HOUSEKEEPING: Final = _of_process(ORBITER, "rover-mops")
