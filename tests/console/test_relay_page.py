@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 from playwright.async_api import async_playwright, expect
 
+from adapters.mops import LinkHealth
 from executive.state import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, at_console, served
 from tests.console.site import OPTIONS
-from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting
+from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, until
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.certificates import certified
 
@@ -28,8 +29,8 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
     errors: list[str] = []
     ARTIFACTS.mkdir(parents=True, exist_ok=True)
     async with (
-        orbiting(sky, clock, eclipse(clock)) as (_, (station,)),
-        landed(sky, "jackal"),
+        orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
+        landed(sky, "jackal") as far,
         at_console(tmp_path, [str(station.uri), launch("scout").uri], "anna") as (anna,),
         async_playwright() as playwright,
     ):
@@ -51,8 +52,15 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await anna.send("waits", "moveForward", distance=2.0)
         command = page.locator("tr[data-id=waits]")
         await expect(command).to_contain_text("waits at the orbiter for")
+        now_s = clock.utc_s()
+        await far.link(
+            LinkHealth(now_s, 0, 0.0, None, 41.0, 0, 0, True, 0, 12, 12, 1, 0, 4, round_trip_s=0.25)
+        )
+        await until(lambda: all(each.aboard for each in relay.rovers.values()))
         station.tell_health()
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("1")
+        await expect(page.get_by_test_id("DTN_ABOARD_RETRANSMITTED")).to_have_text("1")
+        await expect(page.get_by_text("rover → orbiter, told")).to_be_visible()
         await expect(page.locator("[data-strip=DTN_CONTACTS_UP] [data-contact]")).to_have_count(1)
         await page.screenshot(path=ARTIFACTS / "console-relay.png")
         clock.shift_s = 3601.0
