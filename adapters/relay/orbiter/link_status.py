@@ -98,6 +98,8 @@ ORBITER_PARAMETERS: Final = (
 _LISTED_S: Final = 3600.0
 """For so long a contact is listed after its end."""
 _MOST_LISTED: Final = 50
+_LATEST_UTC_S: Final = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
+"""The end of ISO 8601's years; a plan may go beyond."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +158,7 @@ def list_contacts(
 
 def _interval(contact: Contact) -> str:
     begin, end = (
-        f"{datetime.fromtimestamp(utc_s, UTC):%Y-%m-%dT%H:%M:%SZ}"
+        f"{datetime.fromtimestamp(min(utc_s, _LATEST_UTC_S), UTC):%Y-%m-%dT%H:%M:%SZ}"
         for utc_s in (contact.begin_utc_s, contact.end_utc_s)
     )
     return f"{begin}/{end}"

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle import ContactPlan
-from adapters.bundle.links.contact import PlanError
+from adapters.bundle.links.contact import PlanError, parse_plan
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError, NotificationKind, Stage, describe_error
+from adapters.relay.orbiter.link_status import list_contacts
 from executive.commands.catalogue import ExecuteAction, MoveForward
 from tests.relay.orbiter.sky import (
     Clock,
@@ -139,6 +140,15 @@ async def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Pa
         assert up.value is not None
         assert up.value.value == ""
         assert "Invalid" in await refused_number_0(client)
+
+
+def test_a_contact_that_is_planned_for_ever_is_listed() -> None:
+    plan = parse_plan("a contact +0 +999999999999999999 1 2 125000", 1.8e9)
+    listed = list_contacts(plan, 1, 2, None, 1.8e9)
+    up, _ = listed.values()
+    assert up.value is not None
+    assert up.value.value == "2027-01-15T08:00:00Z/9999-12-31T23:59:59Z"
+    assert list_contacts(plan, 1, 2, listed, 1.9e9) is listed
 
 
 async def refused_number_0(client: MrsClient) -> str:
