@@ -1,11 +1,12 @@
 """A rover behind an orbiter: real agents and sockets, an eclipse, and both links at once."""
 
+import asyncio
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from tests.console.conftest import Launch
-from tests.console.consoles import ALL, at_console
+from tests.console.consoles import ALL, LIMIT_S, at_console
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, until
 
 
@@ -65,6 +66,10 @@ async def test_what_waits_at_the_orbiter_counts_up_and_drains_and_is_kept_in_the
         async def kept(key: str) -> list[Any]:
             samples = (await anna.get(f"api/tm/jackal/{key}", link="relay"))["samples"]
             return [each["value"] for each in samples]
+
+        async with asyncio.timeout(LIMIT_S):  # the archive writes a batch now and then
+            while (await kept("DTN_ACKNOWLEDGED"))[-1:] != [2.0]:
+                await asyncio.sleep(0.05)
 
         assert [each for each, _ in groupby(await kept("DTN_QUEUED"))] == [0.0, 1.0, 2.0, 0.0]
         assert (await kept("DTN_QUEUED_OCTETS"))[-2] > 100.0
