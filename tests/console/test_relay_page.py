@@ -11,7 +11,7 @@ from executive.state import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, at_console, served
 from tests.console.site import OPTIONS
-from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, until
+from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, telling, until
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.certificates import certified
 
@@ -32,6 +32,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         orbiting(sky, clock, eclipse(clock)) as (relay, (station,)),
         landed(sky, "jackal") as far,
         at_console(tmp_path, [str(station.uri), launch("scout").uri], "anna") as (anna,),
+        telling(station),
         async_playwright() as playwright,
     ):
         browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
@@ -57,7 +58,6 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
             LinkHealth(now_s, 0, 0.0, None, 41.0, 0, 0, True, 0, 12, 12, 1, 0, 4, round_trip_s=0.25)
         )
         await until(lambda: all(each.aboard for each in relay.rovers.values()))
-        station.tell_health()
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("1")
         await expect(page.get_by_test_id("DTN_ABOARD_RETRANSMITTED")).to_have_text("1")
         await expect(page.get_by_text("rover → orbiter, told")).to_be_visible()
@@ -65,7 +65,6 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await page.screenshot(path=ARTIFACTS / "console-relay.png")
         clock.shift_s = 3601.0
         await expect(command).to_have_count(0)
-        station.tell_health()
         await expect(way).to_have_attribute("data-open", "true")
         for counter in ("DTN_SENT", "DTN_ACKNOWLEDGED"):
             await expect(page.get_by_test_id(counter)).to_have_text("1")

@@ -249,6 +249,23 @@ async def orbiting(
         await relay.close()
 
 
+@asynccontextmanager
+async def telling(station: RoverProvider) -> AsyncIterator[None]:
+    """Have the orbiter tell of the link again and again, for telemetry may be dropped."""
+
+    async def tell() -> None:
+        while True:
+            station.tell_health()
+            await asyncio.sleep(0.2)
+
+    telling = asyncio.create_task(tell())
+    try:
+        yield
+    finally:
+        telling.cancel()
+        await asyncio.gather(telling, return_exceptions=True)
+
+
 async def ground(station: RoverProvider, source: str = "MOE") -> MrsClient:
     return await MrsClient.connect(str(station.uri), source)
 
