@@ -34,6 +34,7 @@ export class Past {
     this.#asset = asset;
     this.changed = changed;
     this.#offs = [
+      session.connection.on(() => this.#forget()),
       asset.on("status", () => this.#hear("modes", asset.status)),
       asset.on("authority", () => this.#hear("authority", asset.authority)),
       asset.on("plans", () => [...asset.plans.values()].forEach((each) => this.#hear("plans", each))),
@@ -61,8 +62,14 @@ export class Past {
     } catch (error) {
       if (reading !== this.#reading) return;
       this.problem = error.message;
-      this.#known = [Infinity, -Infinity];
     }
+    this.changed();
+  }
+
+  /** Have all read anew, once the server is back: what was told meanwhile is not known. */
+  #forget() {
+    if (this.#session.connection.status !== "open") return;
+    this.#known = [Infinity, -Infinity];
     this.changed();
   }
 
