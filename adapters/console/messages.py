@@ -423,6 +423,54 @@ class FileChanged:
     mime: str | None
 
 
+@unique
+class TransferState(Enum):
+    """How a transfer of a file is.
+
+    Attributes:
+        WAITING: others are under way.
+        INTERRUPTED: nothing comes; it goes on where it stopped, by itself.
+        PAUSED: an operator has it wait until an operator resumes it.
+        REMOVED: it is not in the list any more.
+    """
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    INTERRUPTED = "interrupted"
+    PAUSED = "paused"
+    DONE = "done"
+    FAILED = "failed"
+    REMOVED = "removed"
+
+
+@dataclass(frozen=True, slots=True)
+class Transfer:
+    """A file on its way between an asset and the console.
+
+    Attributes:
+        by: the operator who asked for it; empty for a page that shows the file.
+        done, size: octets that have come, and those of the whole; None until it is known.
+        rate: octets a second, lately; None unless it runs.
+        made: when it was asked for.
+        utc: when this was so.
+        detail: why it is so, for people.
+    """
+
+    ty: ClassVar[str] = "transfer"
+
+    id: str
+    asset: str
+    path: str
+    by: str
+    state: TransferState
+    made: float
+    utc: float
+    done: int = 0
+    size: int | None = None
+    rate: float | None = None
+    detail: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Present:
     """A page that is open."""
@@ -475,14 +523,19 @@ Broadcast = (
 )
 """What is numbered, never dropped, and sent again to a page that comes back."""
 
-Message = Hello | Sample | TreeState | Gap | Broadcast
+Latest = TreeState | Transfer
+"""What is told whole at each change, so that only the last one of a topic counts."""
+
+Message = Hello | Sample | Latest | Gap | Broadcast
 
 
 def topic_of(message: Message) -> str:
-    """Return what a page subscribes to for a message: its type and asset, and a value's key."""
+    """Return what a page subscribes to for a message: its type and asset, and which of these."""
     match message:
         case Sample(asset=asset, key=key):
             return f"{message.ty}:{asset}:{key}"
+        case Transfer(asset=asset, id=name):
+            return f"{message.ty}:{asset}:{name}"
         case Hello() | Gap() | Presence() | ObjectChanged():
             return message.ty
         case _:
@@ -536,6 +589,12 @@ def decode_command(body: dict[str, Any]) -> CommandStatus:
         "history": history,
     }
     return CommandStatus(**given)
+
+
+def decode_transfer(body: dict[str, Any]) -> Transfer:
+    """Return a transfer of what `plain` made."""
+    given = {name: body[name] for name in _names(Transfer)}
+    return Transfer(**given | {"state": TransferState(body["state"])})
 
 
 _NOT_FINITE: Final = {float("inf"): "Infinity", float("-inf"): "-Infinity"}

@@ -22,7 +22,7 @@ from adapters.console.archive import (
     open_database,
     retain,
 )
-from adapters.console.housekeeping import ConsoleHousekeeping
+from adapters.console.housekeeping import ASSET, ConsoleHousekeeping
 from adapters.console.messages import Broadcast, Link, Notified, Sample, TreeState
 from adapters.console.recordings import Recordings
 from adapters.console.requests import (
@@ -31,10 +31,12 @@ from adapters.console.requests import (
     Explaining,
     Export,
     Files,
+    FileStore,
     History,
     Objects,
     Operations,
     Plans,
+    Transfers,
     Video,
 )
 from adapters.console.rovers import (
@@ -57,8 +59,8 @@ from adapters.recording import RecordingError
 READ_AGAIN_S: Final = 1.0
 """Between two attempts to read the archive, where nothing goes on without it."""
 LOCK: Final = "console.lock"
-FETCHED: Final = "fetched"
-"""The folder of the data folder in which fetched files are."""
+FILES: Final = "files"
+"""The folder of the data folder in which files of assets are kept."""
 OPENED: Final = "opened"
 """The one in which is what was read of recordings, while the process runs."""
 
@@ -170,13 +172,15 @@ async def _serving(
     housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample)
     alarms = Alarms(archive, publish, limits_of)
     commanding = Commanding(fleet, tracker, commands, desk)
+    store = FileStore(options.data / FILES)
+    transfers = Transfers(commanding.file_client, store, hub.transfer)
     recordings = Recordings(_emptied(options.data / OPENED), publish)
     objects = Objects(archive, publish)
     routes = [
         *Operations(commanding, desk).routes(),
         *Plans(commanding, archive).routes(),
         *Explaining(commanding, recordings).routes(),
-        *Files(commanding, options.data / FETCHED).routes(),
+        *Files(commanding.file_client, store, transfers, ASSET).routes(),
         *Video(options.video, fleet.video_of).routes(),
         *recordings.routes(),
         *History(archive, recordings).routes(),
@@ -219,9 +223,11 @@ async def _serving(
                 " there, or give another with --port"
             ) from error
         fleet.start()
+        transfers.start()
         yield _address(options, runner)
     finally:
         await commanding.close()
+        await transfers.close()
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,15 +1,21 @@
-"""Files of a rover, listed and fetched by a page."""
+"""Files of a rover, listed and fetched; over links that are lost, by consoles that are killed."""
 
 import asyncio
+import random
+import signal
+from itertools import chain, repeat
 from pathlib import Path
 
 import pytest
 
-from adapters.console.requests import files
+from adapters.console.requests import file_store, transfers
 from tests.console.conftest import Launch
-from tests.console.consoles import Operator, at_console
+from tests.console.consoles import Operator, Said, at_console, operator
+from tests.mrs.test_file_retrieval import cutting
+from tests.support.processes import running
 
 PICTURE = b"\xff\xd8" + bytes(range(256)) * 300
+OCTETS = random.Random(7).randbytes(3_000_000)
 
 
 async def fetch(anna: Operator, path: str) -> tuple[int, bytes, dict[str, str]]:
@@ -37,10 +43,16 @@ async def test_files_are_listed_and_fetched_once(launch: Launch, tmp_path: Path)
         assert "sandbox" in headers["Content-Security-Policy"]
         assert (await fetch(anna, "none.jpg"))[0] == 404
         assert (await fetch(anna, "..%2f..%2fsecret"))[0] in {404, 422}
-        kept = list((tmp_path / "console" / "fetched").iterdir())
-        assert len(kept) == 2
+        kept = (await anna.get("api/files/rover-console"))["files"]
+        assert [each["path"] for each in kept] == [
+            "jackal/page.html",
+            "jackal/pictures/rock one.jpg",
+        ]
+        assert len((await anna.get("api/transfers"))["transfers"]) == 2
         await fetch(anna, "pictures/rock%20one.jpg")
-        assert len(list((tmp_path / "console" / "fetched").iterdir())) == 2
+        assert len((await anna.get("api/transfers"))["transfers"]) == 2
+        rover.put("pictures/rock one.jpg", PICTURE[::-1])
+        assert (await fetch(anna, "pictures/rock%20one.jpg"))[1] == PICTURE[::-1]
 
 
 async def test_what_was_fetched_longest_ago_is_forgotten(
@@ -49,9 +61,101 @@ async def test_what_was_fetched_longest_ago_is_forgotten(
     rover = launch()
     for number in range(4):
         rover.put(f"{number}.bin", bytes([number]) * 1000)
-    monkeypatch.setattr(files, "MOST_KEPT", 2500)
+    monkeypatch.setattr(file_store, "MOST_KEPT", 2500)
     async with at_console(tmp_path, rover.uri, "anna") as (anna,):
         await anna.page.is_up()
         for number in range(4):
             assert (await fetch(anna, f"{number}.bin"))[1] == bytes([number]) * 1000
-    assert len(list((tmp_path / "console" / "fetched").iterdir())) == 2
+        kept = (await anna.get("api/files/rover-console"))["files"]
+        assert [each["path"] for each in kept] == ["jackal/2.bin", "jackal/3.bin"]
+
+
+async def transfer(anna: Operator, path: str, asset: str = "jackal") -> tuple[int, Said]:
+    return await anna.ask("POST", "api/transfers", json={"asset": asset, "path": path})
+
+
+async def stopped(anna: Operator, name: str, state: str) -> list[Said]:
+    """Return all that is told of a transfer until it is in a state."""
+    told: list[Said] = []
+    while not told or told[-1]["state"] != state:
+        told.append(await anna.page.until(lambda said: said.get("id") == name))
+    return told
+
+
+async def test_a_transfer_goes_on_after_a_lost_link(launch: Launch, tmp_path: Path) -> None:
+    rover = launch()
+    rover.put("rock.raw", OCTETS)
+    async with (
+        cutting(rover.uri, chain([None, 1_000_000], repeat(None))) as (address, proxy),
+        at_console(tmp_path, address, "anna", "bert", topics=["link", "transfer"]) as (anna, bert),
+    ):
+        await anna.page.is_up()
+        status, begun = await transfer(anna, "rock.raw")
+        assert (status, begun["by"], begun["state"]) == (202, "anna", "waiting")
+        told = await stopped(anna, begun["id"], "done")
+        assert "interrupted" in [each["state"] for each in told]
+        assert [each["done"] for each in told] == sorted(each["done"] for each in told)
+        assert (told[-1]["done"], told[-1]["size"], proxy.cuts) == (len(OCTETS), len(OCTETS), 1)
+        assert (await stopped(bert, begun["id"], "done"))[-1] == told[-1]
+        assert (tmp_path / "console/files/jackal/rock.raw").read_bytes() == OCTETS
+
+
+async def test_a_transfer_goes_on_after_the_console_was_killed(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    rover.put("rock.raw", OCTETS)
+    links = chain([None, 1_000_000, None], repeat(2_200_000))
+    async with cutting(rover.uri, links) as (address, proxy):
+        arguments = ("--to", address, "--port", "0", "--data", str(tmp_path / "data"))
+        for life in (1, 2):
+            log = tmp_path / f"console-{life}.log"
+            with running(log, "rover-console", *arguments) as process:
+                served = await asyncio.to_thread(process.said, r"(http://127.0.0.1:\d+/)")
+                async with (
+                    operator(served, "anna") as anna,
+                    anna.open_page("link", "transfer") as anna.page,
+                ):
+                    await anna.page.is_up()
+                    if life == 1:
+                        await transfer(anna, "rock.raw")
+                    (known,) = (await anna.get("api/transfers"))["transfers"]
+                    await stopped(anna, known["id"], "interrupted" if life == 1 else "done")
+                process.end(signal.SIGKILL)
+        assert proxy.cuts == 1, "the rest alone fits into what the last connection may carry"
+    assert (tmp_path / "data/files/jackal/rock.raw").read_bytes() == OCTETS
+
+
+async def test_so_many_transfers_run_at_once_and_others_wait(
+    launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transfers, "MOST_AT_ONCE", 1)
+    rover = launch()
+    for number in range(3):
+        rover.put(f"{number}.raw", OCTETS[number:])
+    async with at_console(tmp_path, rover.uri, "anna", topics=["link", "transfer"]) as (anna,):
+        await anna.page.is_up()
+        for number in range(3):
+            await transfer(anna, f"{number}.raw")
+        states: dict[str, str] = {}
+        while list(states.values()) != ["done"] * 3:
+            said = await anna.page.until(lambda said: said["ty"] == "transfer")
+            states[said["path"]] = said["state"]
+            assert list(states.values()).count("running") <= 1
+
+
+async def test_what_cannot_be_fetched_says_why_and_is_taken_off_the_list(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    async with at_console(tmp_path, rover.uri, "anna", topics=["link", "transfer"]) as (anna,):
+        await anna.page.is_up()
+        _, begun = await transfer(anna, "none.raw")
+        failed = (await stopped(anna, begun["id"], "failed"))[-1]
+        assert "none.raw" in failed["detail"]
+        assert (await anna.ask("DELETE", f"api/transfers/{begun['id']}"))[0] == 204
+        await stopped(anna, begun["id"], "removed")
+        assert (await anna.ask("DELETE", f"api/transfers/{begun['id']}"))[0] == 404
+        for path, status in (("../secret", 422), ("a" * 300, 422)):
+            assert (await transfer(anna, path))[0] == status
+        assert (await transfer(anna, "a", "nobody"))[0] == 404

@@ -204,6 +204,21 @@ class Commanding:
         """
         return self._desk.client(self.link(asset, None))
 
+    def file_client(self, asset: str) -> MrsClient:
+        """Return the session by which an asset's files come: by the direct link alone.
+
+        Raises:
+            RefusedError: there is none, or it is down.
+        """
+        known = self._asset(asset)
+        if Link.DIRECT not in known.links:
+            text = (
+                f"files of {asset} come by its direct link, which is not known here: the orbiter"
+                " keeps no files and passes none on; give the rover's address with --to"
+            )
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+        return self._desk.client(self._link(known, Link.DIRECT))
+
     async def identity(self, name: str) -> str:
         """Return SOURCE:NUMBER of a command by its id; the same of what has no id here."""
         known = await self._commands.find(name)

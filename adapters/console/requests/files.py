@@ -1,11 +1,10 @@
-"""The requests for files aboard: a list, and a file, which is fetched once and kept here.
+"""The requests for files: of those aboard, of those kept here, and for transfers of them.
 
 What a rover sends is not trusted: a browser shows it as a picture, or saves it, and runs nothing.
 """
 
 import asyncio
-import hashlib
-from collections import defaultdict
+import mimetypes
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path, PurePosixPath
@@ -14,22 +13,22 @@ from urllib.parse import quote
 
 from aiohttp import web
 
-from adapters.console.messages import Scalar
-from adapters.console.requests.commanding import Commanding
+from adapters.console.messages import Scalar, TransferState
+from adapters.console.requests.file_store import FileStore
+from adapters.console.requests.transfers import Connect, Transfers, Turn, kept_at
 from adapters.console.rovers import NS_PER_S, figures_of
-from adapters.console.web import answer, refused
+from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
 from adapters.mal import MalError
-from adapters.mrs.ground import MrsClient, TransferError
 from adapters.mrs.spec import AreaError, FileInfo, describe_error
+from executive.state import FileStamp
 
-MOST_KEPT: Final = 1_000_000_000
-"""Octets of fetched files; those that were fetched longest ago go first."""
+_GONE: Final = "there is no such transfer any more"
 _SHOWN: Final = {"image/jpeg", "image/png", "image/gif", "image/webp"}
 
 
 @dataclass(frozen=True, slots=True)
 class FileEntry:
-    """A file aboard.
+    """A file of a component.
 
     Attributes:
         checksum: CRC-32 of the content; None where the list does not tell it.
@@ -48,73 +47,112 @@ class Files:
     """Answers these requests.
 
     Args:
-        commanding: knows the assets.
-        folder: where fetched files are kept.
+        client: connects with an asset.
+        store: the files kept here.
+        transfers: fetches files into it.
+        own: the name of the asset whose files are those kept here.
     """
 
-    def __init__(self, commanding: Commanding, folder: Path) -> None:
-        self._commanding = commanding
-        self._folder = folder
-        self._fetching: defaultdict[Path, asyncio.Lock] = defaultdict(asyncio.Lock)
+    def __init__(self, client: Connect, store: FileStore, transfers: Transfers, own: str) -> None:
+        self._client, self._store, self._transfers, self._own = client, store, transfers, own
 
     def routes(self) -> list[web.RouteDef]:
         """Return where they are answered."""
         return [
+            web.get(f"/api/files/{self._own}", self._list_kept),
+            web.get(f"/api/files/{self._own}/{{path:.+}}", self._kept),
             web.get("/api/files/{asset}", self._list),
             web.get("/api/files/{asset}/{path:.+}", self._file),
+            web.get("/api/transfers", self._list_transfers),
+            web.post("/api/transfers", self._transfer),
+            web.post("/api/transfers/{id}", self._turn),
+            web.delete("/api/transfers/{id}", self._remove),
         ]
 
     async def _list(self, request: web.Request) -> web.Response:
-        client = self._commanding.client(request.match_info["asset"])
+        client = self._client(request.match_info["asset"])
         try:
             found = await client.list_files(request.query.get("folder"))
         except (MalError, ConnectionError) as error:
             raise _refused(error) from error
         return answer({"files": list(map(_entry, found))})
 
+    async def _list_kept(self, _: web.Request) -> web.Response:
+        found = await asyncio.to_thread(lambda: sorted(self._store.entries()))
+        return answer({"files": [_kept_entry(*each) for each in found]})
+
     async def _file(self, request: web.Request) -> web.StreamResponse:
+        """Answer with a file aboard, which is fetched unless the same is kept here."""
         asset, path = request.match_info["asset"], request.match_info["path"]
-        client = self._commanding.client(asset)
+        client, kept = self._client(asset), kept_at(asset, path)
         try:
             file = await client.get_attributes(path)
             if "about" in request.query:
                 return answer(_entry(file))
-            here = await self._fetch(client, asset, file)
-        except (MalError, ConnectionError, TransferError, OSError) as error:
+            here = await asyncio.to_thread(self._store.find_same, kept, file)
+            if here is None:
+                await self._fetch(asset, path)
+                here = self._store.find(kept)
+        except (MalError, ConnectionError, OSError, ValueError) as error:
             raise _refused(error) from error
-        name = quote(PurePosixPath(file.path).name)
-        how = "inline" if file.mimeType in _SHOWN else "attachment"
-        mime = file.mimeType if file.mimeType in _SHOWN else "application/octet-stream"
-        return web.FileResponse(
-            here,
-            headers={
-                "Content-Type": str(mime),
-                "Content-Disposition": f"{how}; filename*=UTF-8''{name}",
-                "Content-Security-Policy": "default-src 'none'; sandbox",
-            },
-        )
+        return _found(here, file.mimeType)
 
-    async def _fetch(self, client: MrsClient, asset: str, file: FileInfo) -> Path:
-        """Return where a file is here, which is fetched unless it was before."""
-        named = f"{asset}\0{file.path}\0{file.size}\0{file.checksum}"
-        here = self._folder / hashlib.sha256(named.encode()).hexdigest()
-        async with self._fetching[here]:
-            if not here.exists():
-                self._folder.mkdir(parents=True, exist_ok=True)
-                await client.retrieve_file(file.path, here)
-                self._forget_oldest()
-        return here
+    async def _kept(self, request: web.Request) -> web.StreamResponse:
+        path = request.match_info["path"]
+        return _found(self._store.find(path), mimetypes.guess_type(path)[0])
 
-    def _forget_oldest(self) -> None:
-        newest_first = sorted(
-            ((each.stat().st_mtime, each.stat().st_size, each) for each in self._folder.iterdir()),
-            reverse=True,
-        )
-        octets = 0
-        for number, (_, size, path) in enumerate(newest_first):
-            octets += size
-            if octets > MOST_KEPT and number > 0:
-                path.unlink(missing_ok=True)
+    async def _fetch(self, asset: str, path: str) -> None:
+        begun = self._transfers.fetch(asset, path, "")
+        stopped = await self._transfers.until_stopped(begun.id)
+        if stopped.state is TransferState.INTERRUPTED:
+            text = f"it is not here yet: {stopped.detail}; it goes on by itself: see its transfer"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+        if stopped.state is not TransferState.DONE:
+            text = f"it was not fetched: {stopped.detail or 'its transfer was ended'}; ask again"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+
+    async def _list_transfers(self, _: web.Request) -> web.Response:
+        return answer({"transfers": self._transfers.listed})
+
+    async def _transfer(self, request: web.Request) -> web.Response:
+        body = await body_of(request)
+        asset, path = text_of(body, "asset"), text_of(body, "path")
+        self._client(asset)  # one that can never come is told of at once
+        try:
+            begun = self._transfers.fetch(asset, path, request[OPERATOR])
+        except (OSError, ValueError) as error:
+            raise _refused(error) from error
+        return answer(begun, HTTPStatus.ACCEPTED)
+
+    async def _turn(self, request: web.Request) -> web.Response:
+        act = one_of(Turn, "act", (await body_of(request)).get("act"))
+        try:
+            turned = await self._transfers.turn(request.match_info["id"], act)
+        except KeyError:
+            raise refused(HTTPStatus.NOT_FOUND, _GONE) from None
+        return answer(turned)
+
+    async def _remove(self, request: web.Request) -> web.Response:
+        try:
+            await self._transfers.remove(request.match_info["id"])
+        except KeyError:
+            raise refused(HTTPStatus.NOT_FOUND, _GONE) from None
+        return web.Response(status=HTTPStatus.NO_CONTENT)
+
+
+def _found(here: Path | None, mime: str | None) -> web.FileResponse:
+    if here is None:
+        raise refused(HTTPStatus.NOT_FOUND, "there is no such file here")
+    name = quote(PurePosixPath(here).name)
+    how = "inline" if mime in _SHOWN else "attachment"
+    return web.FileResponse(
+        here,
+        headers={
+            "Content-Type": mime if mime in _SHOWN else "application/octet-stream",
+            "Content-Disposition": f"{how}; filename*=UTF-8''{name}",
+            "Content-Security-Policy": "default-src 'none'; sandbox",
+        },
+    )
 
 
 def _entry(file: FileInfo) -> FileEntry:
@@ -128,14 +166,21 @@ def _entry(file: FileInfo) -> FileEntry:
     )
 
 
+def _kept_entry(path: str, stamp: FileStamp) -> FileEntry:
+    modified_s, mime = stamp.modified_ns / NS_PER_S, mimetypes.guess_type(path)[0]
+    return FileEntry(path, stamp.size_octets, modified_s, mime, None, {})
+
+
 def _refused(error: Exception) -> Exception:
     match error:
         case MalError(number=AreaError.NOT_FOUND.value):
             return refused(HTTPStatus.NOT_FOUND, f"there is no such file aboard: {error}")
         case MalError():
             return refused(HTTPStatus.UNPROCESSABLE_ENTITY, describe_error(error))
-        case TransferError() | ConnectionError():
-            text = f"it was not fetched: {error}; ask again, and it goes on where it ended"
+        case ConnectionError():
+            text = f"the link was lost: {error}; ask again when it is up"
             return refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+        case ValueError():
+            return refused(HTTPStatus.UNPROCESSABLE_ENTITY, f"path: {error}", field="path")
         case _:
             return refused(HTTPStatus.INSUFFICIENT_STORAGE, f"it cannot be kept here: {error}")

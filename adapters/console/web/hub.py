@@ -20,6 +20,7 @@ from adapters.console.messages import (
     FileChanged,
     Gap,
     Hello,
+    Latest,
     LinkStatus,
     Message,
     Notified,
@@ -28,6 +29,8 @@ from adapters.console.messages import (
     Present,
     Quality,
     Sample,
+    Transfer,
+    TransferState,
     TreeState,
     encode,
     is_wanted,
@@ -66,7 +69,7 @@ class Page:
         self._topics: frozenset[str] = frozenset()
         self._waiting: deque[str] = deque()
         self._samples: deque[str] = deque(maxlen=MOST_SAMPLES)
-        self._trees: dict[str, str] = {}
+        self._latest: dict[str, str] = {}
         self._dropped = 0
         self._something = asyncio.Event()
         self._sent_s = -BATCH_S
@@ -86,7 +89,7 @@ class Page:
             if is_wanted(topic, self._topics):
                 self._put(text)
         for message in self._hub.standing():
-            if isinstance(message, Sample | TreeState) and self.wants(topic_of(message)):
+            if isinstance(message, Sample | Latest) and self.wants(topic_of(message)):
                 self.put(message, encode(message))
 
     def wants(self, topic: str) -> bool:
@@ -94,9 +97,9 @@ class Page:
         return is_wanted(topic, self._topics)
 
     def put(self, message: Message, text: str) -> None:
-        """Have a message sent; telemetry may be dropped later, and a tree is by the next one."""
-        if isinstance(message, TreeState):
-            self._trees[topic_of(message)] = text
+        """Have a message sent; telemetry may be dropped later, what is told whole by the next."""
+        if isinstance(message, Latest):
+            self._latest[topic_of(message)] = text
             self._something.set()
             return
         if not isinstance(message, Sample):
@@ -115,12 +118,12 @@ class Page:
         await asyncio.sleep(max(GATHER_S, self._sent_s + BATCH_S - now_s()))
         self._sent_s = now_s()
         self._something.clear()
-        texts = [*self._waiting, *self._samples, *self._trees.values()]
+        texts = [*self._waiting, *self._samples, *self._latest.values()]
         if self._dropped:
             texts.append(encode(Gap(self._dropped)))
         self._waiting.clear()
         self._samples.clear()
-        self._trees.clear()
+        self._latest.clear()
         self._dropped = 0
         return f"[{','.join(texts)}]"
 
@@ -174,7 +177,16 @@ class Hub:
         self._standing[tree.ty, tree.asset] = tree
         self._send(tree)
 
-    def _send(self, message: Sample | TreeState) -> None:
+    def transfer(self, transfer: Transfer) -> None:
+        """Send how a transfer is to the pages that want it."""
+        key = (transfer.ty, transfer.asset, transfer.id)
+        if transfer.state is TransferState.REMOVED:
+            self._standing.pop(key, None)
+        else:
+            self._standing[key] = transfer
+        self._send(transfer)
+
+    def _send(self, message: Sample | Latest) -> None:
         topic, text = topic_of(message), ""
         for page in self._pages:
             if page.wants(topic):

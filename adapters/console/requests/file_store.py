@@ -1,0 +1,106 @@
+"""The files that the console keeps: each under the name of its asset, and its path aboard."""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+from zlib import crc32
+
+from adapters.mrs.spec import FileInfo
+from executive.reasons import Refusal
+from executive.state import FileFolder, FileStamp, check_path
+
+MOST_KEPT: Final = 1_000_000_000
+"""Octets of files; those that were fetched longest ago go first."""
+_READ_OCTETS: Final = 1 << 20
+_STAGED: Final = ".transfers"
+"""What is on its way; a name that begins with a dot is no part of the folder."""
+
+
+class FileStore:
+    """Keeps files in a folder, and those that are on their way in a hidden one within.
+
+    Args:
+        root: the folder; made when the first file comes.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self._folder = FileFolder(root, lambda _: None)
+        self._verified: dict[FileStamp, int] = {}
+
+    def entries(self) -> Iterator[tuple[str, FileStamp]]:
+        """Yield the files that are here, in no order."""
+        return self._folder.entries()
+
+    def find(self, path: str) -> Path | None:
+        """Return where a file is; None if it is not here."""
+        place = self._folder.find(path)
+        return None if isinstance(place, Refusal) else place
+
+    def find_same(self, path: str, file: FileInfo) -> Path | None:
+        """Return where a file is if it has the content that it has aboard; may read all of it."""
+        place = self.find(path)
+        if place is None or file.checksum is None:
+            return None
+        stamp = FileStamp.of(place.stat())
+        if stamp.size_octets != file.size:
+            return None
+        if stamp not in self._verified:
+            self._verified[stamp] = _checksum(place)
+        return place if self._verified[stamp] == file.checksum else None
+
+    @property
+    def staged(self) -> Path:
+        """The folder of what is on its way."""
+        return self.root / _STAGED
+
+    def stage(self, path: str) -> Path:
+        """Return where a file is while it is on its way; parts of it are named after that.
+
+        Raises:
+            ValueError: no file here can have this path.
+        """
+        if (refusal := check_path(path)) is not None:
+            raise ValueError(refusal.text)
+        self.staged.mkdir(parents=True, exist_ok=True)
+        return self.staged / hashlib.sha256(path.encode()).hexdigest()
+
+    def take(self, path: str, file: FileInfo) -> None:
+        """Put a file that has come whole, and was verified, where it belongs.
+
+        Raises:
+            OSError: it cannot be put there.
+        """
+        came, place = self.stage(path), self.root / path
+        place.parent.mkdir(parents=True, exist_ok=True)
+        os.utime(came, ns=(file.modified, file.modified))
+        came.replace(place)
+        if file.checksum is not None:
+            self._verified[FileStamp.of(place.stat())] = file.checksum
+        self.discard(path)
+        self._forget_oldest()
+
+    def discard(self, path: str) -> None:
+        """Remove what came of a file so far."""
+        staged = self.stage(path)
+        for part in staged.parent.glob(f"{staged.name}*"):
+            part.unlink(missing_ok=True)
+
+    def _forget_oldest(self) -> None:
+        places = [self.root / path for path, _ in self.entries()]
+        newest_first = sorted(places, key=lambda place: place.stat().st_ctime_ns, reverse=True)
+        octets = 0
+        for number, place in enumerate(newest_first):
+            octets += place.stat().st_size
+            if octets > MOST_KEPT and number > 0:
+                place.unlink()
+
+
+def _checksum(place: Path) -> int:
+    value = 0
+    with place.open("rb") as file:
+        while octets := file.read(_READ_OCTETS):
+            value = crc32(octets, value)
+    return value

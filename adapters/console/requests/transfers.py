@@ -1,0 +1,277 @@
+"""Files on their way from aboard: each goes on where it stopped, also after a kill.
+
+What came lies in the store's folder for that, and beside it a list of the transfers, written
+whenever one of them is in another state.
+"""
+
+import asyncio
+import json
+import logging
+import secrets
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from enum import Enum, unique
+from typing import Final, assert_never
+
+from adapters.console.messages import Transfer, TransferState, decode_transfer, plain
+from adapters.console.requests.file_store import FileStore
+from adapters.console.tasks import begin
+from adapters.console.web import RefusedError
+from adapters.mal import MalError
+from adapters.mrs.ground import MrsClient, TransferError
+from adapters.mrs.spec import AreaError, describe_error
+
+_LOG: Final = logging.getLogger(__name__)
+
+MOST_AT_ONCE: Final = 3
+"""Transfers that run at the same time; others wait."""
+MOST_LISTED: Final = 100
+"""Transfers in the list; those that ended first go from it first."""
+AGAIN_S: Final = 1.0
+"""Between two looks whether what was interrupted can go on."""
+TELL_S: Final = 0.25
+"""Between two messages on how far one is."""
+RATED: Final = 12
+"""Messages over which the rate is taken."""
+_LIST: Final = "list.json"
+_FOR_GOOD: Final = {error.value for error in AreaError} - {AreaError.BUSY.value}
+"""Answers that another attempt would get again."""
+Connect = Callable[[str], MrsClient]
+"""Returns the session by which an asset's files come; raises RefusedError if there is none now."""
+
+_ENDED: Final = {TransferState.DONE, TransferState.FAILED, TransferState.REMOVED}
+
+
+@unique
+class Turn(Enum):
+    """What an operator may do with a transfer."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+
+
+def kept_at(asset: str, path: str) -> str:
+    """Return where a file of an asset is in the store."""
+    return f"{asset}/{path}"
+
+
+@dataclass(slots=True, eq=False)
+class _Moving:
+    """A transfer and its task.
+
+    Attributes:
+        stopped: set unless it is on its way, or waits for others.
+        lately: when it was how far, by the loop's clock.
+    """
+
+    transfer: Transfer
+    stopped: asyncio.Event = field(default_factory=asyncio.Event)
+    lately: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=RATED))
+    task: asyncio.Task[None] | None = None
+
+
+class Transfers:
+    """Fetches files from assets into the store.
+
+    Args:
+        client: connects with an asset.
+        store: where they are kept.
+        tell: called with each transfer whenever it is otherwise.
+    """
+
+    def __init__(
+        self,
+        client: Connect,
+        store: FileStore,
+        tell: Callable[[Transfer], None],
+    ) -> None:
+        self._client, self._store, self._tell = client, store, tell
+        self._list = store.staged / _LIST
+        self._known: dict[str, _Moving] = {}
+        self._room = asyncio.Semaphore(MOST_AT_ONCE)
+
+    @property
+    def listed(self) -> tuple[Transfer, ...]:
+        """The transfers, in the order in which they were asked for."""
+        return tuple(each.transfer for each in self._known.values())
+
+    def start(self) -> None:
+        """Go on with those that an earlier process had under way."""
+        try:
+            listed = json.loads(self._list.read_bytes())
+            found = [decode_transfer(each) for each in listed]
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            _LOG.warning("%s cannot be read, and is left out: %s", self._list, error)
+            return
+        for transfer in found:
+            moving = self._known[transfer.id] = _Moving(transfer)
+            if transfer.state in _ENDED | {TransferState.PAUSED}:
+                moving.stopped.set()
+                self._tell(transfer)
+            else:
+                self._turn(moving, TransferState.INTERRUPTED, "rover-console was started again")
+                moving.task = begin(self._work(moving))
+
+    async def close(self) -> None:
+        """End all; what came so far is kept."""
+        tasks = [each.task for each in self._known.values() if each.task is not None]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def fetch(self, asset: str, path: str, by: str) -> Transfer:
+        """Begin to fetch a file, unless it is on its way already; return how that is.
+
+        Raises:
+            ValueError: no file here can have this path.
+            OSError: nothing can be kept here.
+        """
+        self._store.stage(kept_at(asset, path))
+        for known in list(self._known.values()):
+            if (known.transfer.asset, known.transfer.path) == (asset, path):
+                if known.transfer.state not in _ENDED:
+                    return known.transfer
+                self._forget(known)
+        now_s = time.time()
+        name, state = secrets.token_hex(8), TransferState.WAITING
+        moving = _Moving(Transfer(name, asset, path, by, state, now_s, now_s))
+        self._known[name] = moving
+        self._turn(moving, state, "")
+        moving.task = begin(self._work(moving))
+        return moving.transfer
+
+    async def until_stopped(self, name: str) -> Transfer:
+        """Wait until a transfer has ended or is interrupted; return how it is."""
+        moving = self._known[name]
+        await moving.stopped.wait()
+        return moving.transfer
+
+    async def turn(self, name: str, act: Turn) -> Transfer:
+        """Pause a transfer that has not ended, or resume one that is paused; return how it is.
+
+        Raises:
+            KeyError: there is none of that id.
+        """
+        moving = self._known[name]
+        paused = moving.transfer.state is TransferState.PAUSED
+        match act:
+            case Turn.PAUSE if not paused and moving.transfer.state not in _ENDED:
+                await _cancel(moving)
+                self._turn(moving, TransferState.PAUSED, "")
+            case Turn.RESUME if paused:
+                self._turn(moving, TransferState.WAITING, "")
+                moving.task = begin(self._work(moving))
+            case Turn.PAUSE | Turn.RESUME:
+                pass
+            case _:
+                assert_never(act)
+        return moving.transfer
+
+    async def remove(self, name: str) -> None:
+        """End a transfer, and take it off the list; what is in the store stays.
+
+        Raises:
+            KeyError: there is none of that id.
+        """
+        moving = self._known[name]
+        await _cancel(moving)
+        self._store.discard(kept_at(moving.transfer.asset, moving.transfer.path))
+        self._forget(moving)
+        self._write()
+
+    async def _work(self, moving: _Moving) -> None:
+        """Fetch a file, again and again until it is here or cannot be."""
+        while moving.transfer.state not in _ENDED:
+            try:
+                client = self._client(moving.transfer.asset)
+                if self._room.locked():
+                    self._turn(moving, TransferState.WAITING, "others are under way")
+                async with self._room:
+                    await self._attempt(client, moving)
+                self._turn(moving, TransferState.DONE, "")
+            except (RefusedError, MalError, TransferError, OSError) as error:
+                self._turn(moving, *_outcome(error))
+            if moving.transfer.state is TransferState.INTERRUPTED:
+                await asyncio.sleep(AGAIN_S)
+
+    async def _attempt(self, client: MrsClient, moving: _Moving) -> None:
+        path = moving.transfer.path
+        kept = kept_at(moving.transfer.asset, path)
+        moving.lately.clear()
+
+        def came(done: int, size: int) -> None:
+            if moving.transfer.state is not TransferState.RUNNING:
+                moving.transfer = replace(moving.transfer, done=done, size=size)
+                self._turn(moving, TransferState.RUNNING, "")
+            self._came(moving, done, size)
+
+        file = await client.retrieve_file(path, self._store.stage(kept), came)
+        moving.transfer = replace(moving.transfer, done=file.size, size=file.size)
+        await asyncio.to_thread(self._store.take, kept, file)
+
+    def _came(self, moving: _Moving, done: int, size: int) -> None:
+        now_s = asyncio.get_running_loop().time()
+        if moving.lately and now_s - moving.lately[-1][0] < TELL_S:
+            return
+        moving.lately.append((now_s, done))
+        (first_s, before), rate = moving.lately[0], None
+        if now_s > first_s:
+            rate = (done - before) / (now_s - first_s)
+        moving.transfer = replace(moving.transfer, done=done, size=size, rate=rate, utc=time.time())
+        self._tell(moving.transfer)
+
+    def _turn(self, moving: _Moving, state: TransferState, detail: str) -> None:
+        """Have a transfer be in a state, and tell of it if that is news."""
+        before = moving.transfer
+        moving.transfer = replace(before, state=state, detail=detail, rate=None, utc=time.time())
+        if state in {TransferState.WAITING, TransferState.RUNNING}:
+            moving.stopped.clear()
+        else:
+            moving.stopped.set()
+        if (before.state, before.detail) != (state, detail) or before.made == before.utc:
+            self._tell(moving.transfer)
+            self._write()
+
+    def _forget(self, moving: _Moving) -> None:
+        del self._known[moving.transfer.id]
+        moving.transfer = replace(moving.transfer, state=TransferState.REMOVED)
+        moving.stopped.set()
+        self._tell(moving.transfer)
+
+    def _write(self) -> None:
+        """Write the list down, whole or not at all, without those that ended long ago."""
+        ended = [each for each in self._known.values() if each.transfer.state in _ENDED]
+        for moving in ended[: max(0, len(self._known) - MOST_LISTED)]:
+            self._forget(moving)
+        part = self._list.with_suffix(".part")
+        try:
+            self._list.parent.mkdir(parents=True, exist_ok=True)
+            part.write_text(json.dumps(plain(self.listed)), encoding="utf-8")
+            part.replace(self._list)
+        except OSError as error:
+            _LOG.error("%s cannot be written: %s", self._list, error)
+
+
+async def _cancel(moving: _Moving) -> None:
+    if moving.task is not None:
+        moving.task.cancel()
+        await asyncio.gather(moving.task, return_exceptions=True)
+
+
+def _outcome(error: Exception) -> tuple[TransferState, str]:
+    """Return what an error makes of a transfer, and why, for people."""
+    match error:
+        case MalError() if error.number in _FOR_GOOD:
+            return TransferState.FAILED, describe_error(error)
+        case MalError():
+            return TransferState.INTERRUPTED, describe_error(error)
+        case RefusedError() | ConnectionError():
+            return TransferState.INTERRUPTED, str(error)
+        case OSError():
+            return TransferState.FAILED, f"it cannot be kept here: {error}"
+        case _:
+            return TransferState.FAILED, str(error)
