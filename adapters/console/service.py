@@ -180,7 +180,7 @@ async def _serving(
         *Operations(commanding, desk).routes(),
         *Plans(commanding, archive).routes(),
         *Explaining(commanding, recordings).routes(),
-        *Files(commanding.file_client, store, transfers, ASSET).routes(),
+        *Files(commanding.file_client, store, transfers, recordings, ASSET).routes(),
         *Video(options.video, fleet.video_of).routes(),
         *recordings.routes(),
         *History(archive, recordings).routes(),

@@ -207,6 +207,12 @@ def test_the_camera_shows_its_video_is_turned_and_takes_a_picture(
     camera.get_by_role("button", name="show", exact=True).click()
     expect(camera.get_by_role("figure").locator("img")).to_have_js_property("naturalWidth", 640)
     expect(camera.get_by_text(re.compile(r"POS_X -?0\S* m; .*CAM_PAN -(9.9|10)"))).to_be_visible()
+    camera.get_by_role("button", name="fetch", exact=True).click()
+    fetched = camera.locator(".transfers [data-state=done]")
+    expect(fetched).to_contain_text(re.compile("pictures/anna-.*jpg.*kB.*anna"))
+    with camera.expect_download() as saved:
+        fetched.get_by_role("link", name="save").click()
+    assert saved.value.path().read_bytes()[:2] == b"\xff\xd8"
     camera.screenshot(path=picture("console-files"))
     camera.context.close()
 

@@ -159,3 +159,30 @@ async def test_what_cannot_be_fetched_says_why_and_is_taken_off_the_list(
         for path, status in (("../secret", 422), ("a" * 300, 422)):
             assert (await transfer(anna, path))[0] == status
         assert (await transfer(anna, "a", "nobody"))[0] == 404
+
+
+async def test_a_transfer_that_was_paused_waits_to_be_resumed(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    rover.put("rock.raw", OCTETS)
+    async with (
+        cutting(rover.uri, chain([None, 1_000_000], repeat(2_200_000))) as (address, proxy),
+        at_console(tmp_path, address, "anna", topics=["link", "transfer"]) as (anna,),
+    ):
+        await anna.page.is_up()
+        _, begun = await transfer(anna, "rock.raw")
+        act = f"api/transfers/{begun['id']}"
+        await stopped(anna, begun["id"], "interrupted")
+        status, paused = await anna.post(act, act="pause")
+        assert (status, paused["state"]) == (200, "paused")
+        assert (await anna.post(act, act="pause"))[1]["state"] == "paused"
+        assert (await transfer(anna, "rock.raw"))[1] == paused
+        assert (await anna.post(act, act="resume"))[1]["state"] == "waiting"
+        await stopped(anna, begun["id"], "done")
+        assert (await anna.post(act, act="resume"))[1]["state"] == "done"
+        assert (await anna.post(act, act="stop"))[0] == 422
+        assert (await anna.post("api/transfers/none", act="pause"))[0] == 404
+        assert (await anna.post(f"{act}/recording"))[0] == 422
+        assert proxy.cuts == 1, "the rest alone fits into what the last connection may carry"
+    assert (tmp_path / "console/files/jackal/rock.raw").read_bytes() == OCTETS

@@ -14,12 +14,14 @@ from urllib.parse import quote
 from aiohttp import web
 
 from adapters.console.messages import Scalar, TransferState
+from adapters.console.recordings import Recordings
 from adapters.console.requests.file_store import FileStore
 from adapters.console.requests.transfers import Connect, Transfers, Turn, kept_at
 from adapters.console.rovers import NS_PER_S, figures_of
 from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
 from adapters.mal import MalError
 from adapters.mrs.spec import AreaError, FileInfo, describe_error
+from adapters.recording import RecordingError
 from executive.state import FileStamp
 
 _GONE: Final = "there is no such transfer any more"
@@ -50,11 +52,20 @@ class Files:
         client: connects with an asset.
         store: the files kept here.
         transfers: fetches files into it.
+        recordings: opens those among them.
         own: the name of the asset whose files are those kept here.
     """
 
-    def __init__(self, client: Connect, store: FileStore, transfers: Transfers, own: str) -> None:
-        self._client, self._store, self._transfers, self._own = client, store, transfers, own
+    def __init__(
+        self,
+        client: Connect,
+        store: FileStore,
+        transfers: Transfers,
+        recordings: Recordings,
+        own: str,
+    ) -> None:
+        self._client, self._store, self._transfers = client, store, transfers
+        self._recordings, self._own = recordings, own
 
     def routes(self) -> list[web.RouteDef]:
         """Return where they are answered."""
@@ -67,6 +78,7 @@ class Files:
             web.post("/api/transfers", self._transfer),
             web.post("/api/transfers/{id}", self._turn),
             web.delete("/api/transfers/{id}", self._remove),
+            web.post("/api/transfers/{id}/recording", self._open),
         ]
 
     async def _list(self, request: web.Request) -> web.Response:
@@ -131,6 +143,20 @@ class Files:
         except KeyError:
             raise refused(HTTPStatus.NOT_FOUND, _GONE) from None
         return answer(turned)
+
+    async def _open(self, request: web.Request) -> web.Response:
+        """Show a recording that was fetched as an asset."""
+        name = request.match_info["id"]
+        found = next((each for each in self._transfers.listed if each.id == name), None)
+        place = None if found is None else self._store.find(kept_at(found.asset, found.path))
+        if place is None:
+            raise refused(HTTPStatus.NOT_FOUND, "there is no such file here: fetch it first")
+        try:
+            opened = await self._recordings.open(place)
+        except RecordingError as error:
+            text = str(error).replace(str(place), place.name)
+            raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text) from error
+        return answer(opened.entry, HTTPStatus.CREATED)
 
     async def _remove(self, request: web.Request) -> web.Response:
         try:

@@ -43,6 +43,8 @@ export class Asset {
   tree = null;
   /** @type {Map<string, any>} how far each plan is */
   plans = new Map();
+  /** @type {Map<string, any>} how each transfer of a file of it is, by its id */
+  transfers = new Map();
 
   /** what it keeps away from */
   get zones() {

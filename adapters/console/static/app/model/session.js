@@ -5,7 +5,7 @@ import { Connection, ask, operator } from "./connection.js";
 
 /** What a page hears of that shows neither log nor tree. */
 export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm"];
-const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "obj"];
+const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "transfer", "obj"];
 const HISTORY_S = 3600;
 const MOST_SAMPLES = 20000;
 const MOST_PAST = 1000;
@@ -110,6 +110,7 @@ export class Session {
         if (message.operator !== operator.name) operator.name = message.operator;
         if (!message.resumed) this.#catchUp();
         if (!message.resumed) this.alarms.clear();
+        for (const asset of this.assets.values()) asset.transfers.clear(); // those that there are follow
         this.#heard = { instance: message.instance, seq: message.resumed ? this.#heard.seq : message.seq };
         break;
       case "tm":
@@ -152,6 +153,13 @@ export class Session {
         const asset = this.asset(message.asset);
         asset.links.set(message.link, message);
         asset.changed("links");
+        break;
+      }
+      case "transfer": {
+        const asset = this.asset(message.asset);
+        if (message.state === "removed") asset.transfers.delete(message.id);
+        else asset.transfers.set(message.id, message);
+        asset.changed("transfers");
         break;
       }
       case "file":

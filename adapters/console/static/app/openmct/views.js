@@ -30,7 +30,7 @@ export const VIEWS = {
   dtn: { name: "Relay", icon: "icon-chain-links", view: dtn, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
-  files: { name: "Files", icon: "icon-image", view: files, of: "rover" },
+  files: { name: "Files", icon: "icon-image", view: files, of: "rover", console: true },
   recording: { name: "Recording", icon: "icon-session", view: recording, of: "recording" },
 };
 
@@ -50,7 +50,7 @@ export function views(session, choose) {
     addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => fleet.mount(element, session, choose));
     for (const [kind, { name, icon, view }] of Object.entries(VIEWS)) {
       addView(openmct, `rover.${kind}`, name, icon, (object, element) =>
-        view.mount(element, contextOf(session, partsOf(object.identifier)[0])),
+        view.mount(element, contextOf(session, partsOf(object.identifier)[0]), choose),
       );
     }
   };
