@@ -20,7 +20,7 @@ export function mount(element, context, choose) {
   const isHere = asset.isConsole;
   let files = [];
   let trouble = "";
-  let isAsked = false;
+  let wasReached = false;
   const empty = html("p", { className: "empty" });
   const told = html("p", { className: "told", role: "status" });
   const rows = html("tbody");
@@ -33,18 +33,24 @@ export function mount(element, context, choose) {
   const root = html("section", { className: "rover-view files-view" }, told, html("div", { className: "scroll" }, shown, transfers, empty, table));
   element.append(root);
 
+  const draw = eachFrame(render);
   const pathOf = (file) => `/api/files/${encodeURIComponent(asset.name)}/${file.path.split("/").map(encodeURIComponent).join("/")}`;
   const button = (textContent, title, onclick) => html("button", { type: "button", textContent, title, onclick });
 
   async function refresh() {
-    isAsked = true;
     try {
       files = (await ask(`/api/files/${encodeURIComponent(asset.name)}`)).files.sort((one, other) => other.modified - one.modified);
       trouble = "";
     } catch (error) {
       trouble = error.message;
-      isAsked = false;
     }
+    draw();
+  }
+
+  /** Ask what is aboard once the rover is there, again: what was told meanwhile was not heard. */
+  function followLink() {
+    if (asset.isReached && !wasReached) refresh();
+    wasReached = asset.isReached;
     draw();
   }
 
@@ -154,14 +160,13 @@ export function mount(element, context, choose) {
     );
   }
 
-  const draw = eachFrame(render);
   const offs = [
     asset.on("files", refresh),
     asset.on("transfers", draw),
-    asset.on("links", () => (asset.isReached && !isAsked ? refresh() : draw())),
+    asset.on("links", followLink),
   ];
-  if (asset.isReached || isHere) refresh();
-  draw();
+  if (isHere) refresh();
+  followLink();
   return () => {
     offs.forEach((off) => off());
     root.remove();

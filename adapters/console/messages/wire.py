@@ -1,0 +1,126 @@
+"""The messages as JSON, and the topics by which pages subscribe to them."""
+
+import json
+from dataclasses import fields
+from enum import Enum
+from math import isfinite
+from typing import Any, Final
+
+from adapters.console.messages.commands import (
+    AuthorityHeld,
+    CommandState,
+    CommandStatus,
+    StageReached,
+)
+from adapters.console.messages.pages import DictionaryChanged, Hello, ObjectChanged, Presence
+from adapters.console.messages.reports import (
+    AlarmStatus,
+    FileChanged,
+    Notified,
+    PlanProgress,
+    Transfer,
+    TransferState,
+)
+from adapters.console.messages.telemetry import AssetState, Gap, Link, LinkStatus, Sample, TreeState
+
+Broadcast = (
+    CommandStatus
+    | AuthorityHeld
+    | Notified
+    | AlarmStatus
+    | LinkStatus
+    | AssetState
+    | PlanProgress
+    | FileChanged
+    | Presence
+    | DictionaryChanged
+    | ObjectChanged
+)
+"""What is numbered, never dropped, and sent again to a page that comes back."""
+
+
+Latest = TreeState | Transfer
+"""What is told whole at each change, so that only the last one of a topic counts."""
+
+
+Message = Hello | Sample | Latest | Gap | Broadcast
+
+
+def topic_of(message: Message) -> str:
+    """Return what a page subscribes to for a message: its type and asset, and which of these."""
+    match message:
+        case Sample(asset=asset, key=key):
+            return f"{message.ty}:{asset}:{key}"
+        case Transfer(asset=asset, id=name):
+            return f"{message.ty}:{asset}:{name}"
+        case Hello() | Gap() | Presence() | ObjectChanged():
+            return message.ty
+        case _:
+            return f"{message.ty}:{message.asset}"
+
+
+def is_wanted(topic: str, topics: frozenset[str]) -> bool:
+    """Whether a topic, or a beginning of it that ends in `*`, is among those subscribed to.
+
+    `cmd` stands for all topics of that type, as `cmd:*` does.
+    """
+    return topic in topics or any(
+        topic.startswith(each[:-1]) if each.endswith("*") else topic.startswith(f"{each}:")
+        for each in topics
+    )
+
+
+def plain(value: Any) -> Any:
+    """Return a value, or a dataclass of values, as plain data for JSON, fields under their names.
+
+    What is not finite becomes "NaN", "Infinity" or "-Infinity", which `Number()` reads.
+    """
+    match value:
+        case None | bool() | int() | str():
+            return value
+        case float():
+            return value if isfinite(value) else _NOT_FINITE.get(value, "NaN")
+        case Enum():
+            return value.value
+        case dict():
+            return {key: plain(each) for key, each in value.items()}
+        case tuple() | list():
+            return [plain(each) for each in value]
+        case _:
+            return {name: plain(getattr(value, name)) for name in _names(type(value))}
+
+
+def encode(message: Message, seq: int | None = None) -> str:
+    """Return a message as JSON, with its number if it has one."""
+    numbered = {} if seq is None else {"seq": seq}
+    return json.dumps({"ty": message.ty, **numbered, **plain(message)}, separators=(",", ":"))
+
+
+def decode_command(body: dict[str, Any]) -> CommandStatus:
+    """Return a command of what `encode` wrote."""
+    given = {name: body[name] for name in _names(CommandStatus)}
+    history = tuple(StageReached(**reached) for reached in body["history"])
+    given |= {
+        "link": Link(body["link"]),
+        "state": CommandState(body["state"]),
+        "history": history,
+    }
+    return CommandStatus(**given)
+
+
+def decode_transfer(body: dict[str, Any]) -> Transfer:
+    """Return a transfer of what `plain` made."""
+    given = {name: body[name] for name in _names(Transfer)}
+    return Transfer(**given | {"state": TransferState(body["state"])})
+
+
+_NOT_FINITE: Final = {float("inf"): "Infinity", float("-inf"): "-Infinity"}
+
+
+def _names(kind: Any) -> tuple[str, ...]:
+    if kind not in _NAMES:
+        _NAMES[kind] = tuple(each.name for each in fields(kind))
+    return _NAMES[kind]
+
+
+_NAMES: Final[dict[Any, tuple[str, ...]]] = {}
