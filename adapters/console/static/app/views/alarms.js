@@ -81,7 +81,7 @@ export function mount(element, { session, asset }) {
     all.hidden = open === 0;
     history.classList.toggle("on", past !== null);
     empty.hidden = shown.length > 0;
-    say(empty, past ? "There was no alarm yet." : "No alarm stands.");
+    say(empty, past ? "There was no alarm yet." : "No alarm stands. Warnings and faults that are reported, and values beyond their limits, are listed here.");
     keep(rows, shown, (each) => String(each.id), make, update);
   }
 

@@ -123,8 +123,9 @@ export function mount(element, context) {
   function drawWords(pose) {
     empty.hidden = pose !== null;
     say(empty, asset.isReached ? "No position yet: the rover has not told where it is." : session.unreached(asset));
-    hint.hidden = !pose || draft.entry !== null || asset.recording !== null;
-    say(hint, "Click the map to prepare a move there.");
+    const isElsewhere = draft.entry !== null && document.querySelector(".form-view") === null;
+    hint.hidden = !pose || asset.recording !== null || (draft.entry !== null && !isElsewhere);
+    say(hint, isElsewhere ? `${draft.entry.name} is prepared: see and send it under “Command”.` : "Click the map to prepare a move there.");
     if (!pose) return say(place, "");
     const words = `x ${fixed(pose.x, 2)} m  y ${fixed(pose.y, 2)} m  ${fixed(degrees(pose.heading), 0)}°`;
     const when = cursor.utc_s === null ? `${age(session.now - pose.utc)}` : `at ${clock(pose.utc)} (past)`;

@@ -65,7 +65,7 @@ export function mount(element, context) {
     html(
       "tr",
       {},
-      html("td", { textContent: entry.key, title: entry.description ?? "" }),
+      html("td", { title: entry.description ?? "" }, ...entry.key.split(/(?<=_)/).flatMap((part) => [part, html("wbr")])),
       html("td", { className: "figure", "data-testid": `value-${entry.key}` }),
       html("td", { className: "unit" }),
       html("td", { className: "limits" }),
