@@ -290,7 +290,8 @@ def test_a_console_is_measured_with_many_rovers(tmp_path: Path) -> None:
     assert result.exit_code in (0, 1), result.output
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
     assert values["fleet: values"] > 0
-    assert values["fleet: CPU"] > 0
+    assert -1e-9 < values["fleet: CPU"] < 100  # told in steps of 10 ms: a second may show none
+    assert values["fleet: memory"] > 0
 
 
 @pytest.mark.ros
