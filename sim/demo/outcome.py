@@ -245,4 +245,7 @@ def _write_all(played: Sequence[Played], participants: Participants, folder: Pat
         drawn = write_drawing(folder, "timeline", timeline)
         yield drawn, "each command between ground, orbiter and rover"
         yield (participants.orbiter.data,), "the orbiter's own folder: bundles and records"
+    console = folder / "console"
+    if console.exists():
+        yield (console, folder / "console.log"), "what the operations console kept, and its log"
     yield (*participants.processes.logs, folder / LOG), "what the processes logged"

@@ -70,7 +70,7 @@ def test_every_file_that_is_told_exists(ran: Ran) -> None:
     names = [
         name.strip(",") for line in told.splitlines()[1:] for name in line.split("  ")[0].split()
     ]
-    assert len(names) == 9
+    assert len(names) == 11
     assert [name for name in names if not (ran.folder / name).exists()] == []
 
 
