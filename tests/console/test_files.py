@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from adapters.console.requests import file_store, transfers
+from adapters.mrs.ground import MrsClient, TransferError
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console, operator
 from tests.mrs.test_file_retrieval import cutting
@@ -124,6 +125,42 @@ async def test_a_transfer_goes_on_after_the_console_was_killed(
                 process.end(signal.SIGKILL)
         assert proxy.cuts == 1, "the rest alone fits into what the last connection may carry"
     assert (tmp_path / "data/files/jackal/rock.raw").read_bytes() == OCTETS
+
+
+async def test_a_file_that_is_changed_aboard_meanwhile_begins_anew(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+    rover.put("rock.raw", OCTETS)
+    async with (
+        cutting(rover.uri, chain([None, 1_000_000, 0], repeat(None))) as (address, _),
+        at_console(tmp_path, address, "anna", topics=["link", "transfer"]) as (anna,),
+    ):
+        await anna.page.is_up()
+        _, begun = await transfer(anna, "rock.raw")
+        await stopped(anna, begun["id"], "interrupted")
+        rover.put("rock.raw", OCTETS[::-1])
+        await stopped(anna, begun["id"], "done")
+    files = tmp_path / "console/files"
+    assert (files / "jackal/rock.raw").read_bytes() == OCTETS[::-1]
+    assert [each.name for each in (files / ".transfers").iterdir()] == ["list.json"]
+
+
+async def test_what_never_is_the_file_that_is_aboard_is_not_asked_for_without_end(
+    launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def retrieve(*_: object) -> None:
+        raise TransferError("rock.raw was changed aboard meanwhile: fetch it again")
+
+    monkeypatch.setattr(transfers, "AGAIN_S", 0.01)
+    monkeypatch.setattr(MrsClient, "retrieve_file", retrieve)
+    rover = launch()
+    rover.put("rock.raw", OCTETS)
+    async with at_console(tmp_path, rover.uri, "anna", topics=["link", "transfer"]) as (anna,):
+        await anna.page.is_up()
+        _, begun = await transfer(anna, "rock.raw")
+        failed = (await stopped(anna, begun["id"], "failed"))[-1]
+        assert "was changed aboard" in failed["detail"]
 
 
 async def test_so_many_transfers_run_at_once_and_others_wait(

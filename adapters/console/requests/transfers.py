@@ -27,6 +27,8 @@ _LOG: Final = logging.getLogger(__name__)
 
 MOST_AT_ONCE: Final = 3
 """Transfers that run at the same time; others wait."""
+MOST_WRONG: Final = 3
+"""Attempts that may bring what is not the file that is aboard."""
 MOST_LISTED: Final = 100
 """Transfers in the list; those that ended first go from it first."""
 AGAIN_S: Final = 1.0
@@ -64,12 +66,14 @@ class _Moving:
     Attributes:
         stopped: set unless it is on its way, or waits for others.
         lately: when it was how far, by the loop's clock.
+        wrong: how often what came was not the file that is aboard.
     """
 
     transfer: Transfer
     stopped: asyncio.Event = field(default_factory=asyncio.Event)
     lately: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=RATED))
     task: asyncio.Task[None] | None = None
+    wrong: int = 0
 
 
 class Transfers:
@@ -193,7 +197,12 @@ class Transfers:
                 async with self._room:
                     await self._attempt(client, moving)
                 self._turn(moving, TransferState.DONE, "")
-            except (RefusedError, MalError, TransferError, OSError) as error:
+            except TransferError as error:  # changed aboard, for example: it begins anew
+                moving.wrong += 1
+                anew = moving.wrong < MOST_WRONG
+                state = TransferState.INTERRUPTED if anew else TransferState.FAILED
+                self._turn(moving, state, str(error))
+            except (RefusedError, MalError, OSError) as error:
                 self._turn(moving, *_outcome(error))
             if moving.transfer.state is TransferState.INTERRUPTED:
                 await asyncio.sleep(AGAIN_S)
@@ -271,7 +280,5 @@ def _outcome(error: Exception) -> tuple[TransferState, str]:
             return TransferState.INTERRUPTED, describe_error(error)
         case RefusedError() | ConnectionError():
             return TransferState.INTERRUPTED, str(error)
-        case OSError():
-            return TransferState.FAILED, f"it cannot be kept here: {error}"
         case _:
-            return TransferState.FAILED, str(error)
+            return TransferState.FAILED, f"it cannot be kept here: {error}"
