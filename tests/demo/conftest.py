@@ -35,6 +35,7 @@ class Demo:
 
     def __init__(self, folder: Path, config: Path, *arguments: str) -> None:
         self.folder = folder
+        self._said = ""
         self._mark = uuid.uuid4().hex
         self.process = subprocess.Popen(
             [ROVER, "demo", "--out", folder, *arguments],
@@ -50,14 +51,13 @@ class Demo:
         )
 
     def wait_for(self, words: str) -> str:
-        """Read up to the line that holds these words, and return all."""
+        """Read until these words were said, and return all that was."""
         assert self.process.stdout is not None
-        read: list[str] = []
-        for line in self.process.stdout:
-            read.append(line)
-            if words in line:
-                return "".join(read)
-        raise AssertionError(f"{words!r} was never said:\n{''.join(read)}")
+        while words not in self._said:
+            line = self.process.stdout.readline()
+            assert line, f"{words!r} was never said:\n{self._said}"
+            self._said += line
+        return self._said
 
     def end(self) -> tuple[int, str]:
         """Wait for the end and return the exit status and the rest of the output."""
