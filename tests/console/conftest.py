@@ -54,11 +54,14 @@ def guarded(launch: Launch) -> Aboard:
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Give the recording of a drive, a turn and a picture, one after the other."""
-    folder = tmp_path_factory.mktemp("drive")
+    return record("drive3m_turn_picture", tmp_path_factory.mktemp("drive"))
+
+
+def record(scenario: str, folder: Path) -> Path:
+    """Play a scenario of the product, and return its recording."""
     with pytest.MonkeyPatch.context() as patch, closing(RunFile(folder / "run.mcap")) as tape:
         patch.delenv("ROVER_CONFIG", raising=False)  # a site of another test has its own
-        scenario = load_scenario("drive3m_turn_picture", PlayMode.LOCK_STEP)
-        run_in_lock_step(scenario, folder / "data", tape)
+        run_in_lock_step(load_scenario(scenario, PlayMode.LOCK_STEP), folder / "data", tape)
     return folder / "run.mcap"
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from adapters.console.requests import file_store, transfers
 from adapters.mrs.ground import MrsClient, TransferError
-from tests.console.conftest import Launch
+from tests.console.conftest import Launch, record
 from tests.console.consoles import Operator, Said, at_console, operator
 from tests.mrs.test_file_retrieval import cutting
 from tests.support.processes import running
@@ -223,3 +223,22 @@ async def test_a_transfer_that_was_paused_waits_to_be_resumed(
         assert (await anna.post(f"{act}/recording"))[0] == 422
         assert proxy.cuts == 1, "the rest alone fits into what the last connection may carry"
     assert (tmp_path / "console/files/jackal/rock.raw").read_bytes() == OCTETS
+
+
+async def test_a_recording_that_was_changed_since_is_opened_as_it_is_now(
+    launch: Launch, drive: Path, tmp_path: Path
+) -> None:
+    rover, turn = launch(), record("motion_turn", tmp_path)
+    opened = []
+    async with at_console(tmp_path, rover.uri, "anna", topics=["link", "transfer"]) as (anna,):
+        await anna.page.is_up()
+        for run in (drive, turn):
+            rover.put("runs/run.mcap", run.read_bytes())
+            for _ in range(2):
+                _, begun = await transfer(anna, "runs/run.mcap")
+                await stopped(anna, begun["id"], "done")
+                status, entry = await anna.post(f"api/transfers/{begun['id']}/recording")
+                assert (status, entry["asset"]) == (201, "jackal@run")
+                opened.append(entry["recording"])
+        assets = (await anna.get("api/dictionary"))["assets"]
+    assert opened[0] == opened[1] != opened[2] == opened[3] == assets["jackal@run"]["recording"]

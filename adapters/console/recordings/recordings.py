@@ -42,12 +42,14 @@ class Recording:
 
     Attributes:
         path: of the file.
+        stamp: its octets, and when it was changed (ns since 1970 UTC), when it was read.
         folder: what is here of it.
         archive: what it told, as of a rover.
         chronicle: what explanations are made from.
     """
 
     path: Path
+    stamp: tuple[int, int] | None
     folder: Path
     entry: AssetEntry
     archive: Archive
@@ -84,7 +86,7 @@ class Recordings:
         return None if asset is None else self._opened.get(asset)
 
     async def open(self, path: Path) -> Recording:
-        """Read a recording; the same file again is not read again.
+        """Read a recording; the same file again is read again only if it was changed.
 
         Raises:
             RecordingError: the file cannot be used as a recording; the text says why.
@@ -92,7 +94,11 @@ class Recordings:
         async with self._opening:
             path = path.resolve()
             known = next((each for each in self._opened.values() if each.path == path), None)
-            return known or await self._read(path, await self._new_folder())
+            if known is not None:
+                if _stamp(path) in {known.stamp, None}:
+                    return known
+                await self._close(known.entry.asset)
+            return await self._read(path, await self._new_folder())
 
     async def close(self) -> None:
         """Let go of all of them."""
@@ -107,6 +113,7 @@ class Recordings:
         archive = Archive(await asyncio.to_thread(open_database, None, folder))
         try:
             run = await asyncio.to_thread(RecordedRun, path)
+            stamp = _stamp(path)
             name = self._name_of(run.rover, path)
             messages = run.messages(name)
             while part := await asyncio.to_thread(_take, messages):
@@ -117,7 +124,7 @@ class Recordings:
             await archive.close()
             shutil.rmtree(folder)
             raise
-        opened = Recording(path, folder, run.entry(), archive, run.chronicle())
+        opened = Recording(path, stamp, folder, run.entry(), archive, run.chronicle())
         self._opened[name] = opened
         self._publish(DictionaryChanged(name))
         _LOG.info("%s was read in %.1f s: %s", path, time.monotonic() - began_s, name)
@@ -175,6 +182,14 @@ async def _receive_into(path: Path, request: web.Request, name: str) -> None:
                 )
                 raise refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, text)
             file.write(piece)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Return what tells that a file was not changed; None if there is none."""
+    if not path.exists():
+        return None
+    now = path.stat()
+    return now.st_size, now.st_mtime_ns
 
 
 def _tidy(name: str) -> str:
