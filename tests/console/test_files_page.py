@@ -1,13 +1,21 @@
 """Transfers of files on a page, in a real browser: interrupted, paused, resumed, opened."""
 
+import asyncio
+import re
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from itertools import repeat
 from pathlib import Path
 
 import pytest
-from playwright.async_api import async_playwright, expect
+from playwright.async_api import Page, async_playwright, expect
 
 from tests.console.conftest import Launch
-from tests.console.consoles import at_console
+from tests.console.consoles import Operator, at_console
 from tests.console.site import OPTIONS
+from tests.console.test_files import OCTETS
+from tests.mrs.aboard import Aboard
+from tests.mrs.test_file_retrieval import cutting
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 
 pytestmark = [
@@ -17,21 +25,39 @@ pytestmark = [
 FILES = "#/browse/rover:rovers/rover:jackal/rover:jackal~files?hideInspector=true"
 
 
-async def test_a_transfer_is_paused_resumed_and_opened(
+async def test_a_transfer_is_paused_and_resumed(launch: Launch, tmp_path: Path) -> None:
+    rover = launch()
+    rover.put("rock.raw", OCTETS)
+    resumed = asyncio.Event()
+
+    def budgets() -> Iterator[int | None]:
+        yield from (None, 1_000_000)
+        while not resumed.is_set():
+            yield 0
+        yield from repeat(None)
+
+    async with page_of_files(tmp_path, rover, budgets()) as (_, page):
+        await page.get_by_role("button", name="fetch", exact=True).click()
+        transfer = page.locator("[data-path='rock.raw']")
+        await expect(transfer).to_have_attribute("data-state", "interrupted")
+        await expect(transfer).to_contain_text(re.compile("of 3 MB"))
+        await expect(transfer.get_by_role("progressbar")).to_be_visible()
+        await page.screenshot(path=ARTIFACTS / "console-transfer.png")
+        await transfer.get_by_role("button", name="pause").click()
+        await expect(transfer).to_have_attribute("data-state", "paused")
+        resumed.set()
+        await transfer.get_by_role("button", name="resume").click()
+        await expect(transfer).to_have_attribute("data-state", "done")
+        await transfer.get_by_role("button", name="clear").click()
+        await expect(transfer).to_have_count(0)
+
+
+async def test_what_is_aboard_is_listed_anew_and_a_recording_opened(
     launch: Launch, drive: Path, tmp_path: Path
 ) -> None:
     rover = launch()
     rover.put("runs/drive.mcap", drive.read_bytes())
-    errors: list[str] = []
-    async with (
-        at_console(tmp_path, rover.uri, "anna", topics=["link"]) as (anna,),
-        async_playwright() as playwright,
-    ):
-        await anna.page.is_up()
-        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
-        page = await browser.new_page(viewport={"width": 1200, "height": 700})
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        await page.goto(f"{anna.address}{FILES}")
+    async with page_of_files(tmp_path, rover, repeat(None)) as (anna, page):
         fetch = page.get_by_role("button", name="fetch", exact=True)
         await expect(fetch).to_be_visible()
         rover.hang_up()
@@ -45,9 +71,28 @@ async def test_a_transfer_is_paused_resumed_and_opened(
         await page.locator("tr").filter(has_text="drive.mcap").get_by_role("button").click()
         transfer = page.locator("[data-path='runs/drive.mcap']")
         await expect(transfer).to_have_attribute("data-state", "done")
-        await page.screenshot(path=ARTIFACTS / "console-transfer.png")
         await transfer.get_by_role("button", name="open").click()
         await expect(page.get_by_test_id("mode")).to_be_visible()
         await expect(page.get_by_role("combobox", name="rover")).to_have_value("jackal@drive")
+
+
+@asynccontextmanager
+async def page_of_files(
+    folder: Path, rover: Aboard, budgets: Iterator[int | None]
+) -> AsyncIterator[tuple[Operator, Page]]:
+    """Give the page of a rover's files, over a link that is cut after so many octets."""
+    errors: list[str] = []
+    ARTIFACTS.mkdir(parents=True, exist_ok=True)
+    async with (
+        cutting(rover.uri, budgets) as (address, _),
+        at_console(folder, address, "anna", topics=["link"]) as (anna,),
+        async_playwright() as playwright,
+    ):
+        await anna.page.is_up()
+        browser = await playwright.chromium.launch(executable_path=BROWSER, args=list(OPTIONS))
+        page = await browser.new_page(viewport={"width": 1200, "height": 700})
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        await page.goto(f"{anna.address}{FILES}")
+        yield anna, page
         await browser.close()
     assert errors == []

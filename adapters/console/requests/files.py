@@ -119,6 +119,9 @@ class Files:
         if stopped.state is TransferState.INTERRUPTED:
             text = f"it is not here yet: {stopped.detail}; it goes on by itself: see its transfer"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
+        if stopped.state is TransferState.PAUSED:
+            text = "it is not here yet: its transfer is paused; resume that"
+            raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
         if stopped.state is not TransferState.DONE:
             text = f"it was not fetched: {stopped.detail or 'its transfer was ended'}; ask again"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)

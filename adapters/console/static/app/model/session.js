@@ -110,7 +110,10 @@ export class Session {
         if (message.operator !== operator.name) operator.name = message.operator;
         if (!message.resumed) this.#catchUp();
         if (!message.resumed) this.alarms.clear();
-        for (const asset of this.assets.values()) asset.transfers.clear(); // those that there are follow
+        for (const asset of this.assets.values()) {
+          asset.transfers.clear(); // those that there are follow
+          asset.changed("transfers");
+        }
         this.#heard = { instance: message.instance, seq: message.resumed ? this.#heard.seq : message.seq };
         break;
       case "tm":
