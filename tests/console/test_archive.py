@@ -234,7 +234,7 @@ def make_older(connection: Connection) -> None:
     upgrade(config, "0002")
 
 
-async def test_samples_of_an_older_archive_are_counted_into_minutes(
+async def test_samples_of_an_older_archive_are_taken_into_minutes(
     engine: Engine, tmp_path: Path
 ) -> None:
     url = engine.url.render_as_string(hide_password=False)

@@ -9,7 +9,7 @@ from adapters.console.archive.alarms import (
     read_alarms,
     standing_alarms,
 )
-from adapters.console.archive.archive import Archive, Written, to_us
+from adapters.console.archive.archive import LOOK_S, Archive, Written, to_us
 from adapters.console.archive.database import ArchiveError, cause_of, open_database
 from adapters.console.archive.exports import (
     Exported,
@@ -51,6 +51,7 @@ from adapters.console.archive.retention import Retention, delete_old, retain
 from adapters.console.archive.tables import METADATA, SAMPLE_MINUTE
 
 __all__ = [
+    "LOOK_S",
     "METADATA",
     "MOST_SAMPLES",
     "SAMPLE_MINUTE",

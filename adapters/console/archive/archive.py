@@ -53,6 +53,8 @@ from executive.recorded_executive import without_figures
 _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
 
+LOOK_S: Final = 1.0
+"""Between two looks at what other consoles wrote."""
 WRITE_S: Final = 0.5
 """Between two batches."""
 MOST_WAITING: Final = 100_000
@@ -248,18 +250,18 @@ class Archive:
         }
 
     def _samples(self, connection: Connection, rows: Rows) -> None:
-        """Write samples, and count those that are new into their minutes."""
+        """Write samples, and take those that are new into their minutes."""
         if not rows:
             return
         key = (SAMPLE.c.parameter, SAMPLE.c.utc_us)
         inserting = self._insert_into(SAMPLE).on_conflict_do_nothing().returning(*key)
         new = {tuple(row) for row in connection.execute(inserting, rows)}
-        counted = []
+        added = []
         for row in rows:
             if (row["parameter"], row["utc_us"]) in new:
                 new.remove((row["parameter"], row["utc_us"]))
-                counted.append(row)
-        add_samples(connection, self._insert_into(SAMPLE_MINUTE), counted)
+                added.append(row)
+        add_samples(connection, self._insert_into(SAMPLE_MINUTE), added)
 
     def _parameter(self, connection: Connection, sample: Sample) -> int:
         key = (sample.asset, sample.key, sample.link.value)

@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive.archive import Archive, to_us
 from adapters.console.archive.queries import find_parameters
-from adapters.console.archive.rollup import count_anew
+from adapters.console.archive.rollup import remake_minutes
 from adapters.console.archive.tables import ALARM, COMMAND, NOTIFICATION, RECORD, SAMPLE
 
 _LOG: Final = logging.getLogger(__name__)
@@ -104,7 +104,7 @@ def _delete_samples(connection: Connection, parameter: int, rx_us: int) -> int:
     if first_us is None:
         return 0
     deleted = connection.execute(SAMPLE.delete().where(*old)).rowcount
-    count_anew(connection, parameter, first_us, last_us)
+    remake_minutes(connection, parameter, first_us, last_us)
     return deleted
 
 

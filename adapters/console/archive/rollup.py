@@ -30,21 +30,19 @@ MINUTE_US: Final = 60_000_000
 
 @dataclass(slots=True)
 class _Minute:
-    count: int
     low: float
     low_us: int
     high: float
     high_us: int
 
     def add(self, value: float, utc_us: int) -> None:
-        self.count += 1
         self.low, self.low_us = min((self.low, self.low_us), (value, utc_us))
         high = min((-self.high, self.high_us), (-value, utc_us))
         self.high, self.high_us = -high[0], high[1]
 
 
 def add_samples(connection: Connection, insert: Any, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Count samples in that were not there before.
+    """Take in samples that were not there before.
 
     Args:
         connection: in the transaction that wrote them.
@@ -60,7 +58,7 @@ def add_samples(connection: Connection, insert: Any, rows: Iterable[Mapping[str,
         if key in minutes:
             minutes[key].add(value, utc_us)
         else:
-            minutes[key] = _Minute(1, value, utc_us, value, utc_us)
+            minutes[key] = _Minute(value, utc_us, value, utc_us)
     if not minutes:
         return
     old, new = SAMPLE_MINUTE.c, insert.excluded
@@ -70,7 +68,6 @@ def add_samples(connection: Connection, insert: Any, rows: Iterable[Mapping[str,
         insert.on_conflict_do_update(
             index_elements=[old.parameter, old.minute],
             set_={
-                "count": old.count + new.count,
                 "low": case((is_lower, new.low), else_=old.low),
                 "low_us": case((is_lower, new.low_us), else_=old.low_us),
                 "high": case((is_higher, new.high), else_=old.high),
@@ -81,7 +78,6 @@ def add_samples(connection: Connection, insert: Any, rows: Iterable[Mapping[str,
             {
                 "parameter": parameter,
                 "minute": minute,
-                "count": each.count,
                 "low": each.low,
                 "low_us": each.low_us,
                 "high": each.high,
@@ -92,7 +88,7 @@ def add_samples(connection: Connection, insert: Any, rows: Iterable[Mapping[str,
     )
 
 
-def count_anew(connection: Connection, parameter: int, first_us: int, last_us: int) -> None:
+def remake_minutes(connection: Connection, parameter: int, first_us: int, last_us: int) -> None:
     """Make the minutes of a time anew from the samples that are there."""
     first, last = first_us // MINUTE_US, last_us // MINUTE_US
     old = SAMPLE_MINUTE.c
@@ -105,7 +101,6 @@ def count_anew(connection: Connection, parameter: int, first_us: int, last_us: i
     minutes = select(
         ranked.c.parameter,
         ranked.c.part,
-        func.count(),
         func.max(case((low, ranked.c.value))),
         func.max(case((low, ranked.c.utc_us))),
         func.max(case((high, ranked.c.value))),

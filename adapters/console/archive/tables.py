@@ -60,14 +60,13 @@ SAMPLE_MINUTE: Final = Table(
     METADATA,
     Column("parameter", ForeignKey("parameter.id"), primary_key=True),
     Column("minute", BigInteger, primary_key=True, autoincrement=False),
-    Column("count", Integer, nullable=False),
     Column("low", Float(53), nullable=False),
     Column("low_us", BigInteger, nullable=False),
     Column("high", Float(53), nullable=False),
     Column("high_us", BigInteger, nullable=False),
     sqlite_with_rowid=False,
 )
-"""How many figures of a minute (since 1970 UTC) there are, and the lowest and the highest of them.
+"""The lowest and the highest figure of each minute since 1970 UTC.
 
 Of equal ones it is the first in time.
 """

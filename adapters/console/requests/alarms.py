@@ -20,6 +20,7 @@ from aiohttp import web
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
+    LOOK_S,
     Archive,
     Change,
     Cleared,
@@ -37,8 +38,6 @@ from executive.reasons import Reason
 
 _LOG: Final = logging.getLogger(__name__)
 
-LOOK_S: Final = 1.0
-"""Between two looks at what other consoles changed."""
 BEYOND_S: Final = 1.0
 """For so long a parameter is beyond a limit before that is an alarm."""
 SLACK: Final = 0.01

@@ -13,6 +13,7 @@ from aiohttp import web
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
+    LOOK_S,
     Archive,
     Conflict,
     delete_object,
@@ -23,8 +24,6 @@ from adapters.console.archive import (
 from adapters.console.messages import ObjectChanged
 from adapters.console.web import OPERATOR, answer, body_of, refused
 
-LOOK_S: Final = 1.0
-"""Between two looks at what other consoles changed."""
 LONGEST_KEY: Final = 256
 MOST_VALUE: Final = 512 * 1024
 

@@ -3,11 +3,11 @@
 import asyncio
 from contextlib import suppress
 from functools import partial
-from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
+    LOOK_S,
     Archive,
     changed_commands,
     find_command,
@@ -18,9 +18,6 @@ from adapters.console.archive import (
 from adapters.console.messages import CommandStatus
 from adapters.console.rovers.tracker import CommandTracker
 from executive.reports import Identity
-
-LOOK_S: Final = 1.0
-"""Between two looks at what other consoles commanded."""
 
 
 class SharedCommands:

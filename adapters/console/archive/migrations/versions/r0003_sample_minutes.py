@@ -8,7 +8,7 @@ down_revision = "0002"
 
 _FILL = """
 INSERT INTO sample_minute
-SELECT parameter, minute, count(*),
+SELECT parameter, minute,
        max(CASE WHEN lowest = 1 THEN value END), max(CASE WHEN lowest = 1 THEN utc_us END),
        max(CASE WHEN highest = 1 THEN value END), max(CASE WHEN highest = 1 THEN utc_us END)
 FROM (
@@ -32,7 +32,6 @@ def upgrade() -> None:
         "sample_minute",
         sa.Column("parameter", sa.Integer(), nullable=False),
         sa.Column("minute", sa.BigInteger(), autoincrement=False, nullable=False),
-        sa.Column("count", sa.Integer(), nullable=False),
         sa.Column("low", sa.Float(precision=53), nullable=False),
         sa.Column("low_us", sa.BigInteger(), nullable=False),
         sa.Column("high", sa.Float(precision=53), nullable=False),
