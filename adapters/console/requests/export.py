@@ -101,7 +101,7 @@ class Export:
             pieces = (
                 _telemetry(archive, file, asset, start_us, end_us)
                 if each is What.TELEMETRY
-                else _kept(archive, file, _KEPT[each], asset, start_us, end_us)
+                else _kept(archive, file, each, asset, start_us, end_us)
             )
             async for piece in pieces:
                 await response.write(piece)
@@ -132,14 +132,14 @@ async def _telemetry(
 async def _kept(
     archive: Archive,
     file: CsvFile | McapFile,
-    kind: Exported,
+    what: What,
     asset: str | None,
     start_us: int,
     end_us: int,
 ) -> AsyncIterator[bytes]:
     def write_page(connection: Connection, after: Place | None) -> tuple[bytes, Place | None]:
-        page, place = kept_page(connection, kind, asset, start_us, end_us, after)
-        return file.kept(kind, page), place
+        page, place = kept_page(connection, _KEPT[what], asset, start_us, end_us, after)
+        return file.kept(what.value, _KEPT[what], page), place
 
     octets, after = await archive.read(partial(write_page, after=None))
     yield octets

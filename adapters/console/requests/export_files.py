@@ -18,10 +18,8 @@ from mcap.writer import Writer
 
 from adapters.console.archive import Exported, ExportRow, Kept, to_us
 from adapters.console.messages import (
-    AlarmStatus,
     CommandStatus,
     Notified,
-    PlanProgress,
     TreeNode,
     TreeState,
 )
@@ -36,13 +34,6 @@ TELEMETRY: Final = {
     },
 }
 STAGES: Final = ("SENT", "TAKEN", "RECEIVED", "ACCEPTED", "STARTED")
-_TOPICS: Final[dict[Exported, str]] = {
-    CommandStatus: "commands",
-    Notified: "reports",
-    TreeState: "tree",
-    PlanProgress: "plans",
-    AlarmStatus: "alarms",
-}
 _LEVELS: Final = {"INFORMATIONAL": 2, "WARNING": 3, "ALARM": 4, "SEVERE": 4, "CRITICAL": 5}
 """Of foxglove.Log: 2 is INFO, 5 is FATAL."""
 
@@ -67,7 +58,7 @@ class CsvFile:
         """Return the lines of values."""
         return self._lines(ExportRow._fields, rows)
 
-    def kept(self, kind: Exported, page: Sequence[Kept]) -> bytes:
+    def kept(self, _: str, kind: Exported, page: Sequence[Kept]) -> bytes:
         """Return the lines of what was kept whole."""
         names, lines = _COLUMNS.get(kind, (_names(kind), _one_line))
         rows = (line for each in page for line in lines(each.body))
@@ -170,10 +161,10 @@ class McapFile:
             self._add(channel, row.utc, row.rx, {"value": row.value, "quality": row.quality})
         return self._pieces.take()
 
-    def kept(self, kind: Exported, page: Sequence[Kept]) -> bytes:
-        """Return what is written of what was kept whole."""
+    def kept(self, name: str, kind: Exported, page: Sequence[Kept]) -> bytes:
+        """Return what is written of what was kept whole, on topics of that name."""
         for each in page:
-            topic = f"/{each.body['asset']}/{_TOPICS[kind]}"
+            topic = f"/{each.body['asset']}/{name}"
             if kind is Notified:
                 channel = self._channel(topic, "foxglove.Log", LOG)
                 self._add(channel, each.utc, each.rx, _log(each))
