@@ -285,8 +285,8 @@ def test_a_console_is_measured_with_its_pages(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_console_is_measured_with_many_rovers(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"
-    arguments = ["console-fleet", "--rovers", "3", "--pages", "1", "--seconds", "1"]
-    result = CliRunner().invoke(bench, [*arguments, "--json", str(out)])
+    arguments = ["console-fleet", "--rovers", "3", "--values", "60", "--pages", "1"]
+    result = CliRunner().invoke(bench, [*arguments, "--seconds", "1", "--json", str(out)])
     assert result.exit_code in (0, 1), result.output
     values = {row["name"]: row["value"] for row in json.loads(out.read_text())}
     assert values["fleet: values"] > 0
