@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from playwright.sync_api import Browser, Page, Request, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
 
 from tests.support.browser import BROWSER
 from tests.support.processes import Running, executive, running, simulation
@@ -24,6 +24,8 @@ OPTIONS: Final = (
     "--disable-component-update",
     "--disable-sync",
 )
+_TOLD_BY_THE_PAGE: Final = r"net::ERR_|status of (403|409|412|422|503)"
+"""A server that is away, or what it refused: a browser writes both to its console as well."""
 _NAMED: Final = (  # the empty page that a browser begins with keeps nothing
     "if (origin !== 'null') sessionStorage.setItem('rover-console-operator', {name!r})"
 )
@@ -94,9 +96,14 @@ class Visitors:
         context.add_init_script(_NAMED.format(name=operator))
         page = context.new_page()
         page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", lambda said: self._hear(said))
         page.on("request", lambda request: self._note(request))
         page.goto(url)
         return page
+
+    def _hear(self, said: ConsoleMessage) -> None:
+        if said.type == "error" and not re.search(_TOLD_BY_THE_PAGE, said.text):
+            self.errors.append(f"{said.text} {said.location['url']}")
 
     def _note(self, request: Request) -> None:
         if not re.match(r"(https?|wss?)://127\.0\.0\.1:|data:|blob:", request.url):

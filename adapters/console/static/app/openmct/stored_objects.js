@@ -7,6 +7,8 @@ import { ask } from "../model/connection.js";
 
 const NAMESPACE = "shared";
 const ROOT = "displays";
+/** The folder of all, before anything is put into it. */
+const NOTHING_YET = { name: "Displays", type: "folder", location: "ROOT", composition: [] };
 /** What Open MCT sets itself at each change of another field. */
 const TIMES = ["modified", "persisted"];
 
@@ -24,18 +26,18 @@ export function storedObjects(session) {
   return (openmct) => {
     const isBusy = (key) => sending.has(key) || openmct.editor.isEditing();
 
-    /** @param {string} key @returns {Promise<any>} the object as it is kept; undefined for none */
+    /** @param {string} key @returns {Promise<any>} the object as it is kept */
     async function read(key) {
-      const { revision, value } = await ask(path(key)).catch((error) => {
-        if (error.status !== 404) throw error;
-        const root = { name: "Displays", type: "folder", location: "ROOT", composition: [] };
-        return { revision: null, value: key === ROOT ? root : undefined };
-      });
-      if (!value) return undefined;
+      const { revision, value } = key === ROOT && !(await isKept(key)) ? { revision: null, value: NOTHING_YET } : await ask(path(key));
       const object = { ...value, identifier: identifierOf(key) };
       if (!shown.has(key)) shown.set(key, { revision, value: object });
       else if (!isBusy(key)) show(key, revision, object);
       return object;
+    }
+
+    async function isKept(key) {
+      const { objects } = await ask("/api/objects");
+      return objects.some((kept) => kept.key === key);
     }
 
     /** Show an object as somebody else made it, wherever it is shown. */
