@@ -36,6 +36,9 @@ async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
         done = await anna.page.command("long", "executed")
         nodes = {each["stage"]: each["node"] for each in done["history"]}
         assert (nodes["TAKEN"], nodes["EXECUTED"]) == ("orbiter", "jackal")
+        (left,) = [each for each in done["history"] if each["stage"] == "FORWARDED"]
+        assert left["node"] == "orbiter"
+        assert left["utc"] > waiting["history"][-1]["utc"] + 3600.0  # by the orbiter's clock
         assert len(far.commands) == 1
 
 

@@ -50,7 +50,7 @@ class StageReached:
     """A stage of a command's life.
 
     Attributes:
-        stage: as the MRS spells it, SENT, TAKEN, PREDICTED, GIVEN_UP or UNKNOWN.
+        stage: as the MRS spells it, SENT, TAKEN, FORWARDED, PREDICTED, GIVEN_UP or UNKNOWN.
         node: who says so: `console`, `orbiter` or the asset.
         utc: by the clock of who says so.
         rx: when it was heard here.

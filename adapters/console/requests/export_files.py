@@ -33,7 +33,7 @@ TELEMETRY: Final = {
         "quality": {"enum": ["good", "late", "invalid"]},
     },
 }
-STAGES: Final = ("SENT", "TAKEN", "RECEIVED", "ACCEPTED", "STARTED")
+STAGES: Final = ("SENT", "TAKEN", "FORWARDED", "RECEIVED", "ACCEPTED", "STARTED")
 _LEVELS: Final = {"INFORMATIONAL": 2, "WARNING": 3, "ALARM": 4, "SEVERE": 4, "CRITICAL": 5}
 """Of foxglove.Log: 2 is INFO, 5 is FATAL."""
 

@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from adapters.console.command_life import FORWARDED, GIVEN_UP
 from adapters.console.messages import (
     AssetState,
     Broadcast,
@@ -44,6 +45,7 @@ from adapters.mrs.spec import (
     PlanUpdate,
     ServiceDescriptor,
     Validity,
+    forwarded,
     given_up,
 )
 from adapters.mrs.terms import Terms
@@ -221,9 +223,10 @@ class Fleet:
     ) -> None:
         """Pass a notification on, with the id of the command that it is of."""
         said = notified(link.asset, link.kind, notification, rx_s)
-        lost = given_up(notification)
-        if lost is not None:
-            said = replace(said, command=self._tracker.hear_given_up(said, lost))
+        if (lost := given_up(notification)) is not None:
+            said = replace(said, command=self._tracker.hear_orbiter(said, lost, GIVEN_UP))
+        elif (left := forwarded(notification)) is not None:
+            said = replace(said, command=self._tracker.hear_orbiter(said, left, FORWARDED))
         elif notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
             await self._commands.look_up(link.asset, identity)

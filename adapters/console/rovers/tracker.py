@@ -11,7 +11,6 @@ from typing import Final
 
 from adapters.console.command_life import (
     CONSOLE,
-    GIVEN_UP,
     LIFE,
     ORBITER,
     PREDICTED,
@@ -118,12 +117,11 @@ class CommandTracker:
         )
         return name
 
-    def hear_given_up(self, said: Notified, identity: Identity) -> str | None:
-        """Take in that the relay gave a command up; return its id, if it is known."""
+    def hear_orbiter(self, said: Notified, identity: Identity, stage: str) -> str | None:
+        """Take in what the orbiter did with a command; return the command's id, if it is known."""
         name = self._ids.get((said.asset, identity))
-        if name is not None and not self._has(name, GIVEN_UP):
-            reached = StageReached(GIVEN_UP, ORBITER, said.utc, said.rx, said.text)
-            self._reach(name, reached)
+        if name is not None and not self._has(name, stage):
+            self._reach(name, StageReached(stage, ORBITER, said.utc, said.rx, said.text))
         return name
 
     async def run(self) -> None:

@@ -229,7 +229,16 @@ def given_up(notification: Notification) -> Identity | None:
 
     This is no stage of its life, which the rover tells: it may not have reached the rover.
     """
-    if (notification.kind, notification.severity) != (NotificationKind.LINK, Severity.ALARM):
+    return _command_of_link(notification, Severity.ALARM)
+
+
+def forwarded(notification: Notification) -> Identity | None:
+    """Return the command that a relay says it has sent on; None if it says no such thing."""
+    return _command_of_link(notification, Severity.INFORMATIONAL)
+
+
+def _command_of_link(notification: Notification, severity: Severity) -> Identity | None:
+    if (notification.kind, notification.severity) != (NotificationKind.LINK, severity):
         return None
     said = {each.name: each.value.value for each in notification.parameters or () if each.value}
     source, number = said.get(_SOURCE), said.get(_NUMBER)

@@ -10,7 +10,7 @@ from typing import Final
 from adapters.mal import Typed
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import DEFINED, Notification, ParameterValue, describe_error
+from adapters.mrs.spec import DEFINED, Notification, ParameterValue, describe_error, forwarded
 from adapters.relay.orbiter.link_status import CONTACT, LINK_PARAMETERS, ORBITER_PARAMETERS
 from executive.commands import Command, ExecuteAction, Request
 
@@ -144,8 +144,10 @@ def line(utc_s: float, kind: str, *said: str) -> str:
 
 
 def notification_line(notification: Notification) -> str:
-    """Return the line of a notification; a command's stage is its word."""
+    """Return the line of a notification; a command's stage, or its departure, is its word."""
     utc_s, text = notification.timestamp / 1e9, notification.text or ""
+    if (left := forwarded(notification)) is not None:
+        return line(utc_s, "FORWARDED", str(left))
     if notification.stage is None:
         severity = notification.severity.name
         return line(utc_s, notification.kind.name, severity, text)

@@ -1,8 +1,8 @@
-"""Reports that the orbiter makes itself: implied stages and losses.
+"""Reports that the orbiter makes itself: implied stages, departures and losses.
 
 A brick tells the ends of commands only (thesis 6.1); the stages before are implied. A loss is told
-of a command of which nobody may ever tell the end. It is no stage of the command's life: kind LINK,
-without a number.
+of a command of which nobody may ever tell the end. That, and that a command has left the orbiter,
+is no stage of its life: kind LINK, without a number.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,6 +50,12 @@ def with_implied_stages(report: Report, last: Report | None) -> Sequence[Report]
     implied = [each for each in _BEFORE[stage] if each.value > passed]
     bare = replace(report, severity=Severity.INFORMATIONAL, text="", reason=None, figures=())
     return (*(replace(bare, stage=each) for each in implied), report)
+
+
+def departure(identity: Identity, utc_s: float) -> Report:
+    """Return the report that a command has left the orbiter."""
+    text = f"{identity} has left the orbiter"
+    return Report(UNNUMBERED, utc_s, Kind.LINK, Severity.INFORMATIONAL, text, identity)
 
 
 class Loss(Enum):

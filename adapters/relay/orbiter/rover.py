@@ -38,7 +38,12 @@ from adapters.mops import (
     report_of,
 )
 from adapters.mrs.spec import AreaError, duplicate, refused, with_text
-from adapters.relay.orbiter.derived_reports import LOSS_BY_STATUS, Loss, with_implied_stages
+from adapters.relay.orbiter.derived_reports import (
+    LOSS_BY_STATUS,
+    Loss,
+    departure,
+    with_implied_stages,
+)
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
 from executive.commands import Arrival, Command, Mode, Stop
@@ -205,8 +210,12 @@ class RelayedRover:
             return  # it is kept, and sent again, until the rover has it
         loss = LOSS_BY_STATUS.get(fate)
         identity = self.record.outstanding.left_outbox(bundle, self._utc_s(), lost=loss is not None)
-        if loss and identity and self.record.last_report(identity) is None:
-            self._tell_of(loss, identity)
+        if identity is None:
+            return
+        if loss is None:
+            self._tell_of(departure(identity, self._utc_s()))
+        elif self.record.last_report(identity) is None:
+            self._tell_of(loss.report(identity, self._utc_s()))
 
     async def ask_again(self, ask_again_s: float) -> None:
         """Send commands without an answer once more; the rover repeats its last report.
@@ -313,7 +322,7 @@ class RelayedRover:
         text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
         self.tell(Severity.WARNING, text)
         for identity in self.record.outstanding.end_begun(self._utc_s()):
-            self._tell_of(Loss.FORGOTTEN, identity)
+            self._tell_of(Loss.FORGOTTEN.report(identity, self._utc_s()))
 
     def _give_up_unheard(self, aboard: LinkHealth) -> None:
         """Give up commands without a report, once all as old has come down."""
@@ -323,7 +332,7 @@ class RelayedRover:
         for identity in self.record.outstanding.end_unheard(
             made_utc_s - aboard.oldest_s - self._grace_s
         ):
-            self._tell_of(Loss.UNHEARD, identity)
+            self._tell_of(Loss.UNHEARD.report(identity, self._utc_s()))
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
         return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)
@@ -331,8 +340,7 @@ class RelayedRover:
     def _refuse(self, fault: str) -> None:
         _LOG.warning("%s: %s", self.settings.asset, fault)
 
-    def _tell_of(self, loss: Loss, identity: Identity) -> None:
-        report = loss.report(identity, self._utc_s())
+    def _tell_of(self, report: Report) -> None:
         _LOG.info("%s: %s", self.settings.asset, report.text)
         self._report(report)
 

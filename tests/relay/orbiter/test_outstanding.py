@@ -23,7 +23,7 @@ from adapters.mal import MalError
 from adapters.mocup.brick.record import Link
 from adapters.mops import LinkHealth, decode
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import AreaError
+from adapters.mrs.spec import AreaError, forwarded, given_up
 from adapters.mrs.spec.types import Severity
 from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.orbiter.relay import GRACE_S, OrbiterRelay, recover_outbox
@@ -75,6 +75,22 @@ async def test_who_waits_for_a_command_that_was_given_up_is_told(tmp_path: Path)
         clock.shift_s = 3601.0
         assert (await waiting[1]).executed
         assert [message.command for message in far.commands] == ["STOP"]
+
+
+async def test_it_is_told_when_a_command_leaves_the_orbiter(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with meeting(sky, clock, eclipse(clock)) as (relay, _, client):
+        command = client.command(MoveForward(1.0))
+        heard = client.notifications()
+        await client.submit(command)
+        await until(lambda: relay.agent.health().queued == 1)
+        clock.shift_s = 3601.0
+        told = [await anext(heard) for _ in range(1 + len(LIFE))]
+        (left,) = [each for each in told if forwarded(each) is not None]
+        assert forwarded(left) == command.identity
+        assert (left.stage, left.sequence, given_up(left)) == (None, 0, None)
+        assert left.text == f"{command.identity} has left the orbiter"
+        assert [each.stage.name for each in told if each.stage] == [each.name for each in LIFE]
 
 
 async def test_rover_command_and_rover_mops_end_with_it(tmp_path: Path) -> None:

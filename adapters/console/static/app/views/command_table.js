@@ -15,7 +15,7 @@ const MOST_ROWS = 100;
 const WAYS = {
   recording: ["RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
   direct: ["SENT", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
-  relay: ["SENT", "TAKEN", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
+  relay: ["SENT", "TAKEN", "FORWARDED", "RECEIVED", "ACCEPTED", "STARTED", "EXECUTED"],
 };
 const WORDS = {
   sending: ["sending", "on its way; not answered yet"],

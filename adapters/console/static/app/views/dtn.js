@@ -59,7 +59,7 @@ export function mount(element, context) {
   const asOf = html("th", { className: "figure" });
   const commands = html("tbody");
   const noCommands = html("p", { className: "empty" });
-  const commandTable = html("table", {}, tableHead("command", "sent", "at the orbiter", "aboard", "now"), commands);
+  const commandTable = html("table", {}, tableHead("command", "sent", "at the orbiter", "left it", "aboard", "now"), commands);
   const body = html(
     "div",
     { className: "scroll" },
@@ -234,13 +234,12 @@ export function mount(element, context) {
     const shown = open.slice(0, MOST_COMMANDS);
     keep(commands, shown, (command) => command.id, makeCommand, (row, command) => {
       const reached = (stage) => command.history.find((each) => each.stage === stage);
-      const [taken, received] = [reached("TAKEN"), reached("RECEIVED")];
+      const [taken, left, received] = ["TAKEN", "FORWARDED", "RECEIVED"].map(reached);
       const texts = [
         command.name,
         clock(command.made),
-        taken ? clock(taken.utc) : "",
-        received ? clock(received.utc) : "",
-        whereIs(command, taken, received),
+        ...[taken, left, received].map((each) => (each ? clock(each.utc) : "")),
+        whereIs(command, taken, left, received),
       ];
       texts.forEach((text, index) => say(row.children[index], text));
       set(row, { "data-state": command.state, class: selection.command === command.id ? "selected" : "" });
@@ -251,15 +250,16 @@ export function mount(element, context) {
   }
 
   /** @param {Command} command */
-  function whereIs(command, taken, received) {
+  function whereIs(command, taken, left, received) {
     if (command.state === "given_up") return "given up by the orbiter: the rover may have it";
     if (received) return `aboard, ${command.state === "unknown" ? "not heard of since" : command.state}`;
+    if (left) return `left the orbiter ${span(now() - left.utc)} ago, not heard of since`;
     if (taken) return `waits at the orbiter for ${span(now() - taken.utc)}`;
     return command.state === "unknown" ? "not known" : "on its way to the orbiter";
   }
 
   const makeCommand = (command) =>
-    html("tr", { onclick: () => selection.selectCommand(command.id), "data-id": command.id }, ...Array.from({ length: 5 }, () => html("td")));
+    html("tr", { onclick: () => selection.selectCommand(command.id), "data-id": command.id }, ...Array.from({ length: 6 }, () => html("td")));
 
   const draw = eachFrame(render);
   const offs = [
