@@ -9,13 +9,14 @@ CONSOLE: Final = "console"
 ORBITER: Final = "orbiter"
 SENT: Final = "SENT"
 TAKEN: Final = "TAKEN"
+RECEIVED: Final = "RECEIVED"
 REJECTED: Final = "REJECTED"
 FORWARDED: Final = "FORWARDED"
 GIVEN_UP: Final = "GIVEN_UP"
 UNKNOWN: Final = "UNKNOWN"
 PREDICTED: Final = "PREDICTED"
 _STATES: Final = {
-    "RECEIVED": CommandState.RECEIVED,
+    RECEIVED: CommandState.RECEIVED,
     "ACCEPTED": CommandState.ACCEPTED,
     "STARTED": CommandState.STARTED,
     "PROGRESS": CommandState.STARTED,
@@ -25,6 +26,7 @@ _STATES: Final = {
     "CANCELLED": CommandState.CANCELLED,
     "EXPIRED": CommandState.EXPIRED,
     TAKEN: CommandState.TAKEN,
+    FORWARDED: CommandState.TAKEN,
     GIVEN_UP: CommandState.GIVEN_UP,
     UNKNOWN: CommandState.UNKNOWN,
 }

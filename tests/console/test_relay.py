@@ -5,9 +5,20 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from executive.commands import MoveForward
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, LIMIT_S, at_console
-from tests.relay.orbiter.sky import Clock, Sky, eclipse, landed, orbiting, telling, until
+from tests.relay.orbiter.sky import (
+    LIFE,
+    Clock,
+    Sky,
+    eclipse,
+    ground,
+    landed,
+    orbiting,
+    telling,
+    until,
+)
 
 
 async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
@@ -40,6 +51,31 @@ async def test_in_an_eclipse_a_command_waits_at_the_orbiter_and_is_shown_so(
         assert left["node"] == "orbiter"
         assert left["utc"] > waiting["history"][-1]["utc"] + 3600.0  # by the orbiter's clock
         assert len(far.commands) == 1
+
+
+async def test_a_command_of_another_client_is_known_from_its_departure_on(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with (
+        orbiting(sky, clock, eclipse(clock), ask_again_s=0.1) as (relay, (station,)),
+        landed(sky, "jackal") as far,
+        at_console(tmp_path, str(station.uri), "anna") as (anna,),
+        await ground(station) as client,
+    ):
+        await anna.page.is_up()
+        far.life = ()
+        command = client.command(MoveForward(1.0))
+        await client.submit(command)
+        clock.shift_s = 3601.0
+        name = f"jackal:{command.identity}"
+        left = await anna.page.command(name, "taken")
+        assert [each["stage"] for each in left["history"]] == ["FORWARDED"]
+        assert (left["name"], left["by"], left["link"]) == ("", "MOE", "relay")
+        far.life = LIFE
+        await far.telemetry(POS_X=1.0)
+        while not far.commands[1:]:
+            await relay.ask_again()
+            await asyncio.sleep(0.02)
+        assert (await anna.page.command(name, "executed"))["name"] == "RECEIVED"  # its text
 
 
 async def test_what_waits_at_the_orbiter_counts_up_and_drains_and_is_kept_in_the_archive(

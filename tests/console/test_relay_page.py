@@ -69,6 +69,9 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         for counter in ("DTN_SENT", "DTN_ACKNOWLEDGED"):
             await expect(page.get_by_test_id(counter)).to_have_text("1")
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("0")
+        await page.goto(f"{anna.address}{PAGE.format('jackal', 'layout')}")
+        await expect(page.get_by_test_id("value-DTN_CONTACTS_UP")).to_contain_text("/")
+        await expect(page.get_by_test_id("value-POS_X")).to_be_in_viewport(ratio=0.95)
         await browser.close()
     assert errors == []
 

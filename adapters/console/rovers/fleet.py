@@ -223,10 +223,11 @@ class Fleet:
     ) -> None:
         """Pass a notification on, with the id of the command that it is of."""
         said = notified(link.asset, link.kind, notification, rx_s)
-        if (lost := given_up(notification)) is not None:
-            said = replace(said, command=self._tracker.hear_orbiter(said, lost, GIVEN_UP))
-        elif (left := forwarded(notification)) is not None:
-            said = replace(said, command=self._tracker.hear_orbiter(said, left, FORWARDED))
+        lost, left = given_up(notification), forwarded(notification)
+        if (identity := lost or left) is not None:
+            await self._commands.look_up(link.asset, identity)
+            stage = GIVEN_UP if lost else FORWARDED
+            said = replace(said, command=self._tracker.hear_orbiter(said, identity, stage))
         elif notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
             await self._commands.look_up(link.asset, identity)

@@ -7,6 +7,7 @@ heard is UNKNOWN, until something is.
 import asyncio
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Final
 
 from adapters.console.command_life import (
@@ -14,6 +15,7 @@ from adapters.console.command_life import (
     LIFE,
     ORBITER,
     PREDICTED,
+    RECEIVED,
     REJECTED,
     TAKEN,
     UNKNOWN,
@@ -95,10 +97,10 @@ class CommandTracker:
 
     def hear(self, said: Notified, identity: Identity) -> str:
         """Take in a notification on a command; return the command's id."""
-        name = self._ids.get((said.asset, identity))
-        if name is None:
-            name = f"{said.asset}:{identity}"
-            self._set(self._foreign(name, said, identity))
+        name = self._name_of(said, identity)
+        command = self._commands[name]
+        if not command.name and said.stage == RECEIVED:
+            self._keep(replace(command, name=said.text))
         stage = PREDICTED if said.stage is None else said.stage
         self._reach(
             name,
@@ -117,10 +119,10 @@ class CommandTracker:
         )
         return name
 
-    def hear_orbiter(self, said: Notified, identity: Identity, stage: str) -> str | None:
-        """Take in what the orbiter did with a command; return the command's id, if it is known."""
-        name = self._ids.get((said.asset, identity))
-        if name is not None and not self._has(name, stage):
+    def hear_orbiter(self, said: Notified, identity: Identity, stage: str) -> str:
+        """Take in what the orbiter did with a command; return the command's id."""
+        name = self._name_of(said, identity)
+        if not self._has(name, stage):
             self._reach(name, StageReached(stage, ORBITER, said.utc, said.rx, said.text))
         return name
 
@@ -150,11 +152,19 @@ class CommandTracker:
         if after is not before:
             self._set(after)
 
+    def _name_of(self, said: Notified, identity: Identity) -> str:
+        """Return the id of a command that was heard of; others send commands, too."""
+        name = self._ids.get((said.asset, identity))
+        if name is None:
+            name = f"{said.asset}:{identity}"
+            self._keep(self._foreign(name, said, identity))
+        return name
+
     def _foreign(self, name: str, said: Notified, identity: Identity) -> CommandStatus:
         return CommandStatus(
             id=name,
             asset=said.asset,
-            name=said.text if said.stage == "RECEIVED" else "",
+            name="",
             args=None,
             by=identity.source,
             source=identity.source,

@@ -87,7 +87,7 @@ export function mount(element, context) {
     row.dataset.state = command.state;
     row.dataset.name = command.name;
     say(time, clock(command.made));
-    say(name, command.name);
+    say(name, command.name || "a command");
     say(args, shortly(command, asset));
     say(by, `${command.by}${command.link === "relay" ? ", by relay" : ""}`);
     say(state, word);
