@@ -64,7 +64,7 @@ class ConsoleHousekeeping:
         self._before = (now_s, written)
         passed_s = now_s - before_s
         return {
-            "CONSOLE_PAGES": self._hub.page_count,
+            "CONSOLE_PAGES": len(self._hub.pages),
             "CONSOLE_DROPPED": self._hub.dropped,
             "CONSOLE_WAITING": self._archive.waiting,
             "CONSOLE_LOST": self._archive.lost,

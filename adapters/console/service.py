@@ -49,7 +49,7 @@ from adapters.console.rovers import (
 )
 from adapters.console.server import Server
 from adapters.console.tasks import begin
-from adapters.console.web import KEPT_COMMANDS, Access, Hub, read_tokens
+from adapters.console.web import KEPT_COMMANDS, Access, Hub, SharedPresence, read_tokens
 from adapters.mal import CertificateError, is_loopback
 from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address
@@ -176,6 +176,7 @@ async def _serving(
     transfers = Transfers(commanding.file_client, store, hub.transfer)
     recordings = Recordings(_emptied(options.data / OPENED), publish)
     objects = Objects(archive, publish)
+    presence = SharedPresence(archive, hub)
     routes = [
         *Operations(commanding, desk).routes(),
         *Plans(commanding, archive).routes(),
@@ -207,6 +208,7 @@ async def _serving(
         housekeeping.run(),
         commands.run(),
         objects.run(),
+        presence.run(),
         retain(archive, options.retention),
     ]
     tasks = [begin(each) for each in working]
@@ -233,6 +235,7 @@ async def _serving(
         await asyncio.gather(*tasks, return_exceptions=True)
         await fleet.close()
         await alarms.close()
+        await presence.close()
         await runner.cleanup()
         await recordings.close()
 

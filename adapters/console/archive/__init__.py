@@ -28,6 +28,12 @@ from adapters.console.archive.objects import (
     put_object,
 )
 from adapters.console.archive.plans import PlanRevision, get_plan, keep_plan, list_plans
+from adapters.console.archive.presence import (
+    ConsolePages,
+    forget_pages,
+    read_pages,
+    write_pages,
+)
 from adapters.console.archive.queries import (
     MOST_SAMPLES,
     Page,
@@ -60,6 +66,7 @@ __all__ = [
     "Change",
     "Cleared",
     "Conflict",
+    "ConsolePages",
     "ExportRow",
     "Exported",
     "Kept",
@@ -82,6 +89,7 @@ __all__ = [
     "export_page",
     "find_command",
     "find_parameters",
+    "forget_pages",
     "get_object",
     "get_plan",
     "keep_plan",
@@ -98,9 +106,11 @@ __all__ = [
     "read_commands",
     "read_last_sample",
     "read_notifications",
+    "read_pages",
     "read_records",
     "read_samples",
     "retain",
     "standing_alarms",
     "to_us",
+    "write_pages",
 ]

@@ -166,3 +166,12 @@ ALARM: Final = Table(
     Index(None, "raised_us"),
 )
 """An alarm, from its first occurrence until it is both cleared and acknowledged, and after that."""
+
+PRESENCE: Final = Table(
+    "presence",
+    METADATA,
+    Column("instance", String(64), primary_key=True),
+    Column("beat", BigInteger, nullable=False),
+    Column("body", Text, nullable=False),
+)
+"""The pages that are open at a console; `beat` is another one as long as it runs."""

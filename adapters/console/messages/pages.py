@@ -39,7 +39,7 @@ class Present:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Which pages are open."""
+    """Which pages are open, at all consoles with the same archive."""
 
     ty: ClassVar[str] = "presence"
 

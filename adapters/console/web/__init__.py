@@ -18,9 +18,11 @@ from adapters.console.web.answers import (
     text_of,
 )
 from adapters.console.web.hub import KEPT, KEPT_COMMANDS, MOST_SAMPLES, MOST_WAITING, Hub
+from adapters.console.web.shared_presence import GONE_S, SharedPresence
 from adapters.console.web.sockets import Sockets
 
 __all__ = [
+    "GONE_S",
     "HIGHEST",
     "KEPT",
     "KEPT_COMMANDS",
@@ -32,6 +34,7 @@ __all__ = [
     "Handler",
     "Hub",
     "RefusedError",
+    "SharedPresence",
     "Sockets",
     "answer",
     "body_of",

@@ -155,6 +155,7 @@ class Hub:
         self._standing: dict[tuple[object, ...], Message] = {}
         self._commands: dict[tuple[str, str, int], CommandStatus] = {}
         self._pages: list[Page] = []
+        self._others: tuple[Present, ...] = ()
 
     def publish(self, message: Broadcast) -> None:
         """Send a message to the pages that want it, now or when they are back."""
@@ -205,13 +206,19 @@ class Hub:
         self._pages.remove(page)
         self._tell_presence()
 
+    def tell_others(self, pages: tuple[Present, ...]) -> None:
+        """Tell all pages of those that are open at other consoles, if that is news."""
+        if pages != self._others:
+            self._others = pages
+            self._tell_presence()
+
     @property
-    def page_count(self) -> int:
-        """How many pages are open."""
-        return len(self._pages)
+    def pages(self) -> tuple[Present, ...]:
+        """The pages that are open here."""
+        return tuple(page.present for page in self._pages)
 
     def is_present(self, operator: str) -> bool:
-        """Whether an operator has a page open."""
+        """Whether an operator has a page open here."""
         return any(page.present.operator == operator for page in self._pages)
 
     def hello(self, page: Page, *, resumed: bool) -> Hello:
@@ -233,7 +240,7 @@ class Hub:
         return (*self._standing.values(), *self._commands.values())
 
     def _tell_presence(self) -> None:
-        self.publish(Presence(tuple(page.present for page in self._pages)))
+        self.publish(Presence((*self.pages, *self._others)))
 
     def _keep(self, message: Broadcast) -> None:
         match message:

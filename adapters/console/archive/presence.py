@@ -1,0 +1,48 @@
+"""Which pages are open at each console, for the other consoles at the database."""
+
+import json
+from dataclasses import asdict, dataclass
+
+from sqlalchemy import Connection, select
+
+from adapters.console.archive.tables import PRESENCE
+from adapters.console.messages import Present
+
+
+@dataclass(frozen=True, slots=True)
+class ConsolePages:
+    """The pages of a console.
+
+    Attributes:
+        instance: of its process.
+        beat: another one each time that it is written down.
+    """
+
+    instance: str
+    beat: int
+    pages: tuple[Present, ...]
+
+
+def write_pages(connection: Connection, console: ConsolePages) -> None:
+    """Write the pages of a console down, in place of those before; without any, nothing stays."""
+    connection.execute(PRESENCE.delete().where(PRESENCE.c.instance == console.instance))
+    if console.pages:
+        body = json.dumps([asdict(each) for each in console.pages])
+        row = {"instance": console.instance, "beat": console.beat, "body": body}
+        connection.execute(PRESENCE.insert().values(**row))
+
+
+def read_pages(connection: Connection) -> list[ConsolePages]:
+    """Return the pages of all consoles."""
+    rows = connection.execute(select(PRESENCE).order_by(PRESENCE.c.instance))
+    return [ConsolePages(row.instance, row.beat, _pages(row.body)) for row in rows]
+
+
+def forget_pages(connection: Connection, console: ConsolePages) -> None:
+    """Delete the pages of a console that has ended, unless it has written meanwhile."""
+    this = (PRESENCE.c.instance == console.instance, PRESENCE.c.beat == console.beat)
+    connection.execute(PRESENCE.delete().where(*this))
+
+
+def _pages(body: str) -> tuple[Present, ...]:
+    return tuple(Present(**each) for each in json.loads(body))

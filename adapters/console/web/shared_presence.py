@@ -1,0 +1,92 @@
+"""Which pages are open at other consoles, and theirs of ours."""
+
+import asyncio
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import Final
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from adapters.console.archive import (
+    LOOK_S,
+    Archive,
+    ConsolePages,
+    forget_pages,
+    read_pages,
+    write_pages,
+)
+from adapters.console.web.hub import Hub
+
+GONE_S: Final = 5.0
+"""A console that has written nothing for so long has ended, or lost the database."""
+
+
+class SharedPresence:
+    """Tells the consoles at one archive of each other's pages.
+
+    Args:
+        archive: where each writes its own.
+        hub: has the pages of this one.
+        now_s: the time, which never goes back.
+    """
+
+    def __init__(
+        self, archive: Archive, hub: Hub, now_s: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._archive, self._hub, self._now_s = archive, hub, now_s
+        self._own = ConsolePages(hub.instance, 0, ())
+        self._heard: dict[str, tuple[int, float]] = {}
+
+    async def run(self) -> None:
+        """Exchange them again and again."""
+        while True:
+            try:
+                await self.exchange()
+            except SQLAlchemyError:  # the archive tells when it cannot be written
+                self._hub.tell_others(())
+            await asyncio.sleep(LOOK_S)
+
+    async def exchange(self) -> None:
+        """Write down which pages are open here, and look which are elsewhere.
+
+        Raises:
+            SQLAlchemyError: the archive cannot be written or read.
+        """
+        await self._write()
+        await self._look()
+
+    async def close(self) -> None:
+        """Have no page here any more."""
+        with suppress(SQLAlchemyError):
+            gone = ConsolePages(self._hub.instance, 0, ())
+            await self._archive.write(partial(write_pages, console=gone))
+
+    async def _write(self) -> None:
+        before, pages = self._own, self._hub.pages
+        if before.pages or pages:
+            self._own = ConsolePages(before.instance, before.beat + 1, pages)
+            await self._archive.write(partial(write_pages, console=self._own))
+
+    async def _look(self) -> None:
+        found = [
+            each
+            for each in await self._archive.read(read_pages)
+            if each.instance != self._own.instance
+        ]
+        gone = [each for each in found if self._silent_s(each) > GONE_S]
+        for each in gone:
+            await self._archive.write(partial(forget_pages, console=each))
+        here = [each for each in found if each not in gone]
+        self._heard = {each.instance: self._heard[each.instance] for each in here}
+        self._hub.tell_others(tuple(page for each in here for page in each.pages))
+
+    def _silent_s(self, console: ConsolePages) -> float:
+        """Return since when a console has written nothing; the clocks of others are not asked."""
+        now_s = self._now_s()
+        beat, heard_s = self._heard.get(console.instance, (None, now_s))
+        if beat != console.beat:
+            heard_s = now_s
+        self._heard[console.instance] = (console.beat, heard_s)
+        return now_s - heard_s
