@@ -4,12 +4,14 @@ import asyncio
 from collections.abc import AsyncIterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
+from itertools import pairwise
 from pathlib import Path
 
 import psycopg
 import pytest
 
 from adapters.console.archive import open_database
+from adapters.console.archive.archive import WRITE_S
 from executive.commands import MoveForward
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console
@@ -88,6 +90,31 @@ async def test_what_is_commanded_at_one_is_the_same_at_the_other(
         for each in (anna, ben):
             ids = {said["id"] for said in each.page.got if said["ty"] == "cmd"}
             assert ids == {"drive", stop["id"]}
+
+
+async def test_modes_and_authority_are_kept_once(
+    guarded: Aboard, postgres: str, tmp_path: Path
+) -> None:
+    async with two_consoles(guarded, fresh(postgres), tmp_path) as (anna, ben):
+        await anna.authority("request")
+        await ben.page.holds("anna")
+        await anna.send("drive", "moveForward", distance=0.5)
+        await anna.page.command("drive", "executed")
+        await anna.authority("release")
+        for each in (anna, ben):
+            await each.page.holds(None)
+
+        async def kept(kind: str, *names: str) -> list[list[Said]]:
+            found = (await ben.get(f"api/records/{kind}", asset="jackal"))["records"]
+            return [[each[name] for name in names] for each in reversed(found)]
+
+        async with asyncio.timeout(10.0):
+            while len(await kept("auth", "holder")) < 3:
+                await asyncio.sleep(0.1)
+        await asyncio.sleep(2 * WRITE_S)  # what the other wrote would be there now
+        assert await kept("auth", "holder") == [[None], ["anna"], [None]]
+        states = await kept("asset", "mode", "active", "queued", "plan")
+        assert all(one != other for one, other in pairwise(states)), states
 
 
 async def test_what_somebody_else_commands_is_the_same_at_both(

@@ -59,9 +59,12 @@ WRITE_S: Final = 0.5
 """Between two batches."""
 MOST_WAITING: Final = 100_000
 """Messages that wait while the database cannot be written; then the oldest are lost."""
+NEAR: Final = 8
+"""States that are looked at for the one before by the same link."""
 US_PER_S: Final = 1e6
 QUALITIES: Final = list(Quality)
 
+_WHEN: Final = {"utc", "lease_left"}
 _Recorded = AssetState | AuthorityHeld | PlanProgress | TreeState | LinkStatus | FileChanged
 Written = Sample | TreeState | Broadcast
 Rows = list[dict[str, Any]]
@@ -211,7 +214,9 @@ class Archive:
                     )
                 case CommandStatus():
                     commands[message.id] = message
-                case AssetState() | AuthorityHeld() | PlanProgress() | TreeState():
+                case AssetState() | AuthorityHeld():
+                    self._state(connection, message)
+                case PlanProgress() | TreeState():
                     records.append(self._record(message, message.utc))
                 case LinkStatus():
                     records.append(self._record(message, message.since))
@@ -236,6 +241,19 @@ class Archive:
             "rx_us": to_us(self._utc()),
             "body": encode(message),
         }
+
+    def _state(self, connection: Connection, message: AssetState | AuthorityHeld) -> None:
+        """Write a state down, unless another console has told that it began, then or just after."""
+        new = self._record(message, message.utc)
+        this = (RECORD.c.ty == new["ty"], RECORD.c.asset == new["asset"])
+        told, utc_us = _what_is_told(new["body"]), RECORD.c.utc_us
+        before, after = utc_us <= new["utc_us"], utc_us > new["utc_us"]
+        for side, order in ((before, utc_us.desc()), (after, utc_us)):
+            found = select(RECORD.c.body).where(*this, side).order_by(order).limit(NEAR)
+            kept = map(_what_is_told, connection.execute(found).scalars())
+            if told == next((each for each in kept if each["link"] == told["link"]), None):
+                return
+        connection.execute(_NEW_RECORD, new)
 
     def _sample(self, connection: Connection, sample: Sample) -> dict[str, Any]:
         value = plain(sample.value)  # what is not finite is a text
@@ -302,6 +320,11 @@ class Archive:
         insert = self._insert_into(COMMAND).values(**_command_row(connection, command))
         new = insert.on_conflict_do_nothing().returning(COMMAND.c.id)
         return connection.execute(new).first() is not None
+
+
+def _what_is_told(body: str) -> dict[str, Any]:
+    """Return what a state is, without when it was told: consoles hear of it one after the other."""
+    return {name: value for name, value in json.loads(body).items() if name not in _WHEN}
 
 
 def _command_row(connection: Connection, command: CommandStatus) -> dict[str, Any]:
