@@ -9,9 +9,12 @@ from pathlib import Path
 
 import psycopg
 import pytest
+from sqlalchemy import select
+from sqlalchemy.exc import DBAPIError
 
 from adapters.console.archive import open_database
 from adapters.console.archive.archive import WRITE_S
+from adapters.console.archive.database import BOUNDS_MS, begin_writing
 from executive.commands import MoveForward
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console
@@ -211,6 +214,35 @@ def test_consoles_that_start_at_once_make_the_tables_once(postgres: str, tmp_pat
     with ThreadPoolExecutor(4) as threads:
         for engine in threads.map(lambda _: open_database(url, tmp_path), range(4)):
             engine.dispose()
+
+
+def test_a_console_that_stands_still_while_it_writes_does_not_keep_others_waiting(
+    postgres: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(BOUNDS_MS, "idle_in_transaction_session_timeout", 200)
+    url = fresh(postgres)
+    still, other = (open_database(url, tmp_path) for _ in range(2))
+    with still.connect() as stands:
+        begin_writing(stands)
+        with other.begin() as writes:
+            begin_writing(writes)
+        with pytest.raises(DBAPIError, match="idle-in-transaction"):
+            stands.execute(select(1))
+        stands.invalidate()
+    for each in (still, other):
+        each.dispose()
+
+
+def test_a_postgresql_that_is_silent_is_lost_unless_its_url_says_otherwise(
+    postgres: str, tmp_path: Path
+) -> None:
+    engine = open_database(f"{fresh(postgres)}&tcp_user_timeout=60000", tmp_path)
+    with engine.connect() as connection:
+        driver = connection.connection.driver_connection
+        assert isinstance(driver, psycopg.Connection)
+        given = driver.info.get_parameters()
+    assert (given["tcp_user_timeout"], given["keepalives_idle"]) == ("60000", "5")
+    engine.dispose()
 
 
 @pytest.mark.skipif(not NEEDED, reason="PostgreSQL is not installed: apt install postgresql")

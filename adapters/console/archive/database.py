@@ -21,6 +21,16 @@ POSTGRESQL: Final = "postgresql"
 _DRIVERS: Final = {SQLITE: SQLITE, POSTGRESQL: "postgresql+psycopg"}
 _WRITING: Final = 0x526F766572
 """The advisory lock of PostgreSQL under which one console writes at a time."""
+_SILENT: Final = {
+    "connect_timeout": 10,
+    "tcp_user_timeout": 10_000,
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+}
+"""Options of libpq (s, ms): a PostgreSQL that is silent for about ten seconds is lost."""
+BOUNDS_MS: Final = {"idle_in_transaction_session_timeout": 15_000, "lock_timeout": 30_000}
+"""Of PostgreSQL: a console that stands still in a transaction does not keep the others waiting."""
 _HOW: Final = "write sqlite:///FILE or postgresql://USER@HOST/DATABASE"
 
 
@@ -57,11 +67,13 @@ def open_database(url: str | None, folder: Path) -> Engine:
         driver = _DRIVERS[parsed.get_backend_name()]
     except (ArgumentError, KeyError, NoSuchModuleError) as error:
         raise StartError(f"--archive: {url} is no database that is known: {_HOW}") from error
+    silent = {}
     if driver != SQLITE:
         require("psycopg")
-    engine = create_engine(parsed.set(drivername=driver), pool_pre_ping=True)
-    if engine.dialect.name == SQLITE:
-        event.listen(engine, "connect", _prepare)
+        silent = {name: value for name, value in _SILENT.items() if name not in parsed.query}
+    url_of_driver = parsed.set(drivername=driver)
+    engine = create_engine(url_of_driver, pool_pre_ping=True, connect_args=silent)
+    event.listen(engine, "connect", _prepare if driver == SQLITE else _bound)
     try:
         _migrate(engine)
     except StartError:
@@ -79,6 +91,12 @@ def _prepare(connection: Any, _: object) -> None:
     for pragma in ("auto_vacuum=INCREMENTAL", "journal_mode=WAL", "synchronous=NORMAL"):
         connection.execute(f"PRAGMA {pragma}").close()
     connection.execute("PRAGMA busy_timeout=5000").close()
+
+
+def _bound(connection: Any, _: object) -> None:
+    for name, bound_ms in BOUNDS_MS.items():
+        connection.execute(f"SET {name} = {bound_ms}")
+    connection.commit()
 
 
 def _migrate(engine: Engine) -> None:
