@@ -48,7 +48,7 @@ from adapters.console.rovers import (
     SharedCommands,
 )
 from adapters.console.server import Server
-from adapters.console.tasks import begin
+from adapters.console.tasks import begin, end
 from adapters.console.web import KEPT_COMMANDS, Access, Hub, SharedPresence, read_tokens
 from adapters.mal import CertificateError, is_loopback
 from adapters.mrs.cli import Target
@@ -230,9 +230,7 @@ async def _serving(
     finally:
         await commanding.close()
         await transfers.close()
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end(tasks)
         await fleet.close()
         await alarms.close()
         await presence.close()

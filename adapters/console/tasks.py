@@ -1,11 +1,16 @@
-"""Tasks that go on for as long as the console does: one that ends by a fault says so in the log."""
+"""Tasks that go on for as long as the console does, and end with it.
+
+One that ends by a fault says so in the log.
+"""
 
 import asyncio
 import logging
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterable
 from typing import Any, Final
 
 _LOG: Final = logging.getLogger(__name__)
+
+AGAIN_S: Final = 0.5
 
 
 def begin(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
@@ -13,6 +18,19 @@ def begin(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
     task = asyncio.create_task(work)
     task.add_done_callback(_tell_fault)
     return task
+
+
+async def end(tasks: Iterable[asyncio.Task[None]]) -> None:
+    """Cancel tasks, and wait until they have ended.
+
+    They are cancelled again if need be: before Python 3.13 a TaskGroup that fails at that moment
+    loses a cancellation, as `asyncio.wait_for` does before 3.12.
+    """
+    left = set(tasks)
+    while left:
+        for task in left:
+            task.cancel()
+        _, left = await asyncio.wait(left, timeout=AGAIN_S)
 
 
 def _tell_fault(task: asyncio.Task[None]) -> None:

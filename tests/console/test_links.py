@@ -1,8 +1,14 @@
 """What a console hears of rovers: in time, late, after a loss, and after it was down itself."""
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
+from typing import cast
 
+from adapters.console.rovers.rover_link import Listener, RoverLink
+from adapters.console.tasks import end
+from adapters.mrs.spec import AssetStatus
+from adapters.mrs.terms import CLEAR
 from executive.commands import MoveForward, Stop
 from executive.state import Parameter, ParameterValue
 from tests.console.conftest import Launch
@@ -63,6 +69,32 @@ async def test_after_its_clock_was_set_back_the_values_of_a_new_session_are_in_t
         assert (await tell(2e9))["q"] == "good"
         assert (await tell(2e9 + 1))["q"] == "good"
         assert (await tell(2e9 + 0.5))["q"] == "late"
+
+
+class Hung:
+    """Loses its connection at the moment at which it is to end, and hears nothing else."""
+
+    def __init__(self) -> None:
+        self.hearing: asyncio.Task[None]
+        self.ending: asyncio.Task[None] | None = None
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *_: None
+
+    async def last_known(self, _: RoverLink) -> None:
+        return None
+
+    def on_status(self, _: RoverLink, __: AssetStatus) -> None:
+        self.ending = self.ending or asyncio.create_task(end((self.hearing,)))
+        raise ConnectionError("lost")
+
+
+async def test_it_ends_also_at_the_moment_at_which_its_connection_is_lost(launch: Launch) -> None:
+    hung = Hung()
+    link = RoverLink(launch().uri, CLEAR, cast("Listener", hung))
+    hung.hearing = asyncio.create_task(link.run())
+    await asyncio.wait([hung.hearing], timeout=10.0)
+    assert hung.hearing.cancelled()
 
 
 async def test_a_rover_that_restarts_is_found_again_and_what_was_missed_comes(

@@ -17,7 +17,7 @@ from typing import Final, assert_never
 
 from adapters.console.messages import Transfer, TransferState, decode_transfer, plain
 from adapters.console.requests.file_store import FileStore
-from adapters.console.tasks import begin
+from adapters.console.tasks import begin, end
 from adapters.console.web import RefusedError
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient, TransferError
@@ -122,10 +122,7 @@ class Transfers:
 
     async def close(self) -> None:
         """End all; what came so far is kept."""
-        tasks = [each.task for each in self._known.values() if each.task is not None]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await end(each.task for each in self._known.values() if each.task is not None)
 
     def fetch(self, asset: str, path: str, by: str) -> Transfer:
         """Begin to fetch a file, unless it is on its way already; return how that is.
@@ -267,8 +264,7 @@ class Transfers:
 
 async def _cancel(moving: _Moving) -> None:
     if moving.task is not None:
-        moving.task.cancel()
-        await asyncio.gather(moving.task, return_exceptions=True)
+        await end((moving.task,))
 
 
 def _outcome(error: Exception) -> tuple[TransferState, str]:

@@ -33,7 +33,7 @@ from adapters.console.rovers.dictionary import (
 from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, Known, RoverLink
 from adapters.console.rovers.shared_commands import SharedCommands
 from adapters.console.rovers.tracker import CommandTracker
-from adapters.console.tasks import begin
+from adapters.console.tasks import begin, end
 from adapters.mal import NamedValue, Typed
 from adapters.mrs.ground import FileNews
 from adapters.mrs.spec import (
@@ -128,9 +128,7 @@ class Fleet:
 
     async def close(self) -> None:
         """Hang up everywhere."""
-        for task in self._running:
-            task.cancel()
-        await asyncio.gather(*self._running, return_exceptions=True)
+        await end(self._running)
 
     def entries(self) -> Iterator[AssetEntry]:
         """Yield what there is of each asset that was reached."""
