@@ -83,7 +83,7 @@ export function mount(element, context) {
     say(cells[2], unit);
     const state = newest === null || newest.value === null ? "none" : limitOf(entry, newest.value);
     set(row, { class: `${state}${isLate(newest, now) ? " stale" : ""}` });
-    set(cells[1], { title: newest ? `${text} at ${clock(newest.utc, true)} UTC by ${newest.link}` : "never told" });
+    set(cells[1], { title: newest ? `${clock(newest.utc, true)} UTC by ${newest.link}: ${text}` : "never told" });
     links.forEach((link, index) => {
       const sample = told?.get(link);
       say(row.children[3 + index], sample ? age(now - sample.utc) : "–");
