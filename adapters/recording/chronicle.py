@@ -4,6 +4,7 @@ from pathlib import Path
 
 from adapters.explanation import Chronicle
 from adapters.explanation.builder import KINDS, ChronicleBuilder
+from adapters.recording.run_file import RunReader
 from adapters.recording.timed import read_timed
 
 
@@ -19,7 +20,7 @@ def read_chronicle(path: Path, until_s: float | None = None) -> tuple[Chronicle,
     """
     builder = ChronicleBuilder()
     began_utc_s: float | None = None
-    for each in read_timed(path, KINDS):
+    for each in read_timed(RunReader(path), KINDS):
         if until_s is not None and each.time_s > until_s + 1e-6:
             break
         if began_utc_s is None:

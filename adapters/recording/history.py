@@ -4,7 +4,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
 
-from adapters.recording.run_file import RecordingError
+from adapters.recording.run_file import RecordingError, RunReader
 from adapters.recording.timed import read_timed
 from adapters.recording.tree import RecordedTree
 from executive.geometry import Pose
@@ -116,7 +116,7 @@ class History:
                 told = []
             current = None
 
-        for timed in read_timed(path, {Odometry, ModeChanged, TreeChanged, Reported}):
+        for timed in read_timed(RunReader(path), {Odometry, ModeChanged, TreeChanged, Reported}):
             match timed.item:
                 case Life(settings=settings):
                     end()

@@ -191,11 +191,12 @@ class RunReader:
     """Reads a recording, with the files in which it goes on.
 
     Attributes:
+        path: of the first file.
         whole: whether the last file was closed in good order; known at its end.
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self.path = path
         self.whole = False
 
     def messages(self, kinds: Collection[type] | None = None) -> Iterator[RecordedMessage]:
@@ -207,8 +208,8 @@ class RunReader:
         Raises:
             RecordingError: the file cannot be read, or is no recording.
         """
-        following = (part_of(self._path, number) for number in count(2))
-        for path in chain([self._path], takewhile(Path.exists, following)):
+        following = (part_of(self.path, number) for number in count(2))
+        for path in chain([self.path], takewhile(Path.exists, following)):
             self.whole = False
             try:
                 with path.open("rb") as file:
@@ -232,7 +233,7 @@ class RunReader:
                 match record:
                     case Header(profile=profile) if profile != PROFILE:
                         raise RecordingError(
-                            f"{self._path}: is no recording of this version ({PROFILE}), but"
+                            f"{self.path}: is no recording of this version ({PROFILE}), but"
                             f" MCAP of profile {profile!r}"
                         )
                     case Channel(id=number, topic=name) if name == RUN:
@@ -255,4 +256,4 @@ class RunReader:
         ) as error:
             if not isinstance(error, InvalidMagic) and not file.read(1):
                 return  # it breaks off
-            raise RecordingError(f"{self._path}: is no MCAP file, or damaged ({error})") from error
+            raise RecordingError(f"{self.path}: is no MCAP file, or damaged ({error})") from error

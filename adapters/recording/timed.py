@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final, get_args
 
 from adapters.recording.messages import decode
@@ -26,7 +25,7 @@ class Timed:
     item: Item
 
 
-def read_timed(path: Path, kinds: Collection[type]) -> Iterator[Timed]:
+def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[Timed]:
     """Yield the items of some kinds in their order, and all starts and calls.
 
     Facts are named by their own kinds; the others are skipped unread.
@@ -38,11 +37,11 @@ def read_timed(path: Path, kinds: Collection[type]) -> Iterator[Timed]:
     began_s: float | None = None
     utc_s = apart_s = 0.0
     life: Life | None = None
-    for message in RunReader(path).messages(wanted):
+    for message in reader.messages(wanted):
         try:
             item: Item = decode(message.topic, message.data)
         except (ValueError, KeyError, TypeError, ExceptionGroup) as error:
-            raise RecordingError(f"{path}: holds what cannot be read ({error})") from error
+            raise RecordingError(f"{reader.path}: holds what cannot be read ({error})") from error
         if isinstance(item, Life):
             life = item
             continue  # its time is that of the entry after it
@@ -61,4 +60,4 @@ def read_timed(path: Path, kinds: Collection[type]) -> Iterator[Timed]:
             life = None
         yield Timed(at_s - began_s, at_s, item)
     if began_s is None:
-        raise RecordingError(f"{path}: holds no run")
+        raise RecordingError(f"{reader.path}: holds no run")

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64, String
 
-from adapters.recording import History, RecordingError, read_timed
+from adapters.recording import History, RecordingError, RunReader, read_timed
 from adapters.ros.context import ros_node
 from adapters.ros.conversions import (
     ODOM,
@@ -152,7 +152,7 @@ def _said_once() -> Any:
 
 
 def _settings_of(recording: Path) -> Settings:
-    for timed in read_timed(recording, ()):
+    for timed in read_timed(RunReader(recording), ()):
         if isinstance(timed.item, Life):
             return timed.item.settings
     raise RecordingError(f"{recording}: begins in the middle, without /life")
@@ -193,7 +193,7 @@ class _Converter:
         The angles of a camera have no stamp of their own: the last odometry's is on its frames.
         """
         stamp_s: float | None = None
-        for timed in read_timed(recording, {*_FACTS, Drove, Reported, Truth}):
+        for timed in read_timed(RunReader(recording), {*_FACTS, Drove, Reported, Truth}):
             for topic, message in self._messages(timed.item, timed.utc_s):
                 yield _stamped(timed.utc_s, topic, message)
             match timed.item:

@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import mean
 from typing import Final
 
-from adapters.recording import Timed, read_timed
+from adapters.recording import RunReader, Timed, read_timed
 from executive.commands import Mode, declaration_of
 from executive.geometry import Pose, wrap_rad
 from executive.recording import (
@@ -90,7 +90,7 @@ def plot_of(recording: Path) -> RunPlot:
         RecordingError: the file cannot be used as a recording.
     """
     reader = _Reader()
-    for each in read_timed(recording, _KINDS):
+    for each in read_timed(RunReader(recording), _KINDS):
         reader.take(each)
     return reader.plot(recording)
 

@@ -146,5 +146,6 @@ async def test_a_recording_that_broke_off_shows_what_was_written(
     ):
         assets = (await anna.get("api/dictionary"))["assets"]
         assert list(assets) == ["jackal@broken", RUN]
+        assert [each["recording"]["whole"] for each in assets.values()] == [False, True]
         ends = [each["recording"]["ended"] for each in assets.values()]
         assert ends[1] - 4.0 < ends[0] < ends[1]

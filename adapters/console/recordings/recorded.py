@@ -27,7 +27,7 @@ from adapters.console.rovers import (
 from adapters.explanation import Chronicle
 from adapters.explanation.builder import KINDS, ChronicleBuilder
 from adapters.mrs.spec import DEFINED, notification_of
-from adapters.recording import RecordedTree, RecordingError, Timed, read_timed
+from adapters.recording import RecordedTree, RecordingError, RunReader, Timed, read_timed
 from executive.commands import Command, declaration_of
 from executive.recording import (
     Life,
@@ -65,7 +65,7 @@ class RecordedRun:
     def __init__(self, path: Path) -> None:
         self._settings = _settings_of(path)
         self.rover = self._settings.asset
-        self._path = path
+        self._reader = RunReader(path)
         self._name = ""
         self._chronicle = ChronicleBuilder()
         self._tracker = CommandTracker(self._heard)
@@ -88,7 +88,7 @@ class RecordedRun:
             RecordingError: the file cannot be used as a recording, or holds no run.
         """
         self._name = name
-        for timed in read_timed(self._path, _KINDS):
+        for timed in read_timed(self._reader, _KINDS):
             if timed.utc_s != self._utc_s:
                 self._end_moment()
                 self._utc_s = timed.utc_s
@@ -107,14 +107,20 @@ class RecordedRun:
         assert self._began_utc_s is not None
         return AssetEntry(
             asset=self._name,
-            description=f"recording {self._path.name} of {self.rover}",
+            description=f"recording {self._reader.path.name} of {self.rover}",
             version="",
             ranges_known=True,
             parameters=parameter_entries(DEFINED, settings),
             commands=(),
             zones=zone_entries(settings),
             footprint=settings.footprint,
-            recording=RecordingEntry(self._path.name, self.rover, self._began_utc_s, self._utc_s),
+            recording=RecordingEntry(
+                self._reader.path.name,
+                self.rover,
+                self._began_utc_s,
+                self._utc_s,
+                self._reader.whole,
+            ),
         )
 
     def chronicle(self) -> Chronicle:
@@ -212,7 +218,7 @@ class RecordedRun:
 
 
 def _settings_of(path: Path) -> Settings:
-    for timed in read_timed(path, ()):
+    for timed in read_timed(RunReader(path), ()):
         if isinstance(timed.item, Life):
             return timed.item.settings
     raise RecordingError(f"{path}: does not tell of which rover it is")

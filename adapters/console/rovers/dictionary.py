@@ -141,12 +141,14 @@ class RecordingEntry:
         file: its name.
         rover: the asset that was recorded.
         began, ended: of the recording.
+        whole: whether it was closed in good order, and does not break off.
     """
 
     file: str
     rover: str
     began: float
     ended: float
+    whole: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,8 +79,8 @@ export function mount(element, session, choose) {
     words.forEach((text, index) => say(row.children[index + 1], text));
   }
 
-  function updateRecording(row, { file, rover, began, ended }) {
-    const words = ["recording", `${file}, of ${rover}`, "", "", "nobody: it is past", `${clock(began)} to ${clock(ended)}`];
+  function updateRecording(row, { file, rover, began, ended, whole }) {
+    const words = ["recording", `${file}, of ${rover}`, "", "", "nobody: it is past", `${clock(began)} to ${clock(ended)}${whole ? "" : ", where it breaks off"}`];
     words.forEach((text, index) => say(row.children[index + 1], text));
   }
 
