@@ -9,11 +9,12 @@ from adapters.console.rovers.rover_link import Listener, RoverLink
 from adapters.console.tasks import end
 from adapters.mrs.spec import AssetStatus
 from adapters.mrs.terms import CLEAR
+from executive.clock import START_UTC_S
 from executive.commands import MoveForward, Stop
 from executive.state import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console
-from tests.mrs.aboard import Aboard
+from tests.mrs.aboard import Aboard, LinkedBench
 
 
 async def test_values_come_with_both_times_link_and_quality(launch: Launch, tmp_path: Path) -> None:
@@ -69,6 +70,36 @@ async def test_after_its_clock_was_set_back_the_values_of_a_new_session_are_in_t
         assert (await tell(2e9))["q"] == "good"
         assert (await tell(2e9 + 1))["q"] == "good"
         assert (await tell(2e9 + 0.5))["q"] == "late"
+
+
+async def test_after_its_clock_was_set_back_in_a_session_its_values_are_in_time_soon(
+    launch: Launch, tmp_path: Path
+) -> None:
+    rover = launch()
+
+    async def live() -> None:
+        while True:
+            await asyncio.to_thread(rover.run, 0.5)
+            await asyncio.sleep(0.05)
+
+    async with at_console(tmp_path, rover.uri, "anna", topics=["link", "tm:jackal:POS_X"]) as (
+        anna,
+    ):
+        await anna.page.is_up()
+        living = asyncio.create_task(live())
+        await anna.page.until(lambda said: said.get("q") == "good")
+
+        def set_back(bench: LinkedBench) -> None:
+            now_s = bench.clock.now_s
+            bench.clock.utc_s = lambda: START_UTC_S - 3600.0 + now_s()  # type: ignore[method-assign]
+
+        rover.do(set_back)
+        said = await anna.page.until(
+            lambda said: said.get("q") == "good" and said["utc"] < START_UTC_S - 3000.0
+        )
+        assert said["key"] == "POS_X"
+        living.cancel()
+        await asyncio.gather(living, return_exceptions=True)
 
 
 class Hung:

@@ -168,8 +168,7 @@ class Fleet:
         if known is None:
             known = self.assets[name] = Asset(settings, entry)
         known.links[link.kind] = link
-        for key in parameters:  # its clock may have been set back meanwhile
-            self._newest.pop((name, key, link.kind), None)
+        self.on_clock_set_back(link)  # maybe, meanwhile
         if known.entry != entry or len(known.links) == 1:
             known.entry = entry
             self._publish(DictionaryChanged(name))
@@ -210,6 +209,11 @@ class Fleet:
                 Quality.LATE if late else quality,
             )
         )
+
+    def on_clock_set_back(self, link: RoverLink) -> None:
+        """Take no value for a late one that has an earlier time than those before."""
+        for key in [each for each in self._newest if each[::2] == (link.asset, link.kind)]:
+            del self._newest[key]
 
     def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
         """Tell what was measured here of a link."""
