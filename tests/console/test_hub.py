@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 from adapters.console.messages import (
+    AssetState,
     DictionaryChanged,
     Link,
     LinkState,
@@ -72,6 +73,16 @@ async def test_a_new_page_gets_how_things_stand() -> None:
     hub.sample(sample(3))
     hub.publish(LinkStatus("jackal", Link.DIRECT, "uri", LinkState.DOWN, 0.0, None, ""))
     assert [said["state"] for said in json.loads(await page.batch())] == ["down"]
+
+
+async def test_a_new_page_gets_no_mode_that_was_left() -> None:
+    hub = Hub()
+    idle = AssetState("jackal", Link.DIRECT, 1.0, "IDLE", None, 0, None)
+    for state in (idle, replace(idle, mode="PLAN", plan="look"), idle):
+        hub.publish(state)
+    page = hub.open("A", "anna")
+    page.subscribe(["asset"])
+    assert [said["mode"] for said in json.loads(await page.batch())] == ["IDLE"]
 
 
 def test_what_is_not_finite_is_written_so_that_browsers_read_it() -> None:

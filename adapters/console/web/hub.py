@@ -10,13 +10,16 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
-from typing import Final
+from typing import Final, assert_never
 
 from adapters.console.messages import (
     PROTOCOL,
     AlarmStatus,
+    AssetState,
+    AuthorityHeld,
     Broadcast,
     CommandStatus,
+    DictionaryChanged,
     FileChanged,
     Gap,
     Hello,
@@ -25,6 +28,7 @@ from adapters.console.messages import (
     Message,
     Notified,
     ObjectChanged,
+    PlanProgress,
     Presence,
     Present,
     Quality,
@@ -258,6 +262,11 @@ class Hub:
                     del self._standing[message.ty, number]
             case LinkStatus(uri=uri):
                 self._standing[message.ty, uri] = message
+            case AssetState(asset=asset, link=link) | AuthorityHeld(asset=asset, link=link):
+                self._standing[message.ty, asset, link] = message
+            case PlanProgress(asset=asset, plan=plan):
+                self._standing[message.ty, asset, plan] = message
+            case DictionaryChanged(asset=asset):
+                self._standing[message.ty, asset] = message
             case _:
-                parts = (getattr(message, name, None) for name in ("asset", "link", "plan"))
-                self._standing[message.ty, *parts] = message
+                assert_never(message)
