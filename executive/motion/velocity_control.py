@@ -425,13 +425,19 @@ class VelocityMover:
         elif not (wanted.finite and self._status.odometry_fresh):
             self._send(STANDING)
         else:
-            if self.velocity == STANDING:  # a motion that begins between ticks begins at once
-                step_s = max(step_s, self._settings.tick_s)
             self._send(self._slew(wanted, step_s))
         if wanted is not None or self.velocity != STANDING:
             self._moved_at_s = now_s
 
     def _slew(self, wanted: Velocity, step_s: float) -> Velocity:
+        """Return what to send; a motion that begins or ends between two ticks does so at once."""
+        tick_s = self._settings.tick_s
+        begins = self.velocity == STANDING
+        if begins or wanted == STANDING == self._toward(STANDING, tick_s):
+            step_s = max(step_s, tick_s)
+        return self._toward(wanted, step_s)
+
+    def _toward(self, wanted: Velocity, step_s: float) -> Velocity:
         limits, status = self._settings.drive, self._status
         return Velocity(
             _approach(

@@ -28,6 +28,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import STANDING, Velocity
+from executive.motion.velocity_control import VelocityMover
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.settings import Profile, load_settings
@@ -207,6 +208,20 @@ def test_a_motion_that_is_commanded_between_ticks_begins_at_once(bench: Bench) -
     assert bench.rover.sent[-1] == Velocity(1.0 * 0.05, 0.0)
     bench.step()
     assert bench.rover.sent[-1].travel_mps == pytest.approx(2 * 1.0 * 0.05)
+
+
+def test_a_motion_that_ends_between_ticks_ends_at_once(bench: Bench) -> None:
+    settings, now_s = bench.settings, bench.clock.now_s()
+    mover = VelocityMover(bench.clock, settings, bench.executive.status, bench.rover)
+    bench.step()
+    mover.commit(Velocity(0.1, 0.1), now_s, settings.tick_s)
+    assert mover.velocity == Velocity(1.0 * 0.05, 0.1)
+    mover.commit(STANDING, now_s + 0.01, 0.01)
+    assert bench.rover.sent[-1] == STANDING
+    for _ in range(2):
+        mover.commit(Velocity(0.1, 0.1), now_s, settings.tick_s)
+    mover.commit(STANDING, now_s + 0.01, 0.01)
+    assert bench.rover.sent[-1] == Velocity(0.1 - 1.0 * 0.01, 0.1 - 3.0 * 0.01)
 
 
 def test_motion_is_appended_by_default_and_replaces_on_request(bench: Bench) -> None:
