@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.async_api import async_playwright, expect
 
+from adapters.console.housekeeping import EVERY_S
 from adapters.mops import LinkHealth
 from executive.state import Parameter, ParameterValue
 from tests.console.conftest import Launch
@@ -41,7 +42,8 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await page.goto(f"{anna.address}{PAGE.format('scout', 'dtn')}")
         await expect(page.get_by_text("No orbiter is known by which scout is")).to_be_visible()
         await page.goto(f"{anna.address}{PAGE.format('rover-console', 'values')}")
-        await expect(page.get_by_test_id("value-CONSOLE_PAGES")).to_have_text("2")
+        own_pages = page.get_by_test_id("value-CONSOLE_PAGES")
+        await expect(own_pages).to_have_text("2", timeout=3e3 * EVERY_S)
         await expect(page.get_by_test_id("value-CONSOLE_LOST")).to_have_text("0")
         rovers = page.get_by_role("combobox", name="rover")
         await expect(rovers.locator("option")).to_have_text(["jackal", "scout"])
