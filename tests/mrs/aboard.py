@@ -244,6 +244,9 @@ class Aboard:
         self._end(end)
 
     def _end(self, act: Callable[[LinkedBench], None]) -> None:
+        if self._ended:
+            return
+
         def last(bench: LinkedBench) -> None:
             self._ended = True
             act(bench)
