@@ -75,6 +75,16 @@ async def test_a_new_page_gets_how_things_stand() -> None:
     assert [said["state"] for said in json.loads(await page.batch())] == ["down"]
 
 
+async def test_a_new_page_gets_last_where_an_asset_was_reached_last() -> None:
+    hub = Hub()
+    for uri in ("one", "other", "one"):
+        for state in (LinkState.UP, LinkState.DOWN):
+            hub.publish(LinkStatus("jackal", Link.DIRECT, uri, state, 0.0, None, ""))
+    page = hub.open("A", "anna")
+    page.subscribe(["link"])
+    assert [said["uri"] for said in json.loads(await page.batch())] == ["other", "one"]
+
+
 async def test_a_new_page_gets_no_mode_that_was_left() -> None:
     hub = Hub()
     idle = AssetState("jackal", Link.DIRECT, 1.0, "IDLE", None, 0, None)

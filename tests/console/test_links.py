@@ -93,11 +93,15 @@ async def test_after_its_clock_was_set_back_in_a_session_its_values_are_in_time_
             now_s = bench.clock.now_s
             bench.clock.utc_s = lambda: START_UTC_S - 3600.0 + now_s()  # type: ignore[method-assign]
 
+        def is_in_time(said: Said) -> bool:
+            return said.get("q") == "good" and said["utc"] < START_UTC_S - 3000.0
+
         rover.do(set_back)
-        said = await anna.page.until(
-            lambda said: said.get("q") == "good" and said["utc"] < START_UTC_S - 3000.0
-        )
-        assert said["key"] == "POS_X"
+        await anna.page.until(is_in_time)
+        on_the_way = ParameterValue(Parameter.POS_X, START_UTC_S + 3600.0, 1.0)
+        rover.do(lambda bench: bench.link.telemetry([on_the_way]))
+        await anna.page.until(lambda said: said.get("utc") == on_the_way.utc_s)
+        await anna.page.until(is_in_time)
         living.cancel()
         await asyncio.gather(living, return_exceptions=True)
 
@@ -240,3 +244,21 @@ async def test_a_page_gets_what_it_subscribed_to(launch: Launch, tmp_path: Path)
         async with anna.open_page("presence", console="other") as other:
             seen = await other.until(lambda said: said["ty"] == "presence")
             assert [each["console"] for each in seen["consoles"]] == ["test", "other"]
+
+
+async def test_a_rover_that_comes_back_at_another_address_is_followed(
+    launch: Launch, tmp_path: Path
+) -> None:
+    layer = launch("scout")
+    first = launch("jackal", service_layer=layer.uri)
+    async with at_console(tmp_path, layer.uri, "anna") as (anna,):
+        assert (await anna.page.is_up())["uri"] == first.uri
+        first.close()
+        second = launch("jackal", service_layer=layer.uri)
+        assert second.uri != first.uri
+        assert (await anna.page.is_up())["uri"] == second.uri
+        second.runs = True
+        await anna.send("there", "moveForward", distance=0.5)
+        await anna.page.command("there", "executed")
+        states = {said["uri"]: said["state"] for said in anna.page.got if said["ty"] == "link"}
+        assert states[second.uri] == "up"

@@ -115,7 +115,7 @@ class Fleet:
         self._last_known = last_known
         self._tracker, self._commands, self._desk = tracker, commands, desk
         self._links = [RoverLink(uri, terms, self) for uri in uris]
-        self._running: set[asyncio.Task[None]] = set()
+        self._running: dict[RoverLink, asyncio.Task[None]] = {}
         self.assets: dict[str, Asset] = {}
         self._newest: dict[tuple[str, str, Link], ParameterValue] = {}
         self._states: dict[tuple[str, Link], AssetState] = {}
@@ -128,7 +128,7 @@ class Fleet:
 
     async def close(self) -> None:
         """Hang up everywhere."""
-        await end(self._running)
+        await end(self._running.values())
 
     def entries(self) -> Iterator[AssetEntry]:
         """Yield what there is of each asset that was reached."""
@@ -167,8 +167,11 @@ class Fleet:
         )
         if known is None:
             known = self.assets[name] = Asset(settings, entry)
+        former = known.links.get(link.kind, link)
+        if former is not link and former.state is LinkState.DOWN:
+            self._running.pop(former).cancel()  # it is at this address now
         known.links[link.kind] = link
-        self.on_clock_set_back(link)  # maybe, meanwhile
+        self.on_clock_set_back(link, 0)  # maybe, meanwhile
         if known.entry != entry or len(known.links) == 1:
             known.entry = entry
             self._publish(DictionaryChanged(name))
@@ -210,10 +213,12 @@ class Fleet:
             )
         )
 
-    def on_clock_set_back(self, link: RoverLink) -> None:
-        """Take no value for a late one that has an earlier time than those before."""
-        for key in [each for each in self._newest if each[::2] == (link.asset, link.kind)]:
-            del self._newest[key]
+    def on_clock_set_back(self, link: RoverLink, utc_ns: int) -> None:
+        """Take no value for a late one because of those that were told with times after this."""
+        this = (link.asset, link.kind)
+        for key, newest in list(self._newest.items()):
+            if key[::2] == this and newest.timestamp > utc_ns:
+                del self._newest[key]
 
     def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
         """Tell what was measured here of a link."""
@@ -294,16 +299,16 @@ class Fleet:
         )
 
     def on_services(self, _: RoverLink, services: tuple[ServiceDescriptor, ...]) -> None:
-        """Connect with the assets that are registered there and have no direct link yet."""
+        """Connect with the assets that are registered there and cannot be reached directly."""
         for service in services:
             name, uri = service.name.removesuffix(_LAYER), service.providerURI
             asset = self.assets.get(name)
-            known = asset is not None and Link.DIRECT in asset.links
-            known |= uri in {link.uri for link in self._links}
+            direct = None if asset is None else asset.links.get(Link.DIRECT)
+            known = direct is not None and direct.state is not LinkState.DOWN
+            known |= uri in {link.uri for link in self._running}
             if service.name.endswith(_LAYER) and not known:
                 _LOG.info("%s is registered at %s", name, uri)
-                self._links.append(RoverLink(uri, self._terms, self))
-                self._run(self._links[-1])
+                self._run(RoverLink(uri, self._terms, self))
 
     async def last_known(self, link: RoverLink) -> Known | None:
         """Return the last notification that was heard here, or else kept by a former run."""
@@ -316,7 +321,7 @@ class Fleet:
         self._tracker.doubt_all(link.asset, "the asset came back without its ledger")
 
     def _run(self, link: RoverLink) -> None:
-        self._running.add(begin(link.run()))
+        self._running[link] = begin(link.run())
 
 
 def notified(asset: str, link: Link, notification: Notification, rx_s: float) -> Notified:

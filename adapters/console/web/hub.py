@@ -261,6 +261,7 @@ class Hub:
                 if not message.standing:
                     del self._standing[message.ty, number]
             case LinkStatus(uri=uri):
+                self._standing.pop((message.ty, uri), None)  # an asset may be at one after another
                 self._standing[message.ty, uri] = message
             case AssetState(asset=asset, link=link) | AuthorityHeld(asset=asset, link=link):
                 self._standing[message.ty, asset, link] = message
