@@ -116,6 +116,7 @@ def test_the_time_strip_shows_what_was_done_when_and_selects_it(page: Page) -> N
     expect(lanes).to_have_count(6)
     moved = page.locator(".strip .bar[data-state=executed]").filter(has_text="moveTo").last
     expect(moved.locator("rect.started, rect.executed")).to_have_count(1)
+    expect(moved.locator(".expected")).to_have_attribute("visibility", "inherit")
     expect(page.locator(".strip [data-lane=mode] .mode-MOVING").first).to_be_attached()
     expect(page.locator(".strip [data-lane=authority]")).to_contain_text("anna")
     page.screenshot(path=picture("console-strip"))

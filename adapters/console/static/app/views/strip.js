@@ -11,7 +11,7 @@ import { clock } from "../words.js";
 /** @typedef {import("../model/context.js").Context} Context */
 /** @typedef {import("../model/asset.js").Command} Command */
 /** @typedef {{from: number, to: number, look: string}} Part */
-/** @typedef {{key: string, label: string, title: string, look: string, parts: Part[], command?: string, state?: string}} Bar `to` of the last part is Infinity while it goes on */
+/** @typedef {{key: string, label: string, title: string, look: string, parts: Part[], command?: string, state?: string, expected?: number}} Bar `to` of the last part is Infinity while it goes on; `expected` is when it was to end */
 /** @typedef {{name: string, bars: Bar[], isPacked: boolean}} Lane */
 
 const LEFT_PX = 74;
@@ -25,7 +25,7 @@ const MOST_LABELLED_ROWS = 12;
 const TICKS_S = [0.1, 0.5, 1, 5, 10, 30, 60, 300, 900, 1800, 3600, 10800, 21600, 86400];
 const TICK_PX = 110;
 const DOUBTED = ["unknown", "given_up"];
-const LEGEND = { sent: "sent", accepted: "accepted", started: "under way", executed: "executed", rejected: "refused, failed", unknown: "unknown" };
+const LEGEND = { sent: "sent", accepted: "accepted", started: "under way", expected: "predicted end", executed: "executed", rejected: "refused, failed", unknown: "unknown" };
 
 /**
  * @param {HTMLElement} element
@@ -110,7 +110,7 @@ export function mount(element, context) {
 
   /** @param {any} placed */
   const makeBar = ({ bar }) => {
-    const made = svg("g", {}, svg("title"), svg("g"), svg("text"));
+    const made = svg("g", {}, svg("title"), svg("g"), svg("text"), svg("line", { class: "expected" }));
     if (bar.command) {
       made.addEventListener("click", (event) => {
         event.stopPropagation();
@@ -120,8 +120,8 @@ export function mount(element, context) {
     return made;
   };
 
-  function drawBar(made, { bar, row, parts, text_px, anchor, label }, top) {
-    const [title, rects, text] = made.children;
+  function drawBar(made, { bar, row, parts, text_px, anchor, label, expected_px }, top) {
+    const [title, rects, text, expected] = made.children;
     const y = top + row * ROW_PX;
     const isSelected = bar.command !== undefined && bar.command === selection.command;
     set(made, { class: `bar ${bar.look}${isSelected ? " selected" : ""}`, ...(bar.state ? { "data-state": bar.state, "data-command": bar.command } : {}) });
@@ -131,6 +131,7 @@ export function mount(element, context) {
     );
     set(text, { x: text_px, y: y + 11, "text-anchor": anchor });
     say(text, label);
+    set(expected, { visibility: expected_px === null ? "hidden" : "inherit", x1: expected_px ?? 0, x2: expected_px ?? 0, y1: y - 1, y2: y + ROW_PX - 2 });
   }
 
   const draw = eachFrame(render);
@@ -227,6 +228,8 @@ function commandBar(command, now_s) {
   const end = Math.max(command.made, command.ended || isDoubted ? last : Infinity);
   const accepted = when("RECEIVED", "ACCEPTED") ?? (command.ended ? when("STARTED") : undefined) ?? end;
   const started = when("STARTED") ?? end;
+  const duration_s = command.history.findLast((each) => each.stage === "PREDICTED")?.figures["predicted duration"];
+  const expected = duration_s === undefined || started === end ? undefined : started + duration_s;
   const until = (utc) => Math.min(Math.max(utc, command.made), end);
   const outcome = command.ended || isDoubted ? command.state : "started";
   const parts = [
@@ -238,11 +241,14 @@ function commandBar(command, now_s) {
   return {
     key: command.id,
     label: command.name,
-    title: `${command.name} by ${command.by}, made ${clock(command.made, true)}: ${command.state.replace("_", " ")}. ${command.history.at(-1)?.detail ?? ""}`,
+    title: `${command.name} by ${command.by}, made ${clock(command.made, true)}: ${command.state.replace("_", " ")}. ${command.history.at(-1)?.detail ?? ""}${
+      expected === undefined ? "" : ` (predicted to end ${clock(expected)})`
+    }`,
     look: `of-command ${command.ended || isDoubted ? "" : "in-flight"}`,
     parts: shown.map((each) => (isDoubted && each.look !== command.state ? { ...each, look: `${each.look} doubted` } : each)),
     command: command.id,
     state: command.state,
+    expected,
   };
 }
 
@@ -274,7 +280,8 @@ function placedOf(lane, { xOf, end_px, start_s, end_s, now_s }) {
       });
     if (parts.length === 0) continue;
     const [x, right] = [parts[0].x, parts.at(-1).x + parts.at(-1).width];
-    bars.push({ bar, parts, x, right, label_px: bar.label.length * CHARACTER_PX + 6 });
+    const isExpectedHere = bar.expected >= start_s && bar.expected <= end_s;
+    bars.push({ bar, parts, x, right, expected_px: isExpectedHere ? xOf(bar.expected) : null, label_px: bar.label.length * CHARACTER_PX + 6 });
   }
   bars.sort((one, other) => one.x - other.x);
   if (!lane.isPacked) {
