@@ -1,7 +1,9 @@
 """The executive and the simulation as users run them: two processes, ROS between them."""
 
 import signal
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -20,6 +22,7 @@ from executive.commands.catalogue import (
     Request,
     Resume,
     ResumePlan,
+    RotateBy,
     Stop,
     SubmitPlan,
 )
@@ -34,6 +37,7 @@ from tests.support.processes import Running, executive, running, simulation
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 LONG_DRIVE = DriveFor(0.3, 0.0, 50.0)
+STALL_S = 0.45
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +94,24 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
     assert (killed.difference, ended.difference) == (None, None), "both decide as they did"
     assert (killed.whole, ended.whole) == (False, True)
     assert killed.decisions > 5, "what was done before the kill is there, but for a second"
+
+
+def test_a_stall_of_the_executive_is_taken_for_no_fault(
+    probe: Probe, aboard: tuple[Running, str]
+) -> None:
+    process, uri = aboard
+    until_located(uri)
+    motions = [*map(RotateBy, (1.0, -1.5, 1.5, -1.0)), MoveForward(0.5), MoveForward(0.5)]
+    with ThreadPoolExecutor(1) as pool:
+        outcomes = pool.submit(carry_out, uri, *motions)
+        while not outcomes.done():
+            time.sleep(1.2 - STALL_S)
+            process.send(signal.SIGSTOP)
+            time.sleep(STALL_S)
+            process.send(signal.SIGCONT)
+    ends = [outcome.life[-1] for outcome in outcomes.result()]
+    assert [(end.stage, end.text) for end in ends if end.stage is not Stage.EXECUTED] == []
+    probe.standing()
 
 
 def test_sigterm_while_driving_stops_the_rover_and_exits_0(
