@@ -1,19 +1,22 @@
 """What a console hears of rovers: in time, late, after a loss, and after it was down itself."""
 
 import asyncio
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import cast
+
+import pytest
 
 from adapters.console.rovers.rover_link import Listener, RoverLink
 from adapters.console.tasks import end
 from adapters.mrs.spec import AssetStatus
 from adapters.mrs.terms import CLEAR
-from executive.clock import START_UTC_S
+from executive.clock import START_UTC_S as LANDED_S
 from executive.commands import MoveForward, Stop
 from executive.state import Parameter, ParameterValue
 from tests.console.conftest import Launch
-from tests.console.consoles import Operator, Said, at_console
+from tests.console.consoles import LIMIT_S, Operator, Said, at_console
 from tests.mrs.aboard import Aboard, LinkedBench
 
 
@@ -29,22 +32,24 @@ async def test_values_come_with_both_times_link_and_quality(launch: Launch, tmp_
             rover.do(lambda bench: bench.link.telemetry([told]))
             return await anna.page.until(lambda said: said["ty"] == "tm" and said["utc"] == utc_s)
 
-        first = await tell(2e9, 26.0)
+        first = await tell(LANDED_S + 0.1, 26.0)
         assert (first["value"], first["link"], first["q"]) == (26.0, "direct", "good")
-        assert 0 < first["rx"] < 2e9
-        assert (await tell(2e9 + 2, 25.0))["q"] == "good"
-        assert (await tell(2e9 + 1, 25.5))["q"] == "late"
-        unknown = await tell(2e9 + 3, None)
+        assert first["rx"] == pytest.approx(time.time(), abs=LIMIT_S)
+        assert (await tell(LANDED_S + 0.3, 25.0))["q"] == "good"
+        assert (await tell(LANDED_S + 0.2, 25.5))["q"] == "late"
+        unknown = await tell(LANDED_S + 0.4, None)
         assert (unknown["value"], unknown["q"]) == (None, "invalid")
         rover.do(
             lambda bench: bench.link.telemetry(
-                [ParameterValue(Parameter.BATERY_VOLTAGE, 2e9 + 3, None)]
+                [ParameterValue(Parameter.BATERY_VOLTAGE, LANDED_S + 0.4, None)]
             )
         )
-        assert (await tell(2e9 + 4, 24.0))["q"] == "good"
-        repeats = [said for said in anna.page.got if said.get("utc") == 2e9 + 3]
+        assert (await tell(LANDED_S + 0.5, 24.0))["q"] == "good"
+        repeats = [said for said in anna.page.got if said.get("utc") == LANDED_S + 0.4]
         assert len(repeats) == 1
-        found = await anna.get("api/tm/jackal/BATERY_VOLTAGE", start=2e9, strategy="latest")
+        found = await anna.get(
+            "api/tm/jackal/BATERY_VOLTAGE", start=LANDED_S + 0.1, strategy="latest"
+        )
         assert [each["value"] for each in found["samples"]] == [26.0, 25.5, 25.0, None, 24.0]
         last = await anna.post("api/tm:batch", keys=[["jackal", "BATERY_VOLTAGE"], ["no", "X"]])
         assert [each["value"] for each in last[1]["samples"]] == [24.0]
@@ -62,14 +67,14 @@ async def test_after_its_clock_was_set_back_the_values_of_a_new_session_are_in_t
             return await anna.page.until(lambda said: said["ty"] == "tm" and said["utc"] == utc_s)
 
         await anna.page.is_up()
-        assert (await tell(2e9 + 3600))["q"] == "good"
+        assert (await tell(LANDED_S + 3600.0))["q"] == "good"
         rover.hang_up()
         await anna.page.until(lambda said: said.get("state") == "down")
         rover.listen()
         await anna.page.is_up()
-        assert (await tell(2e9))["q"] == "good"
-        assert (await tell(2e9 + 1))["q"] == "good"
-        assert (await tell(2e9 + 0.5))["q"] == "late"
+        assert (await tell(LANDED_S + 0.1))["q"] == "good"
+        assert (await tell(LANDED_S + 0.3))["q"] == "good"
+        assert (await tell(LANDED_S + 0.2))["q"] == "late"
 
 
 async def test_after_its_clock_was_set_back_in_a_session_its_values_are_in_time_soon(
@@ -91,14 +96,14 @@ async def test_after_its_clock_was_set_back_in_a_session_its_values_are_in_time_
 
         def set_back(bench: LinkedBench) -> None:
             now_s = bench.clock.now_s
-            bench.clock.utc_s = lambda: START_UTC_S - 3600.0 + now_s()  # type: ignore[method-assign]
+            bench.clock.utc_s = lambda: LANDED_S - 3600.0 + now_s()  # type: ignore[method-assign]
 
         def is_in_time(said: Said) -> bool:
-            return said.get("q") == "good" and said["utc"] < START_UTC_S - 3000.0
+            return said.get("q") == "good" and said["utc"] < LANDED_S - 3000.0
 
         rover.do(set_back)
         await anna.page.until(is_in_time)
-        on_the_way = ParameterValue(Parameter.POS_X, START_UTC_S + 3600.0, 1.0)
+        on_the_way = ParameterValue(Parameter.POS_X, LANDED_S + 3600.0, 1.0)
         rover.do(lambda bench: bench.link.telemetry([on_the_way]))
         await anna.page.until(lambda said: said.get("utc") == on_the_way.utc_s)
         await anna.page.until(is_in_time)

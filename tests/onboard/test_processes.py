@@ -101,9 +101,9 @@ def test_a_stall_of_the_executive_is_taken_for_no_fault(
 ) -> None:
     process, uri = aboard
     until_located(uri)
-    motions = [*map(RotateBy, (1.0, -1.5, 1.5, -1.0)), MoveForward(0.5), MoveForward(0.5)]
+    turns = [RotateBy(angle_rad) for angle_rad in (1.0, -1.5, 1.5, -1.0)]
     with ThreadPoolExecutor(1) as pool:
-        outcomes = pool.submit(carry_out, uri, *motions)
+        outcomes = pool.submit(carry_out, uri, *turns, MoveForward(0.5), MoveForward(0.5))
         while not outcomes.done():
             time.sleep(1.2 - STALL_S)
             process.send(signal.SIGSTOP)

@@ -57,6 +57,8 @@ _LOG: Final = logging.getLogger(__name__)
 
 NS_PER_S: Final = 1e9
 NS_PER_US: Final = 1000
+AHEAD_NS: Final = 2_000_000_000
+"""A value that is further ahead of the asset's clock was told before that was set back."""
 _LAYER: Final = ".ServiceLayer"
 
 
@@ -171,7 +173,7 @@ class Fleet:
         if former is not link and former.state is LinkState.DOWN:
             self._running.pop(former).cancel()  # it is at this address now
         known.links[link.kind] = link
-        self.on_clock_set_back(link, 0)  # maybe, meanwhile
+        self._forget_after(link, 0)  # its clock may have been set back meanwhile
         if known.entry != entry or len(known.links) == 1:
             known.entry = entry
             self._publish(DictionaryChanged(name))
@@ -213,13 +215,6 @@ class Fleet:
             )
         )
 
-    def on_clock_set_back(self, link: RoverLink, utc_ns: int) -> None:
-        """Take no value for a late one because of those that were told with times after this."""
-        this = (link.asset, link.kind)
-        for key, newest in list(self._newest.items()):
-            if key[::2] == this and newest.timestamp > utc_ns:
-                del self._newest[key]
-
     def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
         """Tell what was measured here of a link."""
         for key, value in figures.items():
@@ -246,6 +241,8 @@ class Fleet:
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
         """Tell what an asset is about, if that is news."""
+        if link.kind is Link.DIRECT:  # an orbiter tells when it last heard of the rover
+            self._forget_after(link, status.timestamp + AHEAD_NS)
         state = AssetState(
             link.asset,
             link.kind,
@@ -319,6 +316,13 @@ class Fleet:
         """Say that what was under way is not known any more."""
         _LOG.warning("%s came back with another ledger", link.asset)
         self._tracker.doubt_all(link.asset, "the asset came back without its ledger")
+
+    def _forget_after(self, link: RoverLink, utc_ns: int) -> None:
+        """Take no value for a late one because of those that were told with times after this."""
+        this = (link.asset, link.kind)
+        for key, newest in list(self._newest.items()):
+            if key[::2] == this and newest.timestamp > utc_ns:
+                del self._newest[key]
 
     def _run(self, link: RoverLink) -> None:
         self._running[link] = begin(link.run())

@@ -73,9 +73,6 @@ class Listener(Protocol):
     def on_value(self, link: "RoverLink", value: ParameterValue, rx_s: float) -> None:
         """A telemetry value."""
 
-    def on_clock_set_back(self, link: "RoverLink", utc_ns: int) -> None:
-        """The asset's clock was set back, to this: values with later times are from before."""
-
     def on_measured(self, link: "RoverLink", figures: Mapping[str, float], rx_s: float) -> None:
         """Figures of `LINK_HOUSEKEEPING`, by their names."""
 
@@ -243,7 +240,7 @@ class RoverLink:
             hear(*first, item)
 
     async def _ask_status(self, client: MrsClient) -> None:
-        measured_s, told_ns, set_back = -MEASURED_S, 0, False
+        measured_s = -MEASURED_S
         while True:
             try:
                 asked_s, began_s = time.time(), time.monotonic()
@@ -251,10 +248,6 @@ class RoverLink:
                 round_trip_s = time.monotonic() - began_s
                 self._heard()
                 self._turn(LinkState.UP, "")
-                set_back |= status.timestamp < told_ns and self.kind is Link.DIRECT
-                if set_back:  # again and again: values may be on the way
-                    self._listener.on_clock_set_back(self, status.timestamp)
-                told_ns = status.timestamp
                 self._listener.on_status(self, status)
                 if began_s - measured_s >= MEASURED_S:
                     measured_s = began_s
