@@ -42,7 +42,11 @@ class Cutting:
         await asyncio.gather(*self._passing)
 
     async def _pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        there, back = await asyncio.open_connection(self._to.host, self._to.port)
+        try:
+            there, back = await asyncio.open_connection(self._to.host, self._to.port)
+        except ConnectionError:
+            writer.transport.abort()
+            return
         ways = [
             asyncio.create_task(self._pump(reader, back, None)),
             asyncio.create_task(self._pump(there, writer, next(self._budgets))),
