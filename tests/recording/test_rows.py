@@ -12,11 +12,19 @@ from adapters.recording.rows import RowReader, RowWriter, text_of
 leaves = (
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
 ) | st.text()
-values = st.recursive(leaves, lambda of: st.lists(of) | st.dictionaries(st.text(), of))
-messages = st.lists(st.tuples(st.sampled_from(["/a", "/b"]), st.dictionaries(st.text(), values)))
+names = st.text(max_size=4)
+values = st.recursive(
+    leaves,
+    lambda of: st.lists(of, max_size=3) | st.dictionaries(names, of, max_size=3),
+    max_leaves=8,
+)
+messages = st.lists(
+    st.tuples(st.sampled_from(["/a", "/b"]), st.dictionaries(names, values, max_size=4)),
+    max_size=4,
+)
 
 
-@given(batches=st.lists(messages))
+@given(batches=st.lists(messages, max_size=4))
 def test_messages_come_back_as_they_were(batches: list[list[tuple[str, dict[str, Any]]]]) -> None:
     writer, reader = RowWriter(), RowReader()
     for batch in batches:
