@@ -306,19 +306,21 @@ class Consumer:
         await asyncio.shield(self._connection.lost)
 
     async def close(self) -> None:
-        """Deregister what is subscribed, and close the connection.
+        """Deregister what is subscribed, and close the connection, even if this is cancelled.
 
         A broker that dials back to who hung up, as that of mo-services-java does, is told so.
         """
-        if self._connection.is_open:
-            over = [
-                self._single(service, operation, Stage.DEREGISTER, (ids,))
-                for (service, operation), ids in self._subscriptions.ids().items()
-            ]
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_GOODBYE_S):
-                    await asyncio.gather(*over, return_exceptions=True)
-        await self._connection.close()
+        try:
+            if self._connection.is_open:
+                over = [
+                    self._single(service, operation, Stage.DEREGISTER, (ids,))
+                    for (service, operation), ids in self._subscriptions.ids().items()
+                ]
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(_GOODBYE_S):
+                        await asyncio.gather(*over, return_exceptions=True)
+        finally:
+            await self._connection.close()
 
     def _message(
         self,

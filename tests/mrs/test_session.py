@@ -1,6 +1,7 @@
 """Sessions from the ground: several at once, and over losses of the link."""
 
 import asyncio
+import gc
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -339,3 +340,18 @@ def test_what_a_relay_says_of_itself_has_no_place_among_the_numbers() -> None:
     listener.on(Connection(fact(1), fact(2), meanwhile=(fact(0, "contact"),)))
     assert listener.heard == [0, 1, 0, 2, 0]
     assert listener.new_ledgers == 0
+
+
+@pytest.mark.parametrize("steps", range(1, 4))
+def test_a_session_whose_end_is_cancelled_leaves_no_connection(aboard: Aboard, steps: int) -> None:
+    async def session() -> None:
+        client = await MrsClient.connect(aboard.uri)
+        await client.telemetry()
+        ending = asyncio.create_task(client.close())
+        for _ in range(steps):
+            await asyncio.sleep(0)
+        ending.cancel()
+        await asyncio.wait([ending])
+
+    asyncio.run(session())
+    gc.collect()  # an open connection is warned of, which is an error

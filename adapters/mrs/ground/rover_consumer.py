@@ -201,12 +201,12 @@ class RoverConsumer:
         await self._lost.wait()
 
     async def close(self) -> None:
-        """Close all connections."""
+        """Close all connections, even if this is cancelled."""
         for watch in self._watches:
             watch.cancel()
         self._lost.set()
-        for consumer in (self._directory, *self._opened.values()):
-            await consumer.close()
+        consumers = (self._directory, *self._opened.values())
+        await asyncio.gather(*(consumer.close() for consumer in consumers))
 
     async def _provider(self, service: str, operation: str) -> Consumer:
         self.require(service, operation)

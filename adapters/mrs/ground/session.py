@@ -109,14 +109,16 @@ class Session:
         await consumer.close()
 
     async def close(self) -> None:
-        """Hang up."""
-        if self._keeper is not None:
-            self._keeper.cancel()
-            await asyncio.gather(self._keeper, return_exceptions=True)
-        consumer, self._consumer = self._consumer, None
-        self._settled.set()
-        if consumer is not None:
-            await consumer.close()
+        """Hang up, even if this is cancelled."""
+        try:
+            if self._keeper is not None:
+                self._keeper.cancel()
+                await asyncio.gather(self._keeper, return_exceptions=True)
+        finally:
+            consumer, self._consumer = self._consumer, None
+            self._settled.set()
+            if consumer is not None:
+                await consumer.close()
 
     async def _keep(self, consumer: RoverConsumer) -> None:
         while True:
