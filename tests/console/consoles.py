@@ -73,10 +73,6 @@ class Page:
     async def say(self, **said: Any) -> None:
         await self._socket.send_json(said)
 
-    @property
-    def last_seq(self) -> int:
-        return max(int(said["seq"]) for said in self.got if "seq" in said)
-
 
 class Operator:
     """Somebody at the console."""

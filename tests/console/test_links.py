@@ -224,8 +224,7 @@ async def test_a_page_that_comes_back_gets_what_it_missed(rover: Aboard, tmp_pat
         await anna.page.is_up()
         hello = anna.page.got[0]
         await anna.send("drive", "moveForward", distance=0.5)
-        await anna.page.command("drive", "started")
-        seq = anna.page.last_seq
+        seq = (await anna.page.command("drive", "started"))["seq"]
         async with anna.open_page() as other:
             await other.command("drive", "executed")
         await _resumes(anna, {"instance": hello["instance"], "seq": seq}, missed=True)
