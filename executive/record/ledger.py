@@ -88,11 +88,12 @@ class Ledger(Database):
         """
         if identity in self._gathered:
             return self._gathered[identity]
+        source, number = identity.source, identity.command_id
         rows = self.rows(
-            "SELECT digest FROM commands WHERE source = ?1 AND command_id = ?2 UNION ALL"
-            " SELECT x'' FROM (SELECT last FROM used WHERE source = ?1 AND first <= ?2"
-            " ORDER BY first DESC LIMIT 1) WHERE last >= ?2",
-            (identity.source, identity.command_id),
+            "SELECT digest FROM commands WHERE source = ? AND command_id = ? UNION ALL"
+            " SELECT x'' FROM (SELECT last FROM used WHERE source = ? AND first <= ?"
+            " ORDER BY first DESC LIMIT 1) WHERE last >= ?",
+            (source, number, source, number, number),
         )
         return rows[0][0] if rows else None
 

@@ -164,10 +164,10 @@ class Retention:
     def _touching(self, source: str, first: int, last: int) -> Sequence[Range]:
         """Return the ranges in use that overlap a range or lie next to it."""
         rows = self._ledger.rows(
-            "SELECT first, last FROM (SELECT first, last FROM used WHERE source = ?1"
-            " AND first <= ?2 ORDER BY first DESC LIMIT 1) WHERE last >= ?2 - 1 UNION ALL"
-            " SELECT first, last FROM used WHERE source = ?1 AND first > ?2 AND first <= ?3",
-            (source, first, min(last + 1, _HIGHEST)),
+            "SELECT first, last FROM (SELECT first, last FROM used WHERE source = ?"
+            " AND first <= ? ORDER BY first DESC LIMIT 1) WHERE last >= ? - 1 UNION ALL"
+            " SELECT first, last FROM used WHERE source = ? AND first > ? AND first <= ?",
+            (source, first, first, source, first, min(last + 1, _HIGHEST)),
         )
         return [(row[0], row[1]) for row in rows]
 
