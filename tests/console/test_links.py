@@ -264,5 +264,17 @@ async def test_a_rover_that_comes_back_at_another_address_is_followed(
         second.runs = True
         await anna.send("there", "moveForward", distance=0.5)
         await anna.page.command("there", "executed")
-        states = {said["uri"]: said["state"] for said in anna.page.got if said["ty"] == "link"}
-        assert states[second.uri] == "up"
+
+
+async def test_a_rover_is_found_again_where_the_console_was_told_to_look(
+    launch: Launch, tmp_path: Path
+) -> None:
+    layer, told = launch("scout"), launch("jackal")
+    async with at_console(tmp_path, (layer.uri, told.uri), "anna") as (anna,):
+        assert (await anna.page.is_up())["uri"] == told.uri
+        told.close()
+        elsewhere = launch("jackal", service_layer=layer.uri)
+        assert (await anna.page.is_up())["uri"] == elsewhere.uri
+        elsewhere.close()
+        back = launch("jackal", port=told.port)
+        assert (await anna.page.is_up())["uri"] == back.uri == told.uri

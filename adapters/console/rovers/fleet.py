@@ -170,16 +170,19 @@ class Fleet:
         if known is None:
             known = self.assets[name] = Asset(settings, entry)
         former = known.links.get(link.kind, link)
-        if former is not link and former.state is LinkState.DOWN:
-            self._running.pop(former).cancel()  # it is at this address now
         known.links[link.kind] = link
+        if former is not link and former not in self._links and former.state is LinkState.DOWN:
+            self._running.pop(former).cancel()  # it is at this address now
         self._forget_after(link, 0)  # its clock may have been set back meanwhile
         if known.entry != entry or len(known.links) == 1:
             known.entry = entry
             self._publish(DictionaryChanged(name))
 
     def on_state(self, link: RoverLink) -> None:
-        """Tell how a link is."""
+        """Tell how a link is, unless the asset was reached at another address since."""
+        known = self.assets.get(link.asset)
+        if known is not None and known.links.get(link.kind) is not link:
+            return
         self._publish(
             LinkStatus(
                 link.asset,
