@@ -120,30 +120,39 @@ class ParameterIs(Lasting):
     """What a telemetry parameter says: the first value after the time, or all in a while.
 
     Attributes:
+        once: one value of the while is enough.
         asked: the label of a question; its answer is looked at instead of telemetry.
     """
 
     parameter: Parameter
     value: float = angle()
     tolerance: float = angle(0.0, default=0.0)
+    once: bool = False
     asked: str | None = None
+
+    def __post_init__(self) -> None:
+        Lasting.__post_init__(self)
+        if self.once and not self.for_s:
+            raise ValueError("once needs for: one value of which while?")
 
     def judge(self, record: Record) -> Finding:
         """Compare the values of a parameter in telemetry, or in the answer to a question."""
         unit = self.parameter.unit
         when = self.period if self.asked is None else f"asked by {self.asked}"
         subject = self.parameter.value
-        wanted = f"{self.value:.4g} ± {self.tolerance:.4g} {unit} {when}"
+        once = ", once" if self.once else ""
+        wanted = f"{self.value:.4g} ± {self.tolerance:.4g} {unit} {when}{once}"
         seen = [each.value for each in self._looked_at(record)]
         if not seen:
             return Finding(subject, wanted, "no value came", False)
         known = [value for value in seen if value is not None]
         if len(known) < len(seen):
             return Finding(subject, wanted, "not known aboard", False)
-        worst = max(known, key=self._distance)
-        count = f", the worst of {len(known)}" if len(known) > 1 else ""
-        holds = self._distance(worst) <= self.tolerance
-        return Finding(subject, wanted, f"{worst:.4g} {unit}{count}", holds)
+        judged = (min if self.once else max)(known, key=self._distance)
+        which = "nearest" if self.once else "worst"
+        count = f", the {which} of {len(known)}" if len(known) > 1 else ""
+        holds = self._distance(judged) <= self.tolerance
+        return Finding(subject, wanted, f"{judged:.4g} {unit}{count}", holds)
 
     def _looked_at(self, record: Record) -> Sequence[HeardValue]:
         wanted = self.parameter

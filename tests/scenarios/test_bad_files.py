@@ -37,6 +37,11 @@ def play(path: Path) -> Result:
         ("expect:", "expect:\n  - {fetched: x.jpg}", "expect[0].fetched: no 'x.jpg' in timeline"),
         ("expect:", "expect:\n  - {files: [], asked: x}", "expect[0].asked: no 'x' in timeline"),
         ("expect:", "expect:\n  - {file: x, events: [TRANSFERRED]}", "expect[0]: events: whether"),
+        (
+            "expect:",
+            "expect:\n  - {parameter: HEAD, value: 0, once: true}",
+            "expect[0]: once needs for",
+        ),
         ("expect:", "expect:\n  - {video: 1}", "expect[0]: key 'for' is missing"),
         ("expect:", "expect:\n  - {video: 0, for: 1}", "expect[0].video: video works with"),
         ("lasts: 2", "lasts: 2\nlasts: 3", "'lasts' is said twice"),

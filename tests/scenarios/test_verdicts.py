@@ -74,6 +74,18 @@ def verdict(folder: Path, expectation: str, record: Record) -> Finding:
         ("mode: MOVING, %", "after: ahead STARTED", "at: 0.2", "IDLE"),
         ("parameter: POS_X, value: %, tolerance: 0.05, after: ahead EXECUTED", "1", "2", " m"),
         ("parameter: TRAVEL_SPEED, value: %, for: 2", "1", "0.5", "1 m/s, the worst of 10"),
+        (
+            "parameter: CURRENT_TRAVEL_SPEED, value: 1, tolerance: 0.1, at: 0.5, for: 2, once: %",
+            "true",
+            "false",
+            "the worst of 10",
+        ),
+        (
+            "parameter: CURRENT_TRAVEL_SPEED, value: %, tolerance: 0.1, for: 6, once: true",
+            "1",
+            "1.5",
+            "the nearest of 30",
+        ),
         ("parameter: ROTATE_SPEED, value: %, asked: there", "1.5", "1", "rad/s"),
         ("telemetry: %, at: 1, for: 1", "5", "6", "5 ×"),
         ("pictures: 1, %: 64", "width", "height", "MOE-2.jpg is 64 × 48 px"),
