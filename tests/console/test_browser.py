@@ -220,6 +220,8 @@ def test_the_camera_shows_its_video_is_turned_and_takes_a_picture(
 
 def test_a_display_that_an_operator_makes_is_kept_for_all(site: Site, people: Visitors) -> None:
     page = people.visit(f"{site.url}#/browse/shared:displays?hideInspector=true", "bert")
+    # Once it stands, a view clicks on itself to be selected, which closes any menu.
+    expect(page.locator("[s-selected]").first).to_be_attached()
     page.get_by_text("Create", exact=True).first.click()
     page.get_by_role("menuitem", name="Overlay Plot").click()
     page.get_by_label("Title", exact=True).first.fill("Speeds")
