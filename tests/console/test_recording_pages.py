@@ -110,6 +110,8 @@ def test_a_recording_has_its_telemetry_and_is_closed(page: Page) -> None:
     with page.expect_response(re.compile("/api/tm/jackal%40run/POS_X.*minmax")) as plotted:
         page.evaluate(f"location.hash = '#/browse/{RECORDING}~telemetry~recording~POS_X'")
     assert len(plotted.value.json()["samples"]) == 7
+    # Open MCT writes the span that is looked at into the address, a moment after it came there.
+    page.wait_for_url(re.compile("POS_X.*tc[.]startBound"))
     page.evaluate("hash => { location.hash = hash }", layout)
     page.get_by_role("button", name="close", exact=True).click()
     expect(page.get_by_text("No rover is connected").last).to_be_visible()
