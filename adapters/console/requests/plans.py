@@ -10,6 +10,7 @@ from aiohttp import web
 
 from adapters.console.archive import Archive, PlanRevision, get_plan, keep_plan, list_plans
 from adapters.console.requests.commanding import Commanding, Posted, identifier
+from adapters.console.rovers import args_of
 from adapters.console.web import OPERATOR, answer, body_of, refused, text_of
 from executive.commands import PlanArgument, PlanDefinition, SubmitPlan, declaration_of
 from executive.plans import FORMAT
@@ -42,10 +43,9 @@ class Plans:
         body = await body_of(request)
         asset, operator = request.match_info["asset"], request[OPERATOR]
         plan = _plan_of(body)
-        arguments = {each.name: each.text for each in plan.arguments}
-        shown = {"plan_id": plan.plan_id, "name": plan.name, "arguments": arguments}
-        posted = Posted(identifier(body.get("id")), asset, SUBMIT, shown)
-        status = await self._commanding.send(operator, posted, lambda: SubmitPlan(plan))
+        submit = SubmitPlan(plan)
+        posted = Posted(identifier(body.get("id")), asset, SUBMIT, args_of(submit))
+        status = await self._commanding.send(operator, posted, lambda: submit)
         revision = PlanRevision(
             asset, plan.plan_id, 0, status.id, operator, time.time(), plan.content.decode()
         )

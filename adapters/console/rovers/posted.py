@@ -11,7 +11,7 @@ from math import isfinite
 from typing import Any, Final
 
 from adapters.console.rovers.dictionary import FORMS, ArgumentEntry, CommandEntry
-from executive.commands import Argument, Request, arguments_of, declaration_of
+from executive.commands import Argument, Request, SubmitPlan, arguments_of, declaration_of
 
 MOST_TEXT: Final = 1024
 """Characters of an argument that is a text."""
@@ -64,7 +64,11 @@ def request_of(form: CommandEntry, given: object) -> Request | BadArgument:
 
 
 def args_of(request: Request) -> dict[str, Any]:
-    """Return what would be posted for a request; of octets, such as of a plan, how many."""
+    """Return what would be posted for a request; of a plan, all but its text."""
+    if isinstance(request, SubmitPlan):
+        plan = request.plan
+        given = {each.name: each.text for each in plan.arguments}
+        return {"plan_id": plan.plan_id, "name": plan.name, "arguments": given}
     declaration = declaration_of(type(request))
     values = [getattr(request, each.field) for each in declaration.arguments]
     if declaration.composite is not None:
@@ -82,13 +86,7 @@ def _plain(argument: Argument, value: Any) -> Any:
     if argument.many:
         parts = arguments_of(argument.kind)
         return [_posted(parts, [getattr(each, part.field) for part in parts]) for each in value]
-    match value:
-        case Enum():
-            return value.value
-        case bytes():
-            return f"{len(value)} octets"
-        case _:
-            return value
+    return value.value if isinstance(value, Enum) else value
 
 
 def _values(

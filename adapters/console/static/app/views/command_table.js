@@ -204,7 +204,7 @@ function shortly(command, asset) {
   const entry = asset.entry?.commands.find((each) => each.name === command.name);
   return Object.entries(command.args ?? {})
     .map(([name, value]) => {
-      if (Array.isArray(value)) return `${value.length} ${name}`;
+      if (value && typeof value === "object") return `${Object.keys(value).length} ${name}`;
       const argument = entry?.arguments.find((each) => each.name === name);
       if (typeof value !== "number") return `${name} ${value}`;
       const factor = argument?.typed?.per_unit ?? 1;
