@@ -57,7 +57,7 @@ class PlanTree:
 
 
 class CommandLeaf(Contained):
-    """A leaf: waits for the end of its command, up to its deadline."""
+    """A leaf: waits for the end of its command, which its message names, up to its deadline."""
 
     def __init__(self, step: Step, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
         super().__init__(step.place.name)
@@ -73,12 +73,14 @@ class CommandLeaf(Contained):
     def update(self) -> Status:
         """Poll the command."""
         progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
-        if progress is Progress.RUNNING and allowed_s is not None:
-            left_s = self._began_s + allowed_s - self._execution.clock.now_s()
-            self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
-            if left_s <= 0:
-                progress = self._execution.overdue(self._key, self._step, allowed_s)
+        command = self._execution.command_of(self._key)
+        self.feedback_message = "" if command is None else str(command)
+        if allowed_s is not None and progress is Progress.RUNNING and self._passed(allowed_s):
+            progress = self._execution.overdue(self._key, self._step, allowed_s)
         return _STATUS[progress]
+
+    def _passed(self, allowed_s: float) -> bool:
+        return self._execution.clock.now_s() >= self._began_s + allowed_s
 
     def terminate(self, new_status: Status) -> None:
         """Drop the command, when halted while it is under way."""

@@ -12,6 +12,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator
 
+from executive.commands.intake import SOURCE_PREFIX
 from executive.reports import Identity
 from trees.leaf import Condition, TakeGoal
 from trees.plan import ParallelBranch
@@ -59,8 +60,8 @@ class Node:
     Attributes:
         path: stable path id, names from the root joined by slashes.
         depth: steps from the root.
-        message: what it says of itself. What takes a goal, and a condition that holds for a
-            command, name that one, as SOURCE:NUMBER, until they do so for another.
+        message: what it says of itself. What takes a goal, a condition that holds for a command,
+            and a leaf of a plan name that one, as SOURCE:NUMBER, until they do so for another.
     """
 
     path: str
@@ -199,7 +200,8 @@ def looks(nodes: Sequence[Node]) -> tuple[Look, ...]:
 def served(nodes: Sequence[Node]) -> tuple[str | None, ...]:
     """Return the command that each node works on, or worked on last, as SOURCE:NUMBER.
 
-    It is the one that the guard at the beginning of its branch names; None where none does.
+    It is the one that it names as a leaf of a plan, or else the one that the guard at the
+    beginning of its branch names; None where neither does.
     """
     found: list[str | None] = []
     above: list[int] = []
@@ -207,7 +209,10 @@ def served(nodes: Sequence[Node]) -> tuple[str | None, ...]:
         del above[node.depth :]
         if node.kind in _GUARDS and node.message and above:
             found[above[-1]] = node.message
-        found.append(found[above[-1]] if above else None)
+        if node.message.startswith(SOURCE_PREFIX):
+            found.append(node.message)
+        else:
+            found.append(found[above[-1]] if above else None)
         above.append(index)
     return tuple(found)
 

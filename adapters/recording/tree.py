@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from executive.commands.intake import SOURCE_PREFIX
 from executive.recording import NodeState, TreeChanged
 from executive.settings import Settings
 from trees import Node, NodeKind, NodeStatus, preview
@@ -26,12 +27,14 @@ class RecordedTree:
     def put(self, change: TreeChanged) -> tuple[str, ...]:
         """Take a change; return the paths of the nodes that differ in more than their words.
 
-        That is, those that came, have another status, or are guards that name another command.
+        That is, those that came, have another status, or name another command: guards, and the
+        leaves of a plan.
         """
         others = []
         for each in change.nodes:
             before = self._states.get(each.path)
-            if before is None or before.status != each.status or each.path in self._guards:
+            names_command = each.path in self._guards or each.message.startswith(SOURCE_PREFIX)
+            if before is None or before.status != each.status or names_command:
                 others.append(each.path)
             self._states[each.path] = each
         for lost in change.gone:

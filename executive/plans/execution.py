@@ -14,7 +14,7 @@ from executive.commands.lifecycle import Life
 from executive.plans.model import Place, PlanNode, Step, TimeoutNode, steps
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import Outcome, PlanStore
-from executive.reports import PlanUpdate, Stage
+from executive.reports import Identity, PlanUpdate, Stage
 
 
 class Progress(Enum):
@@ -105,6 +105,7 @@ class PlanExecution:
         self._wanted: dict[str, Step] = {}
         self._polls = 0
         self._lives: dict[str, Life] = {}
+        self._commands = dict(store.commands(plan.plan_id))
         leaves = {step.place.number for step in steps(root)}
         self._done = {
             number
@@ -142,6 +143,10 @@ class PlanExecution:
             self.why = f"{step.place.path}: {life.stage.name}{said}"
         return _ANSWER[outcome]
 
+    def command_of(self, key: str) -> Identity | None:
+        """Return the command that a step asked for last; None if it has asked for none."""
+        return self._commands.get(key)
+
     def take_wanted(self) -> Sequence[tuple[str, Step]]:
         """Return the steps to be commanded in this tick, in the order in which the tree asked."""
         wanted = list(islice(self._wanted.items(), MOST_COMMANDS_A_TICK))
@@ -152,12 +157,12 @@ class PlanExecution:
     def began(self, key: str, step: Step, life: Life) -> None:
         """Take the life of a step's command, whatever it has come to."""
         self._lives[key] = life
-        self._store.begin(self.plan.plan_id, key, life.command.identity.command_id)
+        self._note_command(key, life.command.identity)
         self.plan.node = step.place.path
 
-    def refused(self, key: str, step: Step, number: int, refusal: Refusal) -> None:
+    def refused(self, key: str, step: Step, identity: Identity, refusal: Refusal) -> None:
         """Let a step fail whose command was refused."""
-        self._store.begin(self.plan.plan_id, key, number)
+        self._note_command(key, identity)
         self._note(key, step, Outcome.FAILURE)
         self.why = f"{step.place.path}: REJECTED ({refusal.text})"
 
@@ -195,6 +200,10 @@ class PlanExecution:
         for life in self._lives.values():
             self._cancel(life, refusal)
         self._lives.clear()
+
+    def _note_command(self, key: str, identity: Identity) -> None:
+        self._commands[key] = identity
+        self._store.begin(self.plan.plan_id, key, identity.command_id)
 
     def _note(self, key: str, step: Step, outcome: Outcome) -> None:
         self._known[key] = outcome

@@ -329,7 +329,7 @@ class Planner:
                 case Admitted(life):
                     execution.began(key, step, life)
                 case Refused(refusal) if refusal.reason is not Reason.LEDGER_FAILED:
-                    execution.refused(key, step, number, refusal)
+                    execution.refused(key, step, identity, refusal)
         if (plan.node, plan.done) != (plan.last.node, plan.last.done):
             self._tell(plan, execution.why)
         return bool(wanted)

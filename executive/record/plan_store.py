@@ -114,6 +114,14 @@ class PlanStore:
         )
         return {step: _outcome(outcome, stage) for step, outcome, stage in rows}
 
+    def commands(self, plan_id: str) -> Mapping[str, Identity]:
+        """Return the steps that were begun, each with its command, as far as committed."""
+        rows = self._ledger.rows(
+            "SELECT step, command_id FROM plan_steps WHERE plan_id = ? AND command_id IS NOT NULL",
+            (plan_id,),
+        )
+        return {step: Identity(source_of(plan_id), number) for step, number in rows}
+
     def forget_unfinished_steps(self, plan_id: str) -> None:
         """Forget the steps whose command has not ended by now, so that they are begun anew."""
         self._ledger.write(

@@ -1,5 +1,6 @@
 """Recordings as assets of the console, whose past comes from their files."""
 
+import json
 from contextlib import closing
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from adapters.process import StartError
 from adapters.recording import RunFile, RunReader, decode
 from executive.commands import Request, declaration_of
 from executive.settings import load_settings
+from tests.console.conftest import record
 from tests.console.consoles import at_console, operator, served
 from tests.support.requests import GOOD
 
@@ -26,6 +28,11 @@ def test_what_was_asked_is_shown_as_it_would_be_posted(request_: Request) -> Non
     forms = {each.name: each for each in command_entries(load_settings("jackal"))}
     form = forms[declaration_of(type(request_)).name]
     assert request_of(form, args_of(request_)) == request_
+
+
+@pytest.mark.parametrize("request_", GOOD, ids=lambda request: type(request).__name__)
+def test_what_was_asked_is_json_also_where_it_is_never_posted(request_: Request) -> None:
+    assert json.loads(json.dumps(args_of(request_))) == args_of(request_)
 
 
 async def test_a_recording_is_an_asset_with_the_past_of_its_file(
@@ -81,6 +88,37 @@ async def test_its_tree_and_why_are_those_of_the_moment(drive: Path, tmp_path: P
         assert why["headline"].startswith("MOE:1 moveForward distance 3 m was executed")
         status, answer = await anna.ask("GET", f"api/why/{RUN}/MOE:9")
         assert (status, answer["field"]) == (404, "command")
+
+
+TOUR = """
+title: A plan
+lasts: 20
+timeline:
+  - {at: 1, command: {submitPlan: {plan: look-around, id: tour}}, label: plan}
+  - {after: plan EXECUTED, command: {activatePlan: {plan_id: tour}}, label: go}
+expect:
+  - {plan: tour, status: COMPLETED}
+"""
+
+
+async def test_each_command_of_a_plan_has_a_leaf_of_the_plan(tmp_path: Path) -> None:
+    scenario = tmp_path / "tour.yaml"
+    scenario.write_text(TOUR, encoding="utf-8")
+    async with (
+        served(tmp_path, NOBODY, recordings=(record(str(scenario), tmp_path),)) as address,
+        operator(address, "anna") as anna,
+    ):
+        commands = (await anna.get("api/commands", asset=RUN))["commands"]
+        planned = {f"{each['source']}:{each['number']}" for each in commands} - {"MOE:1", "MOE:2"}
+        trees = (await anna.get("api/records/tree", asset=RUN, limit=500))["records"]
+        leaves = {
+            node["command"]
+            for tree in trees
+            for node in tree["nodes"]
+            if node["path"].startswith("plan:tour/")
+        }
+        assert leaves - {None} == planned
+        assert len(planned) > 2
 
 
 async def test_a_recording_cannot_be_commanded_nor_stopped(drive: Path, tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from executive.reports import Identity, Kind, PlanStatus, Stage
 from executive.state import Odometry
 from tests.support.kinematic import WHOLE_LIFE
 from tests.support.plans import AHEAD, BACK, TOO_LATE, PlanBench, plan
+from trees import served
 
 COMPLETED, FAILED = PlanStatus.COMPLETED, PlanStatus.FAILED
 
@@ -125,6 +126,26 @@ def test_a_plan_is_seen_in_the_tree(bench: PlanBench) -> None:
     assert nodes["plan:survey/Repeat/Parallel/moveForward"].status.name == "RUNNING"
     bench.ask(AbortPlan("survey"))
     assert not any(n.path.startswith("plan:") for n in tree.nodes())  # type: ignore[attr-defined]
+
+
+def test_a_leaf_of_a_plan_names_its_command_also_after_a_suspension(bench: PlanBench) -> None:
+    def working() -> dict[str, str | None]:
+        nodes = bench.executive.tree.nodes()  # type: ignore[attr-defined]
+        pairs = zip(nodes, served(nodes), strict=True)
+        return {
+            node.name: command for node, command in pairs if node.path.startswith("plan:survey/")
+        }
+
+    then = AHEAD.replace("moveForward", 'moveForward name="then"')
+    bench.begin(f"<Sequence>{BACK}{then}</Sequence>", 0.5)
+    assert working() == {"Sequence": None, "moveForward": "plan:survey:1", "then": None}
+    bench.run(4.0)
+    expected = {"Sequence": None, "moveForward": "plan:survey:1"}
+    assert working() == {**expected, "then": "plan:survey:2"}
+    bench.ask(SuspendPlan("survey"))
+    bench.ask(ResumePlan("survey"))
+    bench.run(0.5)
+    assert working() == {**expected, "then": "plan:survey:3"}
 
 
 COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStatus.SUSPENDED
