@@ -47,12 +47,11 @@ class PlanTree:
     def __init__(self, plan: PlanNode, execution: PlanExecution) -> None:
         self._execution = execution
         self.root = _node(plan, execution, ())
-        self.ticked: frozenset[Behaviour] = frozenset()
 
     def tick(self) -> Progress:
         """Tick once from the root."""
         self._execution.begin_tick()
-        self.ticked = frozenset(self.root.tick())
+        self.root.tick_once()
         return _PROGRESS[self.root.status]
 
 
@@ -111,6 +110,7 @@ class LoopDecorator(Decorator):
         yield from self.decorated.tick()
         while self._goes_on:
             self._cycle.now += 1
+            self.decorated.stop(Status.INVALID)  # else what the last cycle did is shown in this one
             if self._execution.exhausted:
                 yield from _ended(self, Status.RUNNING)
                 return

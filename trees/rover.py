@@ -200,9 +200,13 @@ class RoverTree:
         self.plan = None
 
     def nodes(self) -> tuple[Node, ...]:
-        """Return all nodes as of the last tick; a plan's stand first below the root."""
+        """Return all nodes as of the last tick; a plan's stand first below the root.
+
+        What a plan has done stays as it ended, until a loop around it begins its next cycle.
+        """
         root, *others = nodes(self.root, self.ticked)
-        planned = nodes(self.plan.root, self.plan.ticked, depth=1) if self.plan else ()
+        plan = self.plan.root if self.plan else None
+        planned = nodes(plan, frozenset(plan.iterate()), depth=1) if plan else ()
         return (root, *planned, *others)
 
 

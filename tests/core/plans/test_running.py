@@ -128,6 +128,36 @@ def test_a_plan_is_seen_in_the_tree(bench: PlanBench) -> None:
     assert not any(n.path.startswith("plan:") for n in tree.nodes())  # type: ignore[attr-defined]
 
 
+def test_what_a_plan_has_done_stays_marked_in_the_tree(bench: PlanBench) -> None:
+    def statuses() -> list[str]:
+        nodes = bench.executive.tree.nodes()  # type: ignore[attr-defined]
+        return [
+            f"{node.name} {node.status.name}"
+            for node in nodes
+            if node.path.startswith("plan:survey/")
+        ]
+
+    late = TOO_LATE.replace("moveForward", 'moveForward name="late"')
+    then = AHEAD.replace("moveForward", 'moveForward name="then"')
+    body = f"<Fallback>{late}<Sequence>{BACK}{then}</Sequence></Fallback>"
+    bench.begin(f'<Repeat num_cycles="2">{body}</Repeat>', 6.0)
+    # A selector of py_trees forgets how the children before its current one ended.
+    in_cycle = ["Repeat RUNNING", "Fallback RUNNING"]
+    back = [*in_cycle, "late IDLE", "Sequence RUNNING", "moveForward SUCCESS", "then RUNNING"]
+    assert statuses() == back
+    bench.ask(SuspendPlan("survey"))
+    bench.ask(ResumePlan("survey"))
+    bench.run(0.5)
+    assert statuses() == back
+    while bench.status().done < 3:
+        bench.step()
+    bench.run(0.2)
+    assert statuses() == [
+        *in_cycle,
+        *("late RUNNING", "Sequence IDLE", "moveForward IDLE", "then IDLE"),
+    ]
+
+
 def test_a_leaf_of_a_plan_names_its_command_also_after_a_suspension(bench: PlanBench) -> None:
     def working() -> dict[str, str | None]:
         nodes = bench.executive.tree.nodes()  # type: ignore[attr-defined]
