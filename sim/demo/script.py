@@ -5,7 +5,6 @@ from enum import Enum
 from math import degrees, radians
 from typing import Final
 
-from adapters.mrs.spec import invocation
 from executive.commands import (
     FollowPath,
     MoveForward,
@@ -16,6 +15,7 @@ from executive.commands import (
     Stop,
     TakePicture,
     Waypoint,
+    declaration_of,
 )
 from sim.processes import Eclipse
 
@@ -114,13 +114,13 @@ class Script:
 
 
 def spelled(request: Request) -> str:
-    """Return a request as operation and arguments, angles in degrees: `moveTo 3,2,-15°`."""
+    """Return a request as command and arguments, angles in degrees: `moveTo 3,2,-15°`."""
     values = [
         _spelled(field.name, getattr(request, field.name))
         for field in fields(request)
         if getattr(request, field.name) is not None
     ]
-    return " ".join([invocation(request).operation, *values])
+    return " ".join([declaration_of(type(request)).name, *values])
 
 
 def _spelled(name: str, value: object) -> str:

@@ -94,7 +94,7 @@ def test_an_eclipse_is_between_commands_that_go_and_commands_that_wait() -> None
 def test_requests_are_spelled_for_people() -> None:
     assert spelled(MoveTo(Waypoint(3.0, 2.0, radians(-15)))) == "moveTo 3,2,-15°"
     assert spelled(MoveTo(Waypoint(500.0, 0.0))) == "moveTo 500,0"
-    assert spelled(SetCameraAngles(radians(60), None)) == "setAngles 60°"
+    assert spelled(SetCameraAngles(radians(60), None)) == "setCameraAngles 60°"
     assert spelled(FollowPath((Waypoint(1, 0), Waypoint(1, 1, 0.0)))) == "followPath 1,0 1,1,0°"
     assert spelled(Stop()) == "stop"
     assert spelled(TakePicture()) == "takePicture"
