@@ -2,14 +2,10 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
 
 from adapters.explanation.chronicle import Asked, Chronicle
-from executive.commands import Mode, declared
+from executive.commands import Mode
 from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
-
-_NAMES: Final = {each.kind.__name__: each.name for each in declared()}
-"""Of requests for people, by how reports name them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +27,7 @@ class CommandLife:
         if self.asked is not None:
             return self.asked.text
         first = self.at(Stage.RECEIVED) or self.at(Stage.ACCEPTED)
-        return "command" if first is None else _NAMES.get(first.text, first.text)
+        return "command" if first is None else first.text
 
     @property
     def request(self) -> str:
@@ -58,7 +54,7 @@ class CommandLife:
     def outcome(self) -> str:
         """What its end says beside how it ended; empty where that is no more than its name."""
         end = self.end
-        return "" if end is None or end.text in _NAMES else end.text
+        return "" if end is None or end.text == self.request else end.text
 
     @property
     def utc_s(self) -> float:

@@ -16,6 +16,7 @@ from executive.commands.declaration import (
     Supported,
     argument,
     command,
+    declaration_of,
     record,
     within,
 )
@@ -355,5 +356,5 @@ class Command:
 
     @property
     def name(self) -> str:
-        """The request's name, for people and logs."""
-        return type(self.request).__name__
+        """The request's name, as people write it."""
+        return declaration_of(type(self.request)).name

@@ -59,7 +59,7 @@ _REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
 
 def digest(command: Command) -> bytes:
     """Return a fingerprint of what was asked, whatever the link and the time."""
-    asked = [command.name, _CONVERTER.unstructure(command.request)]
+    asked = [type(command.request).__name__, _CONVERTER.unstructure(command.request)]
     return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).digest()
 
 
@@ -108,11 +108,11 @@ class Ledger(Database):
     def record(self, command: Command) -> None:
         """Remember a command, to be written with the next commit."""
         request = json.dumps(_CONVERTER.unstructure(command.request))
-        identity = command.identity
+        identity, kind = command.identity, type(command.request).__name__
         mark = self._gathered[identity] = digest(command)
         self.write(
             "INSERT INTO commands VALUES (?, ?, ?, ?, ?, ?)",
-            (identity.source, identity.command_id, mark, command.name, request, command.link),
+            (identity.source, identity.command_id, mark, kind, request, command.link),
         )
 
     def reach(self, identity: Identity, stage: Stage) -> None:

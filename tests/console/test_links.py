@@ -148,7 +148,7 @@ async def test_a_rover_that_restarts_is_found_again_and_what_was_missed_comes(
         rover.do(lambda bench: bench.submit(Stop(), 77))
         rover.listen()
         await anna.page.is_up()
-        await anna.page.until(lambda said: said["ty"] == "cmd" and said["name"] == "Stop")
+        await anna.page.until(lambda said: said["ty"] == "cmd" and said["name"] == "stop")
 
 
 async def test_what_happened_while_the_console_was_down_is_asked_for_again(
@@ -162,7 +162,7 @@ async def test_what_happened_while_the_console_was_down_is_asked_for_again(
     async with at_console(tmp_path, rover.uri, "anna") as (anna,):
         assert (await anna.page.command("drive", "executed"))["by"] == "anna"
         other = await anna.page.until(lambda said: said["ty"] == "cmd" and said["by"] == "MOE")
-        assert (other["name"], other["args"]) == ("MoveForward", None)
+        assert (other["name"], other["args"]) == ("moveForward", None)
         await anna.page.command(other["id"], "executed")
         sequences = [
             each["sequence"]

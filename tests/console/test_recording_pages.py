@@ -60,7 +60,7 @@ def test_a_recording_is_looked_at_in_the_same_views_and_not_commanded(page: Page
     page.get_by_label("moment").fill("3.5")
     expect(marker).to_have_attribute("data-x", re.compile(r"^[12]\."))
     why = page.locator(".tree-view .why")
-    expect(why).to_have_text(re.compile(r"^as of .*for MOE:1 MoveForward$"))
+    expect(why).to_have_text(re.compile(r"^as of .*for MOE:1 moveForward$"))
     expect(page.locator(".tree [data-look=running]").filter(has_text="drive")).to_be_visible()
     drive = commands(page, "moveForward")
     expect(drive).to_have_attribute("data-state", "started")

@@ -81,7 +81,7 @@ async def test_its_tree_and_why_are_those_of_the_moment(drive: Path, tmp_path: P
         query = {"asset": RUN, "before": at, "limit": 1}
         (tree,) = (await anna.get("api/records/tree", **query))["records"]
         assert (tree["mode"], tree["active"]) == ("MOVING", "MOE:1")
-        assert tree["why"].endswith("for MOE:1 MoveForward")
+        assert tree["why"].endswith("for MOE:1 moveForward")
         running = [node["name"] for node in tree["nodes"] if node["look"] == "running"]
         assert running[-1] == "drive"
         why = await anna.get(f"api/why/{RUN}/MOE:1")

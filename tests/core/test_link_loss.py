@@ -158,7 +158,7 @@ def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
             "nothing was heard from the ground for 2.0 s: the rover returns to where it last was"
         ]
         assert bench.rover.velocity.travel_mps < -0.1
-        assert f"for {returns(bench)[-1].identity} FollowPath" in bench.executive.why
+        assert f"for {returns(bench)[-1].identity} followPath" in bench.executive.why
         bench.executive.ground.hear()
         bench.run(1.0)
         assert bench.rover.velocity == STANDING

@@ -52,7 +52,7 @@ def test_a_motion_is_told_with_its_prediction_and_then_with_what_became_of_it(be
     bench.execute(ROUND, 1)
     (told,) = predictions(bench)
     assert (told.identity, told.stage, told.link) == (Identity("MOE", 1), None, "direct")
-    assert told.text.startswith("MOE:1 MoveTo predicted: 6.5 s, 3.7 m, 353 J, end (3.00, 2.")
+    assert told.text.startswith("MOE:1 moveTo predicted: 6.5 s, 3.7 m, 353 J, end (3.00, 2.")
     assert bench.stages(1) == WHOLE_LIFE
     foretold, became = figures(told), figures(bench.last(1))
     assert {name: became[name] for name in foretold} == foretold

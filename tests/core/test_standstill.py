@@ -147,7 +147,7 @@ def test_why_tells_the_measured_velocity_not_the_commanded(tmp_path: Path) -> No
     with Bench(tmp_path, blind, rover=BlockedRover()) as bench:
         bench.drive_on()
         assert bench.executive.velocity.travel_mps > 0.5
-        assert bench.executive.why == "stands for a moment within MOE:1 MoveForward"
+        assert bench.executive.why == "stands for a moment within MOE:1 moveForward"
 
 
 def test_why_tells_of_motion_that_nobody_here_commands(bench: Bench) -> None:
@@ -171,4 +171,4 @@ def test_why_says_at_what_speed_a_command_moves_the_rover(bench: Bench) -> None:
     bench.submit(MoveForward(5.0), 1)
     bench.run(0.9)
     assert bench.executive.why.startswith("moves at +0.")
-    assert bench.executive.why.endswith("for MOE:1 MoveForward")
+    assert bench.executive.why.endswith("for MOE:1 moveForward")

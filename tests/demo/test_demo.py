@@ -59,7 +59,7 @@ def test_a_console_shows_the_rover_meanwhile(demo: Demo) -> None:
     (address,) = re.findall(r"http://127.0.0.1:\d+/", demo.wait_for("In a browser"))
     names: set[str] = set()
     deadline_s = time.monotonic() + END_S
-    while "MoveTo" not in names:
+    while "moveTo" not in names:
         assert time.monotonic() < deadline_s, names
         with urlopen(f"{address}api/commands") as answer:
             names = {each["name"] for each in json.load(answer)["commands"]}
@@ -111,7 +111,7 @@ def test_a_process_that_dies_is_named_with_its_log(demo: Demo) -> None:
     status, output = demo.end()
     assert status == 1
     assert "Error: the executive process ended by SIGKILL" in output
-    assert "STARTED MoveTo" in output, "the tail of its log"
+    assert "STARTED moveTo" in output, "the tail of its log"
     assert "Traceback" not in output
     _, alive = psutil.wait_procs(demo.others(), timeout=END_S)
     assert alive == []

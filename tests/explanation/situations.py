@@ -421,7 +421,7 @@ CASES: Final = (
     ),
     Case("now: no odometry", _blind, None, Reason.NO_ODOMETRY, "no odometry"),
     Case("now: joystick", _joystick, None, None, "/joystick"),
-    Case("now: drives", _under_way, None, None, "for MOE:1 MoveForward"),
+    Case("now: drives", _under_way, None, None, "for MOE:1 moveForward"),
     Case("now: plan suspended", _plan_stopped, None, None, "plan survey is suspended"),
     Case("now: nothing to do", _idle, None, None, "no motion goal"),
 )

@@ -133,7 +133,7 @@ def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
     result = command(aboard, "moveForward", "0.5")
     assert result.exit_code == DONE
     first, *stages = result.output.splitlines()
-    assert re.fullmatch(r"MOE:\d+ MoveForward", first)
+    assert re.fullmatch(r"MOE:\d+ moveForward", first)
     names = ["RECEIVED", "ACCEPTED", "STARTED", "PREDICTED", "EXECUTED"]
     for line, name in zip(stages, names, strict=True):
         assert re.match(rf"{STAMP}  {name} ", line)
@@ -150,7 +150,7 @@ def test_tells_the_life_of_a_command_as_json(aboard: Aboard) -> None:
     result = command(aboard, "--json", "--id", "7", "stop")
     assert result.exit_code == DONE
     sent, *life = map(json.loads, result.output.splitlines())
-    assert sent == {"source": "MOE", "commandId": 7, "command": "Stop"}
+    assert sent == {"source": "MOE", "commandId": 7, "command": "stop"}
     assert [each["stage"] for each in life][-1] == "EXECUTED"
     assert {(each["source"], each["commandId"]) for each in life} == {("MOE", 7)}
 

@@ -40,5 +40,5 @@ def test_it_drives_a_curve(tmp_path: Path) -> None:
             lambda: any(min(abs(v.linear.x), abs(v.angular.z)) > 0.2 for v in probe.velocities),
             "a curve",
         )
-        process.said("MoveTo predicted: ")
-        process.said("EXECUTED MoveTo")
+        process.said("moveTo predicted: ")
+        process.said("EXECUTED moveTo")

@@ -184,7 +184,7 @@ COMPLETED, FAILED, SUSPENDED = PlanStatus.COMPLETED, PlanStatus.FAILED, PlanStat
 def test_while_a_plan_executes_nobody_else_moves_the_rover(bench: PlanBench) -> None:
     bench.begin(AHEAD)
     assert bench.executive.mode is Mode.PLAN
-    assert "plan:survey:1 MoveForward" in bench.executive.why
+    assert "plan:survey:1 moveForward" in bench.executive.why
     answer = bench.refusal(MoveForward(1.0), 1)
     assert answer.reason is Reason.WRONG_MODE
     assert "suspend the plan" in answer.text
