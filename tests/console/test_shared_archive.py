@@ -219,9 +219,11 @@ def test_consoles_that_start_at_once_make_the_tables_once(postgres: str, tmp_pat
 def test_a_console_that_stands_still_while_it_writes_does_not_keep_others_waiting(
     postgres: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(BOUNDS_MS, "idle_in_transaction_session_timeout", 200)
     url = fresh(postgres)
     still, other = (open_database(url, tmp_path) for _ in range(2))
+    # Only what is connected from now on has this bound: making the tables may take longer.
+    monkeypatch.setitem(BOUNDS_MS, "idle_in_transaction_session_timeout", 200)
+    still.dispose()
     with still.connect() as stands:
         begin_writing(stands)
         with other.begin() as writes:
