@@ -5,13 +5,14 @@ from dataclasses import replace
 from typing import Final, assert_never
 
 from executive.authority import Authority
-from executive.checks import check_battery, check_request, expected_pose
+from executive.checks import check_battery, check_pose, check_request, expected_pose
 from executive.commands import (
     ABOARD_LINK,
     ActivatePlan,
     Arrival,
     CameraWork,
     Command,
+    ConfirmPose,
     DeleteFile,
     ExecuteAction,
     FollowPath,
@@ -51,9 +52,9 @@ from executive.preview import Predictions
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
 from executive.reports import Identity, Severity, Stage, printable
-from executive.safety import Fault
+from executive.safety import Fault, PoseMonitor
 from executive.settings import LinkLossAction, LocomotionKind
-from executive.state import CommandEnded, Stopped, Telemetry
+from executive.state import CommandEnded, Stopped, Telemetry, Uncertainty
 
 SLOW_RATIO: Final = 0.3
 """Of the greatest speeds, what a fault leaves that slows the rover down."""
@@ -84,7 +85,9 @@ class Dispatcher:
         planner: Planner,
         authority: Authority,
         predictions: Predictions,
+        pose: PoseMonitor,
     ) -> None:
+        self._pose = pose
         self._authority = authority
         self._predictions = predictions
         self._context = context
@@ -353,6 +356,9 @@ class Dispatcher:
         )
         return (
             refusal
+            or check_pose(
+                command.request, self._start_of(command), context.status, context.settings
+            )
             or self._blocked(command)
             or self._obstacle(command.request)
             or self._short(command)
@@ -431,6 +437,14 @@ class Dispatcher:
         elif isinstance(request, Setting):
             life.start()
             self._set(request)
+            if isinstance(request, SetPositionCompensation):
+                self._pose.confirm(Uncertainty(cause=life.command.name))
+            life.execute()
+        elif isinstance(request, ConfirmPose):
+            life.start()
+            self._pose.confirm(
+                Uncertainty(request.position_m, request.heading_rad, life.command.name)
+            )
             life.execute()
         elif isinstance(request, Stop):
             life.start()

@@ -278,6 +278,13 @@ class Context:
     @property
     def why(self) -> str:
         """One line on what the rover does now, as measured, and for what."""
+        uncertainty = self.status.uncertainty
+        if not uncertainty:
+            return self._doing
+        return f"{self._doing}; the pose is uncertain by {uncertainty}, since {uncertainty.cause}"
+
+    @property
+    def _doing(self) -> str:
         latches, active, status = self.latches, self.goals.motion.active, self.status
         moving = status.odometry_fresh and not status.standing
         velocity = status.velocity

@@ -84,6 +84,11 @@ class Notifications:
         """Send a report once more, under its own number."""
         self._send_later(report)
 
+    @property
+    def pending(self) -> bool:
+        """Whether something was reported since the last flush."""
+        return bool(self._outbox)
+
     def flush(self) -> None:
         """Write down what was reported, then send it.
 

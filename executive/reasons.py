@@ -38,6 +38,7 @@ class Reason(Enum):
     MADE_IN_FUTURE = 210
     PATH_BLOCKED = 211
     BATTERY_SHORT = 212
+    POSE_UNCERTAIN = 213
 
     DUPLICATE = 301
 

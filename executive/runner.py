@@ -32,11 +32,12 @@ from executive.record import (
     Ledger,
     LedgerError,
     PlanStore,
+    PoseRecord,
     Retention,
     StopLatch,
 )
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
-from executive.safety import Safety, unmonitored
+from executive.safety import PoseMonitor, Safety, StoredPose, unmonitored
 from executive.settings import LinkLossAction, Settings
 from executive.state import (
     AuthorityUsed,
@@ -61,6 +62,10 @@ _DONE: Final = {
     LinkLossAction.STOP: "the rover is stopped",
     LinkLossAction.RETURN: "the rover returns to where it last was",
 }
+POSE_EVENT_S: Final = 1.0
+POSE_EVENT_M: Final = 0.05
+POSE_EVENT_RAD: Final = 0.02
+"""The uncertainty of the pose is reported again at most so often, after changes of as much."""
 LONGEST_EVENT: Final = 4096
 """Characters of a text that others report by `Executive.event`; the rest is left out."""
 
@@ -160,6 +165,10 @@ class Executive:
             AuthorityRecord(ledger),
             lambda text: self._notifications.event(Severity.INFORMATIONAL, text, foreign=True),
         )
+        self._pose_record = PoseRecord(ledger)
+        stored = self._pose_record.read(StoredPose)
+        self._pose = PoseMonitor(clock, settings, self.safety.history, self.status, stored)
+        self._reported_pose, self._reported_pose_s = self.status.uncertainty, clock.now_s()
         self._dispatcher = Dispatcher(
             self._context,
             self._arbiter,
@@ -170,6 +179,7 @@ class Executive:
             self._planner,
             self.authority,
             self._predictions,
+            self._pose,
         )
         for each in unmonitored(settings):
             _LOG.info("%s (%s)", each, ", ".join(each.faults))
@@ -513,6 +523,26 @@ class Executive:
             self._dispatcher.begin_fault(fault)
         for fault in changes.over:
             self._dispatcher.end_fault(fault)
+        self._pose.update(self.safety.active)
+        self._report_pose()
+
+    def _report_pose(self) -> None:
+        """Report how uncertain the pose is, where that has changed."""
+        now, last, now_s = self.status.uncertainty, self._reported_pose, self._context.clock.now_s()
+        changed = (
+            bool(now) is not bool(last)
+            or abs(now.position_m - last.position_m) > POSE_EVENT_M
+            or abs(now.heading_rad - last.heading_rad) > POSE_EVENT_RAD
+        )
+        if not changed or (last and now_s - self._reported_pose_s < POSE_EVENT_S):
+            return
+        self._reported_pose, self._reported_pose_s = now, now_s
+        if now:
+            text = f"the pose is uncertain by {now}, since {now.cause}"
+            self._notifications.event(Severity.WARNING, text, Reason.POSE_UNCERTAIN, now.figures)
+        else:
+            text = f"the pose is certain again, by {now.cause}"
+            self._notifications.event(Severity.INFORMATIONAL, text, figures=now.figures)
 
     def _note_command(self) -> None:
         at_least, velocity = self._arbiter.expected
@@ -558,6 +588,8 @@ class Executive:
 
     def _flush(self) -> bool:
         known = self._ledger.failing
+        if self._notifications.pending:
+            self._pose_record.write(self._pose.stored(still=not self.moving))
         try:
             self._notifications.flush()
         except LedgerError as error:

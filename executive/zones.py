@@ -13,6 +13,7 @@ from typing import Final, Protocol
 from executive.geometry import Point
 
 FARTHEST_M: Final = 10_000.0
+MAX_MARGIN_M: Final = 100.0
 FEWEST_CORNERS: Final = 3
 MOST_CORNERS: Final = 100
 FINEST_M: Final = 0.01
@@ -213,8 +214,8 @@ class Zones:
 
     def __post_init__(self) -> None:
         """Raise ValueError where a figure or a name cannot be."""
-        if not 0 <= self.margin_m <= 100:
-            raise ValueError(f"margin_m {self.margin_m:g} is not in 0 .. 100")
+        if not 0 <= self.margin_m <= MAX_MARGIN_M:
+            raise ValueError(f"margin_m {self.margin_m:g} is not in 0 .. {MAX_MARGIN_M:g}")
         named = (each for each in self if not isinstance(each, Seen))
         names = [each.name for each in named]
         twice = next((name for name in names if names.count(name) > 1), None)

@@ -5,7 +5,14 @@ from functools import partial
 
 from py_trees.common import Status
 
-from executive.checks import check_battery, check_request, heeded, seen_ahead, way_to
+from executive.checks import (
+    check_battery,
+    check_pose,
+    check_request,
+    heeded,
+    seen_ahead,
+    way_to,
+)
 from executive.commands import (
     ABOARD_LINK,
     DriveFor,
@@ -98,11 +105,13 @@ class _MotionLeaf(GoalLeaf):
     def _where(self) -> tuple[Figure, ...]:
         """Where the rover is, and how sure its odometry is of that, if it says so."""
         pose, odometry = self.context.status.pose, self.context.status.odometry
-        place = (
+        place: tuple[Figure, ...] = (
             Figure("x", pose.x_m, "m"),
             Figure("y", pose.y_m, "m"),
             Figure("heading", pose.heading_rad, "rad"),
         )
+        if uncertainty := self.context.status.uncertainty:
+            place = (*place, *uncertainty.figures)
         if odometry is None or not odometry.position_sd_m:
             return place
         return (
@@ -110,6 +119,18 @@ class _MotionLeaf(GoalLeaf):
             Figure("position sd", odometry.position_sd_m, "m"),
             Figure("heading sd", odometry.heading_sd_rad, "rad"),
         )
+
+    def _from_where(self, start: Pose) -> str:
+        """Return from where a motion ran, where that is uncertain; else nothing."""
+        uncertainty = self.context.status.uncertainty
+        if not uncertainty:
+            return ""
+        return f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
+
+    def _uncertain(self, start: Pose, *, arrived: bool = False) -> Refusal | None:
+        """Return that the pose is too uncertain for the target of the goal, or None."""
+        context, request = self.context, self.goal.command.request
+        return check_pose(request, start, context.status, context.settings, arrived=arrived)
 
     @property
     def _uncharged(self) -> Refusal | None:
@@ -227,9 +248,9 @@ class PlanLeg(_MotionLeaf):
         way = self._way(step, through)
         if isinstance(way, Refusal):
             return self.fail(way)
-        uncharged = self._uncharged
-        if uncharged is not None:
-            return self.fail(uncharged)
+        refusal = self._uncertain(self.context.status.pose) or self._uncharged
+        if refusal is not None:
+            return self.fail(refusal)
         goal, status, settings = self.goal, self.context.status, self.context.settings
         curves = self.context.locomotion.curves
         in_one = isinstance(step, Waypoint) and not goal.straight and curves(goal.command, step)
@@ -387,12 +408,16 @@ class FinishLeg(_MotionLeaf):
             goal.around += 1
             goal.attempts = 0
             return Status.SUCCESS
+        uncertain = self._uncertain(goal.begun, arrived=True)
+        if uncertain is not None:
+            return self.fail(uncertain)
         self._advance()
         if goal.step < goal.step_count:
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
+        known_by = f"{self._known_by}{self._from_where(goal.begun)}"
         self.queue.execute(
-            f"{goal.command.name} done in {took_s:.2f} s, {self._known_by}",
+            f"{goal.command.name} done in {took_s:.2f} s, {known_by}",
             (
                 Figure("duration", took_s, "s"),
                 Figure("position error", place_m, "m"),
@@ -468,7 +493,8 @@ class HoldVelocity(_MotionLeaf):
         if isinstance(verified, Refusal):
             return self.fail(verified)
         figures = (*self._where, *verified.figures)
-        self.queue.execute(f"velocity held for its time, {self._known_by}", figures)
+        text = f"velocity held for its time, {self._known_by}{self._from_where(self._start)}"
+        self.queue.execute(text, figures)
         return Status.SUCCESS
 
     def _short(self) -> Refusal | None:

@@ -9,10 +9,12 @@ from executive.checks.path_check import (
     seen_ahead,
     way_to,
 )
+from executive.checks.pose_check import check_pose
 
 __all__ = [
     "Speeds",
     "check_battery",
+    "check_pose",
     "check_request",
     "expected_pose",
     "heeded",

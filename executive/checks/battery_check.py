@@ -149,6 +149,9 @@ def check_battery(
     home, end = battery.home, reckoning.pose.point
     to_home = MoveTo(Waypoint(home.x_m, home.y_m))
     back_j = reckoned_j(to_home, reckoning.pose, speeds, settings, zones)
+    if status.uncertainty:  # home may be as much farther away
+        farther = MoveForward(status.uncertainty.position_at_m(end.distance_m(home)))
+        back_j += reckoned_j(farther, Pose(), speeds, settings, Zones())
     needed_j = reckoning.energy_j + back_j
     if reckoning.energy_j == 0.0 or needed_j <= left_j:
         return None

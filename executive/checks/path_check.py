@@ -45,14 +45,17 @@ def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refus
     if met is None:
         return None
     gap = "meet it" if met.gap_m <= 0 else f"pass it at {met.gap_m:.2f} m"
+    uncertain_m = zones.margin_m - settings.zones.margin_m
+    because = f", {uncertain_m:.2f} m of it for the uncertainty of the position"
     return Refusal(
         Reason.PATH_BLOCKED,
         f"{met.obstacle.title} is in the way: the rover can go {met.way_m:.2f} m until it is nearer"
-        f" than {zones.margin_m:g} m, and would {gap}",
+        f" than {zones.margin_m:g} m{because if uncertain_m > 0.0 else ''}, and would {gap}",
         (
             Figure("way", met.way_m, "m"),
             Figure("gap", met.gap_m, "m"),
             Figure("bound", zones.margin_m, "m"),
+            *((Figure("position uncertainty", uncertain_m, "m"),) if uncertain_m > 0.0 else ()),
             *_place_of(met.obstacle),
         ),
     )

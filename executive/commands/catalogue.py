@@ -6,6 +6,7 @@ scenarios and the reference page follow from these declarations. SI units and ra
 
 from dataclasses import dataclass
 from enum import Enum
+from math import pi
 from typing import Final
 
 from executive.commands.declaration import (
@@ -127,6 +128,14 @@ class SetPositionCompensation:
     y_m: float = argument(within("drive.compensation_m"))
     z_m: float = argument(within("drive.compensation_m"))
     heading_rad: float = argument(ANGLE)
+
+
+@command(Family.CONFIRMATION, "MotionControl.confirmPose", examples=("0.1 3deg", "0 0"))
+class ConfirmPose:
+    """Confirm the reported pose, as an operator who has checked it; a resume does not."""
+
+    position_m: float = argument(within(0.0, 100.0), "remaining uncertainty")
+    heading_rad: float = argument(within(0.0, pi), "remaining uncertainty")
 
 
 @command(
@@ -291,7 +300,7 @@ Setting = (
     | SetStatusInterval
 )
 PlanRequest = SubmitPlan | ActivatePlan | SuspendPlan | ResumePlan | AbortPlan | RemovePlan
-Request = Motion | CameraWork | InstantCommand | Setting | PlanRequest | Stop | Resume
+Request = Motion | CameraWork | InstantCommand | Setting | ConfirmPose | PlanRequest | Stop | Resume
 
 
 def controller_of(request: Request, default: Controller) -> Controller | None:

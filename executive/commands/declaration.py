@@ -25,6 +25,7 @@ class Family(Enum):
     CAMERA = "camera"
     INSTANT = "file, action"
     POSE = "pose compensation"
+    CONFIRMATION = "pose confirmation"
     SETTING = "setting"
     PLAN = "plan"
     PLAN_START = "plan: activate, resume"
@@ -50,6 +51,7 @@ ACCEPTED: Final = {
     Family.CAMERA: set(Mode),
     Family.INSTANT: set(Mode),
     Family.POSE: {Mode.IDLE, Mode.PAUSED, Mode.STOPPED, Mode.SAFE},
+    Family.CONFIRMATION: {Mode.IDLE, Mode.PAUSED, Mode.STOPPED, Mode.SAFE},
     Family.SETTING: set(Mode),
     Family.PLAN: set(Mode),
     Family.PLAN_START: {Mode.IDLE, Mode.PLAN, Mode.PAUSED},

@@ -1,6 +1,15 @@
 """Which faults there are, what is done about each, and how an asset's YAML changes that."""
 
-from executive.faults.fault_declaration import FIGURES, Bound, Clears, Declaration, Row, Then, When
+from executive.faults.fault_declaration import (
+    FIGURES,
+    Bound,
+    Clears,
+    Declaration,
+    Disproves,
+    Row,
+    Then,
+    When,
+)
 from executive.faults.fault_section import plain_table, read_table
 from executive.faults.fault_table import DECLARED, FaultTable
 
@@ -10,6 +19,7 @@ __all__ = [
     "Bound",
     "Clears",
     "Declaration",
+    "Disproves",
     "FaultTable",
     "Row",
     "Then",

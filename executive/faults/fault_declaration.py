@@ -38,6 +38,18 @@ class Clears(Enum):
     ON_RESUME = "on_resume"
 
 
+@unique
+class Disproves(Enum):
+    """Which sources show how wrong the pose may be, once a fault has shown that it may be wrong."""
+
+    SENSORS = "sensors"
+    """The velocity of the odometry itself, the wheels, the gyro."""
+    COMMANDS = "commands"
+    """What was commanded besides."""
+    DISTANCE = "distance"
+    """None: of all that was driven lately it is not known where it led."""
+
+
 @dataclass(frozen=True, slots=True)
 class Bound:
     """What one figure of a row means.
@@ -109,6 +121,7 @@ class Declaration:
         name: in files, reports and at the command line.
         summary: one sentence on what is wrong.
         row: what is done about it unless an asset says otherwise.
+        disproves: by what the pose may be wrong then; None where it may not.
         beyond, below, ratio, within: what these figures of its row mean; None where it has none.
     """
 
@@ -116,6 +129,7 @@ class Declaration:
     reason: Reason
     summary: str
     row: Row
+    disproves: Disproves | None = None
     beyond: Bound | None = None
     below: Bound | None = None
     ratio: Bound | None = None

@@ -9,7 +9,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
-from executive.faults.fault_declaration import Bound, Clears, Declaration, Row, Then, When
+from executive.faults.fault_declaration import (
+    Bound,
+    Clears,
+    Declaration,
+    Disproves,
+    Row,
+    Then,
+    When,
+)
 from executive.reasons import Reason
 
 
@@ -18,13 +26,14 @@ def _fault(
     summary: str,
     row: Row,
     *,
+    disproves: Disproves | None = None,
     beyond: Bound | None = None,
     below: Bound | None = None,
     ratio: Bound | None = None,
     within: Bound | None = None,
 ) -> Any:
     """Return a field of `FaultTable` that declares a fault."""
-    declared = Declaration("", reason, summary, row, beyond, below, ratio, within)
+    declared = Declaration("", reason, summary, row, disproves, beyond, below, ratio, within)
     return field(default=row, metadata={"declaration": declared})
 
 
@@ -47,41 +56,48 @@ class FaultTable:
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry is longer than the rover can have driven.",
         Row(When.ALWAYS, *_HELD, beyond=0.2),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("step that the speed does not explain", "m", 0.02, 5.0),
     )
     odometry_turned: Row = _fault(
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry turns further than the rover can have turned.",
         Row(When.ALWAYS, *_HELD, beyond=0.2),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("turn that the rate does not explain", "rad", 0.02, 1.5),
     )
     odometry_not_finite: Row = _fault(
         Reason.ODOMETRY_NOT_FINITE,
         "Odometry has figures that are no numbers.",
         Row(When.MOVING, *_STOPPED, for_s=0.1),
+        disproves=Disproves.SENSORS,
     )
     odometry_stale: Row = _fault(
         Reason.ODOMETRY_STALE,
         "No odometry arrives, or always the same message.",
         Row(When.MOVING, *_HELD, beyond=0.3),
+        disproves=Disproves.SENSORS,
         beyond=Bound("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
     )
     odometry_behind: Row = _fault(
         Reason.ODOMETRY_STALE,
         "Odometry is older than what the other sensors tell, which comes in time.",
         Row(When.MOVING, *_HELD, beyond=0.25),
+        disproves=Disproves.SENSORS,
         beyond=Bound("age of the newest odometry beside theirs, by the stamps", "s", 0.05, 10.0),
     )
     odometry_late: Row = _fault(
         Reason.ODOMETRY_LATE,
         "Odometry comes too late to steer by.",
         Row(When.MOVING, *_STOPPED, for_s=0.15, beyond=0.13),
+        disproves=Disproves.SENSORS,
         beyond=Bound("age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0),
     )
     odometry_slow: Row = _fault(
         Reason.ODOMETRY_SLOW,
         "Odometry comes too seldom to steer by.",
         Row(When.MOVING, *_STOPPED, for_s=0.2, below=10.0, within_s=1.0),
+        disproves=Disproves.SENSORS,
         below=Bound("messages a second", "Hz", 0.5, 1000.0),
         within=_window(0.5),
     )
@@ -89,12 +105,14 @@ class FaultTable:
         Reason.ODOMETRY_FROZEN,
         "Odometry does not change at all, though the rover is commanded to move.",
         Row(When.MOVING, *_STOPPED, within_s=0.3),
+        disproves=Disproves.COMMANDS,
         within=_window(),
     )
     odometry_off_twist: Row = _fault(
         Reason.ODOMETRY_INCONSISTENT,
         "The pose of the odometry goes elsewhere than its own velocity says.",
         Row(When.MOVING, *_STOPPED, beyond=0.05, ratio=0.1, within_s=0.5),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -103,6 +121,7 @@ class FaultTable:
         Reason.ODOMETRY_INCONSISTENT,
         "The pose of the odometry drifts away from what its own velocity says.",
         Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.06, ratio=0.03, within_s=4.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -111,6 +130,7 @@ class FaultTable:
         Reason.ODOMETRY_INCONSISTENT,
         "The heading of the odometry turns otherwise than its own rate says.",
         Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_window(),
@@ -119,6 +139,7 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "The rover does not go as fast as it is commanded to, by its odometry.",
         Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("speed outside of what was commanded", "m/s", 0.02, 2.0),
         ratio=Bound("share of the speed that was commanded, where it is more", "", 0.0, 2.0),
         within=_window(),
@@ -127,6 +148,7 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "The rover does not turn as fast as it is commanded to, by its odometry.",
         Row(When.MOVING, *_STOPPED, for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("rate outside of what was commanded", "rad/s", 0.05, 3.0),
         ratio=Bound("share of the rate that was commanded, where it is more", "", 0.0, 2.0),
         within=_window(),
@@ -135,6 +157,7 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "A rover that moves by itself goes steadily slower or faster than it was commanded to.",
         Row(When.MOVING, *_STOPPED, for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("way by its speed beside what was commanded", "m", 0.001, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -143,6 +166,7 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "A rover that moves by itself turns steadily slower or faster than it was commanded to.",
         Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
         ratio=_RATIO,
         within=_window(),
@@ -151,6 +175,7 @@ class FaultTable:
         Reason.OFF_COMMAND,
         "The rover turns more or less than it is commanded to, by its odometry.",
         Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("turn beside what was commanded", "rad", 0.05, 3.0),
         ratio=_RATIO,
         within=_window(),
@@ -159,6 +184,7 @@ class FaultTable:
         Reason.NO_PROGRESS,
         "Nothing comes of what is commanded, by the odometry.",
         Row(When.MOVING, *_STOPPED, below=0.3, within_s=3.0),
+        disproves=Disproves.COMMANDS,
         below=Bound("share of the way or turn that was commanded", "", 0.01, 1.0),
         within=_window(1.0),
     )
@@ -166,6 +192,7 @@ class FaultTable:
         Reason.MOVES_UNCOMMANDED,
         "The rover drives though it should stand, and nobody else commands it.",
         Row(When.ALWAYS, *_STOPPED, for_s=0.1, beyond=0.04, within_s=1.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("speed", "m/s", 0.005, 1.0),
         within=_window(),
     )
@@ -173,6 +200,7 @@ class FaultTable:
         Reason.MOVES_UNCOMMANDED,
         "The rover turns though it should stand, or its gyro says so, and nobody else commands it.",
         Row(When.ALWAYS, *_STOPPED, for_s=0.1, beyond=0.01, within_s=1.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("rate", "rad/s", 0.001, 1.0),
         within=_window(),
     )
@@ -180,12 +208,14 @@ class FaultTable:
         Reason.ODOMETRY_SILENT,
         "There is no odometry any more, whether the rover moves or not.",
         Row(When.ALWAYS, Then.WARN, Clears.ITSELF, beyond=1.0),
+        disproves=Disproves.SENSORS,
         beyond=Bound("time since it last came", "s", 0.1, 3600.0),
     )
     tilted: Row = _fault(
         Reason.TILTED,
         "The rover leans.",
         Row(When.ALWAYS, *_HELD, beyond=0.49),
+        disproves=Disproves.DISTANCE,
         beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
     )
     battery_low: Row = _fault(
@@ -215,6 +245,7 @@ class FaultTable:
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",
         Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("speed outside of what was commanded in the window", "m/s", 0.02, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -223,6 +254,7 @@ class FaultTable:
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn, little by little, less or more far than commanded.",
         Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -231,6 +263,7 @@ class FaultTable:
         Reason.WHEELS_UNPOWERED,
         "The wheels of a side are off their command, and their motors give no torque.",
         Row(When.MOVING, *_STOPPED, for_s=0.1, below=0.05, within_s=0.4),
+        disproves=Disproves.COMMANDS,
         below=Bound("mean torque of a side", "Nm", 0.001, 100.0),
         within=_window(),
     )
@@ -238,6 +271,7 @@ class FaultTable:
         Reason.ODOMETRY_OFF_WHEELS,
         "The odometry tells of another way than the wheels turned.",
         Row(When.MOVING, *_STOPPED, beyond=0.02, ratio=0.04, within_s=0.5),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -246,6 +280,7 @@ class FaultTable:
         Reason.ODOMETRY_OFF_WHEELS,
         "The odometry tells, little by little, of another way than the wheels turned.",
         Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.03, ratio=0.015, within_s=3.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_window(),
@@ -254,6 +289,7 @@ class FaultTable:
         Reason.ODOMETRY_OFF_GYRO,
         "The odometry tells of another turn than the gyro feels.",
         Row(When.MOVING, *_STOPPED, beyond=0.04, ratio=0.04, within_s=0.5),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_window(),
@@ -262,6 +298,7 @@ class FaultTable:
         Reason.ODOMETRY_OFF_GYRO,
         "The odometry tells, little by little, of another turn than the gyro feels.",
         Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.03, within_s=4.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_window(),
@@ -270,6 +307,7 @@ class FaultTable:
         Reason.WHEELS_OFF_GYRO,
         "The rover does not turn as its wheels do.",
         Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6),
+        disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_window(),
@@ -278,6 +316,7 @@ class FaultTable:
         Reason.WHEELS_SLIP,
         "The wheels gain or lose a speed that the rover does not feel.",
         Row(When.MOVING, *_ENDED, for_s=0.05, beyond=0.48, within_s=0.6),
+        disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
         within=_window(),
     )
@@ -285,6 +324,7 @@ class FaultTable:
         Reason.WHEELS_SLIP,
         "The wheels gain or lose, little by little, a speed that the rover does not feel.",
         Row(When.MOVING, *_ENDED, for_s=0.05, beyond=1.0, within_s=2.0),
+        disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
         within=_window(),
     )
@@ -292,6 +332,7 @@ class FaultTable:
         Reason.BLOCKED,
         "The wheels push with a force that does not move the rover.",
         Row(When.MOVING, *_ENDED, for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4),
+        disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the forces", "N", 1.0, 100_000.0),
         ratio=Bound("share of what is felt, added to the bound", "", 0.0, 10.0),
         within=_window(),
@@ -300,12 +341,14 @@ class FaultTable:
         Reason.TILTED,
         "The rover leans, by its inertial sensors.",
         Row(When.ALWAYS, *_HELD, for_s=0.1, beyond=0.49),
+        disproves=Disproves.DISTANCE,
         beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
     )
     slips: Row = _fault(
         Reason.SLIPS,
         "The second odometry tells of another way.",
         Row(When.MOVING, *_ENDED, beyond=0.1, ratio=0.2, within_s=1.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 10.0),
         ratio=_RATIO,
         within=_window(0.2),
@@ -314,6 +357,7 @@ class FaultTable:
         Reason.SLIPS,
         "The second odometry tells, little by little, of another way.",
         Row(When.MOVING, *_ENDED, beyond=0.1, ratio=0.1, within_s=4.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 10.0),
         ratio=_RATIO,
         within=_window(0.2),
@@ -322,6 +366,7 @@ class FaultTable:
         Reason.SLIPS,
         "The second odometry tells of a way too different to correct the pose by it.",
         Row(When.MOVING, *_ENDED, beyond=0.25, ratio=0.3, within_s=1.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 10.0),
         ratio=_RATIO,
         within=_window(0.2),
@@ -330,6 +375,7 @@ class FaultTable:
         Reason.SLIPS,
         "The second odometry tells, little by little, of a way too different to correct by it.",
         Row(When.MOVING, *_ENDED, beyond=0.6, ratio=0.3, within_s=4.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 10.0),
         ratio=_RATIO,
         within=_window(0.2),
@@ -338,6 +384,7 @@ class FaultTable:
         Reason.TURN_SLIPS,
         "The second odometry tells of another turn.",
         Row(When.MOVING, *_ENDED, beyond=0.06, ratio=0.05, within_s=1.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_window(0.2),
@@ -346,6 +393,7 @@ class FaultTable:
         Reason.TURN_SLIPS,
         "The second odometry tells, little by little, of another turn.",
         Row(When.MOVING, *_ENDED, beyond=0.07, ratio=0.04, within_s=4.0),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_window(0.2),
@@ -354,6 +402,7 @@ class FaultTable:
         Reason.SLIDES,
         "The rover moves while it is to stand, which its odometry does not see.",
         Row(When.ALWAYS, *_TOLD, beyond=0.05, within_s=0.4),
+        disproves=Disproves.COMMANDS,
         beyond=Bound("way between two frames of the second odometry", "m", 0.01, 10.0),
         within=_window(0.2),
     )

@@ -72,6 +72,7 @@ class Verification:
         if apart.off_m <= bound_m and apart.off_rad <= APART_RAD:
             age_s = odometry.stamp_s - last.stamp_s
             return Verified((figures[0], figures[2], Figure("seen before", age_s, "s")))
+        fusion.unconfirmed_since = self._first
         text = (
             f"the second odometry does not agree with the motion: {apart.off_m:.2f} m and"
             f" {apart.off_rad:.2f} rad apart"

@@ -10,8 +10,14 @@ from executive.commands import Argument, Family, Request, Waypoint, declared
 DEADLINE: Final = "deadline_s"
 """The attribute of a leaf that limits its time; needed unless a Timeout stands above."""
 
-_STEERING: Final = {Family.PLAN, Family.PLAN_START, Family.STOP, Family.RESUME}
-"""Commands that a plan does not give."""
+_STEERING: Final = {
+    Family.PLAN,
+    Family.PLAN_START,
+    Family.STOP,
+    Family.RESUME,
+    Family.CONFIRMATION,
+}
+"""Commands that a plan does not give: a pose is confirmed by an operator who has checked it."""
 
 LEAVES: Final = {
     declaration.name: declaration

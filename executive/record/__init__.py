@@ -4,6 +4,7 @@ from executive.record.authority_record import AuthorityRecord, Grant
 from executive.record.database import Database, LedgerError, Synchronous
 from executive.record.ledger import PRUNED, Ledger, digest
 from executive.record.plan_store import Outcome, PlanStore
+from executive.record.pose_record import PoseRecord
 from executive.record.relay_record import RelayedCommand, RelayRecord
 from executive.record.retention import Retention
 from executive.record.stop_latch import StopLatch
@@ -17,6 +18,7 @@ __all__ = [
     "LedgerError",
     "Outcome",
     "PlanStore",
+    "PoseRecord",
     "RelayRecord",
     "RelayedCommand",
     "Retention",

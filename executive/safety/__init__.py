@@ -5,6 +5,7 @@ from executive.safety.channel import Channel
 from executive.safety.coverage import Unmonitored, summary, unmonitored
 from executive.safety.evidence import Evidence, Monitor
 from executive.safety.history import History, Moved
+from executive.safety.pose_uncertainty import PoseMonitor, StoredPose
 from executive.safety.safety import MONITORS, Changes, Fault, Safety
 
 __all__ = [
@@ -17,7 +18,9 @@ __all__ = [
     "History",
     "Monitor",
     "Moved",
+    "PoseMonitor",
     "Safety",
+    "StoredPose",
     "Unmonitored",
     "frame_fault",
     "summary",

@@ -34,9 +34,18 @@ from executive.state.local_map import directions_of
 from executive.state.standstill import SourceMotion, is_slow, listed
 from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
+from executive.state.uncertainty import (
+    PROMISED_M,
+    PROMISED_RAD,
+    PROMISED_RATIO,
+    Uncertainty,
+)
 
 __all__ = [
     "LONGEST_PATH",
+    "PROMISED_M",
+    "PROMISED_RAD",
+    "PROMISED_RATIO",
     "VELOCITY_TOPIC",
     "AuthorityUsed",
     "Battery",
@@ -65,6 +74,7 @@ __all__ = [
     "Status",
     "Stopped",
     "Telemetry",
+    "Uncertainty",
     "check_path",
     "directions_of",
     "disagreement",

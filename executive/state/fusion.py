@@ -101,6 +101,8 @@ class Fusion:
     Attributes:
         fused: whether the second odometry corrects the pose.
         latest: the newest frame that has a pose beside it.
+        unconfirmed_since: the frame before a motion that the second odometry did not confirm, until
+            the uncertainty of the pose has grown by that.
     """
 
     def __init__(self, fused: bool) -> None:
@@ -108,6 +110,7 @@ class Fusion:
         self._places: deque[_Place] = deque(maxlen=MOST_KEPT)
         self._raw: Odometry | None = None
         self.latest: FramePair | None = None
+        self.unconfirmed_since: FramePair | None = None
         self._before: _Place | None = None
         self._left = Point(0.0, 0.0)
         self._left_sd_m = 0.0
@@ -124,6 +127,15 @@ class Fusion:
     def settled(self) -> bool:
         """Whether what the frames say has been taken over."""
         return self._applied == self._target
+
+    @property
+    def correction(self) -> Point:
+        """By how much the frames have corrected the position."""
+        return self._target
+
+    def restore(self, correction: Point) -> None:
+        """Correct the position by as much as the process before this one did."""
+        self._target = self._applied = correction
 
     @property
     def slide_m_per_rad(self) -> float:

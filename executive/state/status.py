@@ -32,7 +32,8 @@ from executive.state.local_map import LocalMap
 from executive.state.slip import SlipCorrection
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
-from executive.zones import Seen, Zones
+from executive.state.uncertainty import Uncertainty
+from executive.zones import MAX_MARGIN_M, Seen, Zones
 
 COUNTED_M: Final = 0.01
 """Of way, in pieces of which it is counted, so that the noise of odometry at rest is not."""
@@ -54,6 +55,7 @@ class Status:
         foreign: other publishers of the rover's velocity.
         standstill: whether the rover stands, by each source that can tell.
         fusion: what a second odometry says of the pose; None where there is none.
+        uncertainty: how far the rover may be from `pose`.
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
@@ -86,8 +88,9 @@ class Status:
         self._local_map: LocalMap | None = None
         if settings.sensors.laser is not None and settings.footprint is not None:
             self._local_map = LocalMap(settings.footprint, settings.zones)
+        self.uncertainty = Uncertainty()
         self._obstacles = settings.zones
-        self._circles: tuple[Seen, ...] = ()
+        self._obstacles_of: tuple[tuple[Seen, ...], float] = ((), 0.0)
         self._odometry_at_s = -inf
         self._counted_m = 0.0
         self._counted_at: Point | None = None
@@ -129,13 +132,17 @@ class Status:
 
     @property
     def obstacles(self) -> Zones:
-        """All that the rover keeps away from now, told or seen, in the frame of `pose`.
+        """All that the rover keeps away from now, known or scanned, in the frame of `pose`.
 
-        The same object until something changes.
+        The margin around them grows by the uncertainty of the position. The same object until
+        something changes.
         """
-        if self._local_map is not None and self._local_map.circles is not self._circles:
-            zones, self._circles = self._settings.zones, self._local_map.circles
-            self._obstacles = replace(zones, rocks=(*zones.rocks, *self._circles))
+        circles = () if self._local_map is None else self._local_map.circles
+        position_m = self.uncertainty.position_m
+        if (circles, position_m) != self._obstacles_of:
+            self._obstacles_of, zones = (circles, position_m), self._settings.zones
+            margin_m = min(zones.margin_m + position_m, MAX_MARGIN_M)
+            self._obstacles = replace(zones, rocks=(*zones.rocks, *circles), margin_m=margin_m)
         return self._obstacles
 
     def forget_seen(self) -> None:

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.commands import (
+    ConfirmPose,
     DriveFor,
     FollowPath,
     MoveForward,
@@ -206,5 +207,6 @@ def test_a_rover_that_stands_too_near_may_leave_but_not_come_nearer(zoned: Bench
     zoned.rover.pose = Pose(-6.0, 0.0)
     zoned.run(0.1)
     zoned.submit(Resume(), 6)
+    zoned.execute(ConfirmPose(0.0, 0.0), 9)
     assert zoned.refusal(MoveForward(-1.0), 7).reason is Reason.PATH_BLOCKED
     zoned.execute(MoveForward(4.0), 8)

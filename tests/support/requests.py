@@ -14,6 +14,7 @@ GOOD: tuple[commands.Request, ...] = (
     commands.SetTravelSpeed(0.5),
     commands.SetRotateSpeed(0.5),
     commands.SetPositionCompensation(0.1, 0.1, 0.0, 0.1),
+    commands.ConfirmPose(0.1, 0.05),
     commands.SetCameraAngles(0.5, None),
     commands.MoveCameraAngles(0.5, 0.1),
     commands.SetCameraRotateSpeed(0.5),

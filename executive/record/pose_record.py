@@ -1,0 +1,39 @@
+"""The pose that the executive had and how uncertain it was, in the ledger's file."""
+
+import json
+from typing import Final, TypeVar
+
+from cattrs.preconf.json import make_converter
+
+from executive.record.ledger import Ledger
+
+T = TypeVar("T")
+
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS pose (only_row INTEGER PRIMARY KEY, state TEXT NOT NULL);
+"""
+_CONVERTER: Final = make_converter()
+
+
+class PoseRecord:
+    """The last state that was committed, so that a restart does not make a wrong pose good again.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        self._ledger = ledger
+        ledger.extend(_SCHEMA)
+
+    def read(self, kind: type[T]) -> T | None:
+        """Return what was committed last, as the class of it; None before the first."""
+        rows = self._ledger.rows("SELECT state FROM pose")
+        return _CONVERTER.structure(json.loads(rows[0][0]), kind) if rows else None
+
+    def write(self, state: object) -> None:
+        """Write the state with the next commit; nothing, where it is None."""
+        if state is None:
+            return
+        text = json.dumps(_CONVERTER.unstructure(state))
+        self._ledger.write("INSERT OR REPLACE INTO pose VALUES (0, ?)", (text,))

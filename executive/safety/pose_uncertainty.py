@@ -1,0 +1,340 @@
+"""How far the pose may be wrong, from the fault that shows it until evidence says otherwise.
+
+Each tick sums up by how much the pose of the odometry goes elsewhere than its own velocity, the
+wheels, the gyro and what was commanded. Ordinarily that is of no account. A fault that disproves
+the pose (`Disproves` in its declaration) opens an episode: what the sums have grown by since the
+seconds before it is the uncertainty, until the fault is over. A second odometry measures the error
+itself, by its displacement since a frame from before the fault.
+"""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import hypot, inf
+from typing import Final, NamedTuple
+
+from executive.clock import Clock
+from executive.faults import DECLARED, Disproves
+from executive.geometry import Point, Pose, wrap_rad
+from executive.safety.channel import Channel
+from executive.safety.comparison import FIRST_HEARD_S
+from executive.safety.history import History, Moved
+from executive.safety.odometry_monitors import REACTION_S
+from executive.safety.safety import Fault
+from executive.settings import Settings
+from executive.state import FramePair, Status, Uncertainty, disagreement
+
+LOOKBACK_S: Final = 5.0
+"""Before a fault, in which its cause may have acted: a little over the longest window (4 s)."""
+SAMPLE_S: Final = 0.25
+AGREES_M: Final = 0.05
+AGREES_PER_M: Final = 0.015
+AGREES_RAD: Final = 0.05
+"""A second odometry confirms the pose within these: its own noise and drift (`state/fusion.py`)."""
+NEXT_FRAME_S: Final = 0.1
+"""From the last evidence of a fault until a frame is free of it."""
+ORIGIN_M: Final = 0.02
+"""An odometry that starts anew starts this near to its origin."""
+RESTARTED: Final = "the restart of the executive"
+
+
+class Divergence(NamedTuple):
+    """By how much the pose went elsewhere than other sources, summed since the start.
+
+    Attributes:
+        ahead_m, left_m, heading_rad: than the odometry's own velocity.
+        wheels_m, gyro_rad: than the wheels ahead, and the gyro.
+        commanded_m, commanded_rad: than what was commanded.
+        path_m: length of the path of the pose itself.
+    """
+
+    ahead_m: float = 0.0
+    left_m: float = 0.0
+    heading_rad: float = 0.0
+    wheels_m: float = 0.0
+    gyro_rad: float = 0.0
+    commanded_m: float = 0.0
+    commanded_rad: float = 0.0
+    path_m: float = 0.0
+
+    def since(self, before: "Divergence", by_command: bool) -> tuple[float, float]:
+        """Return the errors of position and heading that the sources show since, at most.
+
+        Args:
+            before: the sums then.
+            by_command: whether what was commanded is such a source.
+        """
+        grown = Divergence(*(abs(new - old) for new, old in zip(self, before, strict=True)))
+        heading_rad = max(grown.heading_rad, grown.gyro_rad)
+        position_m = max(hypot(grown.ahead_m, grown.left_m), grown.wheels_m)
+        if by_command:
+            heading_rad = max(heading_rad, grown.commanded_rad)
+            position_m = max(position_m, grown.commanded_m)
+        return position_m + heading_rad * grown.path_m, heading_rad
+
+
+class _Comparison:
+    """What the pose shows beyond another channel, over the times that both cover."""
+
+    def __init__(
+        self, pose: str, other: Callable[[Sequence[float]], float], later_s: float = 0.0
+    ) -> None:
+        self.total = 0.0
+        self._pose, self._other = Moved._fields.index(pose), other
+        self._later_s, self._to_s = later_s, -inf
+
+    def advance(self, moved: Channel, other: Channel, bias_per_s: float = 0.0) -> None:
+        """Add what is new; what happened in a gap of a channel is left out."""
+        from_s, to_s = self._to_s, min(moved.time_s, other.time_s + self._later_s)
+        if to_s <= from_s:
+            return
+        self._to_s = to_s
+        steps = moved.between(from_s, to_s)
+        others = other.between(from_s - self._later_s, to_s - self._later_s)
+        if steps is not None and others is not None:
+            self.total += steps[self._pose] - self._other(others) + bias_per_s * (to_s - from_s)
+
+
+@dataclass(frozen=True, slots=True)
+class StoredPose:
+    """What outlives the process.
+
+    Attributes:
+        utc_s: when this was.
+        uncertainty, confirmed: of the pose; what an operator left of it.
+        odometry: the newest pose of the odometry, uncorrected.
+        still: whether the rover stood, and was to stand.
+        disproved: whether a fault was there that disproves the pose.
+        anchor: the frame from which the second odometry tells where the rover is, if there is one.
+        correction: by which the second odometry had corrected the position.
+    """
+
+    utc_s: float
+    uncertainty: Uncertainty
+    confirmed: Uncertainty
+    odometry: Pose
+    still: bool
+    disproved: bool
+    anchor: FramePair | None
+    correction: Point
+
+
+class PoseMonitor:
+    """Keeps `Status.uncertainty`: nothing else writes it.
+
+    Args:
+        clock: the time.
+        settings: of the asset.
+        history: what was commanded and sensed.
+        status: has both odometries.
+        stored: what the process before this one left, if there was one.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        settings: Settings,
+        history: History,
+        status: Status,
+        stored: StoredPose | None,
+    ) -> None:
+        self._clock, self._settings = clock, settings
+        self._history, self._status = history, status
+        self._wheels = _Comparison("pose_ahead_m", lambda sums: (sums[0] + sums[1]) / 2)
+        self._gyro = _Comparison("pose_rad", lambda sums: sums[0])
+        self._way = _Comparison("pose_ahead_m", lambda sums: sums[0], REACTION_S)
+        self._turn = _Comparison("pose_rad", lambda sums: sums[1], REACTION_S)
+        self._samples: deque[tuple[float, Divergence]] = deque()
+        self._frames: deque[tuple[float, FramePair]] = deque()
+        self._base = self._confirmed = Uncertainty()
+        self._from = self._last = Divergence()
+        self._slipped_from_m: float | None = None
+        self._open = False
+        self._anchor: FramePair | None = None
+        self._compared: FramePair | None = None
+        self._evidence_stamp_s = -inf
+        self._stored = stored
+        if stored is not None:
+            status.uncertainty, self._confirmed = stored.uncertainty, stored.confirmed
+            self._anchor = stored.anchor
+            if status.fusion is not None:
+                status.fusion.restore(stored.correction)
+
+    def update(self, active: Sequence[Fault]) -> None:
+        """Look at the faults that are there, and at what the sources show.
+
+        Args:
+            active: the faults that have begun and are not over.
+        """
+        if self._stored is not None:
+            self._compare_restart(self._stored)
+        now_s, now = self._clock.now_s(), self._diverged()
+        disproved = [each for each in active if DECLARED[each.name].disproves is not None]
+        if disproved:
+            self._grow_by_faults(disproved, now, now_s)
+        elif self._status.uncertainty:
+            self._grow_by_distance(now.path_m - self._last.path_m)
+        self._open, self._last = bool(disproved), now
+        self._compare_frames(now, now_s)
+        if not self._samples or now_s >= self._samples[-1][0] + SAMPLE_S:
+            self._samples.append((now_s, now))
+            while len(self._samples) > 1 and self._samples[1][0] <= now_s - LOOKBACK_S:
+                self._samples.popleft()
+
+    def confirm(self, uncertainty: Uncertainty) -> None:
+        """Take the pose as it is now as wrong by so much at most, since an operator says so."""
+        self._status.uncertainty = self._confirmed = uncertainty
+        self._rebase(self._diverged())
+        self._samples.clear()
+        self._frames.clear()
+        fusion = self._status.fusion
+        self._anchor = fusion.latest if fusion is not None and uncertainty else None
+
+    def stored(self, still: bool) -> StoredPose | None:
+        """Return what is to outlive the process; None before odometry has come.
+
+        Args:
+            still: whether the rover is to stand.
+        """
+        status, fusion = self._status, self._status.fusion
+        if status.odometry is None or self._stored is not None:
+            return self._stored
+        return StoredPose(
+            self._clock.utc_s(),
+            status.uncertainty,
+            self._confirmed,
+            status.odometry.pose,
+            still and status.standing,
+            self._open,
+            self._anchor or (None if fusion is None else fusion.latest),
+            Point(0.0, 0.0) if fusion is None else fusion.correction,
+        )
+
+    def _diverged(self) -> Divergence:
+        history, moved = self._history, self._history.moved
+        if history.wheels is not None:
+            self._wheels.advance(moved, history.wheels.sums)
+        if history.inertia is not None:
+            self._gyro.advance(moved, history.inertia.sums, history.inertia.bias_radps)
+        self._way.advance(moved, history.commands)
+        self._turn.advance(moved, history.commands)
+        sums = Moved(*moved.sums)
+        return Divergence(
+            sums.ahead_m,
+            sums.left_m,
+            sums.heading_rad,
+            self._wheels.total,
+            self._gyro.total,
+            self._way.total,
+            self._turn.total,
+            self._status.travelled_m,
+        )
+
+    def _grow_by_faults(self, faults: Sequence[Fault], now: Divergence, now_s: float) -> None:
+        if not self._open:
+            self._base, self._slipped_from_m = self._status.uncertainty, None
+            self._from = self._samples[0][1] if self._samples else now
+            self._status.forget_seen()
+        self._anchor = self._anchor or (self._frames[0][1] if self._frames else None)
+        shown = {DECLARED[each.name].disproves for each in faults}
+        position_m, heading_rad = now.since(self._from, by_command=shown != {Disproves.SENSORS})
+        for each in faults:
+            if DECLARED[each.name].disproves is Disproves.DISTANCE:
+                if self._slipped_from_m is None:
+                    self._slipped_from_m = self._path_before_m(now_s - LOOKBACK_S)
+                position_m = max(position_m, now.path_m - self._slipped_from_m)
+            if each.seen_s >= now_s and self._status.odometry is not None:
+                self._evidence_stamp_s = self._status.odometry.stamp_s
+        position_m, heading_rad = (
+            self._base.position_m + position_m,
+            self._base.heading_rad + heading_rad,
+        )
+        self._raise_to(position_m, heading_rad, faults[-1].name)
+
+    def _path_before_m(self, time_s: float) -> float:
+        """Return the length of the path up to a time, or to the first that is known."""
+        known = [each.path_m for at_s, each in self._samples if at_s <= time_s]
+        return known[-1] if known else self._from.path_m
+
+    def _grow_by_distance(self, step_m: float) -> None:
+        now = self._status.uncertainty
+        self._raise_to(now.position_at_m(step_m), now.heading_rad, now.cause)
+
+    def _raise_to(self, position_m: float, heading_rad: float, cause: str) -> None:
+        now = self._status.uncertainty
+        if position_m > now.position_m or heading_rad > now.heading_rad:
+            self._status.uncertainty = Uncertainty(
+                max(position_m, now.position_m), max(heading_rad, now.heading_rad), cause
+            )
+
+    def _compare_frames(self, now: Divergence, now_s: float) -> None:
+        """Let the second odometry say how wrong the pose is, by a frame free of the fault."""
+        fusion, status = self._status.fusion, self._status
+        if fusion is None or fusion.latest is None:
+            return
+        if fusion.unconfirmed_since is not None:
+            self._anchor, fusion.unconfirmed_since = fusion.unconfirmed_since, None
+        elif fusion.latest is self._compared:
+            return
+        latest, since = fusion.latest, self._anchor
+        if since is None or not fusion.settled or self._stored is not None:
+            if since is None:
+                self._remember_frame(latest, now_s)
+            return
+        if latest.stamp_s < self._evidence_stamp_s + NEXT_FRAME_S:
+            return
+        self._compared = latest
+        apart, before, floor = disagreement(since, latest), status.uncertainty, self._confirmed
+        position_m, heading_rad = floor.position_m, floor.heading_rad
+        if apart.off_m > AGREES_M + AGREES_PER_M * apart.way_m:
+            position_m = max(before.position_m, floor.position_m + apart.off_m)
+        if apart.off_rad > AGREES_RAD:
+            heading_rad = max(before.heading_rad, floor.heading_rad + apart.off_rad)
+        cause = before.cause if before else "the second odometry"
+        status.uncertainty = Uncertainty(position_m, heading_rad, cause)
+        if not status.uncertainty:
+            status.uncertainty, self._anchor = Uncertainty(cause="the second odometry"), None
+            self._remember_frame(latest, now_s)
+        self._rebase(now)
+
+    def _remember_frame(self, frame: FramePair, now_s: float) -> None:
+        """Keep a frame from before whatever comes."""
+        self._compared = frame
+        self._frames.append((now_s, frame))
+        while len(self._frames) > 1 and self._frames[1][0] <= now_s - LOOKBACK_S:
+            self._frames.popleft()
+
+    def _rebase(self, now: Divergence) -> None:
+        """Count what the sources show from now on."""
+        self._base, self._from, self._slipped_from_m = self._status.uncertainty, now, now.path_m
+
+    def _compare_restart(self, stored: StoredPose) -> None:
+        """Compare the first odometry with the last of the process before this one.
+
+        The rover may have been moved meanwhile. What the wheels did not see only a second odometry
+        shows, by the frame that was stored.
+        """
+        odometry = self._status.odometry
+        if odometry is None:
+            return
+        self._stored = None
+        now, then = odometry.pose, stored.odometry
+        moved_m = then.point.distance_m(now.point)
+        turned_rad = abs(wrap_rad(now.heading_rad - then.heading_rad))
+        anew = now.point.distance_m(Point(0.0, 0.0)) < ORIGIN_M <= moved_m
+        faults, drive = self._settings.faults, self._settings.drive
+        bound_m, bound_rad = faults.odometry_jumped.bound, faults.odometry_turned.bound
+        if not stored.still:
+            away_s = max(0.0, self._clock.utc_s() - stored.utc_s)
+            bound_m += away_s * drive.travel_speed_mps
+            bound_rad += away_s * drive.rotate_speed_radps
+        before = self._status.uncertainty
+        if stored.disproved or anew or moved_m > bound_m or turned_rad > bound_rad:
+            self._raise_to(before.position_m + moved_m, before.heading_rad + turned_rad, RESTARTED)
+        silent_s = self._clock.now_s() - self._history.start_s - FIRST_HEARD_S
+        if silent_s > 0.0:
+            self._raise_to(
+                before.position_m + silent_s * drive.travel_speed_mps,
+                before.heading_rad + silent_s * drive.rotate_speed_radps,
+                RESTARTED,
+            )
