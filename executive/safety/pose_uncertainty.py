@@ -31,11 +31,14 @@ AGREES_M: Final = 0.05
 AGREES_PER_M: Final = 0.015
 AGREES_RAD: Final = 0.05
 """A second odometry confirms the pose within these: its own noise and drift (`state/fusion.py`)."""
+SLIP_M: Final = 0.25
+"""A rover that slips or tips over may move as far without turning a wheel (0.23 m measured)."""
 NEXT_FRAME_S: Final = 0.1
 """From the last evidence of a fault until a frame is free of it."""
 ORIGIN_M: Final = 0.02
 """An odometry that starts anew starts this near to its origin."""
 RESTARTED: Final = "the restart of the executive"
+SECOND: Final = "the second odometry"
 
 
 class Divergence(NamedTuple):
@@ -149,7 +152,7 @@ class PoseMonitor:
         self._base = self._confirmed = Uncertainty()
         self._from = self._last = Divergence()
         self._slipped_from_m: float | None = None
-        self._open = False
+        self._open, self._cause = False, SECOND
         self._anchor: FramePair | None = None
         self._compared: FramePair | None = None
         self._evidence_stamp_s = -inf
@@ -174,6 +177,8 @@ class PoseMonitor:
             self._grow_by_faults(disproved, now, now_s)
         elif self._status.uncertainty:
             self._grow_by_distance(now.path_m - self._last.path_m)
+        else:
+            self._cause = SECOND
         self._open, self._last = bool(disproved), now
         self._compare_frames(now, now_s)
         if not self._samples or now_s >= self._samples[-1][0] + SAMPLE_S:
@@ -242,14 +247,11 @@ class PoseMonitor:
             if DECLARED[each.name].disproves is Disproves.DISTANCE:
                 if self._slipped_from_m is None:
                     self._slipped_from_m = self._path_before_m(now_s - LOOKBACK_S)
-                position_m = max(position_m, now.path_m - self._slipped_from_m)
+                position_m = max(position_m, SLIP_M + now.path_m - self._slipped_from_m)
             if each.seen_s >= now_s and self._status.odometry is not None:
                 self._evidence_stamp_s = self._status.odometry.stamp_s
-        position_m, heading_rad = (
-            self._base.position_m + position_m,
-            self._base.heading_rad + heading_rad,
-        )
-        self._raise_to(position_m, heading_rad, faults[-1].name)
+        base, self._cause = self._base, faults[-1].name
+        self._raise_to(base.position_m + position_m, base.heading_rad + heading_rad, self._cause)
 
     def _path_before_m(self, time_s: float) -> float:
         """Return the length of the path up to a time, or to the first that is known."""
@@ -290,10 +292,11 @@ class PoseMonitor:
             position_m = max(before.position_m, floor.position_m + apart.off_m)
         if apart.off_rad > AGREES_RAD:
             heading_rad = max(before.heading_rad, floor.heading_rad + apart.off_rad)
-        cause = before.cause if before else "the second odometry"
+        cause = before.cause if before else self._cause
         status.uncertainty = Uncertainty(position_m, heading_rad, cause)
         if not status.uncertainty:
-            status.uncertainty, self._anchor = Uncertainty(cause="the second odometry"), None
+            status.uncertainty, self._anchor = Uncertainty(cause=SECOND), None
+            self._frames.clear()
             self._remember_frame(latest, now_s)
         self._rebase(now)
 
