@@ -22,7 +22,7 @@ from executive.safety.history import History, Moved
 from executive.safety.odometry_monitors import REACTION_S
 from executive.safety.safety import Fault
 from executive.settings import Settings
-from executive.state import FramePair, Status, Uncertainty, disagreement
+from executive.state import Disagreement, FramePair, Status, Uncertainty, disagreement
 
 LOOKBACK_S: Final = 5.0
 """Before a fault, in which its cause may have acted: a little over the longest window (4 s)."""
@@ -177,7 +177,7 @@ class PoseMonitor:
             self._grow_by_faults(disproved, now, now_s)
         elif self._status.uncertainty:
             self._grow_by_distance(now.path_m - self._last.path_m)
-        else:
+        elif self._anchor is None:
             self._cause = SECOND
         self._open, self._last = bool(disproved), now
         self._compare_frames(now, now_s)
@@ -270,34 +270,45 @@ class PoseMonitor:
             )
 
     def _compare_frames(self, now: Divergence, now_s: float) -> None:
-        """Let the second odometry say how wrong the pose is, by a frame free of the fault."""
-        fusion, status = self._status.fusion, self._status
-        if fusion is None or fusion.latest is None:
+        """Let the second odometry say how wrong the pose is, by its newest frame."""
+        fusion = self._status.fusion
+        if fusion is None or fusion.latest is None or self._stored is not None:
             return
         if fusion.unconfirmed_since is not None:
             self._anchor, fusion.unconfirmed_since = fusion.unconfirmed_since, None
-        elif fusion.latest is self._compared:
-            return
-        latest, since = fusion.latest, self._anchor
-        if since is None or not fusion.settled or self._stored is not None:
-            if since is None:
-                self._remember_frame(latest, now_s)
-            return
-        if latest.stamp_s < self._evidence_stamp_s + NEXT_FRAME_S:
-            return
-        self._compared = latest
-        apart, before, floor = disagreement(since, latest), status.uncertainty, self._confirmed
-        position_m, heading_rad = floor.position_m, floor.heading_rad
-        if apart.off_m > AGREES_M + AGREES_PER_M * apart.way_m:
-            position_m = max(before.position_m, floor.position_m + apart.off_m)
-        if apart.off_rad > AGREES_RAD:
-            heading_rad = max(before.heading_rad, floor.heading_rad + apart.off_rad)
-        cause = before.cause if before else self._cause
-        status.uncertainty = Uncertainty(position_m, heading_rad, cause)
-        if not status.uncertainty:
-            status.uncertainty, self._anchor = Uncertainty(cause=SECOND), None
-            self._frames.clear()
+            self._compared = None
+        latest = fusion.latest
+        if self._anchor is None and latest is not self._compared:
             self._remember_frame(latest, now_s)
+        elif self._anchor is not None and fusion.settled and latest is not self._compared:
+            if latest.stamp_s >= self._evidence_stamp_s + NEXT_FRAME_S:
+                self._compared = latest
+                self._judge(disagreement(self._anchor, latest), now)
+            else:  # a frame of the fault's own time shows an error, but proves nothing right
+                self._raise_by(disagreement(self._anchor, latest))
+
+    def _raise_by(self, apart: Disagreement) -> None:
+        floor, off_m, off_rad = self._confirmed, 0.0, 0.0
+        if apart.off_m > AGREES_M + AGREES_PER_M * apart.way_m:
+            off_m = floor.position_m + apart.off_m
+        if apart.off_rad > AGREES_RAD:
+            off_rad = floor.heading_rad + apart.off_rad
+        self._raise_to(off_m, off_rad, self._cause)
+
+    def _judge(self, apart: Disagreement, now: Divergence) -> None:
+        """Take the second odometry's word for what it confirms, and for what it contradicts."""
+        self._raise_by(apart)
+        known, floor = self._status.uncertainty, self._confirmed
+        position_m, heading_rad = known.position_m, known.heading_rad
+        if apart.off_m <= AGREES_M + AGREES_PER_M * apart.way_m:
+            position_m = floor.position_m
+        if apart.off_rad <= AGREES_RAD:
+            heading_rad = floor.heading_rad
+        self._status.uncertainty = Uncertainty(position_m, heading_rad, known.cause)
+        if not self._status.uncertainty:
+            self._status.uncertainty, self._anchor = Uncertainty(cause=SECOND), None
+            self._frames.clear()
+            self._compared = None  # the frame is the first of those from before what comes
         self._rebase(now)
 
     def _remember_frame(self, frame: FramePair, now_s: float) -> None:

@@ -29,7 +29,7 @@ from executive.state.files import (
     check_path,
     store_picture,
 )
-from executive.state.fusion import FramePair, disagreement
+from executive.state.fusion import Disagreement, FramePair, disagreement
 from executive.state.local_map import directions_of
 from executive.state.standstill import SourceMotion, is_slow, listed
 from executive.state.status import Status
@@ -52,6 +52,7 @@ __all__ = [
     "CameraAngles",
     "CommandEnded",
     "CommandUnderWay",
+    "Disagreement",
     "Fact",
     "FileEvent",
     "FileEventKind",
