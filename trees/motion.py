@@ -511,6 +511,13 @@ class HoldVelocity(_MotionLeaf):
         turned = abs(turn_rad - wanted_rad) <= OFF_RAD
         if abs(way_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
             return None
+        # Whether the rover or its odometry is elsewhere, nothing here can tell.
+        status = self.context.status
+        status.raise_uncertainty(
+            status.uncertainty.position_m + max(off_m, abs(way_m - wanted_m)),
+            status.uncertainty.heading_rad + abs(turn_rad - wanted_rad),
+            "a drive that ended off its target",
+        )
         return Refusal(
             Reason.OFF_TARGET,
             f"the rover went {way_m:.2f} m and turned by {turn_rad:.2f} rad of {wanted_m:.2f} m and"

@@ -99,6 +99,20 @@ class _Comparison:
 
 
 @dataclass(frozen=True, slots=True)
+class _Anchor:
+    """A frame of the second odometry that others are compared with.
+
+    Attributes:
+        at_s: when it was the newest.
+        correction: by which the second odometry had corrected the position then.
+    """
+
+    at_s: float
+    frame: FramePair
+    correction: Point
+
+
+@dataclass(frozen=True, slots=True)
 class StoredPose:
     """What outlives the process.
 
@@ -148,20 +162,22 @@ class PoseMonitor:
         self._way = _Comparison("pose_ahead_m", lambda sums: sums[0], REACTION_S)
         self._turn = _Comparison("pose_rad", lambda sums: sums[1], REACTION_S)
         self._samples: deque[tuple[float, Divergence]] = deque()
-        self._frames: deque[tuple[float, FramePair]] = deque()
+        self._frames: deque[_Anchor] = deque()
         self._base = self._confirmed = Uncertainty()
         self._from = self._last = Divergence()
-        self._slipped_from_m: float | None = None
-        self._open, self._cause = False, SECOND
-        self._anchor: FramePair | None = None
+        self._faulty = self._doubted = False
+        self._cause = SECOND
+        self._anchor: _Anchor | None = None
         self._compared: FramePair | None = None
+        self._shown_m = 0.0
         self._evidence_stamp_s = -inf
         self._stored = stored
         if stored is not None:
             status.uncertainty, self._confirmed = stored.uncertainty, stored.confirmed
-            self._anchor = stored.anchor
             if status.fusion is not None:
                 status.fusion.restore(stored.correction)
+            if stored.anchor is not None:
+                self._anchor = _Anchor(clock.now_s(), stored.anchor, stored.correction)
 
     def update(self, active: Sequence[Fault]) -> None:
         """Look at the faults that are there, and at what the sources show.
@@ -173,13 +189,20 @@ class PoseMonitor:
             self._compare_restart(self._stored)
         now_s, now = self._clock.now_s(), self._diverged()
         disproved = [each for each in active if DECLARED[each.name].disproves is not None]
+        doubted = bool(disproved or self._status.uncertainty)
+        if doubted and not self._doubted:
+            self._status.forget_seen()
+            self._shown_m = 0.0
+            self._anchor = self._anchor or (self._frames[0] if self._frames else None)
         if disproved:
             self._grow_by_faults(disproved, now, now_s)
         elif self._status.uncertainty:
             self._grow_by_distance(now.path_m - self._last.path_m)
         elif self._anchor is None:
             self._cause = SECOND
-        self._open, self._last = bool(disproved), now
+        if self._anchor is None:  # no frame from before: none later proves anything right
+            self._confirmed = self._status.uncertainty
+        self._faulty, self._doubted, self._last = bool(disproved), doubted, now
         self._compare_frames(now, now_s)
         if not self._samples or now_s >= self._samples[-1][0] + SAMPLE_S:
             self._samples.append((now_s, now))
@@ -192,8 +215,7 @@ class PoseMonitor:
         self._rebase(self._diverged())
         self._samples.clear()
         self._frames.clear()
-        fusion = self._status.fusion
-        self._anchor = fusion.latest if fusion is not None and uncertainty else None
+        self._anchor = self._newest() if uncertainty else None
 
     def stored(self, still: bool) -> StoredPose | None:
         """Return what is to outlive the process; None before odometry has come.
@@ -201,7 +223,7 @@ class PoseMonitor:
         Args:
             still: whether the rover is to stand.
         """
-        status, fusion = self._status, self._status.fusion
+        status, anchor = self._status, self._anchor or self._newest()
         if status.odometry is None or self._stored is not None:
             return self._stored
         return StoredPose(
@@ -210,9 +232,9 @@ class PoseMonitor:
             self._confirmed,
             status.odometry.pose,
             still and status.standing,
-            self._open,
-            self._anchor or (None if fusion is None else fusion.latest),
-            Point(0.0, 0.0) if fusion is None else fusion.correction,
+            self._faulty,
+            None if anchor is None else anchor.frame,
+            Point(0.0, 0.0) if status.fusion is None else status.fusion.correction,
         )
 
     def _diverged(self) -> Divergence:
@@ -236,56 +258,51 @@ class PoseMonitor:
         )
 
     def _grow_by_faults(self, faults: Sequence[Fault], now: Divergence, now_s: float) -> None:
-        if not self._open:
-            self._base, self._slipped_from_m = self._status.uncertainty, None
+        if not self._faulty:
+            self._base = self._status.uncertainty
             self._from = self._samples[0][1] if self._samples else now
-            self._status.forget_seen()
-        self._anchor = self._anchor or (self._frames[0][1] if self._frames else None)
         shown = {DECLARED[each.name].disproves for each in faults}
         position_m, heading_rad = now.since(self._from, by_command=shown != {Disproves.SENSORS})
-        for each in faults:
-            if DECLARED[each.name].disproves is Disproves.DISTANCE:
-                if self._slipped_from_m is None:
-                    self._slipped_from_m = self._path_before_m(now_s - LOOKBACK_S)
-                position_m = max(position_m, SLIP_M + now.path_m - self._slipped_from_m)
-            if each.seen_s >= now_s and self._status.odometry is not None:
-                self._evidence_stamp_s = self._status.odometry.stamp_s
+        if Disproves.DISTANCE in shown:
+            position_m = max(position_m, SLIP_M + now.path_m - self._from.path_m)
+        self._shown_m = max(self._shown_m, now.since(self._from, by_command=False)[0])
+        odometry = self._status.odometry
+        if odometry is not None and any(each.seen_s >= now_s for each in faults):
+            self._evidence_stamp_s = odometry.stamp_s
         base, self._cause = self._base, faults[-1].name
         self._raise_to(base.position_m + position_m, base.heading_rad + heading_rad, self._cause)
-
-    def _path_before_m(self, time_s: float) -> float:
-        """Return the length of the path up to a time, or to the first that is known."""
-        known = [each.path_m for at_s, each in self._samples if at_s <= time_s]
-        return known[-1] if known else self._from.path_m
 
     def _grow_by_distance(self, step_m: float) -> None:
         now = self._status.uncertainty
         self._raise_to(now.position_at_m(step_m), now.heading_rad, now.cause)
 
     def _raise_to(self, position_m: float, heading_rad: float, cause: str) -> None:
-        now = self._status.uncertainty
-        if position_m > now.position_m or heading_rad > now.heading_rad:
-            self._status.uncertainty = Uncertainty(
-                max(position_m, now.position_m), max(heading_rad, now.heading_rad), cause
-            )
+        self._status.raise_uncertainty(position_m, heading_rad, cause)
+
+    def _newest(self) -> _Anchor | None:
+        fusion = self._status.fusion
+        if fusion is None or fusion.latest is None:
+            return None
+        return _Anchor(self._clock.now_s(), fusion.latest, fusion.correction)
 
     def _compare_frames(self, now: Divergence, now_s: float) -> None:
         """Let the second odometry say how wrong the pose is, by its newest frame."""
-        fusion = self._status.fusion
-        if fusion is None or fusion.latest is None or self._stored is not None:
+        fusion, newest = self._status.fusion, self._newest()
+        if fusion is None or newest is None or self._stored is not None:
             return
         if fusion.unconfirmed_since is not None:
-            self._anchor, fusion.unconfirmed_since = fusion.unconfirmed_since, None
-            self._compared = None
-        latest = fusion.latest
-        if self._anchor is None and latest is not self._compared:
-            self._remember_frame(latest, now_s)
-        elif self._anchor is not None and fusion.settled and latest is not self._compared:
-            if latest.stamp_s >= self._evidence_stamp_s + NEXT_FRAME_S:
-                self._compared = latest
-                self._judge(disagreement(self._anchor, latest), now)
-            else:  # a frame of the fault's own time shows an error, but proves nothing right
-                self._raise_by(disagreement(self._anchor, latest))
+            self._anchor = _Anchor(now_s, fusion.unconfirmed_since, fusion.correction)
+            fusion.unconfirmed_since = self._compared = None
+        if newest.frame is self._compared:
+            return
+        if self._anchor is None:
+            self._remember(newest)
+        elif fusion.settled:
+            self._raise_by(disagreement(self._anchor.frame, newest.frame))
+            # A frame of the fault's own time shows an error, but proves nothing right.
+            if newest.frame.stamp_s >= self._evidence_stamp_s + NEXT_FRAME_S:
+                self._compared = newest.frame
+                self._confirm_by(self._anchor, newest, now)
 
     def _raise_by(self, apart: Disagreement) -> None:
         floor, off_m, off_rad = self._confirmed, 0.0, 0.0
@@ -295,32 +312,41 @@ class PoseMonitor:
             off_rad = floor.heading_rad + apart.off_rad
         self._raise_to(off_m, off_rad, self._cause)
 
-    def _judge(self, apart: Disagreement, now: Divergence) -> None:
-        """Take the second odometry's word for what it confirms, and for what it contradicts."""
-        self._raise_by(apart)
+    def _confirm_by(self, anchor: _Anchor, newest: _Anchor, now: Divergence) -> None:
+        """Lower what the second odometry confirms.
+
+        That it agrees with a position that it has corrected itself says nothing: a correction
+        beyond what other sources show to be wrong may be wrong itself.
+        """
+        apart = disagreement(anchor.frame, newest.frame)
+        near_m = AGREES_M + AGREES_PER_M * apart.way_m
         known, floor = self._status.uncertainty, self._confirmed
         position_m, heading_rad = known.position_m, known.heading_rad
-        if apart.off_m <= AGREES_M + AGREES_PER_M * apart.way_m:
+        corrected_m = anchor.correction.distance_m(newest.correction)
+        if corrected_m > near_m + self._shown_m:
+            position_m = max(position_m, floor.position_m + corrected_m)
+        elif apart.off_m <= near_m:
             position_m = floor.position_m
         if apart.off_rad <= AGREES_RAD:
             heading_rad = floor.heading_rad
-        self._status.uncertainty = Uncertainty(position_m, heading_rad, known.cause)
+        self._status.uncertainty = Uncertainty(position_m, heading_rad, known.cause or self._cause)
         if not self._status.uncertainty:
-            self._status.uncertainty, self._anchor = Uncertainty(cause=SECOND), None
+            self._status.uncertainty = Uncertainty(cause=SECOND)
             self._frames.clear()
-            self._compared = None  # the frame is the first of those from before what comes
+            self._remember(newest)
+            self._anchor = newest if self._faulty else None
         self._rebase(now)
 
-    def _remember_frame(self, frame: FramePair, now_s: float) -> None:
+    def _remember(self, newest: _Anchor) -> None:
         """Keep a frame from before whatever comes."""
-        self._compared = frame
-        self._frames.append((now_s, frame))
-        while len(self._frames) > 1 and self._frames[1][0] <= now_s - LOOKBACK_S:
+        self._compared = newest.frame
+        self._frames.append(newest)
+        while len(self._frames) > 1 and self._frames[1].at_s <= newest.at_s - LOOKBACK_S:
             self._frames.popleft()
 
     def _rebase(self, now: Divergence) -> None:
         """Count what the sources show from now on."""
-        self._base, self._from, self._slipped_from_m = self._status.uncertainty, now, now.path_m
+        self._base, self._from = self._status.uncertainty, now
 
     def _compare_restart(self, stored: StoredPose) -> None:
         """Compare the first odometry with the last of the process before this one.

@@ -145,6 +145,13 @@ class Status:
             self._obstacles = replace(zones, rocks=(*zones.rocks, *circles), margin_m=margin_m)
         return self._obstacles
 
+    def raise_uncertainty(self, position_m: float, heading_rad: float, cause: str) -> None:
+        """Note that the pose may be wrong by as much; less than is known changes nothing."""
+        known = self.uncertainty
+        if position_m > known.position_m or heading_rad > known.heading_rad:
+            position_m = max(position_m, known.position_m)
+            self.uncertainty = Uncertainty(position_m, max(heading_rad, known.heading_rad), cause)
+
     def forget_seen(self) -> None:
         """Forget what was seen around: the pose has become another, by no motion."""
         if self._local_map is not None:
