@@ -9,7 +9,7 @@ itself, by its displacement since a frame from before the fault.
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, inf
 from typing import Final, NamedTuple
 
@@ -99,7 +99,7 @@ class _Comparison:
 
 
 @dataclass(frozen=True, slots=True)
-class _Anchor:
+class Anchor:
     """A frame of the second odometry that others are compared with.
 
     Attributes:
@@ -123,6 +123,7 @@ class StoredPose:
         still: whether the rover stood, and was to stand.
         disproved: whether a fault was there that disproves the pose.
         anchor: the frame from which the second odometry tells where the rover is, if there is one.
+        shown_m: the error of the position that other sources have shown since.
         correction: by which the second odometry had corrected the position.
     """
 
@@ -132,7 +133,8 @@ class StoredPose:
     odometry: Pose
     still: bool
     disproved: bool
-    anchor: FramePair | None
+    anchor: Anchor | None
+    shown_m: float
     correction: Point
 
 
@@ -162,12 +164,12 @@ class PoseMonitor:
         self._way = _Comparison("pose_ahead_m", lambda sums: sums[0], REACTION_S)
         self._turn = _Comparison("pose_rad", lambda sums: sums[1], REACTION_S)
         self._samples: deque[tuple[float, Divergence]] = deque()
-        self._frames: deque[_Anchor] = deque()
+        self._frames: deque[Anchor] = deque()
         self._base = self._confirmed = Uncertainty()
         self._from = self._last = Divergence()
         self._faulty = self._doubted = False
         self._cause = SECOND
-        self._anchor: _Anchor | None = None
+        self._anchor: Anchor | None = None
         self._compared: FramePair | None = None
         self._shown_m = 0.0
         self._evidence_stamp_s = -inf
@@ -176,8 +178,10 @@ class PoseMonitor:
             status.uncertainty, self._confirmed = stored.uncertainty, stored.confirmed
             if status.fusion is not None:
                 status.fusion.restore(stored.correction)
-            if stored.anchor is not None:
-                self._anchor = _Anchor(clock.now_s(), stored.anchor, stored.correction)
+            self._shown_m = stored.shown_m
+            if stored.anchor is not None:  # distances are counted from this start on
+                frame = replace(stored.anchor.frame, way_m=0.0)
+                self._anchor = replace(stored.anchor, frame=frame)
 
     def update(self, active: Sequence[Fault]) -> None:
         """Look at the faults that are there, and at what the sources show.
@@ -192,7 +196,6 @@ class PoseMonitor:
         doubted = bool(disproved or self._status.uncertainty)
         if doubted and not self._doubted:
             self._status.forget_seen()
-            self._shown_m = 0.0
             self._anchor = self._anchor or (self._frames[0] if self._frames else None)
         if disproved:
             self._grow_by_faults(disproved, now, now_s)
@@ -215,7 +218,7 @@ class PoseMonitor:
         self._rebase(self._diverged())
         self._samples.clear()
         self._frames.clear()
-        self._anchor = self._newest() if uncertainty else None
+        self._anchor, self._shown_m = self._newest() if uncertainty else None, 0.0
 
     def stored(self, still: bool) -> StoredPose | None:
         """Return what is to outlive the process; None before odometry has come.
@@ -223,7 +226,7 @@ class PoseMonitor:
         Args:
             still: whether the rover is to stand.
         """
-        status, anchor = self._status, self._anchor or self._newest()
+        status = self._status
         if status.odometry is None or self._stored is not None:
             return self._stored
         return StoredPose(
@@ -233,7 +236,8 @@ class PoseMonitor:
             status.odometry.pose,
             still and status.standing,
             self._faulty,
-            None if anchor is None else anchor.frame,
+            self._anchor or self._newest(),
+            self._shown_m,
             Point(0.0, 0.0) if status.fusion is None else status.fusion.correction,
         )
 
@@ -279,11 +283,11 @@ class PoseMonitor:
     def _raise_to(self, position_m: float, heading_rad: float, cause: str) -> None:
         self._status.raise_uncertainty(position_m, heading_rad, cause)
 
-    def _newest(self) -> _Anchor | None:
+    def _newest(self) -> Anchor | None:
         fusion = self._status.fusion
         if fusion is None or fusion.latest is None:
             return None
-        return _Anchor(self._clock.now_s(), fusion.latest, fusion.correction)
+        return Anchor(self._clock.now_s(), fusion.latest, fusion.correction)
 
     def _compare_frames(self, now: Divergence, now_s: float) -> None:
         """Let the second odometry say how wrong the pose is, by its newest frame."""
@@ -291,7 +295,7 @@ class PoseMonitor:
         if fusion is None or newest is None or self._stored is not None:
             return
         if fusion.unconfirmed_since is not None:
-            self._anchor = _Anchor(now_s, fusion.unconfirmed_since, fusion.correction)
+            self._anchor = Anchor(now_s, fusion.unconfirmed_since, fusion.correction)
             fusion.unconfirmed_since = self._compared = None
         if newest.frame is self._compared:
             return
@@ -312,7 +316,7 @@ class PoseMonitor:
             off_rad = floor.heading_rad + apart.off_rad
         self._raise_to(off_m, off_rad, self._cause)
 
-    def _confirm_by(self, anchor: _Anchor, newest: _Anchor, now: Divergence) -> None:
+    def _confirm_by(self, anchor: Anchor, newest: Anchor, now: Divergence) -> None:
         """Lower what the second odometry confirms.
 
         That it agrees with a position that it has corrected itself says nothing: a correction
@@ -334,10 +338,10 @@ class PoseMonitor:
             self._status.uncertainty = Uncertainty(cause=SECOND)
             self._frames.clear()
             self._remember(newest)
-            self._anchor = newest if self._faulty else None
+            self._anchor, self._shown_m = newest if self._faulty else None, 0.0
         self._rebase(now)
 
-    def _remember(self, newest: _Anchor) -> None:
+    def _remember(self, newest: Anchor) -> None:
         """Keep a frame from before whatever comes."""
         self._compared = newest.frame
         self._frames.append(newest)
