@@ -42,7 +42,7 @@ from executive.commands.intake import (
     validate,
 )
 from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
-from executive.faults import Then
+from executive.faults import Clears, Then
 from executive.geometry import Pose
 from executive.goals import Context
 from executive.motion import Arbiter
@@ -50,9 +50,17 @@ from executive.notifications import Notifications
 from executive.plans import Planner, PlanNode
 from executive.preview import Predictions
 from executive.reasons import Figure, Reason, Refusal
-from executive.record import PRUNED, Ledger, LedgerError, StopLatch, digest
+from executive.record import (
+    PRUNED,
+    UNWRITTEN_LEDGER,
+    LatchedFault,
+    Ledger,
+    LedgerError,
+    StopLatch,
+    digest,
+)
 from executive.reports import Identity, Severity, Stage, printable
-from executive.safety import Fault, PoseMonitor
+from executive.safety import HOLDING, Fault, PoseMonitor
 from executive.settings import LinkLossAction, LocomotionKind
 from executive.state import CommandEnded, Stopped, Telemetry, Uncertainty
 
@@ -149,10 +157,10 @@ class Dispatcher:
         return Admitted(life)
 
     def make_safe(self, danger: Refusal) -> None:
-        """Stand, SAFE until resumed; fail motion goals and suspend the plan for a hazard."""
-        self._arbiter.stop()
-        self._notifications.event(Severity.ALARM, danger.text, danger.reason, danger.figures)
-        self._hold(danger, safe=True)
+        """Stand, SAFE until resumed; nothing, where the same reason holds the rover already."""
+        safety = self._context.safety
+        if all(each.refusal.reason is not danger.reason for each in safety.active):
+            self.begin_fault(safety.hold(danger, Then.SAFE))
 
     def lose_link(
         self, action: LinkLossAction, why: Refusal, way_back: tuple[Waypoint, ...]
@@ -164,20 +172,17 @@ class Dispatcher:
             why: what is said of it.
             way_back: leads to where the ground was last heard.
         """
+        safety = self._context.safety
         if action is LinkLossAction.STOP:
-            self._arbiter.stop()
-        severity = Severity.ALARM if action is LinkLossAction.STOP else Severity.WARNING
-        self._notifications.event(severity, why.text, why.reason, why.figures)
-        if action is LinkLossAction.STOP:
-            self._hold(why, safe=False)
+            self.begin_fault(safety.hold(why, Then.STOP))
+            return
+        self._notifications.event(Severity.WARNING, why.text, why.reason, why.figures)
         if action is LinkLossAction.RETURN:
             refusal = self._begin_return(why, way_back)
             if refusal is not None:
-                self._arbiter.stop()
                 text = f"the rover is stopped, as it cannot return: {refusal.text}"
                 stopped = Refusal(Reason.LINK_LOST, text, refusal.figures)
-                self._notifications.event(Severity.ALARM, text, stopped.reason, stopped.figures)
-                self._hold(stopped, safe=False)
+                self.begin_fault(safety.hold(stopped, Then.STOP))
 
     def regain_link(self) -> None:
         """Report that the ground is heard again; a rover that returns stands."""
@@ -203,13 +208,12 @@ class Dispatcher:
 
     def _begin_return(self, why: Refusal, way_back: tuple[Waypoint, ...]) -> Refusal | None:
         """End all motion and give the command to return; return why it was refused, or None."""
-        latches = self._context.latches
         self._planner.suspend(why)
         self._context.goals.motion.fail_all(why)
-        if latches.hazard is not None and latches.hazard.reason is Reason.LINK_LOST:
-            latches.hazard = None  # of the stage before, which is over
-            if not latches.held:
-                self._arbiter.release()
+        stage_before = why.reason.name.lower()
+        self._context.safety.drop(stage_before)
+        self._ledger.unlatch(stage_before)
+        self._obey_faults()
         identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
         answer = self.submit(Command(identity, FollowPath(way_back), ABOARD_LINK))
         if isinstance(answer, Admitted):
@@ -218,56 +222,42 @@ class Dispatcher:
 
     def begin_fault(self, fault: Fault) -> None:
         """Report a fault, and do what its row says."""
-        why, then = fault.refusal, fault.row.then
-        if then in {Then.STOP, Then.SAFE}:
+        why, row = fault.refusal, fault.row
+        if row.then in {Then.STOP, Then.SAFE}:
             self._arbiter.stop()
-        if then is Then.PAUSE and fault.name in AT_ONCE:
+        if row.then is Then.PAUSE and fault.name in AT_ONCE:
             self._arbiter.stand()
         self._notifications.event(fault.severity, why.text, why.reason, why.figures)
-        match then:
-            case Then.STOP | Then.SAFE:
-                self._hold(why, safe=then is Then.SAFE)
-            case Then.PAUSE:
-                self._pause(why)
-            case Then.SLOW_DOWN:
-                self._context.status.slow_ratio = SLOW_RATIO
-            case Then.WARN | Then.IGNORE:
-                pass
-            case _:
-                assert_never(then)
+        if row.clears is Clears.ON_RESUME:
+            self._ledger.latch(LatchedFault(fault.name, row.then, why, fault.begun_utc_s))
+        self._obey_faults()
+        if row.then in HOLDING:
+            self._planner.suspend(why)
+            motion = self._context.goals.motion
+            if row.then is not Then.PAUSE:
+                motion.fail_all(why)
+            elif motion.active and not isinstance(motion.active.command.request, _ABSOLUTE):
+                motion.fail(why)  # relative to where it began, it cannot go on
 
     def end_fault(self, fault: Fault) -> None:
         """Report that a fault is over, and undo what no other fault asks for."""
-        context, latches = self._context, self._context.latches
         self._notifications.event(
             Severity.INFORMATIONAL, f"{fault.name} is over", Reason.FAULT_OVER
         )
-        left = {then: _first(context.safety.active, then) for then in Then}
-        if left[Then.SLOW_DOWN] is None:
-            context.status.slow_ratio = 1.0
-        if latches.paused is fault.refusal:
-            latches.paused = left[Then.PAUSE]
-        if latches.hazard is fault.refusal:
-            latches.hazard = left[Then.SAFE] or left[Then.STOP]
-            latches.safe = left[Then.SAFE] is not None
-            if not latches.held:
-                self._arbiter.release()
+        if fault.row.clears is Clears.ON_RESUME:
+            self._ledger.unlatch(fault.name)
+        self._obey_faults()
 
-    def _hold(self, why: Refusal, safe: bool) -> None:
-        """Let nothing move that the arbiter has stopped."""
-        latches = self._context.latches
-        if latches.hazard is None or (safe and not latches.safe):
-            latches.hazard, latches.safe = why, safe
-        self._planner.suspend(why)
-        self._context.goals.motion.fail_all(why)
-
-    def _pause(self, why: Refusal) -> None:
-        """Have motion wait; what is relative to where it began cannot go on, and fails."""
-        self._context.latches.paused = self._context.latches.paused or why
-        self._planner.suspend(why)
-        motion = self._context.goals.motion
-        if motion.active is not None and not isinstance(motion.active.command.request, _ABSOLUTE):
-            motion.fail(why)
+    def _obey_faults(self) -> None:
+        """Hold, pause and slow down the rover as the faults say that are not over."""
+        latches, active = self._context.latches, self._context.safety.active
+        first = {then: _first(active, then) for then in Then}
+        latches.paused = first[Then.PAUSE]
+        latches.hazard = first[Then.SAFE] or first[Then.STOP]
+        latches.safe = first[Then.SAFE] is not None
+        self._context.status.slow_ratio = SLOW_RATIO if first[Then.SLOW_DOWN] else 1.0
+        if self._arbiter.latched and not latches.held:
+            self._arbiter.release()
 
     def fail_active(self, refusal: Refusal) -> None:
         """Fail the goals and stops under way."""
@@ -304,16 +294,23 @@ class Dispatcher:
     def take_over(self) -> None:
         """Recover what the ledger holds of the process before this one.
 
-        Settings and a stop are in force again. Unfinished commands end as interrupted, and the
-        rover stands, since one of them may still move it, or, by velocities, one that had ended
-        while the rover still slowed down.
+        Settings, a stop and faults that only a resume ends are in force again. Unfinished commands
+        end as interrupted, and the rover stands, since one of them may still move it, or, by
+        velocities, one that had ended while the rover still slowed down.
         """
         for setting in self._ledger.last_settings():
             self._restore(setting)
-        if self._latch.stopped_by is not None:
-            self._arbiter.stop()
+        for each in self._ledger.latched_faults():
+            self._context.safety.restore(each.name, each.reaction, each.refusal, each.begun_utc_s)
+        if self._latch.stopped_by != UNWRITTEN_LEDGER:
             self._context.latches.stopped_by = self._latch.stopped_by
+        self._obey_faults()
+        if self._context.latches.held:
+            self._arbiter.stop()
         self._planner.take_over()
+        if self._latch.stopped_by == UNWRITTEN_LEDGER:
+            text = "the ledger could not be written before the restart"
+            self.make_safe(Refusal(Reason.LEDGER_FAILED, text))
         refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
         left = self._ledger.unfinished()
         by_velocity = self._context.settings.locomotion is LocomotionKind.VELOCITY
@@ -458,17 +455,10 @@ class Dispatcher:
 
     def _resume(self) -> None:
         """Let the rover move again, but for faults that end by themselves and are not over."""
-        latches, safety = self._context.latches, self._context.safety
-        ended = safety.resume()
-        latches.clear()
-        latches.paused = _first(safety.active, Then.PAUSE)
-        latches.hazard = _first(safety.active, Then.SAFE)
-        latches.safe = latches.hazard is not None
-        latches.hazard = latches.hazard or _first(safety.active, Then.STOP)
-        for fault in ended:
+        self._context.latches.clear()
+        for fault in self._context.safety.resume():
             self.end_fault(fault)
-        if not latches.held:
-            self._arbiter.release()
+        self._obey_faults()
 
     def _set(self, setting: Setting) -> None:
         status = self._context.status

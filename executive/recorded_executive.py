@@ -192,7 +192,7 @@ class RecordedExecutive(Executive):
             super().event(severity, text, figures, kind)
 
     def make_safe(self, danger: Refusal) -> None:
-        """Stand until resumed; nothing, if a hazard holds the rover already."""
+        """Stand until resumed; nothing, where the same reason holds the rover already."""
         within = self._time.held
         with self._time:
             self._begin(MadeSafe(self._time.now_s(), self._time.utc_s(), danger, within))

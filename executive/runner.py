@@ -7,6 +7,7 @@ commands fail, and the executive goes on.
 
 import logging
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -28,6 +29,7 @@ from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.preview import Predictions, PreviewRun
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import (
+    UNWRITTEN_LEDGER,
     AuthorityRecord,
     Ledger,
     LedgerError,
@@ -374,10 +376,9 @@ class Executive:
             self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
 
     def make_safe(self, danger: Refusal) -> None:
-        """Stand until resumed; nothing, if a hazard holds the rover already."""
+        """Stand until resumed; nothing, where the same reason holds the rover already."""
         with self._clock:
-            if self._context.latches.hazard is None:
-                self._dispatcher.make_safe(danger)
+            self._dispatcher.make_safe(danger)
 
     def turn(self) -> None:
         """Serve what was submitted and asked; a command that was admitted is ticked at once.
@@ -606,8 +607,9 @@ class Executive:
 
     def _endanger(self, error: LedgerError) -> None:
         danger = Refusal(Reason.LEDGER_FAILED, str(error))
-        if self._context.latches.hazard is None:
-            self._dispatcher.make_safe(danger)
+        self._dispatcher.make_safe(danger)
+        with suppress(OSError):  # a file of one sector takes what the ledger does not
+            self._latch.set(UNWRITTEN_LEDGER)
         self._context.goals.camera.fail_all(danger)
         self._context.goals.instant.fail_all(danger)
 

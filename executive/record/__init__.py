@@ -2,18 +2,20 @@
 
 from executive.record.authority_record import AuthorityRecord, Grant
 from executive.record.database import Database, LedgerError, Synchronous
-from executive.record.ledger import PRUNED, Ledger, digest
+from executive.record.ledger import PRUNED, LatchedFault, Ledger, digest
 from executive.record.plan_store import Outcome, PlanStore
 from executive.record.pose_record import PoseRecord
 from executive.record.relay_record import RelayedCommand, RelayRecord
 from executive.record.retention import Retention
-from executive.record.stop_latch import StopLatch
+from executive.record.stop_latch import UNWRITTEN_LEDGER, StopLatch
 
 __all__ = [
     "PRUNED",
+    "UNWRITTEN_LEDGER",
     "AuthorityRecord",
     "Database",
     "Grant",
+    "LatchedFault",
     "Ledger",
     "LedgerError",
     "Outcome",

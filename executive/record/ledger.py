@@ -3,13 +3,15 @@
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, get_args
 
 from cattrs.preconf.json import make_converter
 
 from executive.commands import Command, Request, Resume, Setting, Stop
-from executive.reasons import Figure, Reason
+from executive.faults import Then
+from executive.reasons import Figure, Reason, Refusal
 from executive.record.database import Database, Synchronous
 from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
@@ -39,6 +41,7 @@ CREATE TABLE IF NOT EXISTS remembered (
     name TEXT PRIMARY KEY, sequence INTEGER NOT NULL, source TEXT NOT NULL,
     command_id INTEGER NOT NULL, request TEXT NOT NULL
 ) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS latched_faults (name TEXT PRIMARY KEY, fault TEXT NOT NULL);
 """
 PRUNED: Final = b""
 """Stands for the fingerprint of a command that `Retention` has pruned."""
@@ -55,6 +58,21 @@ _CONVERTER = make_converter()
 
 
 _REQUESTS: Final = {kind.__name__: kind for kind in get_args(Request)}
+
+
+@dataclass(frozen=True, slots=True)
+class LatchedFault:
+    """A fault that only a resume ends.
+
+    Attributes:
+        reaction: what the rover does until then.
+        begun_utc_s: when it began, seconds since 1970-01-01 UTC.
+    """
+
+    name: str
+    reaction: Then
+    refusal: Refusal
+    begun_utc_s: float
 
 
 def digest(command: Command) -> bytes:
@@ -217,6 +235,20 @@ class Ledger(Database):
             (Stage.EXECUTED.value, *SETTINGS, *SETTINGS),
         )
         return [_request_of(name, request) for name, request, _ in rows]  # type: ignore[misc]
+
+    def latch(self, fault: LatchedFault) -> None:
+        """Store a fault with the report of it, in the next commit, until `unlatch`."""
+        text = json.dumps(_CONVERTER.unstructure(fault))
+        self.write("INSERT OR REPLACE INTO latched_faults VALUES (?, ?)", (fault.name, text))
+
+    def unlatch(self, name: str) -> None:
+        """Delete a fault with the next commit."""
+        self.write("DELETE FROM latched_faults WHERE name = ?", (name,))
+
+    def latched_faults(self) -> Sequence[LatchedFault]:
+        """Return the faults that were committed and not ended, the oldest first."""
+        rows = self.rows("SELECT fault FROM latched_faults ORDER BY rowid")
+        return [_CONVERTER.loads(text, LatchedFault) for (text,) in rows]
 
     def last_report(self, identity: Identity) -> Report | None:
         """Return the last report on the life of a command, committing first."""

@@ -6,10 +6,11 @@ from executive.safety.coverage import Unmonitored, summary, unmonitored
 from executive.safety.evidence import Evidence, Monitor
 from executive.safety.history import History, Moved
 from executive.safety.pose_uncertainty import PoseMonitor, StoredPose
-from executive.safety.safety import MONITORS, Changes, Fault, Safety
+from executive.safety.safety import HOLDING, MONITORS, Changes, Fault, Safety
 
 __all__ = [
     "END_WITHIN",
+    "HOLDING",
     "MONITORS",
     "Changes",
     "Channel",

@@ -5,7 +5,7 @@ or with a resume, as the row says. What is done about it is the dispatcher's.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Final
 
@@ -145,6 +145,8 @@ executive does not know.
 
 HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
 TAKEN: Final = "other_publisher"
+UNMONITORED: Final = Row(When.ALWAYS, Then.SAFE, Clears.ON_RESUME)
+"""Of faults that no monitor sees; nor can it tell whether their cause is gone."""
 CALM_S: Final = 0.5
 """For which there must be no evidence before a fault is over by itself."""
 
@@ -205,11 +207,11 @@ class Safety:
         around = Surroundings(settings)
         self.history = History(clock, settings.faults, settings.sensors, settings.mass_kg, around)
         self.active: list[Fault] = []
-        self._watches = [
-            _Watch(declared.name, row, MONITORS[declared.name])
+        self._watches = {
+            declared.name: _Watch(declared.name, row, MONITORS[declared.name])
             for declared, row in settings.faults
             if row.then is not Then.IGNORE and declared.name not in NOT_OF[settings.locomotion]
-        ]
+        }
 
     def check(self, moving: bool) -> Changes:
         """Look at all monitors.
@@ -225,8 +227,9 @@ class Safety:
         """Return what a resume cannot clear yet, since its cause is there, or None."""
         now_s = self._clock.now_s()
         for fault in self.active:
-            if fault.row.clears is Clears.ON_RESUME:
-                evidence = MONITORS[fault.name](self.history, fault.row, now_s)
+            watch = self._watches.get(fault.name)
+            if watch is not None and fault.row.clears is Clears.ON_RESUME:
+                evidence = watch.monitor(self.history, fault.row, now_s)
                 if evidence is not None:
                     return _refusal(fault.name, evidence)
         return None
@@ -236,6 +239,23 @@ class Safety:
         """Whether all that holds the rover ends by itself."""
         holding = [each for each in self.active if each.row.then in HOLDING]
         return bool(holding) and all(each.row.clears is Clears.ITSELF for each in holding)
+
+    def hold(self, why: Refusal, then: Then) -> Fault:
+        """Begin a fault that no monitor sees, such as a ledger that fails, until a resume."""
+        return self.restore(why.reason.name.lower(), then, why, self._clock.utc_s())
+
+    def restore(self, name: str, then: Then, why: Refusal, begun_utc_s: float) -> Fault:
+        """Begin a fault that only a resume ends, in place of one of its name; return it."""
+        row = self._watches[name].row if name in self._watches else UNMONITORED
+        row = replace(row, then=then, clears=Clears.ON_RESUME)
+        fault = Fault(name, row, why, begun_utc_s, self._clock.now_s())
+        self.drop(name)
+        self.active.append(fault)
+        return fault
+
+    def drop(self, name: str) -> None:
+        """End a fault without a word."""
+        self.active = [each for each in self.active if each.name != name]
 
     def resume(self) -> tuple[Fault, ...]:
         """End the faults that a resume ends, and return them."""
@@ -253,7 +273,7 @@ class Safety:
 
         What it does is then not what was commanded here, which is no fault of the rover.
         """
-        if not any(watch.name == TAKEN and watch.row.then in HOLDING for watch in self._watches):
+        if not any(w.name == TAKEN and w.row.then in HOLDING for w in self._watches.values()):
             return False
         return any(each.above for each in self.history.inputs)
 
@@ -261,7 +281,7 @@ class Safety:
         known = {fault.name: fault for fault in self.active}
         taken = self._taken
         held = any(fault.row.then in HOLDING for fault in self.active)
-        for watch in self._watches:
+        for watch in self._watches.values():
             evidence = None
             if taken and watch.row.when is When.MOVING and watch.name != TAKEN:
                 watch.since_s = None
