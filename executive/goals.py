@@ -304,7 +304,8 @@ class Context:
         publishing = ", ".join(filter(None, (inputs, *status.foreign)))
         others = f" (also publishing: {publishing})" if publishing else ""
         if active is None and inputs and moving:
-            return f"{moves}, driven by {inputs}: {self._idle}"
+            drivers = "; ".join(map(str, self.safety.history.drivers))
+            return f"{moves}, driven by {drivers}: {self._idle}"
         if active is None:
             return f"{held}: {self._idle}{others}"
         doing = f"{active.command.identity} {active.command.name}{others}"

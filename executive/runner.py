@@ -39,7 +39,7 @@ from executive.record import (
     StopLatch,
 )
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
-from executive.safety import PoseMonitor, Safety, StoredPose, unmonitored
+from executive.safety import Moved, PoseMonitor, Safety, StoredPose, unmonitored
 from executive.settings import LinkLossAction, Settings
 from executive.state import (
     AuthorityUsed,
@@ -49,7 +49,6 @@ from executive.state import (
     FileFolder,
     ForeignPublishers,
     LaserScan,
-    OtherInput,
     ParameterValue,
     Status,
     Stopped,
@@ -139,7 +138,6 @@ class Executive:
         )
         self._inbox = inbox or Inbox()
         self._answers: list[tuple[Submission, SubmitResult]] = []
-        self._inputs: dict[str, OtherInput] = {}
         self.ground = GroundMonitor(clock, settings.link_loss)
         self._ledger = ledger
         self._latch = _latch_beside(ledger)
@@ -422,7 +420,7 @@ class Executive:
         with self._clock:
             self._serve()
             self._watch()
-            self._tell_of_inputs()
+            self._report_other_drivers()
             self._run_plan()
             self._hold_plan()
             self._run_tree()
@@ -490,22 +488,14 @@ class Executive:
             text = "nothing is heard from the ground: it is held at the end of a step"
             self._planner.suspend(Refusal(Reason.LINK_LOST, text))
 
-    def _tell_of_inputs(self) -> None:
-        """Report who begins to command the base by another input of its mux, and who ends."""
-        active = {each.name: each for each in self.safety.history.inputs}
-        for name, heard in active.items():
-            if name not in self._inputs:
-                how = (
-                    "drives the rover in place of the executive"
-                    if heard.above
-                    else "commands the rover too, and is obeyed while the executive is silent"
-                )
-                self._notifications.event(Severity.WARNING, f"{heard} {how}", foreign=True)
-        for name, heard in self._inputs.items():
-            if name not in active:
-                text = f"{heard} commands the rover no more"
-                self._notifications.event(Severity.INFORMATIONAL, text, foreign=True)
-        self._inputs = active
+    def _report_other_drivers(self) -> None:
+        """Report who begins to command the base beside the executive, and who ends."""
+        history = self.safety.history
+        moved = Moved(*history.moved.sums)
+        for severity, text, figures in history.other_drivers.update(
+            history.drivers, moved.pose_m, moved.turned_rad, history.commanding
+        ):
+            self._notifications.event(severity, text, figures=figures, foreign=True)
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         for downlink in self._downlinks:

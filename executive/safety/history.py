@@ -13,6 +13,7 @@ from executive.clock import Clock
 from executive.faults import FaultTable
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.safety.channel import GRID_S, SLOTS, Channel, StampClock
+from executive.safety.other_drivers import Driver, OtherDrivers
 from executive.safety.sensor_history import (
     REST_RADPS,
     REST_S,
@@ -40,8 +41,6 @@ from executive.state import (
 
 STALL_S: Final = 0.25
 """A base that is commanded more seldom may have stopped by itself in between."""
-INPUT_S: Final = 0.5
-"""For so long a command of somebody else counts: twist_mux masks the others for as long."""
 
 
 class Moved(NamedTuple):
@@ -107,6 +106,8 @@ class History:
         unchanged_since_s: since when the odometry is the same to the last bit.
         frame_time_s: when the newest camera frame was taken; None where its clock is not known.
         others: who else may move the rover.
+        other_drivers: who does.
+        lower_may_drive: whether inputs below the executive's may drive the rover while it is idle.
         begun_s: no window reaches back beyond this time.
         jump: the last step of the odometry that nothing explains.
         battery: the newest voltage that is finite, and `battery_at_s`, when it came.
@@ -156,7 +157,8 @@ class History:
         self.jump: Jump | None = None
         self.battery: Battery | None = None
         self.battery_at_s = -inf
-        self._inputs: dict[str, tuple[OtherInput, float]] = {}
+        self.other_drivers = OtherDrivers()
+        self.lower_may_drive = True
         self.pose = Pose()
         self.surroundings = surroundings
         self.voltage_not_finite = False
@@ -179,9 +181,9 @@ class History:
             case SecondOdometry() if self.second is not None:
                 sighting = self._sighting(fact, self._time_s(fact, now_s))
                 self.second.observe(fact, sighting, now_s)
-            case OtherInput(name):
-                self._inputs[name] = (fact, now_s)
-                if fact.above or not self.commanding:
+            case OtherInput():
+                self.other_drivers.observe(fact, now_s)
+                if fact.above or (self.lower_may_drive and not self.commanding):
                     self.begun_s = now_s
                     self.standing_since_s = max(self.standing_since_s, now_s)
             case LaserScan() if self.surroundings is not None:
@@ -196,10 +198,14 @@ class History:
                 pass
 
     @property
-    def inputs(self) -> tuple[OtherInput, ...]:
+    def drivers(self) -> list[Driver]:
         """Who commands the base now beside the executive."""
-        since_s = self._clock.now_s() - INPUT_S
-        return tuple(heard for heard, at_s in self._inputs.values() if at_s >= since_s)
+        return self.other_drivers.active(self._clock.now_s())
+
+    @property
+    def inputs(self) -> tuple[OtherInput, ...]:
+        """By which inputs they do."""
+        return tuple(each.input for each in self.drivers)
 
     def command(self, velocity: Velocity, at_least: Velocity | None = None) -> None:
         """Note what is commanded from now on; after a stall it is not known what came before.

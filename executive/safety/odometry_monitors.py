@@ -4,6 +4,7 @@ Windows end with the newest odometry, at its stamp: what comes late says nothing
 commanded is taken as all velocities that were in force in the window, since a base needs time.
 """
 
+from collections.abc import Callable
 from typing import Final, TypeGuard
 
 from executive.faults import Row
@@ -274,29 +275,32 @@ def turn_amiss(history: History, row: Row, _: float) -> Evidence | None:
 
 def drives_uncommanded(history: History, row: Row, _: float) -> Evidence | None:
     """See that the rover drives though it should stand."""
-    moved = _at_rest(history, row)
-    speed_mps = 0.0 if moved is None else moved.pose_m / row.window_s
-    if speed_mps <= row.bound:
-        return None
-    figures = Figure("odometry", speed_mps, "m/s"), Figure("bound", row.bound, "m/s")
-    return Evidence(f"the rover should stand, and drives at {speed_mps:.2f} m/s", figures)
+    return _uncommanded(history, row, lambda moved: moved.pose_m, "drives at {:.2f} m/s")
 
 
 def turns_uncommanded(history: History, row: Row, _: float) -> Evidence | None:
     """See that the rover turns though it should stand."""
-    moved = _at_rest(history, row)
-    rate_radps = 0.0 if moved is None else abs(moved.pose_rad) / row.window_s
-    if rate_radps <= row.bound:
-        return None
-    figures = Figure("odometry", rate_radps, "rad/s"), Figure("bound", row.bound, "rad/s")
-    return Evidence(f"the rover should stand, and turns at {rate_radps:.3f} rad/s", figures)
+    return _uncommanded(history, row, lambda moved: moved.pose_rad, "turns at {:.3f} rad/s")
 
 
-def _at_rest(history: History, row: Row) -> Moved | None:
-    """Return what moved in a window in which the rover should have stood, and nobody else drove."""
+def _uncommanded(
+    history: History, row: Row, amount: Callable[[Moved], float], what: str
+) -> Evidence | None:
+    """Return evidence of motion in a window in which the rover should have stood.
+
+    A publisher that exists and sends nothing explains no motion: what is sent is an `OtherInput`.
+    """
     to_s = history.odometry_time_s
     rests = to_s - row.window_s >= history.standing_since_s + SETTLE_S
-    return history.moved_in(row.window_s, to_s) if rests and not history.others else None
+    moved = history.moved_in(row.window_s, to_s) if rests else None
+    rate = 0.0 if moved is None else abs(amount(moved)) / row.window_s
+    if rate <= row.bound:
+        return None
+    names = ", ".join((*map(str, history.inputs), *history.others))
+    by = f" (publishers of velocities: {names})" if names else ""
+    unit = what.rpartition(" ")[2]
+    figures = Figure("odometry", rate, unit), Figure("bound", row.bound, unit)
+    return Evidence(f"the rover should stand, and {what.format(rate)}{by}", figures)
 
 
 def no_progress(history: History, row: Row, _: float) -> Evidence | None:

@@ -206,6 +206,7 @@ class Safety:
         self._clock = clock
         around = Surroundings(settings)
         self.history = History(clock, settings.faults, settings.sensors, settings.mass_kg, around)
+        self.history.lower_may_drive = settings.mux is None or settings.mux.lower_may_drive
         self.active: list[Fault] = []
         self._watches = {
             declared.name: _Watch(declared.name, row, MONITORS[declared.name])

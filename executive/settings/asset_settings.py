@@ -342,6 +342,8 @@ class MuxSettings:
         topics, locks: as in the file of twist_mux.
         stop: the input of `topics` on which the executive publishes zero meanwhile, of the lock's
             priority or a higher one; None: a locked base stops when its own timeout is over.
+        lower_may_drive: whether inputs of a lower priority than the executive's may drive the rover
+            while it is idle; if not, it is STOPPED when it moves by them.
     """
 
     input: str
@@ -349,6 +351,7 @@ class MuxSettings:
     topics: dict[str, MuxEntry]
     locks: dict[str, MuxEntry]
     stop: str | None = None
+    lower_may_drive: bool = True
 
     def __post_init__(self) -> None:
         """Raise ValueError where the executive's own input or lock is not there, or has no say."""

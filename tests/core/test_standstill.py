@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands import DriveFor, MoveForward, MoveTo, Stop, Waypoint
+from executive.commands import DriveFor, Mode, MoveForward, MoveTo, Stop, Waypoint
 from executive.geometry import STANDING, Pose, Velocity
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
@@ -164,7 +164,18 @@ def test_why_tells_of_motion_that_nobody_here_commands(bench: Bench) -> None:
     bench.finish(1)
     assert Identity("MOE", 1) == bench.last(1).identity
     bench.drive_on()
-    assert bench.executive.why.startswith("stands: stopped by MOE:1")
+    assert bench.executive.why.startswith(
+        "stands: STOPPED because the rover should stand, and turns"
+    )
+
+
+def test_a_publisher_that_sends_nothing_does_not_excuse_motion(bench: Bench) -> None:
+    bench.executive.observe(ForeignPublishers(("/joystick",)))
+    bench.run(3.0)
+    bench.rover.velocity = Velocity(0.3, 0.0)  # it slides, or somebody drives it unheard
+    bench.run(2.0)
+    assert bench.executive.mode is Mode.STOPPED
+    assert "(publishers of velocities: /joystick)" in bench.executive.why
 
 
 def test_why_says_at_what_speed_a_command_moves_the_rover(bench: Bench) -> None:

@@ -190,8 +190,47 @@ def test_a_lower_input_does_not_disturb_a_motion_and_is_told_of(lock_step: LockS
     assert "external" in lock_step.executive.why
     lock_step.rover.clear(faults.CmdVelTaken)
     lock_step.run(1.0)
-    assert any(r.text == "external commands the rover no more" for r in lock_step.heard.reports)
+    told = [report.text for report in lock_step.heard.reports]
+    assert any("no longer commanded by external" in text for text in told)
     assert lock_step.executive.mode is Mode.IDLE
+
+
+def test_who_drives_an_idle_rover_is_reported_with_how_long_and_how_far(
+    lock_step: LockStep,
+) -> None:
+    lock_step.run(3.0)
+    x_m = lock_step.rover.true_pose.x_m
+    lock_step.rover.inject(faults.CmdVelTaken(travel_mps=0.3, priority=EXTERNAL))
+    lock_step.run(4.0)
+    executive = lock_step.executive
+    assert executive.mode is Mode.IDLE
+    assert "driven by external, duration 3." in executive.why
+    lock_step.rover.clear(faults.CmdVelTaken)
+    lock_step.run(2.0)
+    driven_m = lock_step.rover.true_pose.x_m - x_m
+    assert driven_m > 1.0
+    (ended,) = [
+        r for r in lock_step.heard.reports if "no longer commanded by external, duration" in r.text
+    ]
+    figures = {each.name: each.value for each in ended.figures}
+    assert figures["driven"] == pytest.approx(driven_m, abs=0.05)
+    assert figures["duration"] == pytest.approx(4.0, abs=0.1)
+    assert executive.safety.active == []
+
+
+def test_an_asset_may_keep_lower_inputs_from_driving_it_while_it_is_idle(tmp_path: Path) -> None:
+    assert JACKAL.mux is not None
+    mux = replace(JACKAL.mux, lower_may_drive=False)
+    lock_step = LockStep(replace(JACKAL, mux=mux), World(), tmp_path)
+    lock_step.run(3.0)
+    lock_step.rover.inject(faults.CmdVelTaken(travel_mps=0.3, priority=EXTERNAL))
+    lock_step.run(4.0)
+    assert lock_step.executive.mode is Mode.STOPPED
+    (why,) = [r for r in lock_step.heard.reports if r.reason is Reason.MOVES_UNCOMMANDED]
+    assert why.text.endswith("(publishers of velocities: external)")
+    assert lock_step.rover.true_pose.x_m < 0.5
+    lock_step.run(2.0)
+    assert speed_mps(lock_step) < 0.02
 
 
 def test_the_lock_outlives_the_executive_until_its_successor_lets_go(lock_step: LockStep) -> None:

@@ -1,0 +1,93 @@
+"""Who drives the base beside the executive, since when, and how far.
+
+Publishers on other inputs of the base's mux, or on the executive's own topic, are known by their
+velocities. What the rover does by them is not commanded here; it is reported all the same.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from executive.reasons import Figure
+from executive.reports import Severity
+from executive.state import OtherInput
+
+INPUT_S: Final = 0.5
+"""Timeout of a publisher: twist_mux masks lower inputs for as long after a message."""
+
+
+@dataclass(slots=True)
+class Driver:
+    """A publisher of velocities.
+
+    Attributes:
+        input: the newest fact.
+        since_s, last_s: when its first and its newest message arrived.
+        path_m, turn_rad: how far the rover went and turned while it drove, without signs.
+    """
+
+    input: OtherInput
+    since_s: float
+    last_s: float
+    path_m: float = 0.0
+    turn_rad: float = 0.0
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """For how long it has published, and how far the rover went by it."""
+        return (
+            Figure("duration", round(self.last_s - self.since_s, 2), "s"),
+            Figure("driven", round(self.path_m, 2), "m"),
+            Figure("turned", round(self.turn_rad, 2), "rad"),
+        )
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, (self.input, *self.figures)))
+
+
+class OtherDrivers:
+    """Publishers of velocities beside the executive."""
+
+    def __init__(self) -> None:
+        self._drivers: dict[str, Driver] = {}
+        self._reported: list[Driver] = []
+        self._path_m = self._turn_rad = 0.0
+
+    def observe(self, fact: OtherInput, now_s: float) -> None:
+        """Add a message of a publisher."""
+        driver = self._drivers.get(fact.name)
+        if driver is None or now_s - driver.last_s > INPUT_S:
+            driver = self._drivers[fact.name] = Driver(fact, now_s, now_s)
+        driver.input, driver.last_s = fact, now_s
+
+    def active(self, now_s: float) -> list[Driver]:
+        """Return the publishers of now."""
+        return [each for each in self._drivers.values() if now_s - each.last_s <= INPUT_S]
+
+    def update(
+        self, active: list[Driver], path_m: float, turn_rad: float, commanding: bool
+    ) -> Iterator[tuple[Severity, str, tuple[Figure, ...]]]:
+        """Yield events of publishers that begin or end.
+
+        Args:
+            active: the publishers of now.
+            path_m: how far the rover has gone, by its odometry, without signs.
+            turn_rad: how far it has turned, likewise.
+            commanding: whether the executive moves it, so that lower inputs are masked.
+        """
+        for driver in active:
+            if driver.input.above or not commanding:
+                driver.path_m += path_m - self._path_m
+                driver.turn_rad += turn_rad - self._turn_rad
+            if not any(each is driver for each in self._reported):
+                how = (
+                    "drives the rover in place of the executive"
+                    if driver.input.above
+                    else "commands the rover too, and is obeyed while the executive is silent"
+                )
+                yield Severity.WARNING, f"{driver.input} {how}", ()
+        for driver in self._reported:
+            if not any(each is driver for each in active):
+                text = f"the rover is no longer commanded by {driver}"
+                yield Severity.INFORMATIONAL, text, driver.figures
+        self._reported, self._path_m, self._turn_rad = active, path_m, turn_rad
