@@ -208,6 +208,7 @@ class Safety:
         self.history = History(clock, settings.faults, settings.sensors, settings.mass_kg, around)
         self.history.lower_may_drive = settings.mux is None or settings.mux.lower_may_drive
         self.active: list[Fault] = []
+        self._distrusted = False
         self._watches = {
             declared.name: _Watch(declared.name, row, MONITORS[declared.name])
             for declared, row in settings.faults
@@ -220,9 +221,14 @@ class Safety:
         Args:
             moving: whether a command that moves the rover is under way.
         """
-        now_s = self._clock.now_s()
-        self.history.motion_since_s = min(self.history.motion_since_s, now_s) if moving else inf
-        return Changes(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
+        now_s, history = self._clock.now_s(), self.history
+        if moving and history.motion_since_s == inf and self._distrusted:
+            history.begun_s, self._distrusted = now_s, False  # what the fault left is not evidence
+        history.motion_since_s = min(history.motion_since_s, now_s) if moving else inf
+        changes = Changes(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
+        holding = any(each.row.then in HOLDING for each in self.active)
+        self._distrusted |= holding or bool(changes.over)
+        return changes
 
     def cause_left(self) -> Refusal | None:
         """Return what a resume cannot clear yet, since its cause is there, or None."""

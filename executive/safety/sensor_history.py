@@ -30,8 +30,16 @@ UNLEARNT_BIAS_RADPS: Final = 0.01
 """How much the gyro's bias may be before it is learnt."""
 BIAS_OVER_S: Final = 5.0
 """Over which the gyro's bias is averaged."""
-MOST_BIAS_RADPS: Final = 0.02
+MAX_BIAS_RADPS: Final = 0.02
 """What is more is no bias of a gyro that works."""
+BIAS_TOLERANCE_RADPS: Final = 0.006
+"""How far the rate of resting wheels may be from the known bias.
+
+Six times the noise of its mean over `REST_S` (sd 0.004 rad/s, 15 samples), and within four seconds
+less than the bound of `odometry_off_gyro_slowly`. What is more is a gyro that is wrong.
+"""
+RELEARN_AFTER_S: Final = 30.0
+"""Rest after which a bias that stays another one is learnt; chosen, not measured."""
 KEPT_S: Final = 10.0
 """Sightings of the second odometry."""
 LONGEST_WINDOW: Final = 2.5
@@ -131,7 +139,7 @@ class Inertia:
         self.newest: Imu | None = None
         self.bias_radps = 0.0
         self.bias_error_radps = UNLEARNT_BIAS_RADPS
-        self._learnt_s = 0.0
+        self._learnt_s = self._odd_s = 0.0
         self._rates = InertialSums(0.0, 0.0, 0.0)
 
     def fresh(self, now_s: float) -> bool:
@@ -160,17 +168,24 @@ class Inertia:
         aside_mps2 = -slip_m * turning_radps * turning_radps
         gain_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(fact.pitch_rad) + aside_mps2
         rates = InertialSums(rate_radps, gain_mps2, fact.acceleration_x_mps2)
-        if resting and self.sums.time_s > -inf:
-            self._learn(rate_radps, min(time_s - self.sums.time_s, GAP_S))
+        before_s = self.sums.time_s
         self.sums = extended(self.sums, time_s, self._rates, rates)
         self._rates, self.newest = rates, fact
+        rest = self.sums.between(time_s - REST_S, time_s) if resting else None
+        if rest is not None:
+            self._learn(rest[0] / REST_S, time_s - before_s)
 
     def _learn(self, rate_radps: float, step_s: float) -> None:
+        """Learn from the mean rate of a rest, unless it disagrees with wheels that stand."""
+        odd = self._learnt_s > 0.0 and abs(rate_radps - self.bias_radps) > BIAS_TOLERANCE_RADPS
+        self._odd_s = self._odd_s + step_s if odd else 0.0
+        if self._odd_s > RELEARN_AFTER_S:
+            self._learnt_s, odd = 0.0, False
+        if odd or abs(rate_radps) > MAX_BIAS_RADPS or step_s <= 0.0:
+            return
         self._learnt_s = min(self._learnt_s + step_s, BIAS_OVER_S)
-        if self._learnt_s > 0.0:
-            self.bias_radps += (rate_radps - self.bias_radps) * step_s / self._learnt_s
-            self.bias_radps = max(-MOST_BIAS_RADPS, min(MOST_BIAS_RADPS, self.bias_radps))
-            self.bias_error_radps = 0.0
+        self.bias_radps += (rate_radps - self.bias_radps) * step_s / self._learnt_s
+        self.bias_error_radps = 0.0
 
 
 @dataclass(frozen=True, slots=True)

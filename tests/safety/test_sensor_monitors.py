@@ -233,6 +233,52 @@ def test_a_bias_of_the_gyro_is_learnt_while_the_wheels_stand_and_only_then(
     assert drive.names == ["odometry_off_gyro_slowly"]
 
 
+@pytest.mark.parametrize("wrong_radps", [0.012, 0.02, 0.05, 0.3, -0.3])
+@pytest.mark.parametrize("bias_radps", [0.0, 0.006])
+def test_a_gyro_that_was_wrong_at_rest_leaves_no_fault_behind(
+    wrong_radps: float, bias_radps: float
+) -> None:
+    drive = SensedDrive(asset(), gyro_bias_radps=bias_radps)
+    drive.moving = False
+    drive.run(STANDING, 6.0)
+    drive.gyro_bias_radps = bias_radps + wrong_radps
+    drive.odometry_bias_radps = wrong_radps
+    drive.run(STANDING, 6.0)
+    drive.gyro_bias_radps, drive.odometry_bias_radps = bias_radps, 0.0
+    drive.safety.history.accept()
+    drive.safety.resume()
+    drive.moving, drive.begun = True, []
+    drive.run(AHEAD, 8.0)
+    assert drive.names == []
+    assert drive.safety.history.inertia is not None
+    assert drive.safety.history.inertia.bias_radps == pytest.approx(bias_radps, abs=0.002)
+
+
+def test_a_bias_that_stays_another_one_is_learnt_in_the_end() -> None:
+    drive = SensedDrive(asset(), gyro_bias_radps=0.002)
+    drive.moving = False
+    drive.run(STANDING, 6.0)
+    drive.gyro_bias_radps = 0.014
+    drive.run(STANDING, 60.0)
+    drive.moving = True
+    drive.run(AHEAD, 8.0)
+    assert drive.names == []
+
+
+def test_what_was_before_the_first_motion_after_a_fault_is_not_looked_at() -> None:
+    """It slid aside and was stopped; once it slides no more, nothing of that counts."""
+    drive = driving()
+    assert goes_wrong(drive, aside_mps=0.5) < 5.0
+    drive.moving = False
+    drive.run(STANDING, 2.5)
+    drive.aside_mps = 0.0
+    while drive.safety.active:
+        drive.run(STANDING, 0.05)
+    drive.moving, drive.begun = True, []
+    drive.run(AHEAD, 8.0)
+    assert drive.names == []
+
+
 def test_a_gyro_may_have_a_bias_before_it_was_learnt() -> None:
     drive = SensedDrive(asset(), gyro_bias_radps=0.015)
     drive.run(AHEAD, 8.0)
