@@ -23,8 +23,8 @@ class SystemClock:
     """Real time of this machine."""
 
     def now_s(self) -> float:
-        """Return monotonic seconds."""
-        return kept_s(time.monotonic())
+        """Return seconds since the computer started, those in which it was suspended included."""
+        return kept_s(time.clock_gettime(time.CLOCK_BOOTTIME))
 
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from typing import Final, assert_never
 
 from executive.authority import Authority
@@ -17,6 +18,7 @@ from executive.commands import (
     ExecuteAction,
     FollowPath,
     InstantCommand,
+    Mode,
     Motion,
     MoveFile,
     MoveTo,
@@ -71,8 +73,9 @@ NOT_HELD: Final = Refusal(
 )
 RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
 """Of the command by which the rover returns to where the ground was last heard."""
-AT_ONCE: Final = frozenset({"zone_ahead", "obstacle_ahead"})
+AT_ONCE: Final = frozenset({"zone_ahead", "obstacle_ahead", "tick_late"})
 """Faults that begin when the rover must brake as it does on a stop, and not by its acceleration."""
+_MOVING: Final = frozenset({Mode.MOVING, Mode.TELEOP, Mode.PLAN})
 _ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
 UNWRITTEN: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
@@ -106,6 +109,7 @@ class Dispatcher:
         self._telemetry = telemetry
         self._planner = planner
         self._return: Life | None = None
+        self._ticked_s, self._late = inf, False
 
     def stop(self, by: Identity) -> None:
         """Make the rover stand until resumed, whoever asks; `submit` says what comes of it."""
@@ -161,6 +165,26 @@ class Dispatcher:
         safety = self._context.safety
         if all(each.refusal.reason is not danger.reason for each in safety.active):
             self.begin_fault(safety.hold(danger, Then.SAFE))
+
+    def check_lateness(self) -> None:
+        """Report a tick later than the watchdog's bound, and pause motion; call it once a tick.
+
+        Of several in a row the first is reported: it may be its report that takes so long.
+        """
+        context, safety = self._context, self._context.safety
+        now_s, bound_s = context.clock.now_s(), context.settings.safety.watchdog_s
+        late_s, self._ticked_s = now_s - self._ticked_s - context.settings.tick_s, now_s
+        before, self._late = self._late, late_s > bound_s
+        if not self._late:
+            return
+        text = f"the tick came {late_s:.1f} s late: the process was suspended or had no processor"
+        why = Refusal(
+            Reason.TICK_LATE, text, (Figure("late", late_s, "s"), Figure("bound", bound_s, "s"))
+        )
+        if context.mode in _MOVING:
+            self.begin_fault(safety.hold(why, Then.PAUSE))
+        elif not before:
+            self._notifications.event(Severity.WARNING, text, why.reason, why.figures, foreign=True)
 
     def lose_link(
         self, action: LinkLossAction, why: Refusal, way_back: tuple[Waypoint, ...]

@@ -419,6 +419,7 @@ class Executive:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         with self._clock:
             self._serve()
+            self._dispatcher.check_lateness()
             self._watch()
             self._report_other_drivers()
             self._run_plan()

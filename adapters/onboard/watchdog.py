@@ -20,8 +20,9 @@ class Watchdog:
     """Makes the rover stand, from a thread of its own, while the core's thread does not beat.
 
     What counts are its own looks between which there was no beat, not seconds on a clock: a process
-    that was starved or suspended as a whole, and this thread with it, raises no alarm. A process
-    that is gone as a whole is not seen from inside; there the rover's own time-out has to act.
+    that was starved or suspended as a whole, and this thread with it, raises no alarm here, but by
+    its late tick. A process that is gone as a whole is not seen from inside; there the rover's own
+    time-out has to act.
 
     Args:
         executive: whose thread is watched; told of the alarm, and made SAFE if the rover moved,

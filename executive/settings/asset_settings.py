@@ -99,8 +99,9 @@ class Safety:
     """What stops the rover beside the monitors of `faults`.
 
     Attributes:
-        watchdog_s: for how long the core's thread may hang while the rover moves. Longer than what
-            a busy computer or disk delays a tick by; not longer than the rover may drive blindly.
+        watchdog_s: for how long the core's thread may hang while the rover moves; a tick later than
+            this pauses motion. Longer than what a busy computer or disk delays a tick by; not
+            longer than the rover may drive blindly.
     """
 
     MOVED: ClassVar[Mapping[str, str]] = {

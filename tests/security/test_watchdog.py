@@ -1,14 +1,15 @@
-"""A core whose thread hangs: the rover stands, and everybody is told."""
+"""A core whose thread hangs, or that is suspended: the rover stands, and everybody is told."""
 
 import time
 
 import pytest
 
 from adapters.onboard.watchdog import LOOKS, Watchdog
-from executive.commands import Mode
+from executive.clock import SystemClock
+from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
 from executive.geometry import STANDING
 from executive.reasons import Reason
-from executive.reports import Stage
+from executive.reports import Kind, Report, Severity, Stage
 from tests.support.kinematic import Bench
 
 BOUND_S = 0.05
@@ -61,3 +62,70 @@ def test_before_the_first_beat_and_while_it_beats_there_is_no_alarm(
             time.sleep(0.005)
     assert told == []
     assert bench.rover.velocity != STANDING
+
+
+SUSPENDED_S = 12.0
+
+
+def suspended(bench: Bench) -> None:
+    """Stop the process, as SIGSTOP or a suspended computer does; the base stops by itself."""
+    bench.rover.velocity = STANDING
+    bench.clock.advance(SUSPENDED_S)
+    bench.step()
+
+
+def late(bench: Bench) -> list[Report]:
+    return [each for each in bench.heard.reports if each.reason is Reason.TICK_LATE]
+
+
+def test_after_a_suspend_motion_waits_for_a_resume_over_a_restart_too(bench: Bench) -> None:
+    bench.submit(MoveTo(Waypoint(5.0, 0.0)), 1)
+    bench.run(2.0)
+    sent = len(bench.rover.sent)
+    suspended(bench)
+    assert bench.executive.mode is Mode.PAUSED
+    assert all(each == STANDING for each in bench.rover.sent[sent:])
+    (event,) = late(bench)
+    assert (event.severity, event.kind) == (Severity.WARNING, Kind.EVENT)
+    assert event.figures[0].value == pytest.approx(SUSPENDED_S, abs=0.01)
+    bench.run(5.0)
+    assert bench.rover.velocity == STANDING
+    assert "PAUSED because the tick came 12.0 s late" in bench.executive.why
+    bench.submit(Resume(), 2)
+    assert bench.finish(1) is Stage.EXECUTED
+    bench.submit(MoveTo(Waypoint(0.0, 0.0)), 3)
+    bench.run(2.0)
+    suspended(bench)
+    bench.crash()
+    assert bench.executive.mode is Mode.PAUSED
+
+
+def test_what_is_relative_fails_by_a_suspend(bench: Bench) -> None:
+    bench.drive_on()
+    suspended(bench)
+    assert bench.stages(1)[-1] is Stage.FAILED
+    assert bench.last(1).reason is Reason.TICK_LATE
+
+
+def test_a_suspend_of_a_rover_that_stands_is_only_told_and_told_once(bench: Bench) -> None:
+    bench.run(1.0)
+    for _ in range(5):
+        suspended(bench)
+    assert len(late(bench)) == 1
+    assert bench.executive.mode is Mode.IDLE
+    bench.run(1.0)
+    suspended(bench)
+    assert len(late(bench)) == 2
+    bench.execute(MoveForward(0.5), 1)
+
+
+def test_a_tick_within_the_bound_is_not_late(bench: Bench) -> None:
+    bench.drive_on()
+    bench.clock.advance(bench.settings.safety.watchdog_s - 0.01)
+    bench.step()
+    assert late(bench) == []
+
+
+def test_the_clock_of_the_core_counts_a_suspend_of_the_computer() -> None:
+    now_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+    assert 0.0 <= SystemClock().now_s() - round(now_s, 4) < 60.0
