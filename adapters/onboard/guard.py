@@ -10,9 +10,9 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, Never
 
 from rclpy.node import Node
 
@@ -24,57 +24,107 @@ PAUSE_S: Final = 0.05
 """Zero is published so often."""
 ZERO_S: Final = 0.3
 """And so long, until the base's own time-out has passed."""
+RESTART_S: Final = 0.5
+"""From the death of a guard to the next, so that one that crashes does not take the processor."""
 DISCOVERY_S: Final = 20.0
 """A mux that this node has not discovered by then is taken for gone."""
+RUNS: Final = "the guard runs"
 _ARM, _WELL = b"+", b"."
 _LOG: Final = logging.getLogger(__name__)
 
 
-@contextmanager
-def guarded(
-    settings: Settings,
-    parameters: Path,
-    ros_arguments: tuple[str, ...],
-    rover_kind: Callable[..., RosVelocityRover | RosMotionRover],
-) -> Iterator[Callable[[], None]]:
-    """Have a process beside this one make a rover stand if this one ends before the context does.
+class Guard:
+    """A process that makes a rover stand if the process that made it ends before `close`.
 
-    A rover that carries out whole motions needs none: it has a dead-man's switch of its own. Enter
-    it before there is a thread, a ROS context or a lock; call what it yields once all is up.
+    Make it before there is a thread, a ROS context or a lock: a keeper is forked, which has none
+    either, and which forks the guard again whenever it dies.
+
+    Args:
+        arguments: settings of the asset, ROS parameter file, ROS arguments, class of the rover.
+
+    Attributes:
+        state: of the guard, for `/diagnostics`.
+    """
+
+    def __init__(self, *arguments: Any) -> None:
+        self.state = RUNS
+        reading, self._writing = os.pipe()
+        self._deaths, telling = os.pipe()
+        self._keeper = os.fork()
+        if self._keeper == 0:
+            os.close(self._writing)
+            os.close(self._deaths)
+            _keep(reading, telling, *arguments)
+        os.close(reading)
+        os.close(telling)
+        os.set_blocking(self._deaths, False)
+
+    def arm(self) -> None:
+        """Have it act from now on."""
+        _write(self._writing, _ARM)
+
+    def take_death(self) -> str | None:
+        """Return how a guard died since the last call, and what was done; None if none did."""
+        with suppress(BlockingIOError):
+            octet = os.read(self._deaths, 1)
+            if octet:
+                self.state = f"the guard was ended by signal {octet[0]}; another one was started"
+                return self.state
+            if self._keeper:
+                os.waitpid(self._keeper, 0)
+                self._keeper = 0
+                self.state = "the keeper of the guard ended: no guard is started again"
+                return self.state
+        return None
+
+    def close(self) -> None:
+        """End it without a stop of the rover."""
+        _write(self._writing, _WELL)
+        os.close(self._writing)
+        os.close(self._deaths)
+        if self._keeper:
+            os.waitpid(self._keeper, 0)
+
+
+@contextmanager
+def guarded(settings: Settings, *arguments: Any) -> Iterator[Guard | None]:
+    """Yield a guard of a rover; None for one that carries out whole motions: it stops by itself.
 
     Args:
         settings: of the asset.
-        parameters: the ROS parameter file.
-        ros_arguments: what goes to ROS as it is.
-        rover_kind: the class that speaks with the rover.
+        arguments: of `Guard`, but for the settings.
     """
-    if settings.locomotion is not LocomotionKind.VELOCITY:
-        yield lambda: None
-        return
-    reading, writing = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(writing)
-        try:
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, signal.SIG_IGN)
-            if os.read(reading, 1) == _ARM:
-                _guard(reading, settings, parameters, ros_arguments, rover_kind)
-        except Exception as error:
-            _LOG.error("the guard of the executive raised %r", error, exc_info=error)
-        finally:
+    by_velocity = settings.locomotion is LocomotionKind.VELOCITY
+    with closing(Guard(settings, *arguments)) if by_velocity else nullcontext() as guard:
+        yield guard
+
+
+def _keep(reading: int, telling: int, *arguments: Any) -> Never:
+    """Fork guards until one ends by itself; tell the signal of each that was killed."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    first = True
+    while True:
+        child = os.fork()
+        if child == 0:
+            os.close(telling)
+            try:
+                if not first or os.read(reading, 1) == _ARM:
+                    _guard(reading, *arguments)
+            except Exception as error:
+                _LOG.error("the guard of the executive raised %r", error, exc_info=error)
+            finally:
+                os._exit(0)
+        _, status = os.waitpid(child, 0)
+        if not os.WIFSIGNALED(status):
             os._exit(0)
-    os.close(reading)
-    try:
-        yield lambda: _write(writing, _ARM)
-    finally:
-        _write(writing, _WELL)
-        os.close(writing)
-        os.waitpid(child, 0)
+        _write(telling, bytes([os.WTERMSIG(status)]))
+        first = False
+        time.sleep(RESTART_S)
 
 
 def _write(writing: int, octets: bytes) -> None:
-    with suppress(BrokenPipeError):  # the guard itself was killed
+    with suppress(BrokenPipeError):  # who reads it was killed
         os.write(writing, octets)
 
 
@@ -89,7 +139,9 @@ def _guard(
     asset = settings.asset
     with ros_node(GUARD_NAME, asset, parameters=parameters, ros_arguments=ros_arguments) as node:
         rover = rover_kind(node, declare_topics(node), clock_of(node), settings)
-        if os.read(reading, 1) == _WELL:
+        while (octet := os.read(reading, 1)) == _ARM:
+            pass  # it was for a guard before this one
+        if octet == _WELL:
             return
         until_s, heard = time.monotonic() + DISCOVERY_S, False
         while time.monotonic() < until_s:

@@ -3,7 +3,7 @@
 import gc
 import logging
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,7 +22,7 @@ from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import ABOARD_HOUSEKEEPING, EXECUTIVE_HOUSEKEEPING
 from adapters.mrs.terms import CLEAR, Terms
-from adapters.onboard.guard import guarded
+from adapters.onboard.guard import RUNS, Guard, guarded
 from adapters.onboard.housekeeping import ExecutiveHousekeeping, TellsOfItself
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
@@ -64,6 +64,8 @@ MOST_REMEMBERED: Final = 1000
 """Commands, reports, modes and runs of leaves that can be asked for."""
 BEATS: Final = 2
 """Of the core's thread within the watchdog's bound, where nothing else wakes it."""
+GUARD_CHECK_S: Final = 1.0
+"""Period in which it is checked whether the guard lives."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -113,7 +115,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     asked = Termination()
     try:
         with (
-            guarded(settings, options.parameters, options.ros_arguments, kind) as arm,
+            guarded(settings, options.parameters, options.ros_arguments, kind) as guard,
             exclusive(options.data, "lock"),
             ros_node(
                 NODE_NAME,
@@ -150,10 +152,11 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
                 history,
                 housekeeping,
             ) as executive,
-            watched(node, executive) as watchdog,
+            watched(node, executive, guard) as watchdog,
         ):
             print(f"{settings.asset} listens at {_listen(link, executive, options)}", flush=True)
-            arm()
+            if guard is not None:
+                guard.arm()
             gc.freeze()
             while not asked.requested:
                 executor.spin_once()
@@ -270,25 +273,35 @@ def _tell_of_recording(executive: Executive, text: str) -> None:
 
 
 @contextmanager
-def watched(node: Node, executive: Executive) -> Iterator[Watchdog]:
+def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Iterator[Watchdog]:
     """Yield a watchdog over the thread that spins a node; it shows its alarms in /diagnostics.
 
-    The beat does not come with the tick, which stands still with simulated time.
+    The beat does not come with the tick, which stands still with simulated time. A guard that died
+    is replaced, reported, and shown in /diagnostics, too.
     """
-    settings = executive.settings
-    bound_s = settings.safety.watchdog_s
+    bound_s = executive.settings.safety.watchdog_s
     quiet = PublisherEventCallbacks(use_default_callbacks=False)  # each costs in every turn
     diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1, event_callbacks=quiet)
-    name = f"{node.get_fully_qualified_name()}: watchdog"
+
+    def publish(what: str, level: bytes, text: str, values: Mapping[str, object]) -> None:
+        name, asset = f"{node.get_fully_qualified_name()}: {what}", executive.settings.asset
+        stamp = node.get_clock().now().to_msg()
+        diagnostics.publish(diagnostic_array(name, asset, level, text, values, stamp))
 
     def tell(text: str) -> None:
-        stamp, values = node.get_clock().now().to_msg(), {"bound [s]": f"{bound_s:g}"}
-        diagnostics.publish(
-            diagnostic_array(name, settings.asset, DiagnosticStatus.ERROR, text, values, stamp)
-        )
+        publish("watchdog", DiagnosticStatus.ERROR, text, {"bound [s]": f"{bound_s:g}"})
+
+    def check_guard(guard: Guard) -> None:
+        if died := guard.take_death():
+            _LOG.error("%s", died)
+            executive.event(Severity.ALARM, died)
+        level = DiagnosticStatus.OK if guard.state == RUNS else DiagnosticStatus.WARN
+        publish("guard", level, guard.state, {})
 
     with Watchdog(executive, bound_s, tell) as watchdog:
         steady_timer(node, bound_s / BEATS, watchdog.beat)
+        if guard is not None:
+            steady_timer(node, GUARD_CHECK_S, partial(check_guard, guard))
         yield watchdog
 
 

@@ -206,9 +206,10 @@ def _tell_of(
 def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
     """Return the full names of the nodes that publish a topic beside this node, sorted.
 
-    One publisher of this node's own name is ours, and one of its guard; a second one is another
-    process under our name, and counts. A process that was killed stays in the graph for up to 20 s;
-    one that has just begun may have no name yet, and is left out until it has.
+    One publisher of this node's own name is ours; a second one is another process under our name,
+    and counts. All of its guard are: a process that was killed stays in the graph for up to 20 s,
+    beside the one that replaces it. One that has just begun may have no name yet, and is left out
+    until it has.
     """
     infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
     names = sorted(
@@ -216,10 +217,10 @@ def foreign_publishers(node: Node, topic: str) -> tuple[str, ...]:
         for each in infos
         if each.node_name != NAME_UNKNOWN
     )
-    for own in (node.get_name(), GUARD_NAME):
-        if (full := f"{node.get_namespace().rstrip('/')}/{own}") in names:
-            names.remove(full)
-    return tuple(names)
+    namespace = node.get_namespace().rstrip("/")
+    if (own := f"{namespace}/{node.get_name()}") in names:
+        names.remove(own)
+    return tuple(each for each in names if each != f"{namespace}/{GUARD_NAME}")
 
 
 class RosRover(RosCamera):

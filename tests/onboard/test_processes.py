@@ -6,12 +6,14 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import psutil
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 
 from adapters.mal import MalUri
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec.types import Notification, PlanStatus, Stage
+from adapters.mrs.spec.types import Notification, PlanStatus, Severity, Stage
 from adapters.recording.replay import replay
 from adapters.ros import ros_node, steady_timer
 from adapters.ros.context import SpunNode
@@ -169,6 +171,43 @@ def test_killed_as_soon_as_it_is_up_it_leaves_a_standing_rover(
     probe.moving()
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     probe.standing()
+
+
+def test_a_guard_that_dies_is_reported_shown_and_replaced(
+    probe: Probe, aboard: tuple[Running, str]
+) -> None:
+    process, uri = aboard
+    rows: list[tuple[bytes, str]] = []
+
+    def hear(message: DiagnosticArray) -> None:
+        rows.extend((s.level, s.message) for s in message.status if s.name.endswith(": guard"))
+
+    probe.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    probe.until(lambda: (DiagnosticStatus.OK, "the guard runs") in rows, "a row of the guard")
+    (keeper,) = psutil.Process(process.pid).children()
+    (guard,) = keeper.children()
+    guard.kill()
+    died = "the guard was ended by signal 9; another one was started"
+    probe.until(lambda: (DiagnosticStatus.WARN, died) in rows, "it is shown")
+    assert died in process.text
+    (event,) = [each for each in notifications(uri) if each.text == died]
+    assert event.severity is Severity.ALARM
+    probe.until(lambda: keeper.children() not in ([], [guard]), "another one")
+    until_located(uri)
+    start(uri, LONG_DRIVE)
+    probe.moving()
+    assert process.end(signal.SIGKILL) == -signal.SIGKILL
+    probe.until(lambda: "published in its place\n" in process.text, "the other one has acted")
+    probe.standing()
+
+
+def test_the_end_of_the_keeper_of_the_guard_is_reported(aboard: tuple[Running, str]) -> None:
+    process, uri = aboard
+    (keeper,) = psutil.Process(process.pid).children()
+    keeper.kill()
+    process.said("the keeper of the guard ended")
+    assert any("keeper of the guard" in (each.text or "") for each in notifications(uri))
+    assert process.end(signal.SIGTERM) == 0
 
 
 @pytest.mark.usefixtures("joystick")
