@@ -30,7 +30,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.geometry import STANDING, Velocity
+from executive.geometry import STANDING, Pose, Velocity
 from executive.goals import GoalQueue
 from executive.motion import Arbiter
 from executive.motion.velocity_control import DriveLaw
@@ -40,7 +40,7 @@ from executive.recorded_executive import RecordedExecutive, life_of
 from executive.recording import CommitFailed, SolverAnswered, SwitchedVideo
 from executive.reports import Identity, Severity
 from executive.settings import config_folder, load_settings
-from executive.state import Odometry
+from executive.state import Odometry, OtherInput
 from sim.scenario.changes import Change
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode
@@ -87,6 +87,46 @@ def test_a_scenario_is_replayed_equally(name: str, lives: int, tmp_path: Path) -
     assert replayed.lives == lives
     assert replayed.ticks > 100
     assert replayed.decisions > 30
+
+
+def test_what_holds_over_crashes_is_replayed(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with closing(RunFile(path)) as tape, Bench(tmp_path / "bench", tape=tape) as bench:
+        bench.rover.pose = Pose(x_m=1.0)  # odometry jumps
+        bench.run(0.5)
+        bench.crash()
+        bench.run(0.5)
+        assert bench.executive.mode.name == "SAFE"
+        assert "odometry jumped by 1.00 m" in bench.executive.why
+        bench.submit(Resume(), 1)
+        bench.submit(MoveForward(5.0), 2)
+        bench.run(2.0)
+        bench.clock.advance(12.0)  # suspended
+        bench.step()
+        bench.crash()
+        bench.run(0.5)
+        assert bench.executive.mode.name == "PAUSED"
+        bench.submit(Resume(), 3)
+        bench.fill_disk()
+        bench.submit(MoveForward(5.0), 4)
+        bench.run(0.5)
+        bench.crash()
+        bench.run(0.5)
+        assert bench.executive.mode.name == "SAFE"
+        bench.submit(Resume(), 5)
+        bench.run(3.0)
+        bench.rover.velocity = Velocity(0.3)
+        for _ in range(40):
+            bench.executive.observe(OtherInput("external", above=False))
+            bench.step()
+        bench.rover.velocity = STANDING
+        bench.run(1.0)
+        assert any(
+            "external, duration 1.95 s, driven 0." in each.text for each in bench.heard.reports
+        )
+    replayed = replay(path)
+    assert replayed.difference is None
+    assert replayed.lives == 4
 
 
 def test_the_answers_of_the_solver_are_replayed(tmp_path: Path) -> None:
