@@ -432,10 +432,11 @@ class Dispatcher:
 
     def _hazard_left(self) -> Refusal | None:
         latches, safety = self._context.latches, self._context.safety
-        if latches.hazard is None and latches.paused is None:
-            return None if latches.stopped_by is not None else NOT_HELD
+        by_fault = latches.hazard is not None or latches.paused is not None
+        if not by_fault and latches.stopped_by is None:
+            return NOT_HELD
         safety.history.accept()
-        danger = safety.cause_left()
+        danger = safety.cause_left() if by_fault else None
         if danger is None:
             return None
         return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)

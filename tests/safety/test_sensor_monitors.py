@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.commands import DriveFor, MoveForward
+from executive.commands import DriveFor, MoveForward, Resume, Stop
 from executive.faults import Then
 from executive.geometry import STANDING, Pose, Velocity
 from executive.reasons import Reason
@@ -277,6 +277,25 @@ def test_what_was_before_the_first_motion_after_a_fault_is_not_looked_at() -> No
     drive.moving, drive.begun = True, []
     drive.run(AHEAD, 8.0)
     assert drive.names == []
+
+
+def test_what_was_before_a_resume_is_not_looked_at(tmp_path: Path) -> None:
+    """While it was stopped it was moved aside, more slowly than is noticed at rest."""
+    rover = SensedRover(asset())
+    with Bench(tmp_path, asset(), rover=rover, all_sensors=True) as bench:
+        bench.odometry = False  # it is one of the sensors
+        bench.run(3.0)
+        bench.submit(Stop(), 1)
+        bench.run(2.0)
+        rover.body.aside_mps = 0.09
+        bench.run(3.0)
+        rover.body.aside_mps = 0.0
+        assert bench.executive.safety.active == []
+        bench.run(0.5)
+        bench.submit(Resume(), 2)
+        bench.submit(DriveFor(0.5, 0.0, 3.0), 3)
+        bench.run(2.5)
+        assert bench.stages(3)[-1] is Stage.STARTED, bench.last(3)
 
 
 def test_a_gyro_may_have_a_bias_before_it_was_learnt() -> None:
