@@ -53,6 +53,7 @@ from executive.state import (
     Status,
     Stopped,
     Telemetry,
+    Uncertainty,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -168,7 +169,7 @@ class Executive:
         self._pose_record = PoseRecord(ledger)
         stored = self._pose_record.read(StoredPose)
         self._pose = PoseMonitor(clock, settings, self.safety.history, self.status, stored)
-        self._reported_pose, self._reported_pose_s = self.status.uncertainty, clock.now_s()
+        self._reported_pose, self._reported_pose_s = Uncertainty(), clock.now_s()
         self._dispatcher = Dispatcher(
             self._context,
             self._arbiter,
@@ -534,7 +535,8 @@ class Executive:
             self._notifications.event(Severity.WARNING, text, Reason.POSE_UNCERTAIN, now.figures)
         else:
             text = f"the pose is certain again, by {now.cause}"
-            self._notifications.event(Severity.INFORMATIONAL, text, figures=now.figures)
+            over = Reason.FAULT_OVER
+            self._notifications.event(Severity.INFORMATIONAL, text, over, now.figures)
 
     def _note_command(self) -> None:
         at_least, velocity = self._arbiter.expected
