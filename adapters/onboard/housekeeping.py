@@ -8,6 +8,7 @@ from adapters.mrs.spec import (
     EXECUTIVE,
     EXECUTIVE_HOUSEKEEPING,
     HousekeepingParameter,
+    uncertainty_figures,
     usage_figures,
 )
 from adapters.process import ProcessUsage
@@ -64,6 +65,7 @@ class ExecutiveHousekeeping:
             "EXEC_GOALS": executive.goal_count,
             "EXEC_LEDGER": self._ledger_octets(),
             "EXEC_REPORTS": executive.last_sequence,
+            **uncertainty_figures(executive.status.uncertainty.figures),
             **usage_figures(EXECUTIVE, self._usage.look()),
         }
         if self.rover is not None:

@@ -8,10 +8,15 @@ from pathlib import Path
 import pytest
 
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING, Validity
+from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING, Validity, to_ns
 from adapters.onboard.housekeeping import ExecutiveHousekeeping
 from adapters.ros import TickStatistics
-from tests.mrs.aboard import Aboard
+from executive.commands import Resume
+from executive.reasons import Reason
+from executive.reports import Report
+from tests.core.test_pose_uncertainty import moved
+from tests.mrs.aboard import Aboard, LinkedBench
+from tests.mrs.aboard import rover as typed
 
 SLOW = TickStatistics(20, 20, 1.0, longest_period_s=0.125, longest_tick_s=0.0625, overruns=3)
 QUICK = TickStatistics(20, 20, 1.0, longest_period_s=0.0625, longest_tick_s=0.001, overruns=3)
@@ -49,3 +54,57 @@ def test_the_executive_tells_of_itself_as_of_the_rover(rover: Aboard) -> None:
     assert (found["EXEC_OVERRUNS"], found["EXEC_GOALS"]) == (3.0, 0.0)
     for name in ("EXEC_MEMORY", "EXEC_DISK_FREE", "EXEC_LEDGER"):
         assert (found[name] or 0.0) > 1000.0, name
+
+
+UNCERTAINTY = ("EXEC_POSITION_UNCERTAINTY", "EXEC_HEADING_UNCERTAINTY")
+
+
+def jump(bench: LinkedBench) -> Report:
+    """Let the odometry jump, resume, and return the event of the pose that is uncertain."""
+    bench.rover.pose = moved(bench.rover.pose, x_m=0.5)
+    bench.run(0.5)
+    bench.submit(Resume(), 90)
+    bench.run(0.5)
+    return next(each for each in bench.heard.reports if each.reason is Reason.POSE_UNCERTAIN)
+
+
+def test_the_uncertainty_of_the_pose_is_published_at_once(rover: Aboard) -> None:
+    """With the time of its event, and not when housekeeping is measured the next time."""
+    rover.runs = False
+    rover.run(1.0)
+
+    async def session(client: MrsClient) -> dict[str, float]:
+        stream, found = await client.telemetry(), dict[str, float]()
+        begun = await asyncio.to_thread(rover.do, jump)
+        async for each in stream:
+            if each.name in UNCERTAINTY and each.timestamp == to_ns(begun.utc_s):
+                assert each.value is not None
+                found[each.name] = each.value.value
+            if len(found) == len(UNCERTAINTY):
+                return found
+        raise AssertionError
+
+    assert rover.ground(session) == dict(zip(UNCERTAINTY, (pytest.approx(0.5), 0.0), strict=True))
+
+
+def test_status_and_watch_say_that_the_pose_is_uncertain(
+    rover: Aboard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "400")
+    certain = typed("status", "--to", rover.uri).output
+    assert "uncertain by" not in certain
+    assert "confirmPose" not in certain
+    rover.runs = False
+    rover.do(jump)
+    uncertainty = rover.do(lambda bench: bench.executive.status.uncertainty)
+    assert 0.5 <= uncertainty.position_m < 0.6
+    said = f"the pose is uncertain by {uncertainty}, since odometry_jumped"
+    lines = typed("status", "--to", rover.uri).output.splitlines()
+    assert lines[1] == f"stands: no motion goal; {said}"
+    (place,) = (line for line in lines if line.startswith("at x "))
+    assert f", uncertain by {uncertainty}, video off" in place
+    (way_out,) = (line for line in lines if line.startswith("to move to places again: "))
+    assert "rover command confirmPose" in way_out
+    assert said in " ".join(typed("watch", "--once", "--to", rover.uri).output.split())
+    assert typed("command", "--to", rover.uri, "confirmPose", "0", "0").exit_code == 0
+    assert "uncertain by" not in typed("status", "--to", rover.uri).output

@@ -26,14 +26,17 @@ from adapters.mrs.spec import (
     Notification,
     NotificationKind,
     command_of,
+    figure_value,
     figure_values,
     housekeeping_values,
     look_up,
     notification_keys,
     notification_of,
     parameter_value,
+    reported_uncertainty,
     require_few,
     to_ns,
+    uncertainty_figures,
     wire_update,
     with_text,
 )
@@ -170,13 +173,16 @@ class AssetServices:
         served.serve("Notification", "sendNotification", self._send_notification)
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Broadcast reports."""
-        for notification in map(notification_of, reports):
+        """Broadcast reports, and the housekeeping that changed by what they report."""
+        for report in reports:
+            notification = notification_of(report)
             keys = notification_keys(self._asset, notification)
             for tell in self._tell:
                 tell(notification, keys=keys)
             if self.above is not None:
                 self.above.notification(notification)
+            changed = reported_uncertainty(report).items() if self.housekeeping else ()
+            self._broadcast(figure_value(*each, report.utc_s) for each in changed)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Broadcast values of the rover's own."""
@@ -202,11 +208,18 @@ class AssetServices:
     def _present_values(
         self, executive: Executive, names: Sequence[str]
     ) -> tuple[wire.ParameterValue, ...]:
-        return present_values(executive, names, self.housekeeping)
+        return present_values(executive, names, self._housekeeping_now(executive))
 
     def _status(self, executive: Executive) -> wire.AssetStatus:
         status = _asset_status(executive)
-        return replace(status, values=(*status.values, *self.housekeeping))
+        return replace(status, values=(*status.values, *self._housekeeping_now(executive)))
+
+    def _housekeeping_now(self, executive: Executive) -> tuple[wire.ParameterValue, ...]:
+        """Return the housekeeping as kept, but how uncertain the pose is at present."""
+        figures = uncertainty_figures(executive.status.uncertainty.figures)
+        utc_s = executive.parameters()[0].utc_s
+        now = {name: figure_value(name, figure, utc_s) for name, figure in figures.items()}
+        return tuple(now.get(each.name, each) for each in self.housekeeping)
 
     def _send_notification(self, call: Call, notification: Notification) -> asyncio.Future[None]:
         """Have the executive report an event of somebody else, who is named in it."""

@@ -43,12 +43,17 @@ from adapters.mrs.spec import (
 )
 from executive.reports import printable
 from executive.safety import summary
+from executive.state import Uncertainty
 
 if TYPE_CHECKING:
     from rich.console import Group
 
 EVERY_S: Final = 0.5
 _RESUME: Final = "rover command resume"
+_CONFIRM: Final = (
+    "to move to places again: correct the pose by rover command setPositionCompensation,"
+    " or confirm it by rover command confirmPose"
+)
 _HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
 
 
@@ -128,6 +133,7 @@ class _Look:
             *(_why(faults) if faults else ()),
             _work(self.status),
             *_ways_out(mode, self.suspended, faults),
+            *((_CONFIRM,) if _uncertainty(values) else ()),
             *((authority_line(self.authority),) if self.authority else ()),
             _place(values, self.camera),
             _not_monitored(faults),
@@ -219,7 +225,18 @@ def _place(values: dict[str, float | str | None], camera: CameraState) -> str:
     video = f"video {'on' if camera.videoOn else 'off'}"
     if not (isinstance(x, float) and isinstance(y, float) and isinstance(heading, float)):
         return f"where it is, is not known now, {video}"
-    return f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°, {video}"
+    place = f"at x {x:z.2f} m, y {y:z.2f} m, heading {degrees(heading):z.1f}°"
+    uncertainty = _uncertainty(values)
+    return f"{place}, uncertain by {uncertainty}, {video}" if uncertainty else f"{place}, {video}"
+
+
+def _uncertainty(values: dict[str, float | str | None]) -> Uncertainty:
+    """Return how uncertain the pose is, as far as that is reported."""
+    names = ("EXEC_POSITION_UNCERTAINTY", "EXEC_HEADING_UNCERTAINTY")
+    position_m, heading_rad = (values.get(each) for each in names)
+    if not (isinstance(position_m, float) and isinstance(heading_rad, float)):
+        return Uncertainty()
+    return Uncertainty(position_m, heading_rad)
 
 
 def _why(faults: FaultStatus) -> tuple[str, ...]:

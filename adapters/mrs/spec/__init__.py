@@ -23,6 +23,8 @@ from adapters.mrs.spec.housekeeping import (
     figure_value,
     housekeeping_limits,
     housekeeping_values,
+    reported_uncertainty,
+    uncertainty_figures,
     usage_figures,
 )
 from adapters.mrs.spec.mapping import (
@@ -179,11 +181,13 @@ __all__ = [
     "pose",
     "refused",
     "report_of",
+    "reported_uncertainty",
     "require_few",
     "service_id",
     "speeds",
     "supplements_of",
     "to_ns",
+    "uncertainty_figures",
     "usage_figures",
     "wire_definition",
     "wire_history",

@@ -1,6 +1,6 @@
 """Housekeeping of the components between operator and rover: parameters like those of the rover."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
@@ -10,7 +10,10 @@ from adapters.mrs.spec.mapping import to_ns
 from adapters.mrs.spec.types import ParameterDefinition, ParameterValue, Validity
 from adapters.process import Usage
 from executive.commands import Limit
+from executive.reasons import Figure
+from executive.reports import Kind, Report
 from executive.settings import Settings
+from executive.state import PROMISED_M, PROMISED_RAD
 
 LEAST_FREE_OCTETS: Final = 100_000_000
 """Of a disk, below which it is an alarm."""
@@ -80,9 +83,42 @@ EXECUTIVE_HOUSEKEEPING: Final = (
     HousekeepingParameter("EXEC_GOALS", "Accepted commands that wait or are under way"),
     HousekeepingParameter("EXEC_LEDGER", "Octets of the ledger on the disk", "B"),
     HousekeepingParameter("EXEC_REPORTS", "Number of the last report"),
+    HousekeepingParameter(
+        "EXEC_POSITION_UNCERTAINTY",
+        "Distance that the rover may be from the reported position",
+        "m",
+        high=PROMISED_M,
+    ),
+    HousekeepingParameter(
+        "EXEC_HEADING_UNCERTAINTY",
+        "Angle that the rover may be from the reported heading",
+        "rad",
+        high=PROMISED_RAD,
+    ),
     *_of_process(EXECUTIVE, "rover-executive"),
 )
 """Of the executive."""
+
+_UNCERTAINTY: Final = {
+    "position uncertainty": "EXEC_POSITION_UNCERTAINTY",
+    "heading uncertainty": "EXEC_HEADING_UNCERTAINTY",
+}
+"""Parameters of the executive, by the figures of its reports."""
+
+
+def uncertainty_figures(figures: Sequence[Figure]) -> dict[str, float]:
+    """Return how uncertain figures say that the pose is, by the names of the parameters."""
+    return {_UNCERTAINTY[each.name]: each.value for each in figures if each.name in _UNCERTAINTY}
+
+
+def reported_uncertainty(report: Report) -> dict[str, float]:
+    """Return how uncertain an event says that the pose is; nothing of what says nothing of that.
+
+    An event without a reason may be somebody else's.
+    """
+    of_core = report.kind is Kind.EVENT and report.reason is not None
+    return uncertainty_figures(report.figures) if of_core else {}
+
 
 NXT_HOUSEKEEPING: Final = (
     HousekeepingParameter("NXT_CONNECTED", "Whether MOCUP's brick is there: 1 or 0", None, 1),

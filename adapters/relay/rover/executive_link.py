@@ -29,6 +29,7 @@ from adapters.mops import (
     reply_of,
     telemetry_of,
 )
+from adapters.mrs.spec import reported_uncertainty
 from adapters.ros import MessageError, Topic, declare_topic, steady_timer
 from executive.commands import Command, Mode, Stop
 from executive.commands.intake import bad_identity
@@ -140,6 +141,8 @@ class ExecutiveRelayLink:
 
     def report(self, reports: Sequence[Report]) -> None:
         """Publish reports, or later where nobody listens or too many are unconfirmed."""
+        if any(map(reported_uncertainty, reports)):
+            self._house_s = -inf
         new = []
         for report in reports:
             if report.sequence > self._written:
