@@ -141,16 +141,7 @@ def test_the_time_strip_shows_what_was_done_when_and_selects_it(page: Page) -> N
 
 
 def test_map_and_tree_show_how_it_was_at_the_end_of_a_span_of_the_past(page: Page) -> None:
-    live = page.evaluate("location.hash")
-    page.evaluate(
-        """hash => {
-            const now = Date.now()
-            location.hash = `${hash.split('?')[0]}?tc.mode=fixed&tc.timeSystem=utc`
-                + `&tc.startBound=${now - 60000}&tc.endBound=${now - 1000}`
-        }""",
-        live,
-    )
-    expect(page.get_by_text("(past)")).to_be_visible()
+    live = look_back(page, page.evaluate("Date.now() - 1000"))
     expect(page.locator(".tree-view .why")).to_have_text(re.compile("^as of"))
     page.get_by_role("button", name="back to now").click()
     expect(page.get_by_text("(past)")).to_be_hidden()
@@ -243,6 +234,38 @@ def test_what_the_rover_refuses_and_what_makes_no_sense_is_told(page: Page) -> N
     expect(page.get_by_role("button", name="Send moveForward")).to_be_disabled()
     distance.fill("95")
     expect(page.get_by_test_id("preview")).to_contain_text(re.compile(r"takes [0-9.]+ s"))
+
+
+def test_the_map_shows_how_uncertain_the_pose_is_and_was(
+    site: Site, page: Page, people: Visitors
+) -> None:
+    uncertain, words = page.get_by_test_id("uncertain"), page.locator(".map-view .place")
+    expect(uncertain).to_have_attribute("visibility", "hidden")
+    confirm_pose(page, "0.6", "12")
+    expect(uncertain).to_have_attribute("data-position", "0.600")
+    expect(uncertain).to_have_attribute("visibility", "visible")
+    expect(words).to_contain_text("uncertain by 0.60 m and 12.0°")
+    choose(page, "moveTo")
+    page.get_by_label("x", exact=True).fill("2")
+    page.get_by_label("y", exact=True).fill("1")
+    page.get_by_role("button", name="Send moveTo to jackal").click()
+    refused = commands(page, "moveTo").first
+    expect(refused).to_have_attribute("data-state", "rejected")
+    expect(refused).to_contain_text("the heading is uncertain by 0.21 rad")
+    page.screenshot(path=picture("console-uncertain"))
+    then_ms = page.evaluate("Date.now()")
+    light = people.visit(f"{site.url}lite", "bert", (420, 800))
+    expect(light.locator(".map-view .place")).to_contain_text("uncertain by 0.60 m and 12.0°")
+    light.screenshot(path=picture("console-uncertain-light"))
+    light.context.close()
+    confirm_pose(page, "0", "0")
+    expect(uncertain).to_have_attribute("visibility", "hidden")
+    live = look_back(page, then_ms)
+    expect(words).to_contain_text("uncertain by 0.60 m and 12.0°")
+    expect(uncertain).to_have_attribute("visibility", "visible")
+    page.get_by_role("button", name="back to now").click()
+    expect(uncertain).to_have_attribute("visibility", "hidden")
+    page.evaluate("hash => { location.hash = hash }", live)
 
 
 def test_a_second_console_is_refused_and_then_granted(
@@ -368,6 +391,27 @@ def click_at(page: Page, x_m: float, y_m: float) -> None:
         box["x"] + box["width"] / 2 + (x_m - here[0]) * scale,
         box["y"] + box["height"] / 2 - (y_m - here[1]) * scale,
     )
+
+
+def look_back(page: Page, utc_ms: float) -> str:
+    """Look at the minute that ends at a moment; return the address of what was looked at."""
+    live: str = page.evaluate("location.hash")
+    page.evaluate(
+        """([hash, end]) => {
+            location.hash = `${hash.split('?')[0]}?tc.mode=fixed&tc.timeSystem=utc`
+                + `&tc.startBound=${end - 60000}&tc.endBound=${end}`
+        }""",
+        [live, utc_ms],
+    )
+    expect(page.get_by_text("(past)")).to_be_visible()
+    return live
+
+
+def confirm_pose(page: Page, position: str, heading: str) -> None:
+    choose(page, "confirmPose")
+    page.get_by_label("position", exact=True).fill(position)
+    page.get_by_label("heading", exact=True).fill(heading)
+    page.get_by_role("button", name="Send confirmPose to jackal").click()
 
 
 def choose(page: Page, command: str) -> None:

@@ -26,7 +26,12 @@ from adapters.console.rovers import (
 )
 from adapters.explanation import Chronicle
 from adapters.explanation.builder import KINDS, ChronicleBuilder
-from adapters.mrs.spec import DEFINED, notification_of
+from adapters.mrs.spec import (
+    DEFINED,
+    POSE_HOUSEKEEPING,
+    notification_of,
+    reported_uncertainty,
+)
 from adapters.recording import RecordedTree, RecordingError, RunReader, Timed, read_timed
 from executive.commands import Command, declaration_of
 from executive.recording import (
@@ -40,7 +45,6 @@ from executive.recording import (
 )
 from executive.reports import Identity, PlanUpdate, Report
 from executive.settings import Settings
-from executive.state import ParameterValue
 from trees import Snapshot
 
 _KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
@@ -110,7 +114,9 @@ class RecordedRun:
             description=f"recording {self._reader.path.name} of {self.rover}",
             version="",
             ranges_known=True,
-            parameters=parameter_entries(DEFINED, settings),
+            parameters=parameter_entries(
+                (*DEFINED, *(each.definition for each in POSE_HOUSEKEEPING)), settings
+            ),
             commands=(),
             zones=zone_entries(settings),
             footprint=settings.footprint,
@@ -144,7 +150,9 @@ class RecordedRun:
             case Reported(report=report):
                 self._report(report)
             case ToldParameters(values=values):
-                self._found += map(self._sample, values)
+                for value in values:
+                    said = (value.parameter.value, value.utc_s, value.value)
+                    self._found.append(self._sample(*said))
             case ToldPlan(update=update):
                 self._found.append(self._plan(update))
             case _:
@@ -198,11 +206,12 @@ class RecordedRun:
             identity = Identity(notification.source, notification.commandId)
             said = replace(said, command=self._tracker.hear(said, identity))
         self._found.append(said)
+        for key, figure in reported_uncertainty(report).items():
+            self._found.append(self._sample(key, report.utc_s, figure))
 
-    def _sample(self, value: ParameterValue) -> Sample:
-        quality = Quality.INVALID if value.value is None else Quality.GOOD
-        key, utc_s = value.parameter.value, value.utc_s
-        return Sample(self._name, key, Link.RECORDING, utc_s, utc_s, value.value, quality)
+    def _sample(self, key: str, utc_s: float, figure: float | None) -> Sample:
+        quality = Quality.INVALID if figure is None else Quality.GOOD
+        return Sample(self._name, key, Link.RECORDING, utc_s, utc_s, figure, quality)
 
     def _plan(self, update: PlanUpdate) -> PlanProgress:
         return PlanProgress(

@@ -25,6 +25,7 @@ from adapters.mrs.cli.terminal import (
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
+    POSE_HOUSEKEEPING,
     ActiveFault,
     AreaError,
     AssetInfo,
@@ -232,8 +233,7 @@ def _place(values: dict[str, float | str | None], camera: CameraState) -> str:
 
 def _uncertainty(values: dict[str, float | str | None]) -> Uncertainty:
     """Return how uncertain the pose is, as far as that is reported."""
-    names = ("EXEC_POSITION_UNCERTAINTY", "EXEC_HEADING_UNCERTAINTY")
-    position_m, heading_rad = (values.get(each) for each in names)
+    position_m, heading_rad = (values.get(each.name) for each in POSE_HOUSEKEEPING)
     if not (isinstance(position_m, float) and isinstance(heading_rad, float)):
         return Uncertainty()
     return Uncertainty(position_m, heading_rad)

@@ -13,7 +13,7 @@ from executive.commands import Limit
 from executive.reasons import Figure
 from executive.reports import Kind, Report
 from executive.settings import Settings
-from executive.state import PROMISED_M, PROMISED_RAD
+from executive.state import PROMISED_M, PROMISED_RAD, Uncertainty
 
 LEAST_FREE_OCTETS: Final = 100_000_000
 """Of a disk, below which it is an alarm."""
@@ -67,6 +67,22 @@ def usage_figures(prefix: str, usage: Usage) -> dict[str, float | None]:
     }
 
 
+POSE_HOUSEKEEPING: Final = (
+    HousekeepingParameter(
+        "EXEC_POSITION_UNCERTAINTY",
+        "Distance that the rover may be from the reported position",
+        "m",
+        high=PROMISED_M,
+    ),
+    HousekeepingParameter(
+        "EXEC_HEADING_UNCERTAINTY",
+        "Angle that the rover may be from the reported heading",
+        "rad",
+        high=PROMISED_RAD,
+    ),
+)
+"""Of the executive, how uncertain the pose of its rover is."""
+
 EXECUTIVE: Final = "EXEC"
 EXECUTIVE_HOUSEKEEPING: Final = (
     HousekeepingParameter(
@@ -83,32 +99,17 @@ EXECUTIVE_HOUSEKEEPING: Final = (
     HousekeepingParameter("EXEC_GOALS", "Accepted commands that wait or are under way"),
     HousekeepingParameter("EXEC_LEDGER", "Octets of the ledger on the disk", "B"),
     HousekeepingParameter("EXEC_REPORTS", "Number of the last report"),
-    HousekeepingParameter(
-        "EXEC_POSITION_UNCERTAINTY",
-        "Distance that the rover may be from the reported position",
-        "m",
-        high=PROMISED_M,
-    ),
-    HousekeepingParameter(
-        "EXEC_HEADING_UNCERTAINTY",
-        "Angle that the rover may be from the reported heading",
-        "rad",
-        high=PROMISED_RAD,
-    ),
+    *POSE_HOUSEKEEPING,
     *_of_process(EXECUTIVE, "rover-executive"),
 )
 """Of the executive."""
 
-_UNCERTAINTY: Final = {
-    "position uncertainty": "EXEC_POSITION_UNCERTAINTY",
-    "heading uncertainty": "EXEC_HEADING_UNCERTAINTY",
-}
-"""Parameters of the executive, by the figures of its reports."""
-
 
 def uncertainty_figures(figures: Sequence[Figure]) -> dict[str, float]:
     """Return how uncertain figures say that the pose is, by the names of the parameters."""
-    return {_UNCERTAINTY[each.name]: each.value for each in figures if each.name in _UNCERTAINTY}
+    values = {each.name: each.value for each in figures}
+    named = zip(Uncertainty().figures, POSE_HOUSEKEEPING, strict=True)
+    return {each.name: values[figure.name] for figure, each in named if figure.name in values}
 
 
 def reported_uncertainty(report: Report) -> dict[str, float]:

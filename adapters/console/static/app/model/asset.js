@@ -11,6 +11,10 @@
 
 const CONSOLE = "rover-console";
 const POSE = ["POS_X", "POS_Y", "HEAD"];
+/** How far it may be from its pose: m, rad. */
+export const UNCERTAINTY = ["EXEC_POSITION_UNCERTAINTY", "EXEC_HEADING_UNCERTAINTY"];
+/** Less is none. */
+const CERTAIN = [0.01, 0.005];
 const MOST_FIXES = 20000;
 const MOST_NOTICES = 2000;
 const UNKNOWN_FOOTPRINT = { length_m: 0.5, width_m: 0.4 };
@@ -29,6 +33,8 @@ export class Asset {
   values = new Map();
   /** @type {Fix[]} where it was, in the order of time */
   track = [];
+  /** @type {Map<string, {utc: number, value: any}[]>} how uncertain its pose was, where that changed */
+  #uncertainty = new Map(UNCERTAINTY.map((key) => [key, []]));
   /** @type {Map<string, Command>} */
   commands = new Map();
   /** @type {Notice[]} in the order of time */
@@ -101,6 +107,7 @@ export class Asset {
     if (last && sample.utc < last.utc && sample.q !== "late") this.#forgetAfter(sample.utc);
     if (!last || sample.q !== "late") links.set(sample.link, { ...sample, interval: intervalOf(last, sample) });
     if (POSE.includes(sample.key)) this.#addToFix(sample);
+    if (UNCERTAINTY.includes(sample.key)) this.addUncertainty(sample.key, [sample]);
     this.changed("sample", sample);
     this.changed("values");
   }
@@ -159,6 +166,23 @@ export class Asset {
       else high = middle;
     }
     return this.track[low - 1] ?? null;
+  }
+
+  /** @param {string} key @param {{utc: number, value: any}[]} samples */
+  addUncertainty(key, samples) {
+    const all = [...this.#uncertainty.get(key), ...samples].sort((one, other) => one.utc - other.utc);
+    const changes = all.filter((each, index) => each.value !== all[index - 1]?.value);
+    this.#uncertainty.set(key, changes.slice(-MOST_FIXES));
+    this.changed("track");
+  }
+
+  /** How uncertain its pose is, or was at a moment; null where it is certain, or nothing is known. @param {number | null} utc null for now */
+  uncertaintyAt(utc) {
+    const [position_m, heading_rad] = UNCERTAINTY.map((key) => {
+      const now = utc === null && this.newest(key);
+      return (now || this.#uncertainty.get(key).findLast((each) => each.utc <= (utc ?? Infinity)))?.value ?? 0;
+    });
+    return position_m >= CERTAIN[0] || heading_rad >= CERTAIN[1] ? { position_m, heading_rad } : null;
   }
 
   /** @param {Command} command */

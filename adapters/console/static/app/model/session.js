@@ -1,6 +1,6 @@
 /** One page at work: its connection, the assets, who else is there, and the second that views tick by. */
 
-import { Asset } from "./asset.js";
+import { Asset, UNCERTAINTY } from "./asset.js";
 import { Connection, ask, operator } from "./connection.js";
 
 /** What a page hears of that shows neither log nor tree. */
@@ -226,8 +226,10 @@ export class Session {
         const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_NOTICES}`);
         asset.addNotices(told.notifications.reverse());
       }
-      const [xs, ys, headings] = await Promise.all(POSE.map((key) => ask(`/api/tm/${name}/${key}?start=${start}&size=${size}`)));
+      const read = (key) => ask(`/api/tm/${name}/${key}?start=${start}&size=${size}`);
+      const [xs, ys, headings] = await Promise.all(POSE.map(read));
       asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
+      for (const key of UNCERTAINTY) asset.addUncertainty(key, (await read(key)).samples);
     } catch (error) {
       console.warn(error.message);
     }

@@ -31,6 +31,7 @@ export function mount(element, context) {
   const marked = svg("polyline", { class: "track marked" });
   const planned = svg("g", { class: "planned" });
   const preview = svg("g", { class: "preview" });
+  const uncertain = svg("g", { class: "uncertain", "data-testid": "uncertain" }, svg("circle"), svg("path"), svg("title"));
   const rover = svg(
     "g",
     { class: "rover", "data-testid": "rover" },
@@ -38,7 +39,7 @@ export function mount(element, context) {
     svg("path", { class: "nose" }),
     svg("title", {}),
   );
-  const world = svg("g", {}, zones, ahead, track, marked, planned, preview, rover);
+  const world = svg("g", {}, zones, ahead, track, marked, planned, preview, uncertain, rover);
   const picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, grid, world);
   const place = html("span", { className: "place" });
   const pointed = html("span", { className: "pointed dim" });
@@ -116,11 +117,13 @@ export function mount(element, context) {
     drawTracks();
     drawPlanned();
     drawPreview();
+    const uncertainty = pose && asset.uncertaintyAt(cursor.utc_s);
+    drawUncertainty(pose, uncertainty);
     drawRover(pose);
-    drawWords(pose);
+    drawWords(pose, uncertainty);
   }
 
-  function drawWords(pose) {
+  function drawWords(pose, uncertainty) {
     empty.hidden = pose !== null;
     say(empty, asset.isReached ? "No position yet: the rover has not told where it is." : session.unreached(asset));
     const isElsewhere = draft.entry !== null && document.querySelector(".form-view") === null;
@@ -129,7 +132,7 @@ export function mount(element, context) {
     if (!pose) return say(place, "");
     const words = `x ${fixed(pose.x, 2)} m  y ${fixed(pose.y, 2)} m  ${fixed(degrees(pose.heading), 0)}°`;
     const when = cursor.utc_s === null ? `${age(session.now - pose.utc)}` : `at ${clock(pose.utc)} (past)`;
-    say(place, `${words}   ${when === "now" ? "" : when}`);
+    say(place, [words, uncertainty ? uncertainBy(uncertainty) : "", when === "now" ? "" : when].filter(Boolean).join("   "));
     root.classList.toggle("stale", cursor.utc_s === null && session.now - pose.utc > LATE_S);
     root.classList.toggle("past", cursor.utc_s !== null);
   }
@@ -226,6 +229,20 @@ export function mount(element, context) {
   function arrow() {
     const half = Math.max(0.25, 9 / view.scale);
     return `M${half} 0L${-half * 0.8} ${half * 0.65}L${-half * 0.45} 0L${-half * 0.8} ${-half * 0.65}Z`;
+  }
+
+  /** A circle in which the rover is, and a sector of its headings. */
+  function drawUncertainty(pose, uncertainty) {
+    set(uncertain, { visibility: uncertainty ? "visible" : "hidden" });
+    if (!uncertainty) return;
+    const [circle, sector, title] = uncertain.children;
+    const half = Math.min(uncertainty.heading_rad, 3.1);
+    const reach = Math.max(uncertainty.position_m, asset.footprint.length_m, 30 / view.scale) + 20 / view.scale;
+    const [x, y] = [reach * Math.cos(half), reach * Math.sin(half)];
+    set(circle, { r: uncertainty.position_m });
+    set(sector, { d: `M0 0L${x} ${-y}A${reach} ${reach} 0 ${half > Math.PI / 2 ? 1 : 0} 1 ${x} ${y}Z` });
+    set(uncertain, { transform: turned(pose), "data-position": uncertainty.position_m.toFixed(3) });
+    say(title, `${asset.name} is ${uncertainBy(uncertainty)}: correct its pose by setPositionCompensation, or confirm it by confirmPose`);
   }
 
   function drawRover(pose) {
@@ -332,6 +349,11 @@ export function mount(element, context) {
     offs.forEach((off) => off());
     root.remove();
   };
+}
+
+/** @param {{position_m: number, heading_rad: number}} uncertainty */
+function uncertainBy(uncertainty) {
+  return `uncertain by ${fixed(uncertainty.position_m, 2)} m and ${fixed(degrees(uncertainty.heading_rad), 1)}°`;
 }
 
 /** Without the noise of binary fractions. */
