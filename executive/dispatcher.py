@@ -443,6 +443,7 @@ class Dispatcher:
 
     def _admit(self, life: Life) -> None:
         request, context = life.command.request, self._context
+        named = f"{life.command.identity} {life.command.name}"
         if isinstance(request, PlanRequest):
             life.start()
             life.execute(self._planner.grant(request, life.command.identity))
@@ -460,13 +461,12 @@ class Dispatcher:
             life.start()
             self._set(request)
             if isinstance(request, SetPositionCompensation):
-                self._pose.confirm(Uncertainty(cause=life.command.name))
+                self._pose.confirm(Uncertainty(cause=named))
             life.execute()
         elif isinstance(request, ConfirmPose):
             life.start()
-            self._pose.confirm(
-                Uncertainty(request.position_m, request.heading_rad, life.command.name)
-            )
+            left = Uncertainty(request.position_m, request.heading_rad, named)
+            self._pose.confirm(left)
             life.execute()
         elif isinstance(request, Stop):
             life.start()

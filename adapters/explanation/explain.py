@@ -14,6 +14,7 @@ from executive.commands import Family, Mode, declared
 from executive.faults import DECLARED
 from executive.reasons import PREDICTED, Figure, Reason
 from executive.reports import Identity, Kind, Report, Stage
+from executive.state import Uncertainty
 
 MOMENT_S: Final = 0.1
 """A shorter wait is none."""
@@ -27,6 +28,11 @@ _BRANCHES: Final = {
 """Where in the tree the commands of a family are worked on."""
 _HOLDING: Final = {Mode.PAUSED, Mode.STOPPED, Mode.SAFE}
 _BY_REASON: Final = {each.reason: each for each in DECLARED.values()}
+_UNCERTAINTY: Final = {each.name for each in Uncertainty().figures}
+_WAY_OUT: Final = (
+    "until then motions to places and headings are refused: correct the pose by"
+    " setPositionCompensation, or confirm it by confirmPose"
+)
 _ENDED: Final = {
     Stage.EXECUTED: "was executed",
     Stage.FAILED: "failed",
@@ -327,6 +333,8 @@ class _Life:
             then = [each for each in self._chronicle.situations if each.utc_s <= end.utc_s]
             if then:
                 yield Step(then[-1].utc_s, f"the rover was {then[-1].mode.name}: {then[-1].why}")
+        if end.reason is Reason.POSE_UNCERTAIN:
+            yield from _uncertain_since(self._chronicle, end.utc_s)
 
 
 def last_speed_setting(lives: Iterable[CommandLife], until_utc_s: float) -> CommandLife | None:
@@ -423,12 +431,15 @@ def cause_of(chronicle: Chronicle, now: Situation) -> Report | CommandLife | Non
         each
         for each in chronicle.reports
         if each.kind is not Kind.COMMAND and each.text and each.text in now.why
+        if each.reason is not Reason.POSE_UNCERTAIN
     ]
     if events:
         return events[-1]
     lives = lives_of(chronicle)
     named = [each for identity, each in lives.items() if mentions(now.why, identity)]
-    return named[-1] if named and now.mode is Mode.STOPPED else None
+    if not named or now.mode is not Mode.STOPPED:
+        return None
+    return min(named, key=lambda each: now.why.find(str(each.identity)))
 
 
 def _active_faults(
@@ -455,6 +466,36 @@ def _active_faults(
     return list(active.values())
 
 
+def _uncertain_since(chronicle: Chronicle, at_utc_s: float) -> list[Step]:
+    """Return since what the pose is uncertain at a time, and how that ends; nothing if it is not.
+
+    That is the first event of it and the last, each with the fault that it names.
+    """
+    begun: list[list[Report]] = []
+    faults: list[Report] = []
+    for report in chronicle.reports:
+        if report.kind is not Kind.EVENT or report.utc_s > at_utc_s:
+            continue
+        if report.reason is Reason.POSE_UNCERTAIN:
+            named = [each for each in faults if _is_named(each, report.text)]
+            begun = [*begun[:1], [*named[-1:], report]]
+        elif report.reason is Reason.FAULT_OVER and _is_of_pose(report):
+            begun, faults = [], []
+        elif report.reason in _BY_REASON:
+            faults.append(report)
+    steps = dict.fromkeys(_event(report) for reports in begun for report in reports)
+    return [*steps, Step(None, _WAY_OUT)] if steps else []
+
+
+def _is_of_pose(report: Report) -> bool:
+    return {each.name for each in report.figures} >= _UNCERTAINTY
+
+
+def _is_named(fault: Report, text: str) -> bool:
+    names = (each.name for each in DECLARED.values() if each.reason is fault.reason)
+    return any(text.endswith(f" {each}") for each in names)
+
+
 def says_who_moves(report: Report) -> bool:
     """Whether a report is of others that may move the rover, or that there are none any more."""
     return "move the rover" in report.text or "nobody else moves" in report.text
@@ -463,6 +504,7 @@ def says_who_moves(report: Report) -> bool:
 def _conditions(chronicle: Chronicle) -> list[Step]:
     """Return the faults that are not over, and who else may move the rover."""
     steps = [_event(each) for each in _active_faults(chronicle, chronicle.until_utc_s)]
+    steps += _uncertain_since(chronicle, chronicle.until_utc_s)
     foreign = [each for each in chronicle.reports if says_who_moves(each)]
     if foreign and foreign[-1].text.startswith("others"):
         steps.append(_event(foreign[-1]))

@@ -62,7 +62,7 @@ def _distances_m(request: MoveTo | FollowPath | RotateTo, start: Pose) -> list[f
 
 
 def _uncertain(uncertainty: Uncertainty, text: str, bound: Figure) -> Refusal:
-    way_out = "send setPositionCompensation with the measured pose, or confirmPose"
+    way_out = "correct the pose by setPositionCompensation, or confirm it by confirmPose"
     return Refusal(
         Reason.POSE_UNCERTAIN,
         f"{text}, since {uncertainty.cause}: {way_out}",

@@ -10,6 +10,7 @@ from executive.commands import (
     RELAY_LINK,
     ActivatePlan,
     Command,
+    ConfirmPose,
     DeleteFile,
     ExecuteAction,
     FollowPath,
@@ -34,6 +35,7 @@ from executive.reports import Identity
 from executive.settings import AuthoritySettings, LinkLoss, Settings, structure
 from executive.state import CommandEnded, ForeignPublishers, Odometry, Stopped
 from executive.zones import KnownRock, Zones
+from tests.core.test_pose_uncertainty import jump
 from tests.explanation.case import JACKAL, Case
 from tests.support.kinematic import Bench
 from tests.support.plans import AHEAD, plan
@@ -45,6 +47,22 @@ def _send(request: Request, number: int = 1, **options: Any) -> Callable[[Bench]
 
 def _refused(reason: Reason, request: Request, said: str = "", **options: Any) -> Case:
     return Case(f"refused {reason.name}", _send(request, 1, **options), "MOE:1", reason, said)
+
+
+def _after_a_jump(bench: Bench) -> None:
+    bench.run(1.0)
+    jump(bench, x_m=0.5)
+    bench.submit(MoveTo(Waypoint(1.0, 0.0)), 1)
+
+
+def _confirmed_in_part(bench: Bench) -> None:
+    """Of what became certain again, the cause is not told."""
+    bench.run(1.0)
+    jump(bench, x_m=0.5)
+    for number, left_m in ((2, 0.0), (3, 0.4)):
+        bench.submit(ConfirmPose(left_m, 0.0), number)
+        bench.run(0.2)
+    bench.submit(MoveTo(Waypoint(1.0, 0.0)), 1)
 
 
 def _old(bench: Bench) -> None:
@@ -356,6 +374,21 @@ CASES: Final = (
         Reason.PATH_BLOCKED,
         "boulder",
         _ROCK,
+    ),
+    Case(
+        "refused POSE_UNCERTAIN",
+        _after_a_jump,
+        "MOE:1",
+        Reason.POSE_UNCERTAIN,
+        "alarm: odometry jumped by 0.50 m",
+    ),
+    Case("now: uncertain", _after_a_jump, None, Reason.POSE_UNCERTAIN, "or confirm it by"),
+    Case(
+        "refused POSE_UNCERTAIN since confirmed",
+        _confirmed_in_part,
+        "MOE:1",
+        Reason.POSE_UNCERTAIN,
+        "MOE asked for confirmPose",
     ),
     Case("refused BATTERY_SHORT", _short, "MOE:1", Reason.BATTERY_SHORT),
     Case(
