@@ -6,7 +6,7 @@ from pathlib import Path
 from executive.faults import DECLARED, FIGURES, Bound, Clears, Declaration, Row, Then
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
-TITLE = "| fault | reason | what is wrong | watched | shows | then |"
+TITLE = "| fault | reason | what is wrong | watched | shows | then | pose uncertain by |"
 
 
 def faults_page() -> str:
@@ -18,13 +18,14 @@ def faults_page() -> str:
 
 def _rows() -> Iterator[str]:
     yield TITLE
-    yield "|---|---|---|---|---|---|"
+    yield "|---|---|---|---|---|---|---|"
     for declared in DECLARED.values():
         row = declared.row
         reason = f"{declared.reason.value} {declared.reason.name}"
         then = _then(row)
         cells = (f"`{declared.name}`", reason, declared.summary, row.when.value)
-        yield f"| {' | '.join((*cells, _shows(declared), then))} |"
+        disproves = declared.disproves.value if declared.disproves else ""
+        yield f"| {' | '.join((*cells, _shows(declared), then, disproves))} |"
 
 
 def _then(row: Row) -> str:
