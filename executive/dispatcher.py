@@ -50,6 +50,7 @@ from executive.goals import Context
 from executive.motion import Arbiter
 from executive.notifications import Notifications
 from executive.plans import Planner, PlanNode
+from executive.pose_keeper import PoseKeeper
 from executive.preview import Predictions
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import (
@@ -62,7 +63,7 @@ from executive.record import (
     digest,
 )
 from executive.reports import Identity, Severity, Stage, printable
-from executive.safety import HOLDING, Fault, PoseMonitor
+from executive.safety import HOLDING, Fault
 from executive.settings import LinkLossAction, LocomotionKind
 from executive.state import CommandEnded, Stopped, Telemetry, Uncertainty
 
@@ -96,7 +97,7 @@ class Dispatcher:
         planner: Planner,
         authority: Authority,
         predictions: Predictions,
-        pose: PoseMonitor,
+        pose: PoseKeeper,
     ) -> None:
         self._pose = pose
         self._authority = authority

@@ -26,6 +26,7 @@ from executive.motion import Arbiter, SharedSolver, make_locomotion
 from executive.notifications import Notifications
 from executive.plans import PlanHost, Planner, check_plan
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
+from executive.pose_keeper import PoseKeeper
 from executive.preview import Predictions, PreviewRun
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import (
@@ -34,12 +35,11 @@ from executive.record import (
     Ledger,
     LedgerError,
     PlanStore,
-    PoseRecord,
     Retention,
     StopLatch,
 )
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
-from executive.safety import Moved, PoseMonitor, Safety, StoredPose, unmonitored
+from executive.safety import Moved, Safety, unmonitored
 from executive.settings import LinkLossAction, Settings
 from executive.state import (
     AuthorityUsed,
@@ -53,7 +53,6 @@ from executive.state import (
     Status,
     Stopped,
     Telemetry,
-    Uncertainty,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -64,10 +63,6 @@ _DONE: Final = {
     LinkLossAction.STOP: "the rover is stopped",
     LinkLossAction.RETURN: "the rover returns to where it last was",
 }
-POSE_EVENT_S: Final = 1.0
-POSE_EVENT_M: Final = 0.05
-POSE_EVENT_RAD: Final = 0.02
-"""The uncertainty of the pose is reported again at most so often, after changes of as much."""
 LONGEST_EVENT: Final = 4096
 """Characters of a text that others report by `Executive.event`; the rest is left out."""
 
@@ -166,10 +161,9 @@ class Executive:
             AuthorityRecord(ledger),
             lambda text: self._notifications.event(Severity.INFORMATIONAL, text, foreign=True),
         )
-        self._pose_record = PoseRecord(ledger)
-        stored = self._pose_record.read(StoredPose)
-        self._pose = PoseMonitor(clock, settings, self.safety.history, self.status, stored)
-        self._reported_pose, self._reported_pose_s = Uncertainty(), clock.now_s()
+        self._pose = PoseKeeper(
+            clock, settings, self.safety, self.status, ledger, self._notifications
+        )
         self._dispatcher = Dispatcher(
             self._context,
             self._arbiter,
@@ -517,26 +511,6 @@ class Executive:
         for fault in changes.over:
             self._dispatcher.end_fault(fault)
         self._pose.update(self.safety.active)
-        self._report_pose()
-
-    def _report_pose(self) -> None:
-        """Report how uncertain the pose is, where that has changed."""
-        now, last, now_s = self.status.uncertainty, self._reported_pose, self._context.clock.now_s()
-        changed = (
-            bool(now) is not bool(last)
-            or abs(now.position_m - last.position_m) > POSE_EVENT_M
-            or abs(now.heading_rad - last.heading_rad) > POSE_EVENT_RAD
-        )
-        if not changed or (last and now_s - self._reported_pose_s < POSE_EVENT_S):
-            return
-        self._reported_pose, self._reported_pose_s = now, now_s
-        if now:
-            text = f"the pose is uncertain by {now}, since {now.cause}"
-            self._notifications.event(Severity.WARNING, text, Reason.POSE_UNCERTAIN, now.figures)
-        else:
-            text = f"the pose is certain again, by {now.cause}"
-            over = Reason.FAULT_OVER
-            self._notifications.event(Severity.INFORMATIONAL, text, over, now.figures)
 
     def _note_command(self) -> None:
         at_least, velocity = self._arbiter.expected
@@ -582,8 +556,7 @@ class Executive:
 
     def _flush(self) -> bool:
         known = self._ledger.failing
-        if self._notifications.pending:
-            self._pose_record.write(self._pose.stored(still=not self.moving))
+        self._pose.store(still=not self.moving)
         try:
             self._notifications.flush()
         except LedgerError as error:

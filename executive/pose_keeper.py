@@ -1,0 +1,72 @@
+"""Keeps how uncertain the pose is: over restarts in the ledger, and for people in reports."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from executive.clock import Clock
+from executive.notifications import Notifications
+from executive.reasons import Reason
+from executive.record import Ledger, PoseRecord
+from executive.reports import Severity
+from executive.safety import Fault, PoseMonitor, Safety, StoredPose
+from executive.settings import Settings
+from executive.state import Status, Uncertainty
+
+EVENT_S: Final = 1.0
+EVENT_M: Final = 0.05
+EVENT_RAD: Final = 0.02
+"""The uncertainty is reported again at most so often, and after changes of as much."""
+
+
+class PoseKeeper:
+    """Watches the pose, stores what is known of it with every report, and reports changes."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        settings: Settings,
+        safety: Safety,
+        status: Status,
+        ledger: Ledger,
+        notifications: Notifications,
+    ) -> None:
+        self._clock, self._status, self._notifications = clock, status, notifications
+        self._record = PoseRecord(ledger)
+        stored = self._record.read(StoredPose)
+        self._monitor = PoseMonitor(clock, settings, safety.history, status, stored)
+        self._reported, self._reported_s = Uncertainty(), clock.now_s()
+
+    def update(self, active: Sequence[Fault]) -> None:
+        """Let the monitor look at the faults that are there, and report what has changed."""
+        self._monitor.update(active)
+        now, last, now_s = self._status.uncertainty, self._reported, self._clock.now_s()
+        changed = (
+            bool(now) is not bool(last)
+            or abs(now.position_m - last.position_m) > EVENT_M
+            or abs(now.heading_rad - last.heading_rad) > EVENT_RAD
+        )
+        if not changed or (last and now_s - self._reported_s < EVENT_S):
+            return
+        self._reported, self._reported_s = now, now_s
+        event = self._notifications.event
+        if now:
+            text = f"the pose is uncertain by {now}, since {now.cause}"
+            event(Severity.WARNING, text, Reason.POSE_UNCERTAIN, now.figures)
+        else:
+            text = f"the pose is certain again, by {now.cause}"
+            event(Severity.INFORMATIONAL, text, Reason.FAULT_OVER, now.figures)
+
+    def confirm(self, uncertainty: Uncertainty) -> None:
+        """Take the pose as it is now as wrong by so much at most, since an operator says so."""
+        self._monitor.confirm(uncertainty)
+
+    def store(self, still: bool) -> None:
+        """Write the pose with the next commit, where there are reports to be committed.
+
+        A commit of its own would make the tick wait for the disk once more.
+
+        Args:
+            still: whether the rover is to stand.
+        """
+        if self._notifications.pending:
+            self._record.write(self._monitor.stored(still))
