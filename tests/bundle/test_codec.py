@@ -3,20 +3,31 @@
 import random
 from binascii import crc32
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adapters.bundle.codec.bundle import (
+    Block,
+    BlockFlag,
+    BlockType,
     Bundle,
+    Crc,
+    Creation,
+    Flag,
+    Part,
+    Primary,
     crc16,
     crc32c,
     decode_bundle,
     decode_bundles,
+    encode_age,
     encode_bundle,
 )
 from adapters.bundle.codec.eid import (
+    NONE,
     Dtn,
     Eid,
     Ipn,
@@ -62,6 +73,85 @@ MALFORMED = {
         "7f55ff"
     ),
 }
+
+
+PRIMARY = Primary(Ipn(2, 1), Ipn(1, 1), NONE, Creation(848_000_000_000, 1), 3_600_000)
+ANONYMOUS = replace(PRIMARY, source=NONE, flags=int(Flag.MUST_NOT_FRAGMENT))
+RECORD = replace(PRIMARY, flags=int(Flag.ADMINISTRATIVE))
+UNSEALED = replace(PRIMARY, crc=Crc.NONE)
+PAYLOAD = Block(BlockType.PAYLOAD, 1, b"hello rover")
+AGE = Block(BlockType.BUNDLE_AGE, 2, encode_age(52))
+
+
+def reporting(block: Block) -> Block:
+    """Return a block that requests a report where it is not known."""
+    return replace(block, flags=int(BlockFlag.REPORT_IF_UNKNOWN))
+
+
+def integrity(*targets: int, data: bytes | None = None) -> Block:
+    """Return a BIB of these targets; its results are nobody's."""
+    count = len(targets)
+    head = bytes((0x80 | count, *targets, 1, 0)) + encode_eid(Ipn(1, 0)) + bytes((0x80 | count,))
+    result = bytes((0x81, 0x82, 1, 0x58, 48)) + bytes(48)
+    return Block(BlockType.INTEGRITY, 3, head + count * result if data is None else data)
+
+
+FORBIDDEN = {
+    "an anonymous bundle, a block requests a report": (ANONYMOUS, reporting(AGE), PAYLOAD),
+    "an anonymous bundle, its payload requests a report": (ANONYMOUS, reporting(PAYLOAD)),
+    "an administrative record, a block requests a report": (RECORD, reporting(AGE), PAYLOAD),
+    "an administrative record, its payload requests a report": (RECORD, reporting(PAYLOAD)),
+    "no CRC, the BIB signs the payload": (UNSEALED, integrity(1), PAYLOAD),
+    "no CRC, the BIB signs other blocks": (UNSEALED, AGE, integrity(2, 1), PAYLOAD),
+    "no CRC, the BIB is no security block": (UNSEALED, integrity(data=b"\x00"), PAYLOAD),
+    "no CRC, the BIB is empty": (UNSEALED, integrity(data=b""), PAYLOAD),
+    "no CRC, the BIB ends within its targets": (UNSEALED, integrity(data=b"\x82\x01"), PAYLOAD),
+    "to ipn:0.1": (replace(PRIMARY, destination=Ipn(0, 1)), PAYLOAD),
+    "to ipn:0.1 in three elements": (
+        replace(PRIMARY, destination=Ipn(0, 1, three_elements=True)),
+        PAYLOAD,
+    ),
+    "from ipn:0.7, may be fragmented": (replace(PRIMARY, source=Ipn(0, 7)), PAYLOAD),
+    "from ipn:0.7, requests reports": (
+        replace(
+            PRIMARY,
+            source=Ipn(0, 7),
+            flags=int(Flag.MUST_NOT_FRAGMENT | Flag.REPORT_DELIVERY),
+        ),
+        PAYLOAD,
+    ),
+    "from ipn:0.7, a block requests a report": (
+        replace(ANONYMOUS, source=Ipn(0, 7)),
+        reporting(PAYLOAD),
+    ),
+    "a fragment that forbids fragmentation": (
+        replace(PRIMARY, flags=int(Flag.FRAGMENT | Flag.MUST_NOT_FRAGMENT), part=Part(0, 11)),
+        PAYLOAD,
+    ),
+}
+ALLOWED = {
+    "a block of a source requests a report": (PRIMARY, reporting(AGE), PAYLOAD),
+    "no CRC, the BIB signs the primary block": (UNSEALED, integrity(0), PAYLOAD),
+    "no CRC, the BIB signs it among others": (UNSEALED, integrity(1, 0), PAYLOAD),
+    "CRC, the BIB signs the payload": (PRIMARY, integrity(1), PAYLOAD),
+    "reports to ipn:0.1": (replace(PRIMARY, report_to=Ipn(0, 1)), PAYLOAD),
+    "from ipn:0.7, not to be fragmented": (replace(ANONYMOUS, source=Ipn(0, 7)), PAYLOAD),
+    "from node 0 of another allocator": (replace(PRIMARY, source=Ipn(0, 7, 5)), PAYLOAD),
+}
+
+
+@pytest.mark.parametrize("parts", FORBIDDEN.values(), ids=FORBIDDEN)
+def test_a_bundle_that_the_standard_forbids_is_refused(parts: tuple[Primary, Block]) -> None:
+    primary, *blocks = parts
+    with pytest.raises(DecodeError):
+        decode_bundle(encode_bundle(Bundle(primary, tuple(blocks))))
+
+
+@pytest.mark.parametrize("parts", ALLOWED.values(), ids=ALLOWED)
+def test_a_bundle_that_looks_like_one_of_these_is_taken(parts: tuple[Primary, Block]) -> None:
+    primary, *blocks = parts
+    bundle = Bundle(primary, tuple(blocks))
+    assert decode_bundle(encode_bundle(bundle)) == bundle
 
 
 @pytest.mark.parametrize("octets", MALFORMED.values(), ids=MALFORMED)
@@ -165,6 +255,9 @@ def test_nodes_and_nobody() -> None:
     assert node_of(Ipn(5, 1)) == Ipn(5, 0)
     assert node_of(Dtn("//rover/mops")) == Dtn("//rover/")
     assert is_null(Ipn(0, 0))
+    assert is_null(Ipn(0, 7))
+    assert is_null(parse_eid("ipn:0.0.7"))
+    assert not is_null(Ipn(0, 7, 5))
     assert is_null(parse_eid("dtn:none"))
     assert not is_null(Ipn(1, 0))
 

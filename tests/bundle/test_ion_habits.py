@@ -21,6 +21,7 @@ from adapters.bundle.links.link import LinkContext
 from adapters.bundle.links.tcpcl import SessionStage, TcpclNeighbour, TcpclSession
 from adapters.bundle.links.tcpcl_messages import (
     AckSegment,
+    ContactFlag,
     ContactHeader,
     MessageReader,
     RefuseBundle,
@@ -93,7 +94,7 @@ class Wire(asyncio.Transport):
 class Caller:
     """A TCPCL session of node 2 with ION at the other end of it."""
 
-    def __init__(self, folder: Path, link: TcpclLink) -> None:
+    def __init__(self, folder: Path, link: TcpclLink, header: bytes = HEADER) -> None:
         self.clock = Clock()
         self.clock.utc_ms = DTN_EPOCH_UTC_MS + 848_563_950_000
         neighbour = Neighbour(Ipn(1, 0), link)
@@ -107,7 +108,7 @@ class Caller:
         self.session = TcpclSession(context, {Ipn(1, 0): self.link})
         self.wire = Wire()
         self.session.connection_made(self.wire)
-        self.session.data_received(HEADER)
+        self.session.data_received(header)
 
     def commit(self) -> None:
         self.node.transaction.commit()
@@ -211,6 +212,33 @@ async def test_what_there_is_no_room_for_is_not_acknowledged(tmp_path: Path) -> 
     caller.commit()
     assert caller.wire.said == encode_message(Shutdown())
     assert caller.session.stage is SessionStage.OVER
+
+
+@pytest.mark.parametrize("acknowledge", [True, False])
+async def test_refusal_is_requested_beside_acknowledgements_only(
+    tmp_path: Path, acknowledge: bool
+) -> None:
+    """RFC 7242, 4.1, allows the flag beside that for acknowledgements only; measured with ION."""
+    caller = Caller(tmp_path, TcpclLink(None, acknowledge=acknowledge))
+    (header,) = MessageReader(1000).feed(caller.wire.said)
+    assert isinstance(header, ContactHeader)
+    both = ContactFlag.ACKNOWLEDGE | ContactFlag.REFUSE
+    assert header.flags == (both if acknowledge else 0)
+
+
+@pytest.mark.parametrize("acknowledge", [True, False])
+@pytest.mark.parametrize("theirs", [0x1, 0x4, 0x5])
+async def test_a_bundle_is_refused_where_both_ends_acknowledge_and_understand_it(
+    tmp_path: Path, acknowledge: bool, theirs: int
+) -> None:
+    link = TcpclLink(None, acknowledge=acknowledge and bool(theirs & 1))
+    caller = Caller(tmp_path, link, encode_message(ContactHeader(theirs, 15, "ipn:1.0")))
+    caller.wire.said = b""
+    caller.node.database.full = True
+    caller.session.data_received(recorded("47794"))
+    caller.commit()
+    refusal = encode_message(RefuseBundle(2)) if acknowledge and theirs == 0x5 else b""
+    assert caller.wire.said == refusal + encode_message(Shutdown())
 
 
 def test_its_fragments_with_block_number_0_are_put_together(tmp_path: Path) -> None:

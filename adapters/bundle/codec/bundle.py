@@ -297,6 +297,7 @@ def is_expedited(bundle: Bundle) -> bool:
 _FRAGMENT: Final = int(Flag.FRAGMENT)
 _MUST_NOT_FRAGMENT: Final = int(Flag.MUST_NOT_FRAGMENT)
 _ADMINISTRATIVE: Final = int(Flag.ADMINISTRATIVE)
+_REPORT_IF_UNKNOWN: Final = int(BlockFlag.REPORT_IF_UNKNOWN)
 _ONCE: Final[dict[int, Callable[[bytes], object]]] = {
     BlockType.PREVIOUS_NODE: decode_eid,
     BlockType.BUNDLE_AGE: decode_age,
@@ -471,14 +472,14 @@ def _check_numbers(reader: cbor.Reader, bundle: Bundle) -> None:
 
 
 def _check(reader: cbor.Reader, bundle: Bundle) -> None:
-    """Check the rules beyond the form of the blocks (4.2.3, 4.3.1, 4.4.2)."""
+    """Check the rules beyond the form of the blocks (4.2.3, 4.2.4, 4.3.1, 4.4.2)."""
     primary, types = bundle.primary, [block.type for block in bundle.blocks]
     for block in bundle.blocks[:-1]:
         if (decode := _ONCE.get(block.type)) is not None:
             decode(block.data)
             if types.count(block.type) > 1:
                 raise reader.fail(f"block of type {block.type} comes twice")
-    if primary.crc is Crc.NONE and BlockType.INTEGRITY not in types:
+    if primary.crc is Crc.NONE and not any(map(_signs_primary, bundle.blocks)):
         raise reader.fail("primary block without CRC or integrity block")
     if not primary.creation.time_ms and BlockType.BUNDLE_AGE not in types:
         raise reader.fail("creation time 0 without bundle age")
@@ -487,9 +488,19 @@ def _check(reader: cbor.Reader, bundle: Bundle) -> None:
     anonymous = is_null(primary.source)
     if anonymous and not primary.flags & _MUST_NOT_FRAGMENT:
         raise reader.fail("an anonymous bundle has to forbid its fragmentation")
-    if (anonymous or primary.flags & _ADMINISTRATIVE) and primary.flags & REPORTS:
+    if (anonymous or primary.flags & _ADMINISTRATIVE) and (
+        primary.flags & REPORTS or any(block.flags & _REPORT_IF_UNKNOWN for block in bundle.blocks)
+    ):
         raise reader.fail("reports are asked for where they are not allowed")
     if primary.part and primary.flags & _MUST_NOT_FRAGMENT:
         raise reader.fail("a fragment of a bundle that must not be fragmented")
     if primary.part and primary.part.offset + len(bundle.payload) > primary.part.total:
         raise reader.fail("a fragment ends beyond the whole")
+
+
+def _signs_primary(block: Block) -> bool:
+    """Return whether a block is a BIB that has the primary block, 0, among its targets."""
+    if block.type != BlockType.INTEGRITY:
+        return False
+    targets = cbor.Reader(block.data)
+    return 0 in [targets.unsigned() for _ in range(targets.array())]

@@ -45,12 +45,14 @@ class Dtn:
 
 Eid = Ipn | Dtn
 NONE: Final[Eid] = Dtn()
-_NULLS: Final = (NONE, Ipn(0, 0))
 
 
 def is_null(eid: Eid) -> bool:
-    """Return whether this is the null endpoint: `dtn:none` or `ipn:0.0`."""
-    return eid in _NULLS
+    """Return whether this is the null endpoint: `dtn:none` or `ipn:0.0`.
+
+    Node 0 of the default allocator is null with any service number (RFC 9758, 3.4.1).
+    """
+    return eid == NONE if isinstance(eid, Dtn) else not (eid.node or eid.allocator)
 
 
 def node_of(eid: Eid) -> Eid:

@@ -230,16 +230,16 @@ class TcpclSession(asyncio.Protocol):
         if self.calls is None:
             self._send_contact_header(link)
         self._acknowledged = link.acknowledge
-        self._may_refuse = bool(header.flags & ContactFlag.REFUSE)
+        self._may_refuse = link.acknowledge and bool(header.flags & ContactFlag.REFUSE)
         self._keepalive_s = float(min(link.keepalive_s, header.keepalive_s))
         self.stage, self._neighbour = SessionStage.UP, neighbour
         neighbour.add_session(self)
         _LOG.info("TCPCL session with %s", peer)
 
     def _send_contact_header(self, link: TcpclLink) -> None:
-        """Send our node and what we ask of the session."""
-        flags = ContactFlag.REFUSE | (ContactFlag.ACKNOWLEDGE if link.acknowledge else 0)
-        self._send(ContactHeader(int(flags), link.keepalive_s, str(self._node.settings.node)))
+        """Send the node id and the flags; refusal needs acknowledgements (RFC 7242, 4.1)."""
+        flags = int(ContactFlag.ACKNOWLEDGE | ContactFlag.REFUSE) if link.acknowledge else 0
+        self._send(ContactHeader(flags, link.keepalive_s, str(self._node.settings.node)))
 
     def _take(self, segment: DataSegment) -> None:
         if segment.start:
