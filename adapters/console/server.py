@@ -87,15 +87,16 @@ class Server:
 async def _compressed(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Compress pages and JSON for whoever takes it; what is kept compressed is sent as it is.
 
-    A page that is only asked for if it has changed is not compressed: aiohttp would send the end of
-    a compressed body after "not modified", and the browser would take that for the next answer.
+    A page that is only asked for if it has changed is not compressed, nor the answer to a HEAD:
+    aiohttp would send the end of a compressed body where there is none, and the browser would take
+    that for the next answer.
     """
     response = await handler(request)
     is_conditional = any(name in request.headers for name in _CONDITIONS)
     is_file = isinstance(response, web.FileResponse) and not request.path.startswith("/api/")
     is_page = is_file and not is_conditional
     is_json = isinstance(response, web.Response) and response.content_type == "application/json"
-    if not response.prepared and (is_page or is_json):
+    if not response.prepared and (is_page or is_json) and request.method != "HEAD":
         response.enable_compression()
     return response
 

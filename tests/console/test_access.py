@@ -7,13 +7,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
 from aiohttp import ClientSession, TCPConnector, WSCloseCode
 
-from adapters.console.web import read_tokens
+from adapters.console.web import access, read_tokens
+from adapters.console.web.access import GUESS_S, MAX_PEERS, MAX_WAIT_S, TokenGuesses
 from adapters.mrs.terms import Terms
 from adapters.process import StartError
 from tests.console.conftest import NEEDED, Launch
@@ -107,6 +109,10 @@ async def test_requests_that_make_no_sense_are_answered_by_what_to_do(tmp_path: 
 
         assert await status("POST", "api/commands", data=b"\xff{") == 400
         assert await status("POST", "api/commands", data=b"[" * 100_000) == 400
+        for number in (b"1" * 200_000, b"1" * 400, b"-1e999", b"NaN", b"Infinity"):
+            assert await status("POST", "api/commands", data=b'{"lifetime": %b}' % number) == 400
+        match = {"If-Match": '"' + "1" * 5000 + '"'}
+        assert await status("DELETE", "api/objects/none", headers=match) == 428
         assert await status("POST", "api/commands", data=BytesIO(b"1" * 2_000_000)) == 413
         assert await status("GET", "api/nothing") == 404
         assert await status("GET", "api/tm/jackal/POS_X?size=0") == 422
@@ -150,6 +156,7 @@ async def test_what_a_page_says_wrongly_closes_its_socket_with_the_reason(tmp_pa
             "{",
             '{"op": "hello"}',
             '{"op": "hello", "console": 1}',
+            '{"op": "hello", "console": "A", "resume": {"seq": %s}}' % ("1" * 5000),
         ):
             async with browser.ws_connect(f"{address}ws") as page:
                 await page.send_str(said)
@@ -183,6 +190,118 @@ async def test_with_tokens_only_who_has_one_gets_in_under_its_name(tmp_path: Pat
             async with browser.ws_connect(f"{there}ws", headers=kept) as page:
                 await page.send_json({"op": "hello", "console": "A", "operator": "anna"})
                 assert (await page.receive_json())[0]["operator"] == "Ben the second"
+
+
+NOT_FOUND, BAD_REQUEST, FORBIDDEN, UNAUTHORIZED = b"404", b"400", b"403", b"401"
+UPGRADE = b"Upgrade: websocket\r\nConnection: upgrade\r\nSec-WebSocket-Version: 13\r\n"
+BEARER = b"Authorization: Bearer 0123456789abcdef\r\n"
+MALFORMED = [
+    (b"GET /api/dictionary", b"Authorization: Bearer \xff\xfe", UNAUTHORIZED),
+    (b"GET /api/dictionary", b"Cookie: rover_console=\xff", UNAUTHORIZED),
+    (b"GET /ws", UPGRADE + b"Cookie: rover_console=\xff", UNAUTHORIZED),
+    (b"GET /ws", UPGRADE + BEARER + b"Sec-WebSocket-Key: \xff", BAD_REQUEST),
+    (b"POST /api/stop/NOBODY", b"Authorization: Bearer \xff", UNAUTHORIZED),
+    (b"GET /api/dictionary", b"Origin: http://[", FORBIDDEN),
+    (b"GET /", b"Origin: \xff", FORBIDDEN),
+    (b"POST /api/login", b"Content-Type: application/json; charset=none", BAD_REQUEST),
+    (b"GET /" + b"a" * 300, b"X: y", NOT_FOUND),
+]
+
+
+@pytest.mark.parametrize(("line", "head", "status"), MALFORMED)
+async def test_malformed_octets_before_a_login_are_an_error_of_the_client(
+    line: bytes, head: bytes, status: bytes, tmp_path: Path
+) -> None:
+    (tmp_path / "tokens").write_text(TOKENS)
+    async with served(tmp_path, NOBODY, tokens=tmp_path / "tokens") as address:
+        said = await _answer(address, line, b"Host: localhost\r\n" + head)
+    assert said.split()[1] == status
+
+
+@pytest.mark.parametrize("host", [b"[", b"[::1", b"\xff"])
+async def test_a_malformed_host_is_no_host_of_this_computer(host: bytes, tmp_path: Path) -> None:
+    async with served(tmp_path, NOBODY) as address:
+        said = await _answer(address, b"GET /api/dictionary", b"Host: " + host)
+    assert said.split()[1] == FORBIDDEN
+
+
+async def _answer(address: str, line: bytes, head: bytes) -> bytes:
+    """Return the first line of the answer to a request that is written octet by octet."""
+    reader, writer = await asyncio.open_connection(*urlsplit(address).netloc.split(":"))
+    operator_and_length = b"X-Rover-Operator: anna\r\nContent-Length: 2\r\n"
+    writer.write(line + b" HTTP/1.1\r\n" + operator_and_length + head + b"\r\n\r\n{}")
+    said = await reader.readline()
+    writer.close()
+    await writer.wait_closed()
+    return said
+
+
+def test_guesses_wait_by_address_and_right_tokens_at_most_as_long() -> None:
+    now_s = 100.0
+    guesses = TokenGuesses(lambda: now_s)
+    waits = [guesses.wait_s("guesser", None) for _ in range(100)]
+    assert waits[:4] == [0.0, GUESS_S, 2 * GUESS_S, 3 * GUESS_S]
+    assert max(waits) == MAX_WAIT_S
+    assert guesses.wait_s("elsewhere", "anna") == 0.0
+    assert guesses.wait_s("guesser", "anna") == MAX_WAIT_S, "as late as a wrong one"
+    assert guesses.wait_s("guesser", "anna") == 0.0, "whoever has proved it is held up no more"
+    assert guesses.wait_s("guesser", "ben") == MAX_WAIT_S
+    now_s += MAX_WAIT_S
+    assert guesses.wait_s("guesser", None) == 0.0
+
+
+def test_what_is_kept_of_guesses_is_bounded() -> None:
+    guesses = TokenGuesses(lambda: 0.0)
+    for number in range(2 * MAX_PEERS):
+        guesses.wait_s(str(number), None)
+    assert guesses.wait_s(str(2 * MAX_PEERS - 1), None) == GUESS_S
+    assert guesses.wait_s("0", None) == 0.0, "the oldest is forgotten"
+
+
+async def test_wrong_tokens_are_answered_later_and_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits: list[float] = []
+
+    async def sleep(wait_s: float) -> None:
+        waits.append(wait_s)
+
+    monkeypatch.setattr(access, "asyncio", SimpleNamespace(sleep=sleep))
+    (tmp_path / "tokens").write_text(TOKENS)
+    async with served(tmp_path, NOBODY, tokens=tmp_path / "tokens") as address:
+        async with operator(address, "x", Authorization="Bearer guess") as guesser:
+            for path in ("dictionary", "authority", "dictionary"):
+                assert (await guesser.ask("GET", f"api/{path}"))[0] == 401
+            assert (await guesser.post("api/login", token="guess"))[0] == 401
+        assert [round(each, 1) for each in waits] == pytest.approx([0.5, 1.0, 1.5], abs=0.4)
+        async with operator(address, "x", Authorization="Bearer 0123456789abcdef") as anna:
+            assert (await anna.ask("GET", "api/dictionary"))[0] == 200
+            assert (await anna.ask("POST", "api/stop/NOBODY"))[0] == 404
+        async with operator(address, "x") as nameless:
+            assert (await nameless.ask("GET", "api/dictionary"))[0] == 401
+    assert len(waits) == 4, "neither who has proved a token waits nor who gives none"
+
+
+async def test_a_stop_of_no_rover_is_not_logged_as_one(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:
+        assert (await anna.ask("POST", "api/stop/NOBODY"))[0] == 404
+    assert not [each for each in caplog.messages if "stop" in each]
+
+
+async def test_the_answer_to_a_head_has_no_body(tmp_path: Path) -> None:
+    """The end of a compressed body would be taken for the next answer of the connection."""
+    async with served(tmp_path, NOBODY) as address:
+        host = urlsplit(address).netloc
+        reader, writer = await asyncio.open_connection(*host.split(":"))
+        head = f"HEAD / HTTP/1.1\r\nHost: {host}\r\nAccept-Encoding: deflate\r\n"
+        writer.write(f"{head}Connection: close\r\n\r\n".encode())
+        said, _, body = (await reader.read()).partition(b"\r\n\r\n")
+        writer.close()
+        await writer.wait_closed()
+        assert (said.split(b"\r\n")[0], body) == (b"HTTP/1.1 200 OK", b"")
 
 
 async def test_where_others_reach_it_the_start_says_what_is_needed(tmp_path: Path) -> None:

@@ -1,16 +1,20 @@
 """What a console hears of rovers: in time, late, after a loss, and after it was down itself."""
 
 import asyncio
+import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import pytest
 
-from adapters.console.rovers.rover_link import Listener, RoverLink
+from adapters.console.messages import Link
+from adapters.console.rovers.rover_link import Known, Listener, RoverLink
 from adapters.console.tasks import end
-from adapters.mrs.spec import AssetStatus
+from adapters.mrs.ground import MrsClient, Stream
+from adapters.mrs.spec import AssetInfo, AssetStatus, Notification
 from adapters.mrs.terms import CLEAR
 from executive.clock import START_UTC_S as LANDED_S
 from executive.commands import MoveForward, Stop
@@ -135,6 +139,49 @@ async def test_it_ends_also_at_the_moment_at_which_its_connection_is_lost(launch
     hung.hearing = asyncio.create_task(link.run())
     await asyncio.wait([hung.hearing], timeout=10.0)
     assert hung.hearing.cancelled()
+
+
+class Catalogue:
+    """A rover or an orbiter that has notifications 1 to 4 and 8, and a console that knows 4."""
+
+    def __init__(self) -> None:
+        self.received: list[int] = []
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *_: None
+
+    async def last_known(self, _: RoverLink) -> Known:
+        return Known(4, 4)
+
+    async def get_notifications(self, first: int, max_count: int = 0) -> tuple[Notification, ...]:
+        return tuple(
+            cast("Notification", SimpleNamespace(sequence=each, timestamp=1000 * each))
+            for each in (1, 2, 3, 4, 8)
+            if each >= first
+        )
+
+    async def on_notification(self, _: RoverLink, notification: Notification, __: float) -> None:
+        self.received.append(notification.sequence)
+
+
+@pytest.mark.parametrize(
+    ("kind", "level", "text"),
+    [
+        (Link.DIRECT, logging.WARNING, "jackal no longer has notifications 5 to 7"),
+        (Link.RELAY, logging.INFO, "jackal: the orbiter has not received notifications 5 to 7 yet"),
+    ],
+)
+async def test_what_an_orbiter_may_receive_later_is_not_reported_as_lost(
+    kind: Link, level: int, text: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    catalogue, stream = Catalogue(), Stream[Notification]()
+    link = RoverLink("maltcp://127.0.0.1:1/MRS", CLEAR, cast("Listener", catalogue))
+    link.kind, link.info = kind, cast("AssetInfo", SimpleNamespace(asset="jackal"))
+    stream.close()
+    await link._notifications(cast("MrsClient", catalogue), stream)
+    assert catalogue.received == [8]
+    assert [(each.levelno, each.getMessage()) for each in caplog.records] == [(level, text)]
 
 
 async def test_a_rover_that_restarts_is_found_again_and_what_was_missed_comes(

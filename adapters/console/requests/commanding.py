@@ -142,6 +142,7 @@ class Commanding:
             )
             status = _status(operator, posted, link, command)
             claimed = await self._claim(status)
+        _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
         self._tracker.begin(status)
         self._send(client, link, status.id, command)
         return status
@@ -159,7 +160,6 @@ class Commanding:
         Raises:
             RefusedError: it cannot be reached.
         """
-        _LOG.warning("%s stops %s", operator, asset)
         links = self._asset(asset).links
         direct = links.get(Link.DIRECT)
         by = [direct] if direct is not None and direct.state is LinkState.UP else links.values()
@@ -168,6 +168,7 @@ class Commanding:
             raise _unreachable(asset)
         link, client = found[0]
         command = client.command(Stop(), source=self._desk.source(link, operator))
+        _LOG.warning("%s stops %s: %s", operator, asset, command.identity)
         name = f"{asset}:{command.identity}"  # so others call it, too: it is not claimed first
         status = _status(operator, Posted(name, asset, STOP, {}), link, command)
         self._tracker.begin(status)
@@ -312,7 +313,6 @@ class Commanding:
 
 def _status(operator: str, posted: Posted, link: RoverLink, command: Command) -> CommandStatus:
     """Return how a command stands that is about to be sent."""
-    _LOG.info("%s %s: %s of %s", posted.asset, command.identity, posted.name, operator)
     now_s = time.time()
     return CommandStatus(
         id=posted.id,

@@ -74,7 +74,7 @@ class Export:
 
     def routes(self) -> list[web.RouteDef]:
         """Return where it is answered."""
-        return [web.get("/api/export", self._export)]
+        return [web.get("/api/export", self._export, allow_head=False)]
 
     async def _export(self, request: web.Request) -> web.StreamResponse:
         form = one_of(Form, "fmt", request.query.get("fmt", Form.CSV.value))

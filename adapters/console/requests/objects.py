@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -26,6 +27,7 @@ from adapters.console.web import OPERATOR, answer, body_of, refused
 
 LONGEST_KEY: Final = 256
 MOST_VALUE: Final = 512 * 1024
+_REVISION: Final = re.compile(r"[0-9]{1,18}")
 
 
 class Objects:
@@ -121,7 +123,7 @@ class Objects:
 
 def _if_match(request: web.Request) -> int:
     given = request.headers.get("If-Match", "").strip('"')
-    if not given.isdecimal():
+    if not _REVISION.fullmatch(given):
         text = (
             'the header If-Match: "REVISION" is needed, which is the one that is changed; for a'
             " new object If-None-Match: *"

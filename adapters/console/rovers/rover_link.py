@@ -199,9 +199,12 @@ class RoverLink:
                 tasks.create_task(self._ask_directory(client))
 
     async def _notifications(self, client: MrsClient, stream: Stream[Notification]) -> None:
-        missed, anew = await _missed(client, await self._listener.last_known(self))
+        known = await self._listener.last_known(self)
+        missed, anew = await _missed(client, known)
         if anew:
             self._listener.on_new_ledger(self)
+        elif known is not None and missed and missed[0].sequence > known.sequence + 1:
+            self._warn_of_gap(known.sequence + 1, missed[0].sequence - 1)
         for notification in missed:
             await self._notification(notification)
         seen = {notification.sequence for notification in missed}
@@ -209,6 +212,14 @@ class RoverLink:
             if notification.sequence not in seen:
                 await self._notification(notification)
             seen.discard(notification.sequence)
+
+    def _warn_of_gap(self, first: int, last: int) -> None:
+        """Log which notifications are missing: a rover pruned them, an orbiter may get them yet."""
+        if self.kind is Link.RELAY:
+            text = "%s: the orbiter has not received notifications %d to %d yet"
+            _LOG.info(text, self.asset, first, last)
+        else:
+            _LOG.warning("%s no longer has notifications %d to %d", self.asset, first, last)
 
     async def _notification(self, notification: Notification) -> None:
         await self._listener.on_notification(self, notification, self._heard())
@@ -301,9 +312,6 @@ async def _missed(client: MrsClient, known: Known | None) -> tuple[list[Notifica
     found = [notification for page in pages for notification in page]
     if known is not None and not anew:
         found = [each for each in found if each.sequence > known.sequence]
-        if found and found[0].sequence > known.sequence + 1:
-            gone = (known.sequence + 1, found[0].sequence - 1)
-            _LOG.warning("%s has notifications %d to %d no more", client.source, *gone)
     return found, anew
 
 

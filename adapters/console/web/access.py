@@ -5,12 +5,14 @@ for a host that is served here and, if they have an Origin, from it; what change
 a header that a page of another site cannot send.
 """
 
+import asyncio
 import hmac
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 from urllib.parse import unquote, urlsplit
 
 from aiohttp import web
@@ -24,6 +26,10 @@ OPERATOR_HEADER: Final = "X-Rover-Operator"
 COOKIE: Final = "rover_console"
 SHORTEST_TOKEN: Final = 16
 DEFAULT_OPERATOR: Final = "MOE"
+GUESS_S: Final = 0.5
+"""Time that each wrong token adds to the wait of the next one from the same address."""
+MAX_WAIT_S: Final = 5.0
+MAX_PEERS: Final = 1000
 _READING: Final = {"GET", "HEAD"}
 _POLICY: Final = (
     "default-src 'self'; script-src 'self'{scripts}; style-src 'self' 'unsafe-inline';"
@@ -33,6 +39,9 @@ _POLICY: Final = (
 _POLICY_HEADER: Final = "Content-Security-Policy"
 
 OPERATOR: Final = web.RequestKey("operator", str)
+
+K = TypeVar("K")
+V = TypeVar("V")
 
 
 def read_tokens(path: Path) -> dict[str, str]:
@@ -64,6 +73,47 @@ def read_tokens(path: Path) -> dict[str, str]:
     return tokens
 
 
+class TokenGuesses:
+    """Slows down whoever guesses tokens, by address, and never by more than `MAX_WAIT_S`.
+
+    A right token waits as long as a wrong one, so that an answer that is late says nothing. It
+    does not wait once it was right from the same address: guesses hold up no operator, and no stop.
+
+    Args:
+        now_s: a monotonic clock, in seconds.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
+        self._until_s: dict[str, float] = {}
+        self._proven: dict[tuple[str, str], None] = {}
+
+    def wait_s(self, peer: str, name: str | None) -> float:
+        """Return how long the answer to a token waits, in seconds.
+
+        Args:
+            peer: address that it comes from.
+            name: operator whose token it is; None for nobody's.
+        """
+        if name is not None and (peer, name) in self._proven:
+            return 0.0
+        now_s = self._now_s()
+        left_s = max(0.0, self._until_s.pop(peer, now_s) - now_s)
+        if name is None or left_s > 0.0:
+            more_s = GUESS_S if name is None else 0.0
+            _put(self._until_s, peer, now_s + min(left_s + more_s, MAX_WAIT_S))
+        if name is not None:
+            _put(self._proven, (peer, name), None)
+        return left_s
+
+
+def _put(bounded: dict[K, V], key: K, value: V) -> None:
+    """Put the newest into a dictionary, whose oldest goes."""
+    if len(bounded) >= MAX_PEERS:
+        del bounded[next(iter(bounded))]
+    bounded[key] = value
+
+
 class Access:
     """Lets requests in, and says whose they are.
 
@@ -75,6 +125,7 @@ class Access:
     def __init__(self, tokens: Mapping[str, str] | None, secure: bool) -> None:
         self._tokens = tokens
         self._secure = secure
+        self._guesses = TokenGuesses()
 
     @property
     def named(self) -> bool:
@@ -86,7 +137,7 @@ class Access:
         """Refuse what comes from elsewhere or without a token; note the operator."""
         self._require_own_origin(request)
         if request.path.startswith(("/api/", "/ws")) and request.path != "/api/login":
-            request[OPERATOR] = self._operator(request)
+            request[OPERATOR] = await self._operator(request)
         response = await handler(request)
         if not response.prepared:
             response.headers.setdefault(_POLICY_HEADER, _POLICY.format(scripts=""))
@@ -102,7 +153,7 @@ class Access:
     async def login(self, request: web.Request) -> web.Response:
         """Take a token, and let the browser keep it where no script can read it."""
         token = text_of(await body_of(request), "token")
-        name = self._named(token)
+        name = await self._named(request, token)
         if name is None:
             raise refused(HTTPStatus.UNAUTHORIZED, "this token is nobody's")
         response = answer({"operator": name})
@@ -111,7 +162,7 @@ class Access:
         )
         return response
 
-    def _operator(self, request: web.Request) -> str:
+    async def _operator(self, request: web.Request) -> str:
         header = request.headers.get(OPERATOR_HEADER)
         claimed = None if header is None else unquote(header)
         if request.method not in _READING and claimed is None:
@@ -126,33 +177,41 @@ class Access:
             return name
         scheme, _, token = request.headers.get("Authorization", "").partition(" ")
         given = token if scheme == "Bearer" else request.cookies.get(COOKIE, "")
-        proven = self._named(given)
+        proven = await self._named(request, given)
         if proven is None:
             text = "a token is needed: log in, or send `Authorization: Bearer TOKEN`"
             raise refused(HTTPStatus.UNAUTHORIZED, text)
         return proven
 
-    def _named(self, token: str) -> str | None:
+    async def _named(self, request: web.Request, token: str) -> str | None:
+        """Return whose token this is, after the wait of its sender."""
         found = None
         for known, name in (self._tokens or {}).items():
-            if hmac.compare_digest(known.encode(), token.encode()):
+            if hmac.compare_digest(known.encode(), token.encode(errors="surrogatepass")):
                 found = name
+        if token and self._tokens and (wait_s := self._guesses.wait_s(request.remote or "", found)):
+            await asyncio.sleep(wait_s)
         return found
 
     def _require_own_origin(self, request: web.Request) -> None:
         origin = request.headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc != request.host:
+        if origin is not None and _netloc(origin) != request.host:
             raise refused(HTTPStatus.FORBIDDEN, f"pages of {origin[:100]} may not ask here")
         # A name that leads here by a foreign name server would be an origin of its own.
         if self._tokens is None and not _is_local(request.host):
             raise refused(HTTPStatus.FORBIDDEN, "ask by 127.0.0.1 or localhost")
 
 
-def _is_local(host: str) -> bool:
-    name = urlsplit(f"//{host}").hostname or ""
-    if name == "localhost":
-        return True
+def _netloc(url: str) -> str | None:
     try:
-        return ip_address(name).is_loopback
+        return urlsplit(url).netloc
+    except ValueError:  # such as http://[
+        return None
+
+
+def _is_local(host: str) -> bool:
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+        return name == "localhost" or ip_address(name).is_loopback
     except ValueError:
         return False

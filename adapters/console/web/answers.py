@@ -4,8 +4,8 @@ import json
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from enum import Enum
+from errno import ENAMETOOLONG
 from http import HTTPStatus
-from json import JSONDecodeError
 from math import isfinite, nan
 from typing import Any, Final, TypeVar
 
@@ -85,6 +85,10 @@ async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse
     except SQLAlchemyError as error:
         text = f"the archive cannot be used now: {cause_of(error)}"
         return answer({"error": text}, HTTPStatus.SERVICE_UNAVAILABLE)
+    except OSError as error:
+        if error.errno != ENAMETOOLONG:
+            raise
+        raise web.HTTPNotFound from error  # a path that no file can have
     except web.HTTPException as error:
         if error.status < HTTPStatus.BAD_REQUEST or not request.path.startswith("/api/"):
             raise
@@ -98,12 +102,33 @@ async def body_of(request: web.Request) -> dict[str, Any]:
         RefusedError: it carries none.
     """
     try:
-        body = await request.json()
-    except (JSONDecodeError, UnicodeDecodeError, RecursionError):
+        body = await request.json(loads=read_json)
+    except (ValueError, LookupError, RecursionError):  # no JSON, or no encoding of that name
         body = None
     if not isinstance(body, dict):
-        raise refused(HTTPStatus.BAD_REQUEST, "the body is to be a JSON object")
+        raise refused(HTTPStatus.BAD_REQUEST, "the body is to be a JSON object of finite numbers")
     return body
+
+
+def read_json(text: str) -> Any:
+    """Return the value of a JSON text.
+
+    Raises:
+        ValueError: it is none, or has a number that no float can hold, as NaN or 200,000 digits.
+        RecursionError: it is too deep.
+    """
+    return json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
+
+
+def _finite(text: str) -> float:
+    if not isfinite(number := float(text)):
+        raise ValueError(f"{text[:32]} is not finite")
+    return number
+
+
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)
 
 
 def text_of(body: dict[str, Any], name: str, longest: int = 256) -> str:

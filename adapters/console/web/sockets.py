@@ -3,13 +3,13 @@
 import asyncio
 from contextlib import suppress
 from dataclasses import dataclass
-from json import JSONDecodeError, loads
 from typing import Any, Final
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from adapters.console.messages import encode
 from adapters.console.web.access import OPERATOR, Access
+from adapters.console.web.answers import read_json
 from adapters.console.web.hub import Hub, Page
 from executive.commands.intake import is_source
 
@@ -51,7 +51,10 @@ class Sockets:
         socket = web.WebSocketResponse(
             heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_MESSAGE
         )
-        await socket.prepare(request)
+        try:
+            await socket.prepare(request)
+        except ValueError as error:  # Sec-WebSocket-Key is not ASCII
+            raise web.HTTPBadRequest from error
         self._open.add(socket)
         page = sending = None
         try:
@@ -99,8 +102,8 @@ async def _receive(socket: web.WebSocketResponse, within_s: float | None = None)
     if message.type is not WSMsgType.TEXT:
         raise ConnectionError
     try:
-        said = loads(message.data)
-    except (JSONDecodeError, RecursionError) as error:
+        said = read_json(message.data)
+    except (ValueError, RecursionError) as error:
         raise _NoSenseError("no JSON") from error
     if not isinstance(said, dict):
         raise _NoSenseError("an object is needed")
