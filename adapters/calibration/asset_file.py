@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import yaml
 
-from executive.settings import SettingsError
+from executive.settings import SettingsError, parse_yaml
 
 Tree = dict[str, "float | Tree"]
 
@@ -29,6 +29,7 @@ def with_figures(text: str, figures: Mapping[str, float]) -> str:
     Raises:
         SettingsError: it is no YAML of an asset, or has something else in the place of a figure.
     """
+    parse_yaml(text, "the asset's file")
     root = yaml.compose(text)
     if not isinstance(root, yaml.MappingNode):
         raise SettingsError("is no YAML of an asset")

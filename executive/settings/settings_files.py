@@ -21,6 +21,10 @@ T = TypeVar("T")
 HIGHEST_FIGURE: Final = 1e10
 """Of settings: three hundred years in seconds."""
 
+MAX_YAML_NODES: Final = 100_000
+"""Nodes of a YAML text with its aliases expanded; files of the product have at most 500."""
+MAX_YAML_DEPTH: Final = 50
+
 _MERGE: Final = "tag:yaml.org,2002:merge"
 
 
@@ -123,14 +127,49 @@ def parse_yaml(text: str, origin: str) -> object:
     """Return what a YAML text holds; the origin is for the error.
 
     Raises:
-        SettingsError: it is no YAML.
+        SettingsError: it is no YAML, nested too deeply, or too large with its aliases expanded.
     """
     try:
-        return yaml.load(text, Loader=_Loader)
-    except RecursionError as error:
-        raise SettingsError(f"{origin}: is nested too deeply") from error
+        fault = _oversize(text)
+        read = None if fault else yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or key may be none
         raise _not_yaml(origin, error) from error
+    if fault:
+        raise SettingsError(f"{origin}: {fault}")
+    return read
+
+
+def _oversize(text: str) -> str | None:
+    """Return why a YAML text is too large to be loaded and walked, or None.
+
+    Loading shares what an alias repeats, but whoever walks the data meets it each time: nine
+    aliases of nine aliases and so on, 29 deep, are a file of some kilobytes that nobody reads to
+    its end. The sizes are added up without expanding anything.
+    """
+    sizes: dict[str, int] = {}
+    open_nodes: list[tuple[str | None, int]] = [(None, 0)]
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        match event:
+            case yaml.CollectionStartEvent():
+                open_nodes.append((event.anchor, 1))
+                if len(open_nodes) > MAX_YAML_DEPTH:
+                    return f"is nested too deeply, {MAX_YAML_DEPTH} levels are allowed"
+                continue
+            case yaml.CollectionEndEvent():
+                anchor, size = open_nodes.pop()
+            case yaml.AliasEvent():
+                anchor, size = None, sizes.get(event.anchor or "", 1)
+            case yaml.ScalarEvent():
+                anchor, size = event.anchor, 1
+            case _:
+                continue
+        if anchor is not None:
+            sizes[anchor] = size
+        outer, outer_size = open_nodes[-1]
+        open_nodes[-1] = (outer, outer_size + size)
+        if outer_size + size > MAX_YAML_NODES:
+            return f"has more than {MAX_YAML_NODES} nodes, its aliases expanded"
+    return None
 
 
 def _not_yaml(origin: str, error: Exception) -> SettingsError:
