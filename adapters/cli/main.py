@@ -5,8 +5,6 @@ when it is called: `rover --help` reads the first lines of their docstrings from
 """
 
 import ast
-import os
-import sys
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,12 +13,11 @@ from typing import Any, Final
 import click
 from click.shell_completion import get_completion_class
 
-from adapters.process import missing_package
+from adapters.process import DISK_FULL, guard_output, missing_package
 
 GROUP: Final = "rover.commands"
 UNREACHABLE: Final = 3
 INTERRUPTED: Final = 130
-UNREAD: Final = 141
 
 
 class Commands(click.Group):
@@ -50,13 +47,15 @@ class Commands(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl([(name, _first_line(entry, limit)) for name, entry in found])
 
+    def main(self, *arguments: Any, **options: Any) -> Any:
+        """Run the command line."""
+        guard_output()
+        return super().main(*arguments, **options)
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a lost or absent connection and Ctrl-C get exit codes of their own."""
         try:
             return super().invoke(ctx)
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            ctx.exit(UNREAD)
         except ModuleNotFoundError as error:
             text = missing_package(error)
             if text is None:
@@ -67,6 +66,11 @@ class Commands(click.Group):
 
             click.echo(f"Error: cannot reach the rover: {printable(str(error))}", err=True)
             ctx.exit(UNREACHABLE)
+        except OSError as error:
+            if error.errno not in DISK_FULL:
+                raise
+            where = f"{error.filename}: " if error.filename else ""
+            raise click.ClickException(f"{where}cannot be written: {error.strerror}") from error
         except (KeyboardInterrupt, click.Abort):
             click.echo("Interrupted.", err=True)
             ctx.exit(INTERRUPTED)

@@ -1,7 +1,7 @@
 """One way to be a process: its command line, its log, its start errors and its exit status.
 
-Exit status: 0 ended by a signal, 1 cannot start or go on, 2 the command line or a settings file
-makes no sense.
+Exit status: 0 ended by a signal, 1 cannot start, go on or write its output, 2 the command line or a
+settings file makes no sense, 141 nobody reads its output.
 """
 
 import sys
@@ -12,6 +12,7 @@ from typing import Any, Final, TypeVar
 import click
 
 from adapters.process.log import log_to_stderr
+from adapters.process.output import guard_output
 from adapters.process.start import missing_package
 
 SWITCH_S: Final = 0.001
@@ -36,6 +37,7 @@ class ProcessCommand(click.Command):
 
     def main(self, *arguments: Any, **options: Any) -> Any:
         """Run it under its own name, also as `python -m`."""
+        guard_output()
         return super().main(*arguments, **{"prog_name": self.name, **options})
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -1,5 +1,7 @@
 """The `rover` command itself: lazy, and with exit codes that mean something."""
 
+import errno
+import os
 import re
 import subprocess
 import sys
@@ -55,13 +57,16 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
         (click.UsageError("no such file"), 2),
         (ConnectionRefusedError("127.0.0.1:4001"), 3),
         (TimeoutError("no answer in 5 s"), 3),
+        (BrokenPipeError("127.0.0.1:4001"), 3),
+        (OSError(errno.ENOSPC, "No space left on device", "run.mcap"), 1),
         (KeyboardInterrupt(), 130),
     ],
 )
 def test_exit_code_tells_how_it_ended(run: Run, error: BaseException, code: int) -> None:
     result = run(error)
     assert result.exit_code == code
-    assert str(error) in result.output
+    said = error.strerror if isinstance(error, OSError) else None
+    assert (said or str(error)) in result.output
     assert "Traceback" not in result.output
 
 
@@ -100,20 +105,84 @@ def test_prints_the_completion_script(shell: str) -> None:
     assert "_ROVER_COMPLETE" in result.output
 
 
-def test_who_reads_no_more_ends_it_quietly() -> None:
-    program = "from adapters.cli.main import main; main(['mal', 'check', 'tests/mal/vectors.json'])"
-    with subprocess.Popen(
-        [sys.executable, "-c", program],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=CHECKOUT,
-    ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.close()
-        said = process.stderr.read()
-    assert (process.returncode, said) == (141, "")
+PROCESS = """
+from adapters.process import process
+@process('rover-x', ros=False)
+def main():
+    print('x')
+main()
+"""
+PROGRAMS = {
+    "help": "from adapters.cli.main import main; main(['--help'])",
+    "click": "from adapters.cli.main import main; main(['mal', 'check', 'tests/mal/vectors.json'])",
+    "rich": "from adapters.cli.main import main; main(['scenario', '{scenario}'])",
+    "process": PROCESS,
+}
+SCENARIO = """
+title: A title with the signs ± → ✓ and ü
+lasts: 1
+timeline: [{at: 0.1, command: stop, label: halt}]
+expect:
+  - {command: halt, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED]}
+  - {pose: {x: 0, y: 0, heading: 0}, tolerance: 0.05, after: halt EXECUTED}
+"""
+
+
+@pytest.fixture(params=list(PROGRAMS))
+def program(request: pytest.FixtureRequest, tmp_path: Path) -> list[str]:
+    """Return a command line that prints by click, by rich, or by itself."""
+    return _program(PROGRAMS[request.param], tmp_path)
+
+
+def _program(text: str, folder: Path) -> list[str]:
+    path = folder / "signs.yaml"
+    path.write_text(SCENARIO, encoding="utf-8")
+    return [sys.executable, "-c", text.replace("{scenario}", str(path))]
+
+
+def test_who_reads_no_more_ends_it_quietly(program: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "wb") as closed:
+        ended = subprocess.run(program, stdout=closed, stderr=subprocess.PIPE, cwd=CHECKOUT)
+    assert (ended.returncode, ended.stderr.decode()) == (141, "")
+
+
+def test_a_full_disk_is_one_line(program: list[str]) -> None:
+    with open("/dev/full", "wb") as full:
+        ended = subprocess.run(program, stdout=full, stderr=subprocess.PIPE, cwd=CHECKOUT)
+    said = "Error: output cannot be written: No space left on device\n"
+    assert (ended.returncode, ended.stderr.decode()) == (1, said)
+
+
+def test_a_closed_output_is_none(program: list[str]) -> None:
+    shell = ["sh", "-c", 'exec "$@" >&-', "sh", *program]
+    ended = subprocess.run(shell, stderr=subprocess.PIPE, cwd=CHECKOUT)
+    assert (ended.returncode, ended.stderr.decode()) == (0, "")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "iso-8859-1"])
+@pytest.mark.parametrize("arguments", [["scenario", "{scenario}"], ["tree"]], ids=str)
+def test_a_terminal_without_utf_8_is_written_to(
+    arguments: list[str], encoding: str, tmp_path: Path
+) -> None:
+    program = _program(f"from adapters.cli.main import main; main({arguments})", tmp_path)
+    variables = {**os.environ, "PYTHONIOENCODING": encoding}
+    ended = subprocess.run(program, capture_output=True, cwd=CHECKOUT, env=variables)
+    assert (ended.returncode, ended.stderr.decode()) == (0, "")
+    assert ended.stdout
+
+
+def test_each_sign_of_the_product_is_spelled_where_it_is_lacking() -> None:
+    sources = (
+        path.read_text(encoding="utf-8")
+        for package in ("executive", "trees", "adapters", "sim")
+        for path in (CHECKOUT / package).rglob("*.py")
+    )
+    signs = {sign for text in sources for sign in text if not sign.isascii()}
+    assert {"±", "°", "✓", "│"} <= signs
+    spelled = {sign: sign.encode("ascii", "rover.plain").decode() for sign in signs}
+    assert {sign for sign, text in spelled.items() if text == "?"} == {"⁶"}, "of a comment"
 
 
 def test_every_attack_is_a_benchmark_and_runs_in_full_as_that_does() -> None:

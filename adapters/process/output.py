@@ -1,0 +1,69 @@
+"""Standard output of a program: nobody reads it, the disk is full, the terminal has no UTF-8."""
+
+import codecs
+import errno
+import io
+import os
+import sys
+from threading import current_thread, main_thread
+from typing import Any, Final
+
+UNREAD: Final = 141
+"""Exit status where nobody reads the output any more: what a shell reports for SIGPIPE."""
+DISK_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+
+_PLAIN: Final = "rover.plain"
+_SPELLED: Final = {
+    "±": "+-", "×": "x", "−": "-", "–": "-", "…": "...", "°": "deg", "²": "2", "µ": "u", "·": ".",
+    "“": '"', "”": '"', "→": ">", "⇉": "=", "◆": "#", "◇": "o", "▸": ">", "●": "*", "✓": "+",
+    "✕": "x", "↓": "v", "↑": "^", "←": "<", "│": "|", "├": "|", "└": "`", "─": "-",
+}  # fmt: skip
+"""Signs of the product where a terminal has no UTF-8; other letters become a question mark."""
+
+
+def guard_output() -> None:
+    """Have standard output end the program by an exit status, and never by a traceback.
+
+    Whatever prints, by click, rich or itself, gets SystemExit where its output cannot be written:
+    rich would exit with 1 for a closed pipe, and click says nothing of a full disk. What is printed
+    after that is discarded. Signs that the terminal's encoding lacks are spelled in ASCII.
+    """
+    stdout = sys.stdout
+    if stdout is None:  # closed by whoever started it
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    elif stdout is sys.__stdout__ and isinstance(stdout, io.TextIOWrapper):
+        raw = io.BufferedWriter(_Output(stdout.fileno(), "w", closefd=False))
+        buffered = stdout.line_buffering or stdout.write_through
+        sys.stdout = io.TextIOWrapper(raw, stdout.encoding, _PLAIN, line_buffering=buffered)
+
+
+class _Output(io.FileIO):
+    """Standard output; it fails once, and in the main thread, whose exit ends the program."""
+
+    _lost = False
+
+    def write(self, octets: Any, /) -> int:
+        """Write octets.
+
+        Raises:
+            SystemExit: they cannot be written; with `UNREAD`, or the reason for standard error.
+        """
+        if self._lost:
+            return memoryview(octets).nbytes
+        try:
+            return super().write(octets)
+        except OSError as error:
+            self._lost = current_thread() is main_thread()
+            if error.errno == errno.EPIPE:
+                raise SystemExit(UNREAD) from None
+            raise SystemExit(f"Error: output cannot be written: {error.strerror}") from None
+
+
+def _spell(error: UnicodeError) -> tuple[str, int]:
+    """Return ASCII for signs that an encoding lacks, as `codecs` asks for it."""
+    assert isinstance(error, UnicodeEncodeError)
+    lacking = error.object[error.start : error.end]
+    return "".join(_SPELLED.get(sign, "?") for sign in lacking), error.end
+
+
+codecs.register_error(_PLAIN, _spell)
