@@ -139,6 +139,25 @@ async def test_a_long_time_is_thinned_out_without_losing_its_extremes(engine: En
     await archive.close()
 
 
+async def test_an_outage_is_a_gap_however_long_the_time_is(engine: Engine) -> None:
+    archive = Archive(engine)
+    for second in range(20 * 3600):
+        if second < 2000 or second % 600 == 0:
+            value = None if 500 <= second <= 510 else 24.0 + second % 5
+            quality = Quality.INVALID if value is None else Quality.GOOD
+            utc = float(second)
+            archive.put(Sample("jackal", "POS_X", Link.DIRECT, utc, utc, value, quality))
+    await archive.flush()
+    for end in (600.0, 1999.0, 20 * 3600.0):
+        for size in (5, 50, 500):
+            thin = await found(archive, Strategy.MINMAX, size=size, end=end)
+            unknown = [utc for utc, value, _ in thin if value is None]
+            assert unknown
+            assert all(500.0 <= utc <= 510.0 for utc in unknown)
+            assert min(unknown) == 500.0
+    await archive.close()
+
+
 HEARD = st.lists(
     st.tuples(
         st.builds(
@@ -201,7 +220,7 @@ def test_a_long_time_is_thinned_out_the_same_in_whatever_order_it_was_heard(
 def thinned(
     samples: dict[float, float | str | None], size: int
 ) -> list[tuple[float, float | str | None]]:
-    """Return the extremes of each part, as all the samples tell them."""
+    """Return the extremes and the first gap of each part, as all the samples tell them."""
     times = sorted(samples)
     if len(times) <= 2 * size:
         return [(utc, samples[utc]) for utc in times]
@@ -211,16 +230,19 @@ def thinned(
         first_us -= first_us % (60 * 10**6)
         width_us = ((last_us - first_us) // (60 * 10**6) // size + 1) * 60 * 10**6
     parts: dict[int, list[tuple[float, float]]] = {}
+    gaps: dict[int, float] = {}
     for utc in times:
-        value = samples[utc]
+        value, part = samples[utc], (to_us(utc) - first_us) // width_us
         if isinstance(value, float):
-            parts.setdefault((to_us(utc) - first_us) // width_us, []).append((value, utc))
+            parts.setdefault(part, []).append((value, utc))
+        elif value is None:
+            gaps.setdefault(part, utc)
     extremes = {
         utc
         for part in parts.values()
         for utc in (min(part)[1], min((-value, utc) for value, utc in part)[1])
     }
-    return [(utc, samples[utc]) for utc in sorted(extremes)]
+    return [(utc, samples[utc]) for utc in sorted(extremes | set(gaps.values()))]
 
 
 def make_older(connection: Connection) -> None:

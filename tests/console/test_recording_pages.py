@@ -2,11 +2,15 @@
 
 import re
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
 
+from adapters.recording import RunFile, RunReader, decode
+from executive.recording import ToldParameters
 from tests.conftest import port_of
 from tests.console.site import LIMIT_MS, Site, Visitors, visitors
 from tests.console.test_browser import commands, picture
@@ -116,3 +120,47 @@ def test_a_recording_has_its_telemetry_and_is_closed(page: Page) -> None:
     page.get_by_role("button", name="close", exact=True).click()
     expect(page.get_by_text("No rover is connected").last).to_be_visible()
     expect(page.get_by_role("treeitem").filter(has_text="jackal@run")).to_have_count(0)
+
+
+ASKED = """
+async (sizes) => {
+  const { openmct } = window;
+  const name = `${encodeURIComponent("jackal@unknown")}~telemetry~recording~POS_X`;
+  const object = await openmct.objects.get({ namespace: "rover", key: name });
+  const time = { start: 0, end: Date.now() * 10, domain: "utc", strategy: "minmax" };
+  const request = (size) => openmct.telemetry.request(object, { ...time, size });
+  const found = await Promise.all(sizes.map(request));
+  const point = ({ utc, value }) => [utc, Number.isNaN(value) ? null : value];
+  return found.map((each) => each.map(point));
+}
+"""
+
+
+def test_an_outage_is_a_gap_of_a_plot_at_every_zoom(
+    page: Page, drive: Path, tmp_path: Path
+) -> None:
+    path, told = tmp_path / "unknown.mcap", 0
+    with closing(RunFile(path)) as file:
+        for message in RunReader(drive).messages():
+            item = decode(message.topic, message.data)
+            if isinstance(item, ToldParameters):
+                told += 1
+                if 3 <= told <= 5:
+                    values = (replace(each, value=None) for each in item.values)
+                    item = replace(item, values=tuple(values))
+            file.put(item)
+    page.get_by_label("file of a recording").set_input_files(path)
+    expect(page.get_by_label("moment")).to_be_visible()
+    for points in page.evaluate(ASKED, [1, 2, 3, 100]):
+        times, values = zip(*points, strict=True)
+        gap = values.index(None)
+        assert values.count(None) == 1
+        assert 0 < gap < len(values) - 1
+        assert times == tuple(sorted(times))
+        assert times[gap + 1] - times[gap] >= 3000
+    page.evaluate(
+        "hash => { location.hash = hash }",
+        "#/browse/rover:jackal%40unknown~telemetry~recording~POS_X",
+    )
+    page.wait_for_url(re.compile("POS_X.*tc[.]startBound"))
+    page.screenshot(path=picture("console-outage"))

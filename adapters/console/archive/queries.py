@@ -9,10 +9,16 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Any, Final
 
-from sqlalchemy import Column, Connection, Row, Select, Table, and_, func, or_, select
+from sqlalchemy import Column, Connection, Row, Select, Table, and_, func, or_, select, union_all
 
 from adapters.console.archive.archive import QUALITIES, US_PER_S
-from adapters.console.archive.rollup import MINUTE_US, candidates_of, ranked_of, samples_of
+from adapters.console.archive.rollup import (
+    MINUTE_US,
+    candidates_of,
+    gaps_of,
+    ranked_of,
+    samples_of,
+)
 from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
 from adapters.console.messages import CommandStatus, Link, decode_command
 
@@ -30,7 +36,8 @@ class Strategy(Enum):
 
     Attributes:
         LATEST: the last ones.
-        MINMAX: of each of so many equal parts of the time, the lowest and the highest.
+        MINMAX: of each of so many equal parts of the time, the lowest, the highest, and the first
+            that is not known.
     """
 
     LATEST = "latest"
@@ -82,7 +89,7 @@ def read_samples(connection: Connection, wanted: Wanted) -> str:
 
 
 def _extremes(connection: Connection, wanted: Wanted, numbers: Sequence[int]) -> Select[Any]:
-    """Return what selects the lowest and the highest sample of each part of a time.
+    """Return what selects the lowest and the highest sample of each part of a time, and a gap.
 
     Parts of a long time are whole minutes, of which the extremes are known.
     """
@@ -98,7 +105,12 @@ def _extremes(connection: Connection, wanted: Wanted, numbers: Sequence[int]) ->
         width_us = (last_us - first_us) // wanted.size + 1
         candidates = samples_of(numbers, first_us, last_us)
     ranked = ranked_of(candidates, width_us, origin_us)
-    chosen = select(ranked).where(or_(ranked.c.lowest == 1, ranked.c.highest == 1)).subquery()
+    chosen = union_all(
+        select(ranked.c.parameter, ranked.c.utc_us).where(
+            or_(ranked.c.lowest == 1, ranked.c.highest == 1)
+        ),
+        gaps_of(numbers, first_us, last_us, width_us, origin_us),
+    ).subquery()
     return (
         select(SAMPLE)
         .join(

@@ -23,7 +23,7 @@ from sqlalchemy import (
     union_all,
 )
 
-from adapters.console.archive.tables import SAMPLE, SAMPLE_MINUTE
+from adapters.console.archive.tables import SAMPLE, SAMPLE_MINUTE, UNKNOWN
 
 MINUTE_US: Final = 60_000_000
 
@@ -120,6 +120,21 @@ def samples_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[Any
     )
 
 
+def gaps_of(
+    numbers: Iterable[int], start_us: int, end_us: int, width_us: int, origin_us: int
+) -> Select[Any]:
+    """Return what selects the first sample of each part of a time of those that are not known."""
+    return (
+        select(SAMPLE.c.parameter, func.min(SAMPLE.c.utc_us).label("utc_us"))
+        .where(
+            SAMPLE.c.parameter.in_(list(numbers)),
+            SAMPLE.c.utc_us.between(start_us, end_us),
+            UNKNOWN,
+        )
+        .group_by(SAMPLE.c.parameter, _part(SAMPLE.c.utc_us, width_us, origin_us))
+    )
+
+
 def candidates_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[Any]:
     """Return what selects those samples of a time among which are its extremes.
 
@@ -155,9 +170,7 @@ def ranked_of(samples: Select[Any], width_us: int, origin_us: int = 0) -> Subque
     Of equal ones the first in time ranks first.
     """
     found = samples.subquery()
-    part: ColumnElement[int] = (found.c.utc_us - literal(origin_us, BigInteger)) // literal(
-        width_us, BigInteger
-    )
+    part = _part(found.c.utc_us, width_us, origin_us)
     within = (found.c.parameter, part)
     rank = func.row_number()
     rising = (found.c.value, found.c.utc_us)
@@ -168,3 +181,7 @@ def ranked_of(samples: Select[Any], width_us: int, origin_us: int = 0) -> Subque
         rank.over(partition_by=within, order_by=rising).label("lowest"),
         rank.over(partition_by=within, order_by=falling).label("highest"),
     ).subquery()
+
+
+def _part(utc_us: ColumnElement[int], width_us: int, origin_us: int) -> ColumnElement[int]:
+    return (utc_us - literal(origin_us, BigInteger)) // literal(width_us, BigInteger)

@@ -20,6 +20,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    and_,
 )
 
 METADATA: Final = MetaData(
@@ -54,6 +55,18 @@ SAMPLE: Final = Table(
     sqlite_with_rowid=False,
 )
 """A telemetry value: a number, or else a text; neither where it is not known."""
+
+UNKNOWN: Final = and_(SAMPLE.c.value.is_(None), SAMPLE.c.text.is_(None))
+"""Of a sample: that it is not known."""
+Index(
+    "ix_sample_unknown",
+    SAMPLE.c.parameter,
+    SAMPLE.c.utc_us,
+    SAMPLE.c.value,  # for else SQLite would rather read all samples by their key
+    SAMPLE.c.text,
+    sqlite_where=UNKNOWN,
+    postgresql_where=UNKNOWN,
+)
 
 SAMPLE_MINUTE: Final = Table(
     "sample_minute",

@@ -26,7 +26,7 @@ export function telemetry(session) {
   const datum = (sample, factor) => ({
     utc: Math.round(sample.utc * 1000),
     rx: Math.round(sample.rx * 1000),
-    value: typeof sample.value === "number" ? sample.value * factor : sample.value,
+    value: typeof sample.value === "number" ? sample.value * factor : (sample.value ?? NaN),
   });
 
   return (openmct) => {
@@ -34,9 +34,12 @@ export function telemetry(session) {
       supportsSubscribe: isOurs,
       subscribe: (object, callback) => {
         const { asset, link, key, factor } = known(object);
+        let before;
         return asset.on("sample", (sample) => {
           // What comes late is in the history; a live plot of Open MCT 4.2 would draw it as the newest.
-          if (sample.key === key && sample.link === link && sample.q === "good") callback(datum(sample, factor));
+          if (sample.key !== key || sample.link !== link || sample.q === "late") return;
+          if (isDrawn(sample, before)) callback(datum(sample, factor));
+          before = sample;
         });
       },
       supportsRequest: isOurs,
@@ -52,7 +55,7 @@ export function telemetry(session) {
         if (options.size) query.set("size", String(Math.round(options.size)));
         const path = `/api/tm/${encodeURIComponent(asset.name)}/${encodeURIComponent(key)}?${query}`;
         const { samples } = await ask(path, { signal: options.signal });
-        return samples.filter((each) => each.value !== null).map((each) => datum(each, factor));
+        return samples.filter((each, at) => isDrawn(each, samples[at - 1])).map((each) => datum(each, factor));
       },
       supportsLimits: isOurs,
       getLimitEvaluator: (object) => ({
@@ -93,6 +96,11 @@ export function telemetry(session) {
 function staleness({ asset, link, key }, session) {
   const sample = asset.values.get(key)?.get(link);
   return { isStale: !sample || session.now - sample.utc > STALE_S, timestamp: session.now * 1000 };
+}
+
+/** Whether a sample is a point of a plot: of samples that are not known only the first, where the line ends. */
+function isDrawn(sample, before) {
+  return sample.value !== null || (before !== undefined && before.value !== null);
 }
 
 /** Ask for the last values of many parameters at once: a table of Open MCT asks row by row. */
