@@ -14,7 +14,7 @@ from math import hypot, inf
 from typing import Final, NamedTuple
 
 from executive.clock import Clock
-from executive.faults import DECLARED, Disproves
+from executive.faults import Disproves
 from executive.geometry import Point, Pose, wrap_rad
 from executive.safety.channel import Channel
 from executive.safety.comparison import FIRST_HEARD_S
@@ -171,11 +171,12 @@ class PoseMonitor:
         self._cause = SECOND
         self._anchor: Anchor | None = None
         self._compared: FramePair | None = None
-        self._shown_m = 0.0
+        self._shown_m = self._slip_m = 0.0
         self._evidence_stamp_s = -inf
         self._stored = stored
         if stored is not None:
             status.uncertainty, self._confirmed = stored.uncertainty, stored.confirmed
+            self._base, self._faulty = stored.uncertainty, stored.disproved
             if status.fusion is not None:
                 status.fusion.restore(stored.correction)
             self._shown_m = stored.shown_m
@@ -192,7 +193,7 @@ class PoseMonitor:
         if self._stored is not None:
             self._compare_restart(self._stored)
         now_s, now = self._clock.now_s(), self._diverged()
-        disproved = [each for each in active if DECLARED[each.name].disproves is not None]
+        disproved = [each for each in active if each.disproves is not None]
         doubted = bool(disproved or self._status.uncertainty)
         if doubted and not self._doubted:
             self._status.forget_seen()
@@ -263,12 +264,12 @@ class PoseMonitor:
 
     def _grow_by_faults(self, faults: Sequence[Fault], now: Divergence, now_s: float) -> None:
         if not self._faulty:
-            self._base = self._status.uncertainty
+            self._base, self._slip_m = self._status.uncertainty, SLIP_M
             self._from = self._samples[0][1] if self._samples else now
-        shown = {DECLARED[each.name].disproves for each in faults}
+        shown = {each.disproves for each in faults}
         position_m, heading_rad = now.since(self._from, by_command=shown != {Disproves.SENSORS})
         if Disproves.DISTANCE in shown:
-            position_m = max(position_m, SLIP_M + now.path_m - self._from.path_m)
+            position_m = max(position_m, self._slip_m + now.path_m - self._from.path_m)
         self._shown_m = max(self._shown_m, now.since(self._from, by_command=False)[0])
         odometry = self._status.odometry
         if odometry is not None and any(each.seen_s >= now_s for each in faults):
@@ -350,7 +351,7 @@ class PoseMonitor:
 
     def _rebase(self, now: Divergence) -> None:
         """Count what the sources show from now on."""
-        self._base, self._from = self._status.uncertainty, now
+        self._base, self._from, self._slip_m = self._status.uncertainty, now, 0.0
 
     def _compare_restart(self, stored: StoredPose) -> None:
         """Compare the first odometry with the last of the process before this one.

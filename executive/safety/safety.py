@@ -10,7 +10,7 @@ from math import inf
 from typing import Final
 
 from executive.clock import Clock
-from executive.faults import DECLARED, Clears, Row, Then, When
+from executive.faults import DECLARED, Clears, Disproves, Row, Then, When
 from executive.reasons import Refusal
 from executive.reports import Severity
 from executive.safety.asset_monitors import (
@@ -171,6 +171,12 @@ class Fault:
     def severity(self) -> Severity:
         """How much it should worry the operator."""
         return Severity.ALARM if self.row.then in {Then.STOP, Then.SAFE} else Severity.WARNING
+
+    @property
+    def disproves(self) -> Disproves | None:
+        """By what the pose may be wrong; None where it may not, as by faults of no table."""
+        declared = DECLARED.get(self.name)
+        return None if declared is None else declared.disproves
 
     def __str__(self) -> str:
         return f"{self.severity.name} {self.name}: {self.refusal.text}"
