@@ -11,7 +11,8 @@ from typing import Any, Final
 from executive.settings import SettingsError, parse_yaml
 from sim.scenario.strict import FormatError, shown
 
-ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", "command", "inject")
+_TIMELINE: Final = ("command", "inject", "crash")
+ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", *_TIMELINE)
 """With what a key may begin."""
 NO_FAULT: Final = "none"
 _TIMES: Final = ("at", "after")
@@ -24,9 +25,11 @@ class Change:
 
     Attributes:
         key: of the file, dotted, such as `world.friction`, `settings.drive.travel_speed` or
-            `timeline`'s `command.LABEL.ARGUMENT`; `inject` adds a fault to the timeline.
+            `timeline`'s `command.LABEL.ARGUMENT`; `inject` adds a fault to the timeline, `crash` a
+            restart.
         value: as YAML: `0.4`, `5deg`, `[1, 2]`; for `inject`, `{odometry_frozen, at: 3}`, with
-            `for: 2` if it is to end, or `none` for no fault.
+            `for: 2` if it is to end, or `none` for no fault; for `crash`, `{at: 3, for: 1}`, or
+            `none`.
     """
 
     key: str
@@ -78,6 +81,8 @@ def _changed(
     match root:
         case "inject" if not rest:
             return _with_fault(raw, value)
+        case "crash" if not rest:
+            return _with_crash(raw, value)
         case "command" if rest:
             return _with_argument(raw, rest, value)
         case "world" if rest and isinstance(raw.get("world", "flat"), str):
@@ -132,6 +137,16 @@ def _with_fault(raw: dict[str, Any], value: object) -> dict[str, Any]:
     begins = {**{key: said[key] for key in _TIMES if key in said}, "inject": fault}
     entries = [begins] if _LASTS not in said else [begins, _end(name, said)]
     return {**raw, "timeline": [*(raw.get("timeline") or []), *entries]}
+
+
+def _with_crash(raw: dict[str, Any], value: object) -> dict[str, Any]:
+    """Return data with a crash of the executive in the timeline; unless it is none."""
+    if value in (NO_FAULT, None):
+        return raw
+    if not isinstance(value, dict) or _LASTS not in value:
+        raise ValueError("expected a time and its length, as {at: 3, for: 1}, or none")
+    entry = {("crash" if key == _LASTS else key): each for key, each in value.items()}
+    return {**raw, "timeline": [*(raw.get("timeline") or []), entry]}
 
 
 def _end(name: str, said: dict[str, Any]) -> dict[str, Any]:

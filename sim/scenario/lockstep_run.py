@@ -4,13 +4,14 @@ The ground receives everything that the rover sends, except during an eclipse.
 """
 
 import time
-from math import ceil, inf
+from math import ceil, cos, inf, sin
 from pathlib import Path
 from typing import assert_never
 from zlib import crc32
 
-from executive.commands import Command
+from executive.commands import Command, SetPositionCompensation
 from executive.commands.lifecycle import Admitted, Refused, Repeated
+from executive.geometry import wrap_rad
 from executive.reasons import Reason, Refusal
 from executive.recording import Tape
 from executive.settings import SettingsError
@@ -159,11 +160,9 @@ class _Play:
         lock, record = self._lock, self._record
         match entry:
             case model.Send() | model.Repeat():
-                label, command = self._ground.command(entry, lock.clock.utc_s())
-                answer = self._submit(command)
-                record.sendings.append(Sending(label, command.identity, lock.time_s, answer))
-                if answer is Answer.ADMITTED:
-                    record.requested.append(Requested(command.identity, command.request))
+                self._send(entry)
+            case model.Fix(fix=label):
+                self._send(model.Send(command=self._compensation(), label=label))
             case model.Ask(ask=label):
                 values = record.heard(lock.executive.parameters() if self._there else ())
                 files = tuple(lock.executive.files.paths()) if self._there else ()
@@ -184,6 +183,26 @@ class _Play:
                 self._start_s = lock.time_s + down_s
             case _:
                 assert_never(entry)
+
+    def _send(self, entry: model.Send | model.Repeat) -> None:
+        label, command = self._ground.command(entry, self._lock.clock.utc_s())
+        answer = self._submit(command)
+        self._record.sendings.append(Sending(label, command.identity, self._lock.time_s, answer))
+        if answer in (Answer.ADMITTED, Answer.REFUSED):
+            self._record.requested.append(Requested(command.identity, command.request))
+
+    def _compensation(self) -> SetPositionCompensation:
+        """Return the compensation with which the reported pose is the true one."""
+        status, true = self._lock.executive.status, self._lock.rover.true_pose
+        told, now = status.pose, status.compensation
+        turn_rad = wrap_rad(true.heading_rad - told.heading_rad)
+        x_m, y_m = now.x_m - told.x_m, now.y_m - told.y_m
+        return SetPositionCompensation(
+            true.x_m + x_m * cos(turn_rad) - y_m * sin(turn_rad),
+            true.y_m + x_m * sin(turn_rad) + y_m * cos(turn_rad),
+            true.z_m + now.z_m - told.z_m,
+            wrap_rad(now.heading_rad + turn_rad),
+        )
 
     def _fault(self, kind: type[Fault], begins: Fault | None) -> None:
         """Have a fault begin, or one of a kind end."""

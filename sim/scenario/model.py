@@ -66,6 +66,22 @@ class Send(Timed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fix(Timed):
+    """The true pose is measured, and a position compensation sent with which it is reported.
+
+    Attributes:
+        fix: label of that `setPositionCompensation`.
+    """
+
+    fix: str
+
+    @property
+    def name(self) -> str:
+        """What other entries and expectations call it."""
+        return self.fix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Repeat(Timed):
     """A command that was sent is sent once more, as it was, as a relay does that heard no answer.
 
@@ -140,7 +156,7 @@ class Eclipse(Timed):
 
 Expectation = CommandExpectation | RoverExpectation
 """How each kind is judged is its own method `judge`."""
-Entry = Send | Repeat | Ask | Fetch | Inject | Clear | Crash | Cargo | Eclipse
+Entry = Send | Fix | Repeat | Ask | Fetch | Inject | Clear | Crash | Cargo | Eclipse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,13 +2,14 @@
 
 import hashlib
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from math import degrees, inf
 from pathlib import Path
 from typing import Final
 
-from executive.commands import Mode
+from executive.commands import FollowPath, Mode, MoveTo, RotateTo, SetPositionCompensation
 from executive.reasons import Reason
 from executive.recording import Tape
 from executive.reports import Kind, Report, Severity, Stage
@@ -16,8 +17,8 @@ from executive.settings import SettingsError
 from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
-from sim.scenario.record import Finding, Record, between
-from sim.scenario.truth import true_ends, way_m, what_was_executed_is_true
+from sim.scenario.record import Finding, Record, Sending, between
+from sim.scenario.truth import reported_error, true_ends, way_m, what_was_executed_is_true
 
 DIGITS: Final = 6
 """Of seconds: stamps in UTC have no more."""
@@ -27,6 +28,8 @@ STANDING_S: Final = 0.2
 STANDING_M: Final = 0.01
 """A rover has come to rest that goes no further for so long."""
 HELD: Final = frozenset({Mode.STOPPED, Mode.SAFE})
+ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
+"""Motions to a pose in the frame of the world, which a wrong reported pose misleads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +48,11 @@ class Figures:
         executed, failed: how many commands ended so.
         false_executed: how many ended EXECUTED although that was not true, or could not be seen.
         reasons: of the last reports on commands that did not end EXECUTED, in their order.
+        false_after_fault: of `false_executed`, how many ended after a fault had been reported.
+        pose_error_m, pose_error_rad: how far the reported pose was from the true one when the
+            first absolute motion (`moveTo`, `followPath`, `rotateTo`) was sent.
+        executed_alone, executed_fixed: share of the absolute motions that ended EXECUTED, of those
+            sent before and after the first position compensation.
     """
 
     duration_s: float | None
@@ -59,6 +67,11 @@ class Figures:
     failed: int
     false_executed: int
     reasons: tuple[Reason, ...]
+    false_after_fault: int = 0
+    pose_error_m: float | None = None
+    pose_error_rad: float | None = None
+    executed_alone: float | None = None
+    executed_fixed: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,20 +190,44 @@ def figures_of(record: Record) -> Figures:
     begun_s = [record.time_of(life[0]) for life in lives if life]
     ended_s = [record.time_of(end) for end in ends]
     true = true_ends(record)
+    began_s, detection_s = _began_s(record), _detection_s(record)
+    reported_s = inf if began_s is None or detection_s is None else began_s + detection_s
+    absolute = [sent for sent in record.sendings if _asks_for(record, sent, ABSOLUTE)]
+    fixes_s = [s.time_s for s in record.sendings if _asks_for(record, s, SetPositionCompensation)]
+    fixed_s = min(fixes_s, default=inf)
+    error_m, error_rad = reported_error(record, absolute[0].time_s) if absolute else (None, None)
     return Figures(
         duration_s=round(max(ended_s) - min(begun_s), DIGITS) if ended_s else None,
         true_error_m=max((end.off_m for end in true if end.off_m is not None), default=None),
         true_error_rad=max((end.off_rad for end in true if end.off_rad is not None), default=None),
         distance_m=way_m(record.poses),
         energy_j=record.energy_j,
-        detection_s=_detection_s(record),
+        detection_s=detection_s,
         stopping_m=_stopping_m(record),
         contacts=record.contacts,
         executed=sum(end.stage is Stage.EXECUTED for end in ends),
         failed=sum(end.stage is Stage.FAILED for end in ends),
         false_executed=sum(bool(end.wrong) for end in true),
         reasons=tuple(end.reason for end in ends if end.reason is not None),
+        false_after_fault=sum(bool(end.wrong) and end.end_s >= reported_s for end in true),
+        pose_error_m=error_m,
+        pose_error_rad=error_rad,
+        executed_alone=_executed(record, [s for s in absolute if s.time_s < fixed_s]),
+        executed_fixed=_executed(record, [s for s in absolute if s.time_s >= fixed_s]),
     )
+
+
+def _asks_for(record: Record, sent: Sending, kinds: type | tuple[type, ...]) -> bool:
+    """Return whether a command was received and is of a kind."""
+    asked = (each.request for each in record.requested if each.identity == sent.identity)
+    return isinstance(next(asked, None), kinds)
+
+
+def _executed(record: Record, sent: Sequence[Sending]) -> float | None:
+    """Return which share of commands ended EXECUTED; None of none."""
+    lives = [record.life(each.label) for each in sent]
+    done = [any(report.stage is Stage.EXECUTED for report in life) for life in lives]
+    return sum(done) / len(done) if done else None
 
 
 def digest_of(record: Record) -> str:
@@ -229,6 +266,6 @@ def _detection_s(record: Record) -> float | None:
 
 def _tells_of_a_fault(report: Report) -> bool:
     if report.kind is Kind.COMMAND:
-        return report.stage is Stage.FAILED
+        return report.stage is Stage.FAILED and report.reason is not Reason.INTERRUPTED
     worrying = report.severity is not Severity.INFORMATIONAL
     return report.kind is Kind.EVENT and worrying and report.reason is not Reason.DUPLICATE

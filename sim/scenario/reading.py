@@ -252,7 +252,7 @@ def check(scenario: Scenario) -> None:
     _check_odometry(scenario)
     _check_start(scenario)
     parts = parts_of(scenario.settings) | {Part.LINK}
-    commands, questions = _labels(scenario, Send), _labels(scenario, Ask)
+    commands, questions = _labels(scenario, Send, model.Fix), _labels(scenario, Ask)
     for label in scenario.false_executed:
         if not label.startswith(SOURCE_PREFIX):
             _known(label, commands, "false_executed")
@@ -333,12 +333,12 @@ def _said(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
         yield f"expect[{index}]", expected
 
 
-def _labels(scenario: Scenario, kind: type[Send] | type[Ask]) -> set[str]:
+def _labels(scenario: Scenario, *kinds: type[Send | model.Fix | Ask]) -> set[str]:
     labels: set[str] = set()
     for index, entry in enumerate(scenario.timeline):
-        if not isinstance(entry, kind):
+        if not isinstance(entry, kinds):
             continue
-        label = entry.name if isinstance(entry, Send) else entry.ask
+        label = entry.ask if isinstance(entry, Ask) else entry.name
         if not re.fullmatch(r"\S+", label):
             raise FormatError(f"timeline[{index}]", f"{label!r} is no label: it has a space")
         if label in labels:
@@ -371,6 +371,8 @@ def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str,
     match said:
         case model.Crash() if live:
             yield "", "crash works in lock step only"
+        case model.Fix() if live:
+            yield "", "fix works in lock step only"
         case model.Inject(inject=LinkLost()) if relay:
             yield ".inject", "by the relay the link is lost by an eclipse, which is planned"
         case Send(link=str(link)) | Repeat(link=str(link)) if live and link != mode.link:

@@ -167,7 +167,7 @@ class Sending:
 
 @dataclass(frozen=True, slots=True)
 class Requested:
-    """What a command that was admitted asks for, whether the ground sent it or a plan gave it."""
+    """What a command that was received asks for, whether the ground sent it or a plan gave it."""
 
     identity: Identity
     request: Request
@@ -244,7 +244,7 @@ class Record:
         files: the folder aboard that mission control sees.
         clock: what a clock shows at a UTC whose seconds are those of the scenario.
         reports: in the order heard, repeats included.
-        requested: what each command that was admitted asks for, as far as that is known.
+        requested: what each command that was received asks for, as far as that is known.
         played: how many entries of the timeline were carried out.
         energy_j: drawn from the battery; None where the simulation does not tell.
         contacts: how often the rover began to touch a rock, a wall or a step; None likewise.

@@ -5,7 +5,7 @@ from math import inf
 
 from executive.commands import Arrival, Command
 from executive.reports import Identity
-from sim.scenario.model import Entry, Repeat, Scenario, Send
+from sim.scenario.model import Entry, Fix, Repeat, Scenario, Send
 from sim.scenario.record import ALMOST_S, Record
 
 
@@ -60,9 +60,9 @@ class Ground:
 
     def __init__(self, scenario: Scenario, link: str, speed: float = 1.0) -> None:
         self._link, self._speed = link, speed
-        sends = [entry for entry in scenario.timeline if isinstance(entry, Send)]
+        sends = [entry for entry in scenario.timeline if isinstance(entry, Send | Fix)]
         self._numbers = {
-            send.name: position if send.id is None else send.id
+            send.name: position if isinstance(send, Fix) or send.id is None else send.id
             for position, send in enumerate(sends, 1)
         }
         self._sent: dict[str, Command] = {}

@@ -1,8 +1,8 @@
 """Whether the rover truly was where a command that ended EXECUTED was to bring it.
 
-The true pose must be within `NEAR_M` and `NEAR_PER_M` of the distance driven of what was commanded,
-and within `NEAR_RAD`; after a turn on the spot, within `NEAR_M` of where it began; and no stop may
-end EXECUTED while the rover goes faster than `STANDING_MPS`.
+The true pose must be within `NEAR_M` and `NEAR_PER_M` of the way to the target of what was
+commanded, and within `NEAR_RAD`; after a turn on the spot, within `NEAR_M` of where it began; and
+no stop may end EXECUTED while the rover goes faster than `STANDING_MPS`.
 """
 
 from bisect import bisect_right
@@ -28,6 +28,7 @@ from executive.commands.intake import SOURCE_PREFIX
 from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
+from executive.state import Parameter
 from sim.scenario.record import ALMOST_S, Finding, Record, Requested, TruePose
 
 NEAR_M: Final = 0.15
@@ -50,9 +51,11 @@ class TrueEnd:
         off_m, off_rad: from the commanded pose; None where none is commanded.
         wrong: what is not as it was to be, or cannot be seen; empty if all is.
         seen: whether there are true poses of the command's time.
+        end_s: when it ended.
     """
 
     label: str
+    end_s: float
     off_m: float | None = None
     off_rad: float | None = None
     wrong: str = ""
@@ -65,13 +68,14 @@ class _Target:
 
     Attributes:
         heading_rad: None where none is asked for.
-        near_m, near_per_m: how near is near enough, at once and for each metre driven.
+        way_m: from where the rover begins.
+        near_m: how near is near enough, but for `NEAR_PER_M` of the way.
     """
 
     place: Point
     heading_rad: float | None
+    way_m: float
     near_m: float = NEAR_M
-    near_per_m: float = NEAR_PER_M
 
 
 def true_ends(record: Record) -> list[TrueEnd]:
@@ -84,7 +88,8 @@ def true_ends(record: Record) -> list[TrueEnd]:
         if identity in requests:
             ends.append(_true_end(record, identity, life, requests[identity]))
         elif identity.source.startswith(SOURCE_PREFIX):
-            ends.append(TrueEnd(str(identity), wrong="asked for what is not known", seen=False))
+            wrong, end_s = "asked for what is not known", record.time_of(life[-1])
+            ends.append(TrueEnd(str(identity), end_s, wrong=wrong, seen=False))
     return [end for end in ends if end is not None]
 
 
@@ -177,45 +182,46 @@ def _true_end(
     assert target is not None
     end = poses[last].pose
     off_m = end.point.distance_m(target.place)
-    near_m = target.near_m + target.near_per_m * way_m(poses[first : last + 1])
+    near_m = target.near_m + NEAR_PER_M * target.way_m
     wrong = [f"{off_m:.3f} m off, of {near_m:.3f} m allowed"] if off_m > near_m else []
     off_rad = None
     if target.heading_rad is not None:
         off_rad = abs(wrap_rad(end.heading_rad - target.heading_rad))
         if off_rad > NEAR_RAD:
             wrong.append(f"{degrees(off_rad):.1f}° off, of {degrees(NEAR_RAD):.1f}° allowed")
-    return TrueEnd(label, off_m, off_rad, " and ".join(wrong))
+    return TrueEnd(label, end_s, off_m, off_rad, " and ".join(wrong))
 
 
 def _target(request: Request, start: Pose) -> _Target | None:
     """Return the pose that a request asks for, of a rover that begins at a pose."""
     match request:
         case MoveTo(target):
-            return _at(target)
+            return _along((target,), start)
         case FollowPath(waypoints):
-            return _at(waypoints[-1])
+            return _along(waypoints, start)
         case MoveForward(distance_m):
-            return _Target(start.ahead(distance_m), start.heading_rad)
+            return _Target(start.ahead(distance_m), start.heading_rad, abs(distance_m))
         case RotateTo(heading_rad):
-            return _Target(start.point, heading_rad, near_per_m=0.0)
+            return _Target(start.point, heading_rad, 0.0)
         case RotateBy(angle_rad):
-            return _Target(start.point, start.heading_rad + angle_rad, near_per_m=0.0)
+            return _Target(start.point, start.heading_rad + angle_rad, 0.0)
         case DriveFor():
             return _held(request, start)
         case _:
             return None
 
 
-def _at(waypoint: Waypoint) -> _Target:
-    near_m = max(NEAR_M, waypoint.tolerance_m or 0.0)
-    return _Target(Point(waypoint.x_m, waypoint.y_m), waypoint.heading_rad, near_m)
+def _along(waypoints: Sequence[Waypoint], start: Pose) -> _Target:
+    places = [start.point, *(Point(each.x_m, each.y_m) for each in waypoints)]
+    length_m = sum(one.distance_m(other) for one, other in pairwise(places))
+    near_m = max(NEAR_M, waypoints[-1].tolerance_m or 0.0)
+    return _Target(places[-1], waypoints[-1].heading_rad, length_m, near_m)
 
 
 def _held(request: DriveFor, start: Pose) -> _Target:
     """Return where an arc of constant velocity ends."""
     _, end = arc(start, Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
-    near_per_m = NEAR_PER_M if request.travel_mps else 0.0
-    return _Target(end.point, end.heading_rad, near_per_m=near_per_m)
+    return _Target(end.point, end.heading_rad, abs(request.travel_mps) * request.duration_s)
 
 
 def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
@@ -229,7 +235,7 @@ def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
         return _unseen(label, end_s)
     speed_mps = _speed_mps(before, poses[at], after)
     wrong = f"ended at {speed_mps:.2f} m/s" if speed_mps > STANDING_MPS else ""
-    return TrueEnd(label, wrong=wrong)
+    return TrueEnd(label, end_s, wrong=wrong)
 
 
 def _speed_mps(before: TruePose, now: TruePose, after: TruePose) -> float:
@@ -253,8 +259,20 @@ def _speed_mps(before: TruePose, now: TruePose, after: TruePose) -> float:
     return 2 * (sqrt(rest_mps * (rest_mps + before_mps)) - rest_mps)
 
 
+def reported_error(record: Record, time_s: float) -> tuple[float | None, float | None]:
+    """Return how far the pose that telemetry last told was from the true one: place and heading."""
+    told = {each.parameter: each for each in record.values if each.time_s <= time_s + ALMOST_S}
+    values = [told.get(each) for each in (Parameter.POS_X, Parameter.POS_Y, Parameter.HEAD)]
+    x, y, heading = (None if each is None else each.value for each in values)
+    at = None if values[0] is None else _index(record.poses, values[0].time_s)
+    if x is None or y is None or heading is None or at is None:
+        return None, None
+    true = record.poses[at].pose
+    return true.point.distance_m(Point(x, y)), abs(wrap_rad(true.heading_rad - heading))
+
+
 def _unseen(label: str, end_s: float) -> TrueEnd:
-    return TrueEnd(label, wrong=f"ended at {end_s:.2f} s: no true pose is known", seen=False)
+    return TrueEnd(label, end_s, wrong=f"ended at {end_s:.2f} s: no true pose is known", seen=False)
 
 
 def _index(poses: Sequence[TruePose], time_s: float) -> int | None:

@@ -149,6 +149,7 @@ def test_a_shell_completes_names_and_files(begun: str, completed: list[str]) -> 
         ),
         ("timeline: [{at: 0, command: stop, link: direct}]", "'direct' works in lock step only"),
         ("timeline: [{at: 0, crash: 1}]", "crash works in lock step only"),
+        ("timeline: [{at: 0, fix: here}]", "fix works in lock step only"),
         ("timeline: [{at: 0, inject: link_lost}]", "timeline[0].inject: by the relay the link is"),
         ("expect: [{file: a, events: []}]", "expect[0].file: does not travel by the relay"),
         ("expect: [{video: 1, for: 1}]", "expect[0].video: does not travel by the relay"),
@@ -185,7 +186,7 @@ def test_octets_that_are_no_text(tmp_path: Path) -> None:
     ("typed", "blamed"),
     [
         ("gone/none.yaml", "none.yaml: cannot be read"),
-        ("moonwalk", "there is no scenario 'moonwalk'; there are: battery, camera, "),
+        ("moonwalk", "there is no scenario 'moonwalk'; there are: after_fault_moving, "),
         ("killed --live", r"timeline\[2\]: .*lock step only"),
         ("expired --speed 2", "--speed does not work"),
         ("expired --live --link relay --speed 2", "--speed does not work"),

@@ -13,7 +13,7 @@ from executive.settings import SecondOdometrySettings, Sensor, SettingsError
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
 from sim.scenario.changes import Change
-from sim.scenario.model import Clear, Inject, PlayMode, Scenario, Send
+from sim.scenario.model import Clear, Crash, Inject, PlayMode, Scenario, Send
 from sim.scenario.reading import load_scenario
 from sim.scenario.strict import StrictReader
 
@@ -103,8 +103,17 @@ def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
     assert (end.clear, end.at_s) == (Slip, 3.5)
 
 
+def test_a_crash_is_added_with_its_time(tmp_path: Path) -> None:
+    scenario = load(
+        tmp_path, "crash=none", "crash={at: 2.5, for: 1}", "crash={after: a STARTED, for: 0}"
+    )
+    first, second = (each for each in scenario.timeline if isinstance(each, Crash))
+    assert (first.at_s, first.crash_s) == (2.5, 1.0)
+    assert (str(second.after), second.crash_s) == ("a STARTED", 0.0)
+
+
 def test_no_change_changes_nothing(tmp_path: Path) -> None:
-    assert load(tmp_path, "inject=none", "seed=0", "world=rough") == load(tmp_path)
+    assert load(tmp_path, "inject=none", "crash=none", "seed=0", "world=rough") == load(tmp_path)
 
 
 def leaves(plain: Any, path: str) -> Iterator[tuple[str, Any]]:
@@ -154,6 +163,11 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("command.a.angle=1", "timeline[0].command.moveForward: unknown key 'angle'"),
         ("command.a.distance=far", "distance: expected a number, got 'far'"),
         ("command.stop.now=1", "timeline[3].command.stop: unknown key 'now'"),
+        ("crash=3", "expected a time and its length, as {at: 3, for: 1}"),
+        ("crash={at: 3}", "expected a time and its length"),
+        ("crash={for: 1}", "at or after is needed"),
+        ("crash={at: 3, for: -1}", "crash: -1 is below 0"),
+        ("crash.at=3", "no key 'crash.at' can be changed"),
         ("inject=odometry_frozen", "expected a fault and its time"),
         ("inject={odometry_frozen, left_stuck, at: 1}", "expected a fault and its time"),
         ("inject={odometry_frozen}", "at or after is needed"),

@@ -1,15 +1,20 @@
 """A run in figures, and alike bit for bit whenever and wherever it is played."""
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from executive.geometry import Pose
 from executive.reasons import Reason
+from executive.reports import Kind, Severity, Stage
+from executive.state import Parameter
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
-from sim.scenario.outcome import Outcome, play_once
+from sim.scenario.outcome import Outcome, figures_of, play_once
 from sim.scenario.reading import load_scenario
+from sim.scenario.record import SeenFault
 
 
 def play(folder: Path, name: str, *changes: str) -> Outcome:
@@ -39,6 +44,72 @@ def test_detection_and_reasons_of_a_fault(tmp_path: Path) -> None:
     assert figures.stopping_m == pytest.approx(0.4, abs=0.15)
     assert (figures.executed, figures.failed) == (3, 1)
     assert figures.reasons[0] is Reason.ODOMETRY_STALE
+
+
+JUMPED = """
+title: An odometry that jumped
+lasts: 16
+timeline:
+  - {at: 0.5, inject: {odometry_jump: {by: 0.4}}}
+  - {at: 1, command: {moveTo: {x: 1, y: 0}}, label: held}
+  - {at: 2, command: resume}
+  - {at: 2.1, command: {setTravelSpeed: {speed: 0.8}}}
+  - {at: 2.5, fix: position}
+  - {after: position EXECUTED, command: {moveTo: {x: 1, y: 0.5, heading: 90deg}}, label: goal}
+  - {at: 12, command: {rotateTo: {heading: 0}}, label: heading}
+  - {at: 13, command: stop}
+expect:
+  - {command: position, stages: [RECEIVED, ACCEPTED, STARTED, EXECUTED]}
+  - {command: goal, ends: EXECUTED}
+"""
+
+
+def test_a_fix_makes_the_true_pose_the_reported_one(tmp_path: Path) -> None:
+    path = tmp_path / "jumped.yaml"
+    path.write_text(JUMPED)
+    outcome = play(tmp_path / "run", str(path))
+    figures = outcome.figures
+    assert outcome.holds, outcome.findings
+    assert figures.true_error_m == pytest.approx(0.0, abs=0.05)
+    assert figures.pose_error_m == pytest.approx(0.4, abs=0.02)
+    assert figures.pose_error_rad == pytest.approx(0.0, abs=0.01)
+    assert (figures.executed_alone, figures.executed_fixed) == (0.0, 0.5)
+    assert figures.false_after_fault == 0
+
+
+def test_a_second_fix_adds_to_the_first(tmp_path: Path) -> None:
+    path = tmp_path / "twice.yaml"
+    again = "  - {at: 14, inject: {gyro_bias: {rate: 1}}}\n  - {at: 14.5, clear: gyro_bias}\n"
+    again += "  - {at: 15, fix: again}\n  - {at: 15.2, ask: then}\n"
+    path.write_text(JUMPED.replace("expect:", f"{again}expect:"))
+    outcome = play(tmp_path / "run", str(path))
+    (then,) = outcome.record.answers
+    told = {each.parameter: each.value for each in then.values}
+    (true,) = (seen.pose for seen in outcome.record.poses if abs(seen.time_s - 15.2) < 1e-6)
+    places = (Parameter.POS_X, Parameter.POS_Y, Parameter.POS_Z, Parameter.HEAD)
+    seen = (true.x_m, true.y_m, true.z_m, true.heading_rad)
+    assert [told[each] for each in places] == pytest.approx(seen, abs=0.01)
+
+
+def test_what_is_false_after_a_fault_was_reported_is_told_apart(tmp_path: Path) -> None:
+    """Both commands end EXECUTED a metre off; between their ends a fault is reported."""
+    record = play(tmp_path, "motion_forward").record
+    (end,) = (each for each in record.reports if each.stage is Stage.EXECUTED)
+    end_s = record.time_of(end)
+    record.poses = [replace(seen, pose=Pose(1.0)) for seen in record.poses]
+    record.faults = [SeenFault(end_s - 1, "pushed", True)]
+    for told_s, many in ((end_s - 0.5, 1), (end_s + 0.5, 0)):
+        told = replace(end, kind=Kind.EVENT, severity=Severity.WARNING, stage=None, identity=None)
+        told = replace(told, utc_s=record.start_utc_s + told_s, sequence=99)
+        figures = figures_of(replace(record, reports=[*record.reports, told]))
+        assert (figures.false_executed, figures.false_after_fault) == (1, many)
+
+
+def test_a_motion_that_a_crash_interrupted_tells_of_no_fault(tmp_path: Path) -> None:
+    changes = ("inject={head_stuck, at: 2}", "crash={at: 2.5, for: 1}")
+    figures = play(tmp_path, "motion_forward", *changes).figures
+    assert figures.reasons == (Reason.INTERRUPTED,)
+    assert figures.detection_s is None
 
 
 def test_where_nothing_is_commanded_there_are_no_figures(tmp_path: Path) -> None:
