@@ -153,5 +153,7 @@ def test_the_most_runs_have_room_for_all_combinations(write: Write) -> None:
 
 
 def test_a_name_that_is_none_is_told_with_those_there_are() -> None:
-    with pytest.raises(SettingsError, match="there are: after_faults, after_sensor_faults, faults, mocup"):
+    with pytest.raises(
+        SettingsError, match="there are: after_faults, after_sensor_faults, faults, mocup"
+    ):
         load_campaign("norma")
