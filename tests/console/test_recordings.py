@@ -48,7 +48,7 @@ async def test_a_recording_is_an_asset_with_the_past_of_its_file(
         began = recording["began"]
         assert (recording["file"], recording["rover"]) == ("run.mcap", "jackal")
         assert recording["ended"] - began == pytest.approx(6.5)
-        assert (assets[RUN]["commands"], len(assets[RUN]["parameters"])) == ([], 12)
+        assert (assets[RUN]["commands"], len(assets[RUN]["parameters"])) == ([], 14)
 
         commands = (await anna.get("api/commands", asset=RUN))["commands"]
         assert [(each["name"], each["args"], each["state"]) for each in commands] == [
@@ -88,6 +88,22 @@ async def test_its_tree_and_why_are_those_of_the_moment(drive: Path, tmp_path: P
         assert why["headline"].startswith("MOE:1 moveForward distance 3 m was executed")
         status, answer = await anna.ask("GET", f"api/why/{RUN}/MOE:9")
         assert (status, answer["field"]) == (404, "command")
+
+
+async def test_a_recording_says_how_uncertain_the_pose_was(tmp_path: Path) -> None:
+    recording = record("pose_uncertain", tmp_path)
+    async with (
+        served(tmp_path, NOBODY, recordings=(recording,)) as address,
+        operator(address, "anna") as anna,
+    ):
+        told = (await anna.get("api/notifications", asset=RUN))["notifications"]
+        events = {each["utc"]: each["text"] for each in told if "the pose is" in each["text"]}
+        for key, most in (("EXEC_POSITION_UNCERTAINTY", 0.6), ("EXEC_HEADING_UNCERTAINTY", 0.035)):
+            samples = (await anna.get(f"api/tm/{RUN}/{key}"))["samples"]
+            assert sorted(each["utc"] for each in samples) == sorted(events)
+            figures = [each["value"] for each in samples]
+            assert (max(figures), figures[-1]) == (pytest.approx(most, abs=1e-3), 0.0)
+        assert "certain again, by MOE:6 setPositionCompensation" in events[max(events)]
 
 
 TOUR = """
