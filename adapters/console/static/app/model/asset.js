@@ -168,9 +168,10 @@ export class Asset {
     return this.track[low - 1] ?? null;
   }
 
-  /** @param {string} key @param {{utc: number, value: any}[]} samples */
+  /** @param {string} key @param {{utc: number, value: any}[]} samples where one is not known, the one before holds */
   addUncertainty(key, samples) {
-    const all = [...this.#uncertainty.get(key), ...samples].sort((one, other) => one.utc - other.utc);
+    const known = samples.filter((each) => typeof each.value === "number");
+    const all = [...this.#uncertainty.get(key), ...known].sort((one, other) => one.utc - other.utc);
     const changes = all.filter((each, index) => each.value !== all[index - 1]?.value);
     this.#uncertainty.set(key, changes.slice(-MOST_FIXES));
     this.changed("track");
@@ -179,8 +180,8 @@ export class Asset {
   /** How uncertain its pose is, or was at a moment; null where it is certain, or nothing is known. @param {number | null} utc null for now */
   uncertaintyAt(utc) {
     const [position_m, heading_rad] = UNCERTAINTY.map((key) => {
-      const now = utc === null && this.newest(key);
-      return (now || this.#uncertainty.get(key).findLast((each) => each.utc <= (utc ?? Infinity)))?.value ?? 0;
+      const now = utc === null ? this.newest(key)?.value : null;
+      return now ?? this.#uncertainty.get(key).findLast((each) => each.utc <= (utc ?? Infinity))?.value ?? 0;
     });
     return position_m >= CERTAIN[0] || heading_rad >= CERTAIN[1] ? { position_m, heading_rad } : null;
   }
