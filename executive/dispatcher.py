@@ -379,7 +379,10 @@ class Dispatcher:
         return (
             refusal
             or check_pose(
-                command.request, self._start_of(command), context.status, context.settings
+                command.request,
+                self._start_of(command),
+                context.status.uncertainty,
+                context.settings,
             )
             or self._blocked(command)
             or self._obstacle(command.request)

@@ -130,7 +130,8 @@ class _MotionLeaf(GoalLeaf):
     def _uncertain(self, start: Pose, *, arrived: bool = False) -> Refusal | None:
         """Return that the pose is too uncertain for the target of the goal, or None."""
         context, request = self.context, self.goal.command.request
-        return check_pose(request, start, context.status, context.settings, arrived=arrived)
+        uncertainty = context.status.uncertainty
+        return check_pose(request, start, uncertainty, context.settings, arrived=arrived)
 
     @property
     def _uncharged(self) -> Refusal | None:

@@ -8,11 +8,16 @@ from executive.commands import FollowPath, MoveTo, Request, RotateTo
 from executive.geometry import Point, Pose
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
-from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, Status, Uncertainty
+from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, Uncertainty
 
 
 def check_pose(
-    request: Request, start: Pose, status: Status, settings: Settings, *, arrived: bool = False
+    request: Request,
+    start: Pose,
+    uncertainty: Uncertainty,
+    settings: Settings,
+    *,
+    arrived: bool = False,
 ) -> Refusal | None:
     """Return that the pose is too uncertain for a motion to an absolute target, or None.
 
@@ -21,11 +26,11 @@ def check_pose(
     Args:
         request: any; what is no such motion is not refused.
         start: where it begins, or began.
-        status: knows how uncertain the pose is.
+        uncertainty: of the pose.
         settings: have the tolerances of motions.
         arrived: whether the motion is over, so that nothing is added for what is to be driven.
     """
-    uncertainty, law = status.uncertainty, settings.turn_drive
+    law = settings.turn_drive
     if not uncertainty or not isinstance(request, MoveTo | FollowPath | RotateTo):
         return None
     bound_rad = PROMISED_RAD - law.heading_tolerance_rad

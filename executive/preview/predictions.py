@@ -100,7 +100,7 @@ class Predictions:
         settings, status = context.settings, context.status
         speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)
         solver = None if self._solver is None else self._solver.beside(apart)
-        start = Start(pose, *speeds, context.files, status.obstacles)
+        start = Start(pose, *speeds, context.files, status.obstacles, status.uncertainty)
         return PreviewRun(what, start, settings, self._build_tree, solver)
 
     def of_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:

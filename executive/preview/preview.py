@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Final, Protocol, assert_never
 
-from executive.checks import check_request
+from executive.checks import check_pose, check_request
 from executive.clock import ManualClock
 from executive.commands import (
     ABOARD_LINK,
@@ -33,7 +33,7 @@ from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.safety import Safety
 from executive.settings import Controller, End, LocomotionKind, Sensors, Settings, Way, curved_m
-from executive.state import FileFolder, Status
+from executive.state import FileFolder, Status, Uncertainty
 from executive.zones import Zones
 
 LONGEST_S: Final = 300.0
@@ -96,6 +96,7 @@ class Start:
 
     Attributes:
         obstacles: what it keeps away from.
+        uncertainty: of the pose.
     """
 
     pose: Pose
@@ -104,6 +105,7 @@ class Start:
     slow_ratio: float
     files: FileFolder
     obstacles: Zones
+    uncertainty: Uncertainty
 
 
 class Ticked(Protocol):
@@ -300,8 +302,10 @@ class PreviewRun:
 
     def _begin(self, request: Motion) -> None:
         pose, settings = self._context.status.pose, self._settings
-        refusal = check_arguments(request, settings, pose.point) or check_request(
-            request, pose, settings, self._context.status.obstacles
+        refusal = (
+            check_arguments(request, settings, pose.point)
+            or check_pose(request, pose, self._start.uncertainty, settings)
+            or check_request(request, pose, settings, self._context.status.obstacles)
         )
         if refusal is not None:
             self.result = self._named(refusal)

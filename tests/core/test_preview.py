@@ -9,6 +9,7 @@ import pytest
 from executive.clock import ManualClock
 from executive.commands import (
     Command,
+    ConfirmPose,
     DriveFor,
     FollowPath,
     Motion,
@@ -146,6 +147,18 @@ def test_without_odometry_there_is_none(bench: Bench) -> None:
     bench.run(3.0)
     assert refused(bench, MoveForward(1.0)) == bench.refusal(MoveForward(1.0), 1)
     assert refused(bench, plan(AHEAD)).reason is Reason.NO_ODOMETRY
+
+
+def test_what_an_uncertain_pose_refuses_is_refused(bench: Bench) -> None:
+    there = MoveTo(Waypoint(1.0, 0.0))
+    bench.execute(ConfirmPose(0.5, 0.0), 1)
+    assert refused(bench, there) == bench.refusal(there, 2)
+    steps = '<Sequence>{}<moveTo x="1" y="0" deadline_s="60"/></Sequence>'
+    found = refused(bench, plan(steps.format('<moveForward distance="1" deadline_s="60"/>')))
+    assert found.reason is Reason.POSE_UNCERTAIN
+    assert previewed(bench, MoveForward(1.0)).path
+    bench.execute(ConfirmPose(0.0, 0.0), 3)
+    assert previewed(bench, there).path
 
 
 def test_what_takes_too_long_is_refused(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
