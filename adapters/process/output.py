@@ -24,9 +24,8 @@ _SPELLED: Final = {
 def guard_output() -> None:
     """Have standard output end the program by an exit status, and never by a traceback.
 
-    Whatever prints, by click, rich or itself, gets SystemExit where its output cannot be written:
-    rich would exit with 1 for a closed pipe, and click says nothing of a full disk. What is printed
-    after that is discarded. Signs that the terminal's encoding lacks are spelled in ASCII.
+    Whatever prints, by click, rich or itself, gets SystemExit where its output cannot be written.
+    Signs that the terminal's encoding lacks are spelled in ASCII.
     """
     stdout = sys.stdout
     if stdout is None:  # closed by whoever started it
@@ -43,11 +42,7 @@ class _Output(io.FileIO):
     _lost = False
 
     def write(self, octets: Any, /) -> int:
-        """Write octets.
-
-        Raises:
-            SystemExit: they cannot be written; with `UNREAD`, or the reason for standard error.
-        """
+        """Write octets, or raise SystemExit: with `UNREAD`, or a text for standard error."""
         if self._lost:
             return memoryview(octets).nbytes
         try:

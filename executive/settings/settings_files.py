@@ -142,32 +142,31 @@ def parse_yaml(text: str, origin: str) -> object:
 def _oversize(text: str) -> str | None:
     """Return why a YAML text is too large to be loaded and walked, or None.
 
-    Loading shares what an alias repeats, but whoever walks the data meets it each time: nine
-    aliases of nine aliases and so on, 29 deep, are a file of some kilobytes that nobody reads to
-    its end. The sizes are added up without expanding anything.
+    Loading shares what an alias repeats, but whoever walks the data meets it each time. The sizes
+    are added up without expanding anything.
     """
-    sizes: dict[str, int] = {}
-    open_nodes: list[tuple[str | None, int]] = [(None, 0)]
+    sizes: dict[str | None, int] = {}
+    nodes: list[tuple[str | None, int]] = [(None, 0)]
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        anchor, size = getattr(event, "anchor", None), 1
         match event:
             case yaml.CollectionStartEvent():
-                open_nodes.append((event.anchor, 1))
-                if len(open_nodes) > MAX_YAML_DEPTH:
+                nodes.append((anchor, size))
+                if len(nodes) > MAX_YAML_DEPTH:
                     return f"is nested too deeply, {MAX_YAML_DEPTH} levels are allowed"
                 continue
             case yaml.CollectionEndEvent():
-                anchor, size = open_nodes.pop()
+                anchor, size = nodes.pop()
             case yaml.AliasEvent():
-                anchor, size = None, sizes.get(event.anchor or "", 1)
+                size = sizes.get(anchor, 1)
             case yaml.ScalarEvent():
-                anchor, size = event.anchor, 1
+                pass
             case _:
                 continue
-        if anchor is not None:
-            sizes[anchor] = size
-        outer, outer_size = open_nodes[-1]
-        open_nodes[-1] = (outer, outer_size + size)
-        if outer_size + size > MAX_YAML_NODES:
+        sizes[anchor] = size
+        outer, total = nodes.pop()
+        nodes.append((outer, total + size))
+        if total + size > MAX_YAML_NODES:
             return f"has more than {MAX_YAML_NODES} nodes, its aliases expanded"
     return None
 

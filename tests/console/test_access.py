@@ -254,8 +254,9 @@ def test_what_is_kept_of_guesses_is_bounded() -> None:
     guesses = TokenGuesses(lambda: 0.0)
     for number in range(2 * MAX_PEERS):
         guesses.wait_s(str(number), None)
+        guesses.wait_s(str(number), "anna")
     assert guesses.wait_s(str(2 * MAX_PEERS - 1), None) == GUESS_S
-    assert guesses.wait_s("0", None) == 0.0, "the oldest is forgotten"
+    assert guesses.wait_s("0", None) == 0.0, "the oldest are forgotten"
 
 
 async def test_wrong_tokens_are_answered_later_and_later(

@@ -167,8 +167,8 @@ class Catalogue:
 @pytest.mark.parametrize(
     ("kind", "level", "text"),
     [
-        (Link.DIRECT, logging.WARNING, "jackal no longer has notifications 5 to 7"),
-        (Link.RELAY, logging.INFO, "jackal: the orbiter has not received notifications 5 to 7 yet"),
+        (Link.DIRECT, logging.WARNING, "jackal: no longer has notifications 5 to 7"),
+        (Link.RELAY, logging.INFO, "jackal: the orbiter has not received 5 to 7 yet"),
     ],
 )
 async def test_what_an_orbiter_may_receive_later_is_not_reported_as_lost(

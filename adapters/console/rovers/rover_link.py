@@ -204,7 +204,10 @@ class RoverLink:
         if anew:
             self._listener.on_new_ledger(self)
         elif known is not None and missed and missed[0].sequence > known.sequence + 1:
-            self._warn_of_gap(known.sequence + 1, missed[0].sequence - 1)
+            text, level = "no longer has notifications %d to %d", logging.WARNING
+            if self.kind is Link.RELAY:  # an orbiter may receive them later
+                text, level = "the orbiter has not received %d to %d yet", logging.INFO
+            _LOG.log(level, f"%s: {text}", self.asset, known.sequence + 1, missed[0].sequence - 1)
         for notification in missed:
             await self._notification(notification)
         seen = {notification.sequence for notification in missed}
@@ -212,14 +215,6 @@ class RoverLink:
             if notification.sequence not in seen:
                 await self._notification(notification)
             seen.discard(notification.sequence)
-
-    def _warn_of_gap(self, first: int, last: int) -> None:
-        """Log which notifications are missing: a rover pruned them, an orbiter may get them yet."""
-        if self.kind is Link.RELAY:
-            text = "%s: the orbiter has not received notifications %d to %d yet"
-            _LOG.info(text, self.asset, first, last)
-        else:
-            _LOG.warning("%s no longer has notifications %d to %d", self.asset, first, last)
 
     async def _notification(self, notification: Notification) -> None:
         await self._listener.on_notification(self, notification, self._heard())

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 from urllib.parse import unquote, urlsplit
 
 from aiohttp import web
@@ -39,9 +39,6 @@ _POLICY: Final = (
 _POLICY_HEADER: Final = "Content-Security-Policy"
 
 OPERATOR: Final = web.RequestKey("operator", str)
-
-K = TypeVar("K")
-V = TypeVar("V")
 
 
 def read_tokens(path: Path) -> dict[str, str]:
@@ -78,40 +75,26 @@ class TokenGuesses:
 
     A right token waits as long as a wrong one, so that an answer that is late says nothing. It
     does not wait once it was right from the same address: guesses hold up no operator, and no stop.
-
-    Args:
-        now_s: a monotonic clock, in seconds.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
         self._until_s: dict[str, float] = {}
-        self._proven: dict[tuple[str, str], None] = {}
+        self._proven: set[tuple[str, str | None]] = set()
 
     def wait_s(self, peer: str, name: str | None) -> float:
-        """Return how long the answer to a token waits, in seconds.
-
-        Args:
-            peer: address that it comes from.
-            name: operator whose token it is; None for nobody's.
-        """
-        if name is not None and (peer, name) in self._proven:
+        """Return how long the answer to a token waits, of an operator's name or nobody's."""
+        if (peer, name) in self._proven:
             return 0.0
         now_s = self._now_s()
-        left_s = max(0.0, self._until_s.pop(peer, now_s) - now_s)
-        if name is None or left_s > 0.0:
-            more_s = GUESS_S if name is None else 0.0
-            _put(self._until_s, peer, now_s + min(left_s + more_s, MAX_WAIT_S))
-        if name is not None:
-            _put(self._proven, (peer, name), None)
+        left_s = max(0.0, self._until_s.get(peer, now_s) - now_s)
+        if len(self._until_s) + len(self._proven) >= MAX_PEERS:
+            self._until_s, self._proven = {}, set()
+        if name is None:
+            self._until_s[peer] = now_s + min(left_s + GUESS_S, MAX_WAIT_S)
+        else:
+            self._proven.add((peer, name))
         return left_s
-
-
-def _put(bounded: dict[K, V], key: K, value: V) -> None:
-    """Put the newest into a dictionary, whose oldest goes."""
-    if len(bounded) >= MAX_PEERS:
-        del bounded[next(iter(bounded))]
-    bounded[key] = value
 
 
 class Access:
@@ -195,18 +178,11 @@ class Access:
 
     def _require_own_origin(self, request: web.Request) -> None:
         origin = request.headers.get("Origin")
-        if origin is not None and _netloc(origin) != request.host:
+        if origin is not None and origin.partition("://")[2] != request.host:
             raise refused(HTTPStatus.FORBIDDEN, f"pages of {origin[:100]} may not ask here")
         # A name that leads here by a foreign name server would be an origin of its own.
         if self._tokens is None and not _is_local(request.host):
             raise refused(HTTPStatus.FORBIDDEN, "ask by 127.0.0.1 or localhost")
-
-
-def _netloc(url: str) -> str | None:
-    try:
-        return urlsplit(url).netloc
-    except ValueError:  # such as http://[
-        return None
 
 
 def _is_local(host: str) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from enum import Enum
 from errno import ENAMETOOLONG
+from functools import partial
 from http import HTTPStatus
 from math import isfinite, nan
 from typing import Any, Final, TypeVar
@@ -117,18 +118,14 @@ def read_json(text: str) -> Any:
         ValueError: it is none, or has a number that no float can hold, as NaN or 200,000 digits.
         RecursionError: it is too deep.
     """
-    return json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
+    whole = partial(_finite, kind=int)
+    return json.loads(text, parse_int=whole, parse_float=_finite, parse_constant=_finite)
 
 
-def _finite(text: str) -> float:
-    if not isfinite(number := float(text)):
+def _finite(text: str, kind: Callable[[str], float] = float) -> float:
+    if not isfinite(float(text)):
         raise ValueError(f"{text[:32]} is not finite")
-    return number
-
-
-def _whole(text: str) -> int:
-    _finite(text)
-    return int(text)
+    return kind(text)
 
 
 def text_of(body: dict[str, Any], name: str, longest: int = 256) -> str:
