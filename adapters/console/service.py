@@ -5,7 +5,7 @@ import shutil
 import ssl
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -50,7 +50,7 @@ from adapters.console.rovers import (
 from adapters.console.server import Server
 from adapters.console.tasks import begin, end
 from adapters.console.web import KEPT_COMMANDS, Access, Hub, SharedPresence, read_tokens
-from adapters.mal import CertificateError, is_loopback
+from adapters.mal import CertificateError, address_to_listen, is_loopback
 from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
@@ -112,6 +112,10 @@ async def running(options: Options) -> AsyncIterator[str]:
     Raises:
         StartError: it cannot start.
     """
+    try:
+        options = replace(options, host=address_to_listen(options.host))
+    except OSError as error:
+        raise StartError(f"--host {options.host}: {error.strerror}") from error
     access, context = _access(options)
     with exclusive(options.data, LOCK):
         archive = Archive(open_database(options.archive, options.data))

@@ -26,7 +26,7 @@ from adapters.mal.specification import (
     Stage,
 )
 from adapters.mal.specification_xml import load_specification
-from adapters.mal.tls import CertificateError, Certificates, is_loopback
+from adapters.mal.tls import CertificateError, Certificates, address_to_listen, is_loopback
 from adapters.mal.transactions import Invocation, OnUpdate, Progress
 from adapters.mal.values import (
     AttributeType,
@@ -91,6 +91,7 @@ __all__ = [
     "TypedList",
     "UpdateError",
     "UpdateHeader",
+    "address_to_listen",
     "encode_message",
     "is_loopback",
     "load_specification",

@@ -16,7 +16,7 @@ from adapters.mal.codec import Codec, Header, encode_message
 from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
 from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
-from adapters.mal.tls import is_loopback
+from adapters.mal.tls import address_to_listen, is_loopback
 from adapters.mal.values import AttributeType, NamedValue, Typed
 
 _LOG: Final = logging.getLogger(__name__)
@@ -318,6 +318,7 @@ class Provider:
             OSError: The address cannot be had.
             ValueError: Others can reach the address, and there is neither TLS nor `clear_text`.
         """
+        host = address_to_listen(host)
         if tls is None and not clear_text and not is_loopback(host):
             raise ValueError(
                 f"{host} can be reached from other computers: give TLS certificates,"

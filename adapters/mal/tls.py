@@ -1,6 +1,7 @@
 """TLS for both ends, mutual: each shows a certificate and checks the other's."""
 
 import ipaddress
+import socket
 import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -121,6 +122,20 @@ def certificate_name(certificate: Mapping[str, Any]) -> str | None:
 def is_loopback(host: str) -> bool:
     """Whether only this computer can reach an address to listen on."""
     try:
-        return ipaddress.ip_address(host).is_loopback
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def address_to_listen(host: str) -> str:
+    """Return a host without the brackets that IPv6 has in a URI.
+
+    Raises:
+        OSError: there is no host of that name.
+    """
+    host = host.strip("[]")
+    try:
+        socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)
+    except UnicodeError as error:  # longer than a name can be
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known") from error
+    return host

@@ -309,6 +309,11 @@ async def test_where_others_reach_it_the_start_says_what_is_needed(tmp_path: Pat
     with refused("--tokens FILE (lines NAME TOKEN), and serve HTTPS with --tls-certificate"):
         async with served(tmp_path, NOBODY, host="0.0.0.0"):
             pass
+    with refused("--host no-such-host.invalid: Name or service not known"):
+        async with served(tmp_path, NOBODY, host="no-such-host.invalid"):
+            pass
+    async with served(tmp_path, NOBODY, host="[::1]") as address:
+        assert address.startswith("http://[::1]:")
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

@@ -15,6 +15,8 @@ from adapters.mal import (
     Provider,
     StandardError,
     Subscription,
+    address_to_listen,
+    is_loopback,
 )
 from tests.mal.test_pubsub import Updates, publish
 from tests.mal.test_transfer import COUNT, Source
@@ -160,11 +162,34 @@ async def test_tls_is_not_spoken_to_who_does_not(ends: dict[str, Certificates]) 
         )
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1", "rover.example"])
+@pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.0.2.1"])
 async def test_clear_text_for_others_must_be_asked_for(host: str) -> None:
     provider = Provider(SPECIFICATION, SERVICE)
     with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
         await provider.start(host)
+
+
+@pytest.mark.parametrize("host", ["rover.example", "[no]", "a" * 70])
+async def test_a_host_that_nobody_knows_is_said_to_be_that(host: str) -> None:
+    with pytest.raises(OSError, match="Name or service not known"):
+        await Provider(SPECIFICATION, SERVICE).start(host)
+
+
+def test_only_this_computer_reaches_loopback_however_it_is_written() -> None:
+    hosts = ("localhost", "127.0.0.1", "127.1.2.3", "::1", "[::1]")
+    assert all(map(is_loopback, hosts))
+    assert not any(map(is_loopback, ("", "0.0.0.0", "[::]", "rover.local")))
+    assert address_to_listen("[::1]") == "::1"
+
+
+async def test_ipv6_in_brackets_is_listened_at() -> None:
+    serves = Provider(SPECIFICATION, SERVICE)
+    try:
+        await serves.start("[::1]")
+    except OSError:
+        pytest.skip("no IPv6 here")
+    assert str(serves.uri).startswith("maltcp://[::1]:")
+    await serves.close()
 
 
 async def test_clear_text_for_others_can_be_asked_for(ends: dict[str, Certificates]) -> None:

@@ -244,6 +244,7 @@ def test_a_link_that_cannot_listen_says_so_at_once(aboard: Aboard) -> None:
         ("127.0.0.1:5000", "maltcp://127.0.0.1:5000/MRS"),
         ("[::1]:5000", "maltcp://[::1]:5000/MRS"),
         ("maltcp://10.0.0.1:21000/Other", "maltcp://10.0.0.1:21000/Other"),
+        ("MALTCP://10.0.0.1:21000/Other", "maltcp://10.0.0.1:21000/Other"),
     ],
 )
 def test_reads_addresses(text: str, uri: str) -> None:

@@ -28,7 +28,7 @@ def parse_address(text: str) -> MalUri:
     Raises:
         ValueError: it is none of these.
     """
-    if text.startswith(f"{SCHEME}:"):
+    if text.lower().startswith(f"{SCHEME}:"):
         return MalUri.parse(text)
     parts = urlsplit(f"//{text}")
     if not parts.hostname or parts.path or parts.username:
