@@ -90,11 +90,15 @@ class PlanBuilder:
 
     Args:
         trees: elements `BehaviorTree` by their ID.
+        defaults: of the ports of each `SubTree`, by its ID.
         root: name of the root of all paths.
     """
 
-    def __init__(self, trees: Mapping[str, Element], root: str) -> None:
+    def __init__(
+        self, trees: Mapping[str, Element], defaults: Mapping[str, Mapping[str, str]], root: str
+    ) -> None:
         self._trees = trees
+        self._defaults = defaults
         self._root = root
         self._count = 0
 
@@ -144,7 +148,7 @@ class PlanBuilder:
             raise site.bad("<SubTree> has no children")
         if tree in site.trees:
             raise site.bad(f"tree {tree[:40]!r} contains itself")
-        given = site.attributes.passed_on()
+        given = site.attributes.passed_on(self._defaults.get(tree, {}))
         return self._tree(replace(site, given=given, trees=(*site.trees, tree)))
 
     def _control(self, kind: str, site: _Site) -> PlanNode:
@@ -266,8 +270,8 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     trees = _trees(root)
     for tree in trees.values():
         _known(tree.children[0], trees)
-    _used(definition.arguments, trees.values())
-    plan = PlanBuilder(trees, f"plan:{definition.plan_id}").build(
+    _used(definition.arguments, root.children)
+    plan = PlanBuilder(trees, _defaults(root), f"plan:{definition.plan_id}").build(
         _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
     )
     if not steps(plan):
@@ -322,6 +326,21 @@ def _trees(root: Element) -> dict[str, Element]:
     return trees
 
 
+def _defaults(root: Element) -> dict[str, dict[str, str]]:
+    """Return the defaults of the ports of each `SubTree`, as a `TreeNodesModel` has them."""
+    return {
+        model.attributes.get("ID", ""): {
+            port.attributes["name"]: port.attributes["default"]
+            for port in model.children
+            if {"name", "default"} <= port.attributes.keys()
+        }
+        for models in root.children
+        if models.tag == "TreeNodesModel"
+        for model in models.children
+        if model.tag == SUBTREE
+    }
+
+
 def _known(element: Element, trees: dict[str, Element]) -> None:
     known_kind(element, trees, LEAVES)
     for child in element.children:
@@ -348,14 +367,26 @@ def _names_in(element: Element) -> Iterator[str]:
 
 
 def _main(root: Element, trees: dict[str, Element]) -> str:
+    """Return the ID of the tree to run: the one that no `SubTree` names, unless it is said."""
     name = root.attributes.get("main_tree_to_execute")
-    if name is None and len(trees) == 1:
-        return next(iter(trees))
     if name is None:
-        raise root.fault(Reason.PLAN_STRUCTURE, "main_tree_to_execute must say which tree to run")
+        named = {name for tree in trees.values() for name in _subtrees(tree)}
+        first = [each for each in trees if each not in named] or list(trees)
+        if len(first) != 1:
+            text = "main_tree_to_execute must say which tree to run"
+            raise root.fault(Reason.PLAN_STRUCTURE, text)
+        return first[0]
     if name not in trees:
         raise root.fault(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
     return name
+
+
+def _subtrees(element: Element) -> Iterator[str]:
+    """Return the IDs of the trees that are named below an element."""
+    for child in element.children:
+        if child.tag == SUBTREE:
+            yield child.attributes["ID"]
+        yield from _subtrees(child)
 
 
 def _from(request: Request) -> Point:

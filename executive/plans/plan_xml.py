@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from enum import Enum
 from itertools import islice
 from math import isfinite, radians
+from re import IGNORECASE
 from re import compile as pattern
 from types import MappingProxyType
 from typing import Final
@@ -71,12 +72,20 @@ def read_xml(content: bytes) -> Element:
         raise PlanError(
             Reason.PLAN_TOO_LARGE, None, f"{len(content)} octets: a plan has {LARGEST_PLAN} at most"
         )
-    parser = ParserCreate("utf-8")
     try:
-        return _Reader(parser).read(content)
-    except ExpatError as error:
-        plain = str(error).partition(":")[0]
-        raise PlanError(Reason.PLAN_NOT_XML, error.lineno, f"no XML: {plain}") from error
+        return _Reader(ParserCreate(_encoding(content))).read(content)
+    except (ExpatError, LookupError, ValueError) as error:  # an encoding may be none of XML
+        line, plain = getattr(error, "lineno", 1), str(error).partition(":")[0]
+        raise PlanError(Reason.PLAN_NOT_XML, line, f"no XML: {plain}") from error
+
+
+def _encoding(content: bytes) -> str | None:
+    """Return UTF-8 for what is that, whatever it declares; None is what it declares."""
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return None
+    return "utf-8"
 
 
 class _Reader:
@@ -171,8 +180,11 @@ EXPLICIT: Final = frozenset({"Action", "Control", "Decorator"})
 
 SUBTREE: Final = "SubTree"
 AUTOREMAP: Final = "_autoremap"
-REMARKS: Final = frozenset({"_uid", "_fullpath", "_description"})
-"""Attributes that editors leave behind and that mean nothing."""
+_OWN: Final = frozenset({"ID", "name"})
+_SCRIPT: Final = pattern(
+    r"_(skipIf|failureIf|successIf|while|onSuccess|onFailure|onHalted|post)", IGNORECASE
+)
+"""Conditions and scripts of BehaviorTree.CPP v4; what else begins so, editors note."""
 
 _PLAN_ID: Final = pattern(r"[A-Za-z0-9_.-]{1,64}")
 LONGEST_NAME: Final = 80
@@ -253,15 +265,10 @@ class Attributes:
 
     def only(self, names: set[str]) -> None:
         """Check that there is no attribute but these."""
-        known = {*names, "name", *REMARKS}
-        if self._element.tag in EXPLICIT or self._element.tag == SUBTREE:
-            known.add("ID")
-        for name in self._element.attributes:
-            if name in known:
-                continue
-            if name.startswith("_"):
-                raise self.fault(f"attribute {quote(name)}: conditions and scripts are not run")
-            raise self.fault(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
+        known = _OWN if self._element.tag in EXPLICIT else {"name"}
+        for name in self._ports():
+            if name not in known and name not in names:
+                raise self.fault(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
 
     def text(self, name: str) -> str | None:
         """Return the text of an attribute, or None if it is not there."""
@@ -301,19 +308,28 @@ class Attributes:
             return self._choice(name, text, argument.kind)
         return self._places(name, text)
 
-    def passed_on(self) -> dict[str, str]:
-        """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`."""
-        names = self._element.attributes.keys() - {"ID", "name", AUTOREMAP, *REMARKS}
-        for name in names:
-            if name.startswith("_"):
-                raise self.fault(f"attribute {name[:40]!r}: conditions and scripts are not run")
-        own = {name: self._resolved(name, self._element.attributes[name]) for name in names}
+    def passed_on(self, defaults: Mapping[str, str]) -> dict[str, str]:
+        """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`.
+
+        Without that, what is lacking is taken from the defaults of its model.
+        """
         all_of_them = self._element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
-        return {**(self._given if all_of_them else {}), **own}
+        own = {} if all_of_them else dict(defaults)
+        own |= {name: self._element.attributes[name] for name in self._ports()}
+        resolved = {name: self._resolved(name, own[name]) for name in own if name not in _OWN}
+        return {**(self._given if all_of_them else {}), **resolved}
 
     def fault(self, text: str) -> PlanError:
         """Return the fault that something is wrong with these attributes."""
         return self._element.fault(Reason.PLAN_BAD_ARGUMENT, text)
+
+    def _ports(self) -> list[str]:
+        """Return the names of the attributes, but what editors note (`_uid`, `_fullpath` …)."""
+        names = self._element.attributes.keys()
+        for name in names:
+            if _SCRIPT.fullmatch(name):
+                raise self.fault(f"attribute {quote(name)}: conditions and scripts are not run")
+        return [name for name in names if not name.startswith("_")]
 
     def _resolved(self, name: str, text: str) -> str:
         if not (text.startswith("{") and text.endswith("}")):

@@ -4,7 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.commands import Declaration, PlanDefinition, SubmitPlan, Waypoint
+from executive.commands import (
+    Declaration,
+    MoveForward,
+    PlanArgument,
+    PlanDefinition,
+    SubmitPlan,
+    Waypoint,
+)
 from executive.commands.lifecycle import Admitted
 from executive.plans import LEAVES, check_plan, steps
 from executive.reasons import Reason, Refusal
@@ -257,6 +264,116 @@ def test_a_plan_of_an_editor_is_taken_as_it_is() -> None:
         "plan:survey/all/left",
         "plan:survey/all/Shoot/Timeout/takePicture",
     ]
+
+
+def of_groot(body: str, root: str = 'BTCPP_format="4"', prolog: str = "") -> PlanDefinition:
+    """Return a plan as Groot2 saves it: without main_tree_to_execute, with marks of its own."""
+    return replace(plan(""), content=f"{prolog}<root {root}>{body}</root>".encode())
+
+
+def distances(definition: PlanDefinition) -> list[float]:
+    """Return how far each step of a plan drives."""
+    root = check_plan(definition, SETTINGS)
+    assert not isinstance(root, Refusal), root
+    requests = [step.request for step in steps(root)]
+    return [each.distance_m for each in requests if isinstance(each, MoveForward)]
+
+
+LEG = '<BehaviorTree ID="Leg"><moveForward distance="{d}" deadline_s="30"/></BehaviorTree>'
+MAIN = '<BehaviorTree ID="Main"><Sequence><SubTree ID="Leg" d="0.5"/></Sequence></BehaviorTree>'
+DEFAULTS = """<TreeNodesModel>
+  <SubTree ID="Leg"><input_port name="d" default="2" type="double">how far</input_port></SubTree>
+  <Action ID="moveForward"><input_port name="distance" default="9"/><input_port/></Action>
+</TreeNodesModel>"""
+
+
+@pytest.mark.parametrize("trees", [MAIN + LEG, LEG + MAIN, f"{LEG}{MAIN}<TreeNodesModel/>"])
+def test_the_tree_that_no_other_names_is_run(trees: str) -> None:
+    assert distances(of_groot(trees)) == [0.5]
+
+
+@pytest.mark.parametrize("more", [MAIN.replace("Main", "Other"), MAIN.replace("Main", "A/B")])
+def test_of_two_trees_that_no_other_names_neither_is_run(more: str) -> None:
+    found = refusal(of_groot(MAIN + LEG + more))
+    assert found.reason is Reason.PLAN_STRUCTURE
+    assert "main_tree_to_execute must say which tree to run" in found.text
+
+
+def test_trees_that_name_each_other_have_no_first() -> None:
+    trees = MAIN + MAIN.replace("Leg", "Main").replace("Main", "Leg", 1)
+    assert "main_tree_to_execute must say" in refusal(of_groot(trees)).text
+
+
+@pytest.mark.parametrize(
+    ("values", "driven"),
+    [("", [2.0]), ('d="0.5"', [0.5]), ('_autoremap="false"', [2.0]), ('d="{x}"', [0.25])],
+)
+def test_a_subtree_has_the_defaults_of_its_model(values: str, driven: list[float]) -> None:
+    trees = MAIN.replace('d="0.5"', values) + LEG + DEFAULTS
+    arguments = (PlanArgument("x", "0.25"),) if "{x}" in values else ()
+    assert distances(replace(of_groot(trees), arguments=arguments)) == driven
+
+
+def test_a_default_of_a_model_may_be_an_argument() -> None:
+    trees = MAIN.replace('d="0.5"', "") + LEG + DEFAULTS.replace('"2"', '"{x}"')
+    given = replace(of_groot(trees), arguments=(PlanArgument("x", "0.25"),))
+    assert distances(given) == [0.25]
+    assert "{x}" in refusal(of_groot(trees)).text
+
+
+def test_with_autoremap_what_is_given_above_counts_and_no_default() -> None:
+    trees = MAIN.replace('d="0.5"', '_autoremap="1"') + LEG + DEFAULTS
+    given = replace(of_groot(trees), arguments=(PlanArgument("d", "0.25"),))
+    assert distances(given) == [0.25]
+    assert "{d}" in refusal(of_groot(trees)).text
+
+
+MARKS = '_collapsed="true" _fullpath="Leg::1" _uid="7" _description="far" _later="x"'
+
+
+def test_what_an_editor_notes_is_no_script() -> None:
+    leg = LEG.replace('distance="{d}"', f'distance="{{d}}" {MARKS}')
+    trees = MAIN.replace('d="0.5"', f'd="0.5" {MARKS}').replace("<Sequence", f"<Sequence {MARKS}")
+    assert distances(of_groot(trees + leg)) == [0.5]
+
+
+SCRIPTS = ("_skipIf", "_failureIf", "_successIf", "_while", "_onSuccess", "_onFailure", "_onHalted")
+
+
+@pytest.mark.parametrize("script", [*SCRIPTS, "_post", "_skipif"])
+def test_conditions_and_scripts_are_not_run(script: str) -> None:
+    for where in ('<SubTree ID="Leg"', "<Sequence", "<moveForward"):
+        trees = (MAIN + LEG).replace(where, f'{where} {script}="x==1"')
+        assert f"attribute '{script}': conditions and scripts" in refusal(of_groot(trees)).text
+
+
+LATIN = '<?xml version="1.0" encoding="ISO-8859-1"?>'
+NAMED = MAIN.replace('<SubTree ID="Leg" d="0.5"/>', GO.replace("/", ' name="Gelände"/'))
+
+
+@pytest.mark.parametrize(
+    ("prolog", "encoding"),
+    [
+        (LATIN, "iso-8859-1"),
+        (LATIN, "utf-8"),
+        ("", "utf-8"),
+        ('<?xml version="1.0" encoding="windows-1252"?>', "cp1252"),
+        ('<?xml version="1.0" encoding="UTF-16"?>', "utf-16"),
+    ],
+)
+def test_a_text_is_read_as_it_declares_or_as_utf_8(prolog: str, encoding: str) -> None:
+    content = of_groot(NAMED, prolog=prolog).content.decode().encode(encoding)
+    root = check_plan(replace(plan(""), content=content), SETTINGS)
+    assert not isinstance(root, Refusal), root
+    assert [step.place.path for step in steps(root)] == ["plan:survey/Sequence/Gelände"]
+
+
+@pytest.mark.parametrize("declared", ["", "utf-8", "none", "utf-7", "zlib_codec", "shift_jis"])
+def test_a_text_that_is_not_as_it_declares_is_no_xml(declared: str) -> None:
+    prolog = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
+    content = of_groot(NAMED, prolog=prolog).content.decode().encode("iso-8859-1")
+    found = refusal(replace(plan(""), content=content))
+    assert (found.reason, found.text[:14]) == (Reason.PLAN_NOT_XML, "line 1: no XML")
 
 
 def test_siblings_of_one_name_have_paths_of_their_own() -> None:
