@@ -166,12 +166,12 @@ class PoseMonitor:
         self._samples: deque[tuple[float, Divergence]] = deque()
         self._frames: deque[Anchor] = deque()
         self._base = self._confirmed = Uncertainty()
-        self._from = self._last = Divergence()
+        self._from = self._last = self._doubted_from = Divergence()
         self._faulty = self._doubted = False
         self._cause = SECOND
         self._anchor: Anchor | None = None
         self._compared: FramePair | None = None
-        self._shown_m = self._slip_m = 0.0
+        self._shown_before_m = self._slip_m = 0.0
         self._evidence_stamp_s = -inf
         self._stored = stored
         if stored is not None:
@@ -179,7 +179,7 @@ class PoseMonitor:
             self._base, self._faulty = stored.uncertainty, stored.disproved
             if status.fusion is not None:
                 status.fusion.restore(stored.correction)
-            self._shown_m = stored.shown_m
+            self._shown_before_m = stored.shown_m
             if stored.anchor is not None:  # distances are counted from this start on
                 frame = replace(stored.anchor.frame, way_m=0.0)
                 self._anchor = replace(stored.anchor, frame=frame)
@@ -197,6 +197,7 @@ class PoseMonitor:
         doubted = bool(disproved or self._status.uncertainty)
         if doubted and not self._doubted:
             self._status.forget_seen()
+            self._doubted_from = self._samples[0][1] if self._samples else now
             self._anchor = self._anchor or (self._frames[0] if self._frames else None)
         if disproved:
             self._grow_by_faults(disproved, now, now_s)
@@ -216,10 +217,12 @@ class PoseMonitor:
     def confirm(self, uncertainty: Uncertainty) -> None:
         """Take the pose as it is now as wrong by so much at most, since an operator says so."""
         self._status.uncertainty = self._confirmed = uncertainty
-        self._rebase(self._diverged())
+        now = self._diverged()
+        self._rebase(now)
+        self._doubted_from, self._shown_before_m = now, 0.0
         self._samples.clear()
         self._frames.clear()
-        self._anchor, self._shown_m = self._newest() if uncertainty else None, 0.0
+        self._anchor = self._newest() if uncertainty else None
 
     def stored(self, still: bool) -> StoredPose | None:
         """Return what is to outlive the process; None before odometry has come.
@@ -241,6 +244,11 @@ class PoseMonitor:
             self._shown_m,
             Point(0.0, 0.0) if status.fusion is None else status.fusion.correction,
         )
+
+    @property
+    def _shown_m(self) -> float:
+        """The error of the position that sensors but the second odometry show since the fault."""
+        return self._shown_before_m + self._last.since(self._doubted_from, by_command=False)[0]
 
     def _diverged(self) -> Divergence:
         history, moved = self._history, self._history.moved
@@ -270,7 +278,6 @@ class PoseMonitor:
         position_m, heading_rad = now.since(self._from, by_command=shown != {Disproves.SENSORS})
         if Disproves.DISTANCE in shown:
             position_m = max(position_m, self._slip_m + now.path_m - self._from.path_m)
-        self._shown_m = max(self._shown_m, now.since(self._from, by_command=False)[0])
         odometry = self._status.odometry
         if odometry is not None and any(each.seen_s >= now_s for each in faults):
             self._evidence_stamp_s = odometry.stamp_s
@@ -332,6 +339,8 @@ class PoseMonitor:
             position_m = max(position_m, floor.position_m + corrected_m)
         elif apart.off_m <= near_m:
             position_m = floor.position_m
+        else:  # one of both is right, and the other wrong by so much
+            position_m = min(position_m, floor.position_m + apart.off_m + near_m)
         if apart.off_rad <= AGREES_RAD:
             heading_rad = floor.heading_rad
         self._status.uncertainty = Uncertainty(position_m, heading_rad, known.cause or self._cause)
@@ -339,7 +348,8 @@ class PoseMonitor:
             self._status.uncertainty = Uncertainty(cause=SECOND)
             self._frames.clear()
             self._remember(newest)
-            self._anchor, self._shown_m = newest if self._faulty else None, 0.0
+            self._anchor = newest if self._faulty else None
+            self._doubted_from, self._shown_before_m = now, 0.0
         self._rebase(now)
 
     def _remember(self, newest: Anchor) -> None:
