@@ -43,7 +43,8 @@ class Goal:
         straight: whether the step is driven by turns and lines, since no curve led there.
         led_at: where a motion led the rover last, until the next is planned.
         leg: the step as it was planned last, or the way to it.
-        begun: the pose from which the step was planned.
+        begun: the pose from which the step was planned last.
+        origin: the pose from which it was planned first.
         verification: what compares it with the second odometry; None where there is none.
         journey: what notes what becomes of it; None where nobody asks.
     """
@@ -63,7 +64,7 @@ class Goal:
         self.straight = False
         self.led_at: Point | None = None
         self.leg = Leg(None, None, False, None, 0.0)
-        self.begun = Pose()
+        self.begun = self.origin = Pose()
         self.verification: Verification | None = None
         self.journey: Journey | None = None
 

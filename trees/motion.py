@@ -9,6 +9,7 @@ from executive.checks import (
     check_battery,
     check_pose,
     check_request,
+    check_target,
     heeded,
     seen_ahead,
     way_to,
@@ -127,22 +128,17 @@ class _MotionLeaf(GoalLeaf):
             return ""
         return f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
 
-    def _uncertain(self, start: Pose, *, arrived: bool = False) -> Refusal | None:
-        """Return that the pose is too uncertain for the target of the goal, or None."""
-        context, request = self.context, self.goal.command.request
-        uncertainty = context.status.uncertainty
-        return check_pose(request, start, uncertainty, context.settings, arrived=arrived)
-
-    @property
-    def _uncharged(self) -> Refusal | None:
-        """Why the battery cannot bring the rover back from a goal that begins here, or None."""
-        context, goal = self.context, self.goal
+    def _check_begin(self) -> Refusal | None:
+        """Return why a goal may not begin here, by pose and battery, or None."""
+        context, goal, status = self.context, self.goal, self.context.status
         request = goal.command.request
-        begins = goal.step == goal.attempts == goal.around == 0
-        if not begins or goal.command.link == ABOARD_LINK:
+        if goal.step or goal.attempts or goal.around:
             return None
         assert isinstance(request, CommandedMotion)
-        return check_battery(request, context.status.pose, context.status, context.settings)
+        uncertain = check_pose(request, status.pose, status.uncertainty, context.settings)
+        if uncertain is not None or goal.command.link == ABOARD_LINK:
+            return uncertain
+        return check_battery(request, status.pose, status, context.settings)
 
     @property
     def _unsure(self) -> bool:
@@ -249,10 +245,10 @@ class PlanLeg(_MotionLeaf):
         way = self._way(step, through)
         if isinstance(way, Refusal):
             return self.fail(way)
-        refusal = self._uncertain(self.context.status.pose) or self._uncharged
+        goal, status, settings = self.goal, self.context.status, self.context.settings
+        refusal = self._check_begin()
         if refusal is not None:
             return self.fail(refusal)
-        goal, status, settings = self.goal, self.context.status, self.context.settings
         curves = self.context.locomotion.curves
         in_one = isinstance(step, Waypoint) and not goal.straight and curves(goal.command, step)
         self._note_way(way, in_one)
@@ -263,6 +259,8 @@ class PlanLeg(_MotionLeaf):
             leg = plan_leg(step, settings, status, through, around)
         goal.leg = replace(leg, straight=goal.straight or goal.on_way)
         goal.begun = status.pose
+        if goal.attempts == goal.around == 0:
+            goal.origin = status.pose
         return Status.SUCCESS
 
     def _note_passed(self) -> None:
@@ -409,14 +407,14 @@ class FinishLeg(_MotionLeaf):
             goal.around += 1
             goal.attempts = 0
             return Status.SUCCESS
-        uncertain = self._uncertain(goal.begun, arrived=True)
+        uncertain = self._uncertain()
         if uncertain is not None:
             return self.fail(uncertain)
         self._advance()
         if goal.step < goal.step_count:
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
-        known_by = f"{self._known_by}{self._from_where(goal.begun)}"
+        known_by = f"{self._known_by}{self._from_where(goal.origin)}"
         self.queue.execute(
             f"{goal.command.name} done in {took_s:.2f} s, {known_by}",
             (
@@ -428,6 +426,16 @@ class FinishLeg(_MotionLeaf):
             ),
         )
         return Status.SUCCESS
+
+    def _uncertain(self) -> Refusal | None:
+        """Return that the pose has become too uncertain for the target of the step, or None."""
+        context, goal, request = self.context, self.goal, self.goal.command.request
+        if not isinstance(request, MoveTo | FollowPath | RotateTo):
+            return None
+        uncertainty = context.status.uncertainty
+        distance_m = goal.origin.point.distance_m(context.status.pose.point)
+        position_m = 0.0 if isinstance(request, RotateTo) else uncertainty.position_m
+        return check_target(distance_m, position_m, uncertainty, context.settings)
 
     def _errors(self) -> tuple[float, float, float]:
         """Return the distance from the target, how near is near enough, and the heading's error.
@@ -464,7 +472,7 @@ class HoldVelocity(_MotionLeaf):
             raise TypeError(f"{request} holds no velocity")
         pose, settings = self.context.status.pose, self.context.settings
         obstacles = self.context.status.obstacles
-        self._blocked = check_request(request, pose, settings, obstacles) or self._uncharged
+        self._blocked = check_request(request, pose, settings, obstacles) or self._check_begin()
         self.goal.verification = Verification.begin(settings, self.context.status)
         self._held, self._begun = False, True
         self._request, self._from = request, self.context.safety.history.driven

@@ -9,13 +9,14 @@ from executive.checks.path_check import (
     seen_ahead,
     way_to,
 )
-from executive.checks.pose_check import check_pose
+from executive.checks.pose_check import check_pose, check_target
 
 __all__ = [
     "Speeds",
     "check_battery",
     "check_pose",
     "check_request",
+    "check_target",
     "expected_pose",
     "heeded",
     "planned_path",

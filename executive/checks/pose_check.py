@@ -4,7 +4,7 @@ EXECUTED promises 15 cm and 5 % of the distance to the target, and 0.1 rad of it
 motion itself may be off by, the tolerances of its settings, comes on top of the uncertainty.
 """
 
-from executive.commands import FollowPath, MoveTo, Request, RotateTo
+from executive.commands import FollowPath, MoveTo, Request, RotateTo, Waypoint
 from executive.geometry import Point, Pose
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
@@ -12,58 +12,62 @@ from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, Uncertaint
 
 
 def check_pose(
-    request: Request,
-    start: Pose,
-    uncertainty: Uncertainty,
-    settings: Settings,
-    *,
-    arrived: bool = False,
+    request: Request, start: Pose, uncertainty: Uncertainty, settings: Settings
 ) -> Refusal | None:
-    """Return that the pose is too uncertain for a motion to an absolute target, or None.
+    """Return that the pose is too uncertain for a motion to absolute targets, or None.
 
     Relative motions are never refused: they say from where they ran.
 
     Args:
         request: any; what is no such motion is not refused.
-        start: where it begins, or began.
+        start: where it begins.
         uncertainty: of the pose.
         settings: have the tolerances of motions.
-        arrived: whether the motion is over, so that nothing is added for what is to be driven.
     """
-    law = settings.turn_drive
-    if not uncertainty or not isinstance(request, MoveTo | FollowPath | RotateTo):
-        return None
-    bound_rad = PROMISED_RAD - law.heading_tolerance_rad
-    refusal = None
-    if uncertainty.heading_rad > bound_rad:
-        refusal = _uncertain(
-            uncertainty,
-            f"the heading is uncertain by {uncertainty.heading_rad:.2f} rad, above"
-            f" {bound_rad:.2f} rad",
-            Figure("heading bound", bound_rad, "rad"),
-        )
-    for distance_m in _distances_m(request, start):
-        bound_m = PROMISED_M + PROMISED_RATIO * distance_m - law.position_tolerance_m
-        at_target_m = uncertainty.position_at_m(0.0 if arrived else distance_m)
-        if refusal is None and at_target_m > bound_m:
-            refusal = _uncertain(
-                uncertainty,
-                f"the position is uncertain by {at_target_m:.2f} m at the target, above"
-                f" {bound_m:.2f} m",
-                Figure("position bound", bound_m, "m"),
-            )
-    return refusal
-
-
-def _distances_m(request: MoveTo | FollowPath | RotateTo, start: Pose) -> list[float]:
     match request:
+        case RotateTo():
+            waypoints: tuple[Waypoint, ...] = ()
         case MoveTo(target):
             waypoints = (target,)
         case FollowPath(waypoints):
             pass
-        case RotateTo():
-            return []
-    return [start.point.distance_m(Point(each.x_m, each.y_m)) for each in waypoints]
+        case _:
+            return None
+    refusal, place, driven_m = check_target(0.0, 0.0, uncertainty, settings), start.point, 0.0
+    for waypoint in waypoints:
+        before, place = place, Point(waypoint.x_m, waypoint.y_m)
+        leg_m = before.distance_m(place)
+        driven_m += leg_m
+        at_target_m = uncertainty.position_at_m(driven_m)
+        refusal = refusal or check_target(leg_m, at_target_m, uncertainty, settings)
+    return refusal
+
+
+def check_target(
+    distance_m: float, position_m: float, uncertainty: Uncertainty, settings: Settings
+) -> Refusal | None:
+    """Return that a target cannot be reached, or was not, as exactly as EXECUTED promises, or None.
+
+    Args:
+        distance_m: from where the rover starts, or started, to the target.
+        position_m: how uncertain the position is there.
+        uncertainty: of the pose now.
+        settings: have the tolerances of motions.
+    """
+    law = settings.turn_drive
+    bound_rad = PROMISED_RAD - law.heading_tolerance_rad
+    bound_m = PROMISED_M + PROMISED_RATIO * distance_m - law.position_tolerance_m
+    if not uncertainty:
+        return None
+    if uncertainty.heading_rad > bound_rad:
+        text = f"the heading is uncertain by {uncertainty.heading_rad:.2f} rad, above"
+        bound = Figure("heading bound", bound_rad, "rad")
+        return _uncertain(uncertainty, f"{text} {bound_rad:.2f} rad", bound)
+    if position_m > bound_m:
+        text = f"the position is uncertain by {position_m:.2f} m at the target, above"
+        bound = Figure("position bound", bound_m, "m")
+        return _uncertain(uncertainty, f"{text} {bound_m:.2f} m", bound)
+    return None
 
 
 def _uncertain(uncertainty: Uncertainty, text: str, bound: Figure) -> Refusal:
