@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 EVERY_S: Final = 0.5
 _RESUME: Final = "rover command resume"
 _CONFIRM: Final = (
-    "to move to places again: correct the pose by rover command setPositionCompensation,"
+    "to be certain of the pose again: correct it by rover command setPositionCompensation,"
     " or confirm it by rover command confirmPose"
 )
 _HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
