@@ -10,6 +10,7 @@ from geometry_msgs.msg import Twist
 from std_msgs.msg import String, UInt64
 
 from adapters.mops import Message, MopsError, fingerprint, load_dictionary, messages_in, report_of
+from adapters.onboard.housekeeping import ExecutiveHousekeeping
 from adapters.onboard.service import executive_on
 from adapters.ros import declare_topic, ros_node, single_threaded
 from executive.commands import Mode
@@ -122,6 +123,7 @@ class Aboard:
     def __init__(self, folder: Path, relays: ExitStack) -> None:
         self._folder, self._relays = folder, relays
         self.relay = Relay(relays)
+        self._housekeeping = ExecutiveHousekeeping(folder)
         self._process = ExitStack()
         self.executive = self._start()
         self.join()
@@ -132,7 +134,13 @@ class Aboard:
         self._executor = self._process.enter_context(single_threaded(node))
         ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)
         served = executive_on(
-            node, load_settings("jackal"), ledger, self._folder / "files", [], relayed=True
+            node,
+            load_settings("jackal"),
+            ledger,
+            self._folder / "files",
+            [],
+            relayed=True,
+            housekeeping=self._housekeeping,
         )
         return self._process.enter_context(served)
 
@@ -170,6 +178,10 @@ class Aboard:
         message = DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
         self.relay.say(str(message))
         return message
+
+    def keep_house(self) -> None:
+        """Measure the housekeeping, as the direct link has done every few seconds."""
+        self._housekeeping.measure(self.executive)
 
     def mode(self) -> Mode:
         return self.executive.mode

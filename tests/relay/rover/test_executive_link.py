@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import Twist
 
-from adapters.mops import UNNUMBERED, ledger_of, mode_of, parameters_of
+from adapters.mops import UNNUMBERED, housekeeping_of, ledger_of, mode_of, parameters_of
 from adapters.relay.rover.executive_link import PAGE
 from executive.commands import Mode
-from executive.commands.catalogue import MoveForward, Resume, SetTravelSpeed, Stop
+from executive.commands.catalogue import ConfirmPose, MoveForward, Resume, SetTravelSpeed, Stop
 from executive.commands.intake import SOURCE_PREFIX
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Severity, Stage
@@ -46,6 +46,22 @@ def test_the_life_of_a_command_and_the_telemetry_are_told(aboard: Aboard) -> Non
         return [v.value for v in values if v.parameter is Parameter.TRAVEL_SPEED]
 
     aboard.until(lambda: speed() == [0.25], "telemetry")
+
+
+def test_an_uncertain_pose_is_told_before_the_next_housekeeping_is_due(aboard: Aboard) -> None:
+    def told() -> list[float | None]:
+        entry = DICTIONARY.spelling.housekeeping
+        found = [m for m in aboard.relay.messages if m.code == entry.code]
+        return [housekeeping_of(m, entry).figures["EXEC_POSITION_UNCERTAINTY"] for m in found]
+
+    aboard.keep_house()
+    aboard.until(lambda: told() == [0.0], "the first housekeeping")
+    aboard.keep_house()
+    aboard.ask(ConfirmPose(0.5, 0.0), 7)
+    aboard.told(7, Stage.EXECUTED)
+    aboard.until(lambda: "|EVENT||WARNING,POSE_UNCERTAIN," in "".join(aboard.relay.heard), "it")
+    aboard.keep_house()
+    aboard.until(lambda: told()[1:] == [0.5], "the second housekeeping")
 
 
 def test_a_stop_acts_whatever_the_core_is_at(aboard: Aboard) -> None:
