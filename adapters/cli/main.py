@@ -5,6 +5,7 @@ when it is called: `rover --help` reads the first lines of their docstrings from
 """
 
 import ast
+import errno
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any, Final
 import click
 from click.shell_completion import get_completion_class
 
-from adapters.process import DISK_FULL, guard_output, missing_package
+from adapters.process import guard_output, missing_package
 
 GROUP: Final = "rover.commands"
 UNREACHABLE: Final = 3
@@ -67,7 +68,7 @@ class Commands(click.Group):
             click.echo(f"Error: cannot reach the rover: {printable(str(error))}", err=True)
             ctx.exit(UNREACHABLE)
         except OSError as error:
-            if error.errno not in DISK_FULL:
+            if error.errno != errno.ENOSPC:
                 raise
             where = f"{error.filename}: " if error.filename else ""
             raise click.ClickException(f"{where}cannot be written: {error.strerror}") from error

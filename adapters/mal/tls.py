@@ -128,11 +128,7 @@ def is_loopback(host: str) -> bool:
 
 
 def address_to_listen(host: str) -> str:
-    """Return a host without the brackets that IPv6 has in a URI.
-
-    Raises:
-        OSError: there is no host of that name.
-    """
+    """Return a host without the brackets of IPv6 in a URI; raise OSError if there is none."""
     host = host.strip("[]")
     try:
         socket.getaddrinfo(host or None, 0, flags=socket.AI_PASSIVE)

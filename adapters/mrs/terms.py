@@ -1,9 +1,10 @@
 """What both ends of a link agree on beforehand, since no message says it."""
 
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from adapters.mal import Certificates, Encoding
+from adapters.mal import CertificateError, Certificates, Encoding
 
 if TYPE_CHECKING:
     import ssl
@@ -44,3 +45,18 @@ class Terms:
 
 CLEAR: Final = Terms()
 """Fixed binary encoding in clear text."""
+
+
+def start_fault(error: ValueError | OSError, what: str, host: str, elsewhere: str) -> str:
+    """Return why a link is not served, for who started the process: `cannot {what}`."""
+    if isinstance(error, ValueError):
+        return (
+            f"{host} can be reached from other computers, and the MRS would be served in clear"
+            " text: give --certificate, --key and --authorities, or add --clear-text if anyone"
+            " there may read and command"
+        )
+    if isinstance(error, CertificateError):
+        files = "--certificate, --key and --authorities name PEM files"
+        return f"TLS: {error}; {files} that this process can read"
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or error
+    return f"cannot {what}: {why}; choose another address with --host{elsewhere}"

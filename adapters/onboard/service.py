@@ -17,11 +17,11 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
 from adapters.explanation.builder import ChronicleBuilder
-from adapters.mal import CertificateError, MalUri
+from adapters.mal import MalUri
 from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import ABOARD_HOUSEKEEPING, EXECUTIVE_HOUSEKEEPING
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.terms import CLEAR, Terms, start_fault
 from adapters.onboard.guard import RUNS, Guard, guarded
 from adapters.onboard.housekeeping import ExecutiveHousekeeping, TellsOfItself
 from adapters.onboard.planning import planning
@@ -317,23 +317,9 @@ def _stop_until_acknowledged(rover: RosAsset) -> bool:
 def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:
     try:
         return link.start(executive)
-    except ValueError as error:
-        raise StartError(
-            f"{options.host} can be reached from other computers, and the MRS would be served in"
-            " clear text: give --certificate, --key and --authorities, or add --clear-text if"
-            " anyone there may read and command"
-        ) from error
-    except CertificateError as error:
-        raise StartError(
-            f"TLS: {error}; --certificate, --key and --authorities name PEM files that this"
-            " process can read"
-        ) from error
-    except OSError as error:
-        why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-        raise StartError(
-            f"cannot listen at {options.host}:{options.port}: {why};"
-            " choose another address with --host and --port"
-        ) from error
+    except (ValueError, OSError) as error:
+        host, what = options.host, f"listen at {options.host}:{options.port}"
+        raise StartError(start_fault(error, what, host, " and --port")) from error
 
 
 RosRoverKind = Callable[[Node, Topics, Clock, Settings], RosVelocityRover | RosMotionRover]

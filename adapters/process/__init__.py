@@ -12,17 +12,15 @@ from adapters.process.command import (
 )
 from adapters.process.folder import default_folder, exclusive
 from adapters.process.log import log_to_stderr
-from adapters.process.output import DISK_FULL, UNREAD, guard_output
+from adapters.process.output import guard_output
 from adapters.process.signals import Termination, termination_event
 from adapters.process.start import missing_package, require
 from adapters.process.usage import ProcessUsage, Usage
 
 __all__ = [
-    "DISK_FULL",
     "EXISTING_FILE",
     "PORT_NUMBER",
     "ROS_ARGS",
-    "UNREAD",
     "ProcessUsage",
     "StartError",
     "Termination",

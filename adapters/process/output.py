@@ -10,14 +10,11 @@ from typing import Any, Final
 
 UNREAD: Final = 141
 """Exit status where nobody reads the output any more: what a shell reports for SIGPIPE."""
-DISK_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 _PLAIN: Final = "rover.plain"
-_SPELLED: Final = {
-    "±": "+-", "×": "x", "−": "-", "–": "-", "…": "...", "°": "deg", "²": "2", "µ": "u", "·": ".",
-    "“": '"', "”": '"', "→": ">", "⇉": "=", "◆": "#", "◇": "o", "▸": ">", "●": "*", "✓": "+",
-    "✕": "x", "↓": "v", "↑": "^", "←": "<", "│": "|", "├": "|", "└": "`", "─": "-",
-}  # fmt: skip
+_SPELLED: Final = str.maketrans(
+    "×−–²µ·“”→⇉◆◇▸●✓✕↓↑←│├└─", "x--2u.''>=#o>*+xv^<||`-"
+) | str.maketrans({"±": "+-", "…": "...", "°": "deg"})
 """Signs of the product where a terminal has no UTF-8; other letters become a question mark."""
 
 
@@ -57,8 +54,8 @@ class _Output(io.FileIO):
 def _spell(error: UnicodeError) -> tuple[str, int]:
     """Return ASCII for signs that an encoding lacks, as `codecs` asks for it."""
     assert isinstance(error, UnicodeEncodeError)
-    lacking = error.object[error.start : error.end]
-    return "".join(_SPELLED.get(sign, "?") for sign in lacking), error.end
+    spelled = error.object[error.start : error.end].translate(_SPELLED)
+    return spelled.encode("ascii", "replace").decode(), error.end
 
 
 codecs.register_error(_PLAIN, _spell)

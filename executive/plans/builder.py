@@ -269,7 +269,8 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     root = read_xml(definition.content)
     trees = _trees(root)
     for tree in trees.values():
-        _known(tree.children[0], trees)
+        for element in tree.children[0].elements():
+            known_kind(element, trees, LEAVES)
     _used(definition.arguments, root.children)
     plan = PlanBuilder(trees, _defaults(root), f"plan:{definition.plan_id}").build(
         _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
@@ -341,12 +342,6 @@ def _defaults(root: Element) -> dict[str, dict[str, str]]:
     }
 
 
-def _known(element: Element, trees: dict[str, Element]) -> None:
-    known_kind(element, trees, LEAVES)
-    for child in element.children:
-        _known(child, trees)
-
-
 def _used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
     """Check that every argument is read somewhere; one that is not is a misspelling."""
     read_there = {name for tree in trees for name in _names_in(tree)}
@@ -359,18 +354,18 @@ def _used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
 
 
 def _names_in(element: Element) -> Iterator[str]:
-    for attribute, text in element.attributes.items():
-        if text.startswith("{") and text.endswith("}"):
-            yield attribute if text == "{=}" else text[1:-1]
-    for child in element.children:
-        yield from _names_in(child)
+    for each in element.elements():
+        for attribute, text in each.attributes.items():
+            if text.startswith("{") and text.endswith("}"):
+                yield attribute if text == "{=}" else text[1:-1]
 
 
 def _main(root: Element, trees: dict[str, Element]) -> str:
     """Return the ID of the tree to run: the one that no `SubTree` names, unless it is said."""
     name = root.attributes.get("main_tree_to_execute")
     if name is None:
-        named = {name for tree in trees.values() for name in _subtrees(tree)}
+        below = [element for tree in trees.values() for element in tree.elements()]
+        named = {element.attributes["ID"] for element in below if element.tag == SUBTREE}
         first = [each for each in trees if each not in named] or list(trees)
         if len(first) != 1:
             text = "main_tree_to_execute must say which tree to run"
@@ -379,14 +374,6 @@ def _main(root: Element, trees: dict[str, Element]) -> str:
     if name not in trees:
         raise root.fault(Reason.PLAN_STRUCTURE, f"there is no tree {name[:40]!r} to run")
     return name
-
-
-def _subtrees(element: Element) -> Iterator[str]:
-    """Return the IDs of the trees that are named below an element."""
-    for child in element.children:
-        if child.tag == SUBTREE:
-            yield child.attributes["ID"]
-        yield from _subtrees(child)
 
 
 def _from(request: Request) -> Point:

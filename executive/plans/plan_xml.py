@@ -3,7 +3,7 @@
 No document type, entity, include or other file is ever read.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
@@ -55,6 +55,12 @@ class Element:
     attributes: MappingProxyType[str, str]
     line: int
     children: list["Element"] = field(default_factory=list)
+
+    def elements(self) -> Iterator["Element"]:
+        """Return this element and all below it, in the order of the text."""
+        yield self
+        for child in self.children:
+            yield from child.elements()
 
     def fault(self, reason: Reason, text: str) -> PlanError:
         """Return the error that something is wrong with this element."""

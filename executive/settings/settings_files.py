@@ -88,14 +88,11 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
         if key.tag == _MERGE:
             continue
         name = loader.construct_object(key, deep=True)
+        fault = f"key {name!r} is said twice" if name in seen else ""
         if isinstance(name, bool):
-            raise yaml.constructor.ConstructorError(
-                None, None, f"key {key.value} means {name} in YAML: quote it", key.start_mark
-            )
-        if name in seen:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"key {name!r} is said twice", key.start_mark
-            )
+            fault = f"key {key.value} means {name} in YAML: quote it"
+        if fault:
+            raise yaml.constructor.ConstructorError(None, None, fault, key.start_mark)
         seen.add(name)
     return loader.construct_mapping(node, deep=True)
 

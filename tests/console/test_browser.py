@@ -170,6 +170,11 @@ def test_a_plan_from_a_file_is_submitted_and_removed(
     site: Site, page: Page, people: Visitors
 ) -> None:
     plans = people.visit(f"{site.url}#/browse/rover:rovers/rover:jackal/rover:jackal~plans", "anna")
+    declared = '<?xml version="1.0" encoding="ISO-8859-1"?><root name="Gelände"/>'
+    plans.get_by_label("file of a plan").set_input_files(
+        {"name": "a.xml", "mimeType": "text/xml", "buffer": declared.encode("iso-8859-1")}
+    )
+    expect(plans.locator(".plans-view textarea")).to_have_value(declared)
     plans.get_by_label("file of a plan").set_input_files(CHECKOUT / "config/plans/look-around.xml")
     plans.get_by_role("button", name="Submit to jackal").click()
     plan = plans.locator(".plans-view tbody tr").filter(has_text="look-around")

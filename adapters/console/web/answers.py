@@ -112,12 +112,7 @@ async def body_of(request: web.Request) -> dict[str, Any]:
 
 
 def read_json(text: str) -> Any:
-    """Return the value of a JSON text.
-
-    Raises:
-        ValueError: it is none, or has a number that no float can hold, as NaN or 200,000 digits.
-        RecursionError: it is too deep.
-    """
+    """Return the value of a JSON text; raise ValueError for a number that no float can hold."""
     whole = partial(_finite, kind=int)
     return json.loads(text, parse_int=whole, parse_float=_finite, parse_constant=_finite)
 

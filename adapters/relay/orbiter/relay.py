@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import os
 import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
@@ -31,7 +30,7 @@ from adapters.bundle import (
     node_of,
 )
 from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import Terms, start_fault
 from adapters.process import ProcessUsage, StartError, exclusive, termination_event
 from adapters.relay.orbiter.link_status import (
     BY_PLAN,
@@ -340,7 +339,9 @@ async def serve(
                 try:
                     await provider.start(host, tls, clear_text)
                 except (ValueError, OSError) as error:
-                    raise _start_error(error, provider, host, settings_file) from error
+                    what = f"serve {provider.asset} at {host}:{provider.port}"
+                    elsewhere = f", or another port in {settings_file}"
+                    raise StartError(start_fault(error, what, host, elsewhere)) from error
             for provider in providers:
                 print(f"{provider.asset} listens at {provider.uri}", flush=True)
             await _run_until(asked, relay, providers, settings.health_interval_s)
@@ -377,19 +378,3 @@ async def _every(interval_s: float, act: Callable[[], Awaitable[None] | None]) -
         except (LedgerError, StoreError) as error:
             _LOG.error("%s", error)
         await asyncio.sleep(interval_s)
-
-
-def _start_error(
-    error: ValueError | OSError, provider: RoverProvider, host: str, settings_file: Path
-) -> StartError:
-    if isinstance(error, ValueError):
-        return StartError(
-            f"{host} can be reached from other computers, and the MRS would be served in"
-            " clear text: give --certificate, --key and --authorities, or add --clear-text if"
-            " anyone there may read and command"
-        )
-    why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
-    return StartError(
-        f"cannot serve {provider.asset} at {host}:{provider.port}: {why}; choose another"
-        f" address with --host, or another port in {settings_file}"
-    )

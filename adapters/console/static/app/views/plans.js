@@ -54,7 +54,10 @@ export function mount(element, context) {
   async function read() {
     const chosen = file.files[0];
     if (!chosen) return;
-    content.value = await chosen.text();
+    const octets = await chosen.arrayBuffer();
+    const known = /^<\?xml[^>]*encoding=["'](iso-8859-(?:[1-9]|1[0134-6])|windows-125\d)["']/i;
+    const declared = known.exec(new TextDecoder("ascii").decode(octets));
+    content.value = new TextDecoder(declared ? declared[1] : "utf-8").decode(octets);
     name.value = chosen.name.replace(/\.xml$/i, "");
     draw();
   }
