@@ -170,7 +170,7 @@ class Dispatcher:
     def check_lateness(self) -> None:
         """Report a tick later than the watchdog's bound, and pause motion; call it once a tick.
 
-        Of several in a row the first is reported: it may be its report that takes so long.
+        Only the first of several late ticks is reported: writing the report may take the time.
         """
         context, safety = self._context, self._context.safety
         now_s, bound_s = context.clock.now_s(), context.settings.safety.watchdog_s
@@ -178,7 +178,7 @@ class Dispatcher:
         before, self._late = self._late, late_s > bound_s
         if not self._late:
             return
-        text = f"the tick came {late_s:.1f} s late: the process was suspended or had no processor"
+        text = f"the tick was {late_s:.1f} s late: the process was suspended or had no processor"
         why = Refusal(
             Reason.TICK_LATE, text, (Figure("late", late_s, "s"), Figure("bound", bound_s, "s"))
         )

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, nullcontext, suppress
 from pathlib import Path
-from typing import Any, Final, Never
+from typing import Any, Final
 
 from rclpy.node import Node
 
@@ -25,7 +25,7 @@ PAUSE_S: Final = 0.05
 ZERO_S: Final = 0.3
 """And so long, until the base's own time-out has passed."""
 RESTART_S: Final = 0.5
-"""From the death of a guard to the next, so that one that crashes does not take the processor."""
+"""Delay of a restart, so that a guard that always crashes does not take the processor."""
 DISCOVERY_S: Final = 20.0
 """A mux that this node has not discovered by then is taken for gone."""
 RUNS: Final = "the guard runs"
@@ -36,8 +36,8 @@ _LOG: Final = logging.getLogger(__name__)
 class Guard:
     """A process that makes a rover stand if the process that made it ends before `close`.
 
-    Make it before there is a thread, a ROS context or a lock: a keeper is forked, which has none
-    either, and which forks the guard again whenever it dies.
+    Make it before there is a thread, a ROS context or a lock: a supervisor is forked, which has
+    none of these either, and forks the guard again when that is killed.
 
     Args:
         arguments: settings of the asset, ROS parameter file, ROS arguments, class of the rover.
@@ -50,11 +50,14 @@ class Guard:
         self.state = RUNS
         reading, self._writing = os.pipe()
         self._deaths, telling = os.pipe()
-        self._keeper = os.fork()
-        if self._keeper == 0:
-            os.close(self._writing)
-            os.close(self._deaths)
-            _keep(reading, telling, *arguments)
+        self._supervisor = os.fork()
+        if self._supervisor == 0:
+            try:
+                os.close(self._writing)
+                os.close(self._deaths)
+                _supervise(reading, telling, *arguments)
+            finally:
+                os._exit(1)  # whatever it raised is not for the code of the executive
         os.close(reading)
         os.close(telling)
         os.set_blocking(self._deaths, False)
@@ -63,17 +66,17 @@ class Guard:
         """Have it act from now on."""
         _write(self._writing, _ARM)
 
-    def take_death(self) -> str | None:
-        """Return how a guard died since the last call, and what was done; None if none did."""
+    def take_event(self) -> str | None:
+        """Return what happened to the guard since the last call; None if nothing did."""
         with suppress(BlockingIOError):
             octet = os.read(self._deaths, 1)
             if octet:
-                self.state = f"the guard was ended by signal {octet[0]}; another one was started"
+                self.state = f"the guard was killed by signal {octet[0]} and restarted"
                 return self.state
-            if self._keeper:
-                os.waitpid(self._keeper, 0)
-                self._keeper = 0
-                self.state = "the keeper of the guard ended: no guard is started again"
+            if self._supervisor:
+                os.waitpid(self._supervisor, 0)
+                self._supervisor = 0
+                self.state = "the supervisor of the guard ended: the guard is no longer restarted"
                 return self.state
         return None
 
@@ -82,8 +85,8 @@ class Guard:
         _write(self._writing, _WELL)
         os.close(self._writing)
         os.close(self._deaths)
-        if self._keeper:
-            os.waitpid(self._keeper, 0)
+        if self._supervisor:
+            os.waitpid(self._supervisor, 0)
 
 
 @contextmanager
@@ -99,8 +102,8 @@ def guarded(settings: Settings, *arguments: Any) -> Iterator[Guard | None]:
         yield guard
 
 
-def _keep(reading: int, telling: int, *arguments: Any) -> Never:
-    """Fork guards until one ends by itself; tell the signal of each that was killed."""
+def _supervise(reading: int, telling: int, *arguments: Any) -> None:
+    """Fork guards until one exits by itself; write the signal of each that was killed."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     first = True
@@ -117,7 +120,7 @@ def _keep(reading: int, telling: int, *arguments: Any) -> Never:
                 os._exit(0)
         _, status = os.waitpid(child, 0)
         if not os.WIFSIGNALED(status):
-            os._exit(0)
+            return
         _write(telling, bytes([os.WTERMSIG(status)]))
         first = False
         time.sleep(RESTART_S)
@@ -140,7 +143,7 @@ def _guard(
     with ros_node(GUARD_NAME, asset, parameters=parameters, ros_arguments=ros_arguments) as node:
         rover = rover_kind(node, declare_topics(node), clock_of(node), settings)
         while (octet := os.read(reading, 1)) == _ARM:
-            pass  # it was for a guard before this one
+            pass  # the one of before a restart
         if octet == _WELL:
             return
         until_s, heard = time.monotonic() + DISCOVERY_S, False

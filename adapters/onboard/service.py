@@ -65,7 +65,7 @@ MOST_REMEMBERED: Final = 1000
 BEATS: Final = 2
 """Of the core's thread within the watchdog's bound, where nothing else wakes it."""
 GUARD_CHECK_S: Final = 1.0
-"""Period in which it is checked whether the guard lives."""
+"""Period in which the state of the guard is read and published."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -276,8 +276,8 @@ def _tell_of_recording(executive: Executive, text: str) -> None:
 def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Iterator[Watchdog]:
     """Yield a watchdog over the thread that spins a node; it shows its alarms in /diagnostics.
 
-    The beat does not come with the tick, which stands still with simulated time. A guard that died
-    is replaced, reported, and shown in /diagnostics, too.
+    The beat does not come with the tick, which stands still with simulated time. The death of a
+    guard is reported, and shown there, too.
     """
     bound_s = executive.settings.safety.watchdog_s
     quiet = PublisherEventCallbacks(use_default_callbacks=False)  # each costs in every turn
@@ -292,9 +292,9 @@ def watched(node: Node, executive: Executive, guard: Guard | None = None) -> Ite
         publish("watchdog", DiagnosticStatus.ERROR, text, {"bound [s]": f"{bound_s:g}"})
 
     def check_guard(guard: Guard) -> None:
-        if died := guard.take_death():
-            _LOG.error("%s", died)
-            executive.event(Severity.ALARM, died)
+        if text := guard.take_event():
+            _LOG.error("%s", text)
+            executive.event(Severity.ALARM, text)
         level = DiagnosticStatus.OK if guard.state == RUNS else DiagnosticStatus.WARN
         publish("guard", level, guard.state, {})
 

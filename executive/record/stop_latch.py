@@ -8,7 +8,7 @@ from zlib import crc32
 _SIZE: Final = 512
 """Octets: one sector, which a disk writes whole or not at all."""
 UNWRITTEN_LEDGER: Final = "aboard:ledger"
-"""In place of a command, where the ledger could not store that its own failure made SAFE."""
+"""Stands in place of a command where the ledger could not store its own failure."""
 _UNREADABLE: Final = "someone: the record of who is damaged"
 
 

@@ -106,7 +106,7 @@ class History:
         unchanged_since_s: since when the odometry is the same to the last bit.
         frame_time_s: when the newest camera frame was taken; None where its clock is not known.
         others: who else may move the rover.
-        other_drivers: who does.
+        other_drivers: publishers whose velocities were received.
         lower_may_drive: whether inputs below the executive's may drive the rover while it is idle.
         begun_s: no window reaches back beyond this time.
         jump: the last step of the odometry that nothing explains.
@@ -199,12 +199,12 @@ class History:
 
     @property
     def drivers(self) -> list[Driver]:
-        """Who commands the base now beside the executive."""
+        """The other publishers that command the base now."""
         return self.other_drivers.active(self._clock.now_s())
 
     @property
     def inputs(self) -> tuple[OtherInput, ...]:
-        """By which inputs they do."""
+        """The inputs that they use."""
         return tuple(each.input for each in self.drivers)
 
     def command(self, velocity: Velocity, at_least: Velocity | None = None) -> None:

@@ -1,7 +1,7 @@
-"""Who drives the base beside the executive, since when, and how far.
+"""Other publishers of velocities: since when they drive the base, and how far.
 
-Publishers on other inputs of the base's mux, or on the executive's own topic, are known by their
-velocities. What the rover does by them is not commanded here; it is reported all the same.
+They publish on other inputs of the base's mux, or on the executive's own topic, and are identified
+by their messages. The motion that results is not commanded here; it is reported.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from executive.reports import Severity
 from executive.state import OtherInput
 
 INPUT_S: Final = 0.5
-"""Timeout of a publisher: twist_mux masks lower inputs for as long after a message."""
+"""Timeout of a publisher; twist_mux masks lower inputs for the same time after a message."""
 
 
 @dataclass(slots=True)

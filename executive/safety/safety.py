@@ -146,7 +146,7 @@ executive does not know.
 HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
 TAKEN: Final = "other_publisher"
 UNMONITORED: Final = Row(When.ALWAYS, Then.SAFE, Clears.ON_RESUME)
-"""Of faults that no monitor sees; nor can it tell whether their cause is gone."""
+"""Row of faults that no monitor detects; nor can their cause be checked on a resume."""
 CALM_S: Final = 0.5
 """For which there must be no evidence before a fault is over by itself."""
 
@@ -254,7 +254,7 @@ class Safety:
         return bool(holding) and all(each.row.clears is Clears.ITSELF for each in holding)
 
     def hold(self, why: Refusal, then: Then) -> Fault:
-        """Begin a fault that no monitor sees, such as a ledger that fails, until a resume."""
+        """Begin a fault that no monitor detects, such as a failing ledger; a resume ends it."""
         return self.restore(why.reason.name.lower(), then, why, self._clock.utc_s())
 
     def restore(self, name: str, then: Then, why: Refusal, begun_utc_s: float) -> Fault:
@@ -267,7 +267,7 @@ class Safety:
         return fault
 
     def drop(self, name: str) -> None:
-        """End a fault without a word."""
+        """Remove a fault without a report."""
         self.active = [each for each in self.active if each.name != name]
 
     def resume(self) -> tuple[Fault, ...]:

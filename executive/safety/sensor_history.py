@@ -33,13 +33,13 @@ BIAS_OVER_S: Final = 5.0
 MAX_BIAS_RADPS: Final = 0.02
 """What is more is no bias of a gyro that works."""
 BIAS_TOLERANCE_RADPS: Final = 0.006
-"""How far the rate of resting wheels may be from the known bias.
+"""Deviation of the mean rate of a rest from the known bias, above which the gyro is wrong.
 
-Six times the noise of its mean over `REST_S` (sd 0.004 rad/s, 15 samples), and within four seconds
-less than the bound of `odometry_off_gyro_slowly`. What is more is a gyro that is wrong.
+Six times the noise of that mean (sd 0.004 rad/s, 15 samples); over four seconds still below the
+bound of `odometry_off_gyro_slowly`.
 """
 RELEARN_AFTER_S: Final = 30.0
-"""Rest after which a bias that stays another one is learnt; chosen, not measured."""
+"""Rest after which a changed bias is learnt; chosen, not measured."""
 KEPT_S: Final = 10.0
 """Sightings of the second odometry."""
 LONGEST_WINDOW: Final = 2.5

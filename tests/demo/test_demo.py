@@ -120,7 +120,7 @@ def test_a_process_that_dies_is_named_with_its_log(demo: Demo) -> None:
 def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
     others = demo.others()
     assert len(others) == 5, (
-        "the simulation, the executive, its guard and that one's keeper, the console"
+        "the simulation, the executive, its guard and that one's supervisor, the console"
     )
     demo.process.kill()
     _, alive = psutil.wait_procs(others, timeout=END_S)

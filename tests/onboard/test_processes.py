@@ -184,15 +184,15 @@ def test_a_guard_that_dies_is_reported_shown_and_replaced(
 
     probe.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
     probe.until(lambda: (DiagnosticStatus.OK, "the guard runs") in rows, "a row of the guard")
-    (keeper,) = psutil.Process(process.pid).children()
-    (guard,) = keeper.children()
+    (supervisor,) = psutil.Process(process.pid).children()
+    (guard,) = supervisor.children()
     guard.kill()
-    died = "the guard was ended by signal 9; another one was started"
+    died = "the guard was killed by signal 9 and restarted"
     probe.until(lambda: (DiagnosticStatus.WARN, died) in rows, "it is shown")
     assert died in process.text
     (event,) = [each for each in notifications(uri) if each.text == died]
     assert event.severity is Severity.ALARM
-    probe.until(lambda: keeper.children() not in ([], [guard]), "another one")
+    probe.until(lambda: supervisor.children() not in ([], [guard]), "another one")
     until_located(uri)
     start(uri, LONG_DRIVE)
     probe.moving()
@@ -201,12 +201,12 @@ def test_a_guard_that_dies_is_reported_shown_and_replaced(
     probe.standing()
 
 
-def test_the_end_of_the_keeper_of_the_guard_is_reported(aboard: tuple[Running, str]) -> None:
+def test_the_end_of_the_supervisor_of_the_guard_is_reported(aboard: tuple[Running, str]) -> None:
     process, uri = aboard
-    (keeper,) = psutil.Process(process.pid).children()
-    keeper.kill()
-    process.said("the keeper of the guard ended")
-    assert any("keeper of the guard" in (each.text or "") for each in notifications(uri))
+    (supervisor,) = psutil.Process(process.pid).children()
+    supervisor.kill()
+    process.said("the supervisor of the guard ended")
+    assert any("supervisor of the guard" in (each.text or "") for each in notifications(uri))
     assert process.end(signal.SIGTERM) == 0
 
 

@@ -90,7 +90,7 @@ def test_after_a_suspend_motion_waits_for_a_resume_over_a_restart_too(bench: Ben
     assert event.figures[0].value == pytest.approx(SUSPENDED_S, abs=0.01)
     bench.run(5.0)
     assert bench.rover.velocity == STANDING
-    assert "PAUSED because the tick came 12.0 s late" in bench.executive.why
+    assert "PAUSED because the tick was 12.0 s late" in bench.executive.why
     bench.submit(Resume(), 2)
     assert bench.finish(1) is Stage.EXECUTED
     bench.submit(MoveTo(Waypoint(0.0, 0.0)), 3)
