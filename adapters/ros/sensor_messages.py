@@ -6,7 +6,7 @@ and poses of a second odometry to be of base_link (REP 105).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Final
 
 from nav_msgs.msg import Odometry as OdometryMessage
@@ -114,27 +114,39 @@ def second_odometry_fact(message: OdometryMessage) -> SecondOdometry:
     return SecondOdometry(stamp_s(message.header.stamp), pose, *pose_sd(message.pose.covariance))
 
 
-def laser_fact(message: LaserScanMessage) -> LaserScan:
-    """Return the ranges as REP 117 has them: what was too near to measure is at the least range.
+def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserScan:
+    """Return the ranges as REP 117 has them; NaN also where one is 0 or below the least range.
+
+    A greatest range that is infinite, as pointcloud_to_laserscan has it, is no bound.
+
+    Args:
+        message: the scan.
+        zero_is_free: whether 0 says that nothing reflects, where another ray measured something.
 
     Raises:
         MessageError: it has no rays or too many, or an angle or a bound is none.
     """
     least_m, most_m = message.range_min, message.range_max
     figures = (message.angle_min, message.angle_increment, least_m, most_m)
-    if not (all(map(isfinite, figures)) and 0 <= least_m < most_m and message.angle_increment):
+    finite = all(map(isfinite, figures[:3]))
+    if not (finite and 0 <= least_m < most_m and message.angle_increment):
         raise MessageError(f"angles and bounds of the scan are {figures}")
     if not 0 < len(message.ranges) <= MOST_RAYS:
         raise MessageError(f"a scan of {len(message.ranges)} rays is not in 1 .. {MOST_RAYS}")
+    free_m = {inf}
+    if zero_is_free and any(0.0 < each < inf for each in message.ranges):
+        free_m.add(0.0)
     return LaserScan(
         stamp_s(message.header.stamp),
         *figures,
         tuple(
-            measured(each, Kept.RANGE)
-            if least_m <= each <= most_m
-            else least_m
+            inf
+            if each in free_m or each > most_m
+            else measured(each, Kept.RANGE)
+            if 0.0 < each >= least_m
+            else each
             if each == -inf
-            else inf
+            else nan
             for each in message.ranges
         ),
     )

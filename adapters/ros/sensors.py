@@ -44,10 +44,12 @@ class SensorTopics:
     Attributes:
         topics: of each; what has none is not there.
         joints: names of the wheels' joints; none where the asset has no such sensor.
+        zero_is_free: as in the settings of the laser.
     """
 
     topics: Mapping[Sensor, Topic]
     joints: WheelJoints
+    zero_is_free: bool = False
 
     def without_topicless(self, sensors: Sensors) -> Sensors:
         """Return settings without the sensors that have no topic."""
@@ -72,7 +74,7 @@ def declare_sensor_topics(node: Node, sensors: Sensors) -> SensorTopics:
     joints = WheelJoints((), ())
     if Sensor.JOINTS in topics:
         joints = WheelJoints(_names(node, "left"), _names(node, "right"))
-    return SensorTopics(topics, joints)
+    return SensorTopics(topics, joints, sensors.laser is not None and sensors.laser.zero_is_free)
 
 
 def _names(node: Node, side: str) -> tuple[str, ...]:
@@ -106,7 +108,7 @@ class PolledSensors:
             Sensor.IMU: imu_fact,
             Sensor.JOINTS: partial(joints_fact, joints=sensors.joints),
             Sensor.SECOND_ODOMETRY: second_odometry_fact,
-            Sensor.LASER: laser_fact,
+            Sensor.LASER: partial(laser_fact, zero_is_free=sensors.zero_is_free),
         }
         unwaited = _Unwaited()
         quiet = SubscriptionEventCallbacks(use_default_callbacks=False)

@@ -449,6 +449,13 @@ class FaultTable:
         Row(When.MOVING, Then.STOP, Clears.ITSELF, beyond=0.35),
         beyond=Bound("age of the newest scan", "s", 0.05, 10.0),
     )
+    laser_blind: Row = _fault(
+        Reason.LASER_BLIND,
+        "The laser measures nothing usable in a sector into which the rover drives or turns.",
+        Row(When.ALWAYS, Then.STOP, Clears.ITSELF, beyond=0.8, within_s=0.3),
+        beyond=Bound("share of the rays of a sector of 15 degrees", "", 0.05, 1.0),
+        within=_window(0.0),
+    )
 
     def __post_init__(self) -> None:
         """Raise ValueError where a row does not fit its fault."""

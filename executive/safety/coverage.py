@@ -49,7 +49,9 @@ NO_SECOND_ODOMETRY = Unmonitored(
         *("turn_slips", "turn_slips_slowly", "slides"),
     ),
 )
-NO_LASER = Unmonitored("what stands in the way", "no laser", ("obstacle_ahead", "obstacle_near"))
+NO_LASER = Unmonitored(
+    "what stands in the way", "no laser", ("obstacle_ahead", "obstacle_near", "laser_blind")
+)
 NO_MASS = Unmonitored("pushing against something", "mass_kg is not given", ("blocked",))
 WHOLE_MOTION = Unmonitored(
     "motion that nobody commanded",

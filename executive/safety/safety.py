@@ -60,6 +60,7 @@ from executive.safety.second_odometry_monitors import (
 )
 from executive.safety.surroundings import Surroundings
 from executive.safety.surroundings_monitors import (
+    laser_blind,
     laser_silent,
     obstacle_ahead,
     obstacle_near,
@@ -127,6 +128,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "obstacle_ahead": obstacle_ahead,
     "obstacle_near": obstacle_near,
     "laser_silent": laser_silent,
+    "laser_blind": laser_blind,
 }
 """What looks for each fault of the table."""
 

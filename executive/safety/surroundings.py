@@ -6,10 +6,10 @@ base_link.
 """
 
 from dataclasses import dataclass
-from math import ceil, cos, hypot, inf, isfinite, sin
-from typing import Final
+from math import atan2, ceil, cos, hypot, inf, isfinite, isnan, pi, radians, sin
+from typing import Final, NamedTuple
 
-from executive.geometry import Velocity
+from executive.geometry import Velocity, wrap_rad
 from executive.settings import Settings
 from executive.state import LaserScan, directions_of
 from executive.zones import Footprint
@@ -32,6 +32,14 @@ REACH_M: Final = 3.0
 SLOWEST_MPS: Final = 0.02
 SLOWEST_RADPS: Final = 0.05
 """A rover that is slower stands."""
+SECTORS: Final = 24
+SECTOR_RAD: Final = 2 * pi / SECTORS
+"""Width of the sectors that are judged: 0.26 m at 1 m, half the width of a Jackal."""
+WAY_RAD: Final = radians(46)
+"""Sectors whose middle is as near to the direction of travel are driven into: arcs bend."""
+EDGE_M: Final = 0.03
+"""Distance to the hull of what is too near to measure (REP 117): more than NEARER_M, so that the
+rover may not come nearer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +59,14 @@ class Margin:
     beside_m: float
 
 
+class Sector(NamedTuple):
+    """A sector of the newest scan: the share of its rays that is unusable, since when too many."""
+
+    bearing_rad: float
+    share: float
+    since_s: float
+
+
 class Surroundings:
     """What is known of what stands around an asset.
 
@@ -64,6 +80,7 @@ class Surroundings:
         self.spots: tuple[Spot, ...] = ()
         self.scanned_s = -inf
         self._stamp_s = -inf
+        self._sectors: dict[int, Sector] = {}
 
     @property
     def footprint(self) -> Footprint | None:
@@ -83,13 +100,48 @@ class Surroundings:
         directions = directions_of(scan)
         least_m, most_m = scan.range_min_m, min(scan.range_max_m, REACH_M)
         found = []
+        rays: dict[int, list[bool]] = {}
         for range_m, (cosine, sine) in zip(scan.ranges_m, directions, strict=True):
-            if least_m <= range_m <= most_m:
+            number = round(atan2(sine, cosine) / SECTOR_RAD) % SECTORS
+            rays.setdefault(number, []).append(isnan(range_m))
+            if range_m == -inf:
+                found.append(_at_edge(cosine, sine, self.footprint))
+            elif least_m <= range_m <= most_m:
                 x_m, y_m = range_m * cosine, range_m * sine
                 gap_m = _gap_m(x_m, y_m, self.footprint)
                 if gap_m > 0.0:
                     found.append(Spot(x_m, y_m, gap_m))
         self.spots = tuple(found)
+        self._note_sectors(rays, now_s)
+
+    def _note_sectors(self, rays: dict[int, list[bool]], now_s: float) -> None:
+        allowed, before, self._sectors = self.settings.faults.laser_blind.bound, self._sectors, {}
+        for number, unusable in rays.items():
+            share, last = sum(unusable) / len(unusable), before.get(number)
+            since_s = now_s if last is None or last.share <= allowed else last.since_s
+            self._sectors[number] = Sector(wrap_rad(number * SECTOR_RAD), share, since_s)
+
+    def blind(self, velocity: Velocity, allowed: float, since_s: float) -> Sector | None:
+        """Return the blindest sector towards which a velocity leads; None if the laser sees there.
+
+        Of a rover that turns on the spot all sectors count; outside of the field of view none does.
+
+        Args:
+            velocity: of the rover.
+            allowed: greatest share of unusable rays.
+            since_s: a sector counts that has been blind since then.
+        """
+        if not moves(velocity):
+            return None
+        on_spot = abs(velocity.travel_mps) < SLOWEST_MPS
+        ahead_rad = 0.0 if velocity.travel_mps > 0 else pi
+        found = [
+            each
+            for each in self._sectors.values()
+            if each.share > allowed and each.since_s <= since_s
+            if on_spot or abs(wrap_rad(each.bearing_rad - ahead_rad)) <= WAY_RAD
+        ]
+        return max(found, key=lambda each: each.share, default=None)
 
     def braking_s(self, velocity: Velocity, latency_s: float) -> float:
         """Return for how long the velocity would have to be held to go the way of braking."""
@@ -195,6 +247,14 @@ def _gap_m(x_m: float, y_m: float, footprint: Footprint) -> float:
     """Return how far a point is from the hull; 0 within it."""
     ahead_m, aside_m = abs(x_m) - footprint.length_m / 2, abs(y_m) - footprint.width_m / 2
     return hypot(max(ahead_m, 0.0), max(aside_m, 0.0))
+
+
+def _at_edge(cosine: float, sine: float, footprint: Footprint) -> Spot:
+    """Return a point just outside the hull, for a ray of which something is too near to measure."""
+    along_m = footprint.length_m / 2 / abs(cosine) if cosine else inf
+    away_m = min(along_m, footprint.width_m / 2 / abs(sine) if sine else inf) + EDGE_M
+    x_m, y_m = away_m * cosine, away_m * sine
+    return Spot(x_m, y_m, _gap_m(x_m, y_m, footprint))
 
 
 def _second_nearest(spots: list[Spot]) -> Spot | None:

@@ -1,6 +1,6 @@
 """Monitors of what stands in the rover's way: zones and known rocks, and what the laser sees."""
 
-from math import isfinite
+from math import degrees, isfinite
 
 from executive.faults import Row
 from executive.geometry import arc
@@ -93,6 +93,25 @@ def laser_silent(history: History, row: Row, now_s: float) -> Evidence | None:
     figures = Figure("age", age_s, "s"), bound
     text = f"no scan of the laser for {age_s:.2f} s: the rover does not see what is ahead"
     return Evidence(text, figures)
+
+
+def laser_blind(history: History, row: Row, now_s: float) -> Evidence | None:
+    """See a sector into which the rover drives or turns, and in which the laser measures nothing.
+
+    A scan of which nothing is usable is the widest case; a rover that stands is not judged.
+    """
+    around, velocity = history.surroundings, history.fastest
+    if around is None or not around.laser:
+        return None
+    found = around.blind(velocity, row.bound, now_s - row.window_s)
+    if found is None:
+        return None
+    figures = Figure("share", found.share), Figure("bound", row.bound)
+    return Evidence(
+        f"the laser is blind towards {degrees(found.bearing_rad):+.0f}°: {found.share:.0%} of its"
+        f" rays there measure nothing usable, {row.bound:.0%} are allowed",
+        (*figures, Figure("bearing", found.bearing_rad, "rad")),
+    )
 
 
 def _side(travel_mps: float) -> str:

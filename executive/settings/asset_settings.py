@@ -177,9 +177,15 @@ class SecondOdometrySettings:
 
 @dataclass(frozen=True, slots=True)
 class LaserSettings:
-    """A laser that scans a plane through base_link, and how often."""
+    """A laser that scans a plane through base_link, and how often.
+
+    Attributes:
+        zero_is_free: whether its driver reports 0 where nothing reflects, as LDS-01 and URG-04LX
+            do, and not infinity (REP 117).
+    """
 
     rate_hz: float
+    zero_is_free: bool = False
 
     def __post_init__(self) -> None:
         """Raise ValueError where it never measures."""

@@ -88,7 +88,8 @@ class LaserScan:
         angle_min_rad: direction of the first ray, counter-clockwise from ahead.
         angle_increment_rad: from each ray to the next.
         range_min_m, range_max_m: between which the laser measures.
-        ranges_m: of each ray; infinite where nothing came back.
+        ranges_m: of each ray, by REP 117: infinite where nothing came back, minus infinite where
+            something is too near to be measured, NaN where nothing usable was measured.
     """
 
     stamp_s: float

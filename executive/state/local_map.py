@@ -178,7 +178,9 @@ class LocalMap:
                 continue
             near_m = BESIDE_M + BESIDE_PER_M * range_m
             after_m = ranges_m[index + 1 if index < last else 0]
-            if abs(ranges_m[index - 1] - range_m) > near_m and abs(after_m - range_m) > near_m:
+            if not (
+                abs(ranges_m[index - 1] - range_m) <= near_m or abs(after_m - range_m) <= near_m
+            ):  # a neighbour that is NaN is none
                 continue
             ahead, aside = directions[index]
             ahead_m, left_m = range_m * ahead, range_m * aside
@@ -227,7 +229,8 @@ class LocalMap:
             return False
         ranges_m, last = scan.ranges_m, len(scan.ranges_m) - 1
         rays_m = ranges_m[ray - 1], ranges_m[ray], ranges_m[ray + 1 if ray < last else 0]
-        cell.misses = cell.misses + 1 if min(rays_m) > behind_m else 0
+        free = all(each > behind_m for each in rays_m)  # not where one is NaN
+        cell.misses = cell.misses + 1 if free else 0
         return cell.misses >= FEWEST_SCANS
 
     def _clusters(self) -> Iterator[list[_Cell]]:

@@ -382,6 +382,14 @@ class LaserDead(Fault):
     """No scan of the laser arrives."""
 
 
+@fault(Part.LASER)
+class LaserBlind(Fault):
+    """Rays of the laser measure nothing usable: they are not a number."""
+
+    share: float = argument(within(0.0, 1.0), "of the rays of the sector", default=1.0)
+    sector_rad: float = argument(within(0.0, 2 * pi), "its width, about ahead", default=2 * pi)
+
+
 @fault(None, Onset.GROUND)
 class Pushed(Fault):
     """The rover is pushed sideways at once; clearing it does not push it back."""

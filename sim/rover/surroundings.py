@@ -1,7 +1,7 @@
 """What a simulated Jackal sees of its surroundings: visual odometry, and a laser's scans."""
 
 from dataclasses import dataclass, replace
-from math import copysign, cos, hypot, inf, pi, sin
+from math import copysign, cos, hypot, inf, nan, pi, sin
 from typing import Final
 
 import mujoco
@@ -164,7 +164,7 @@ class Laser(Instrument):
         self.latency_s = _SCAN_LATENCY_S
         self._random = random
         self._model, self._data = rover.model, rover.data
-        bearing_rad = 2 * pi * np.arange(RAYS) / RAYS - pi
+        self._bearing_rad = bearing_rad = 2 * pi * np.arange(RAYS) / RAYS - pi
         self._rays = np.stack((np.cos(bearing_rad), np.sin(bearing_rad), 0 * bearing_rad), 1)
         self._hit = np.empty(RAYS, np.int32)
         self._range_m = np.empty(RAYS)
@@ -195,6 +195,10 @@ class Laser(Instrument):
         measured_m = np.maximum(self._range_m + noise_m, RANGE_MIN_M)
         nothing = (self._hit < 0) | (measured_m > RANGE_MAX_M)
         ranges_m = np.where(nothing, inf, measured_m)
+        if (blind := self._fault(faults.LaserBlind)) is not None:
+            sector = np.flatnonzero(np.abs(self._bearing_rad) <= blind.sector_rad / 2)
+            lost = np.floor(blind.share * np.arange(1, len(sector) + 1))
+            ranges_m[sector[np.diff(lost, prepend=0.0) > 0.0]] = nan
         return LaserScan(
             stamp_s, -pi, 2 * pi / RAYS, RANGE_MIN_M, RANGE_MAX_M, tuple(ranges_m.tolist())
         )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import astuple
-from math import inf, nan, pi
+from math import inf, isnan, nan, pi
 from typing import Any
 
 import pytest
@@ -79,9 +79,29 @@ def test_a_scan_comes_through() -> None:
 
 def test_ranges_that_are_none_are_as_rep_117_has_them() -> None:
     message = LaserScanMessage(
-        angle_increment=0.5, range_min=0.25, range_max=8.0, ranges=[-inf, inf, nan, 0.125, 9.0, 2.0]
+        angle_increment=0.5,
+        range_min=0.25,
+        range_max=8.0,
+        ranges=[-inf, inf, nan, 0.125, 9.0, 2.0, 0.0],
     )
-    assert laser_fact(message).ranges_m == (0.25, inf, inf, inf, inf, 2.0)
+    assert repr(laser_fact(message).ranges_m) == repr((-inf, inf, nan, nan, inf, 2.0, nan))
+
+
+def test_zero_is_free_where_the_driver_says_so_and_another_ray_measured_something() -> None:
+    def ranges_m(*sent: float, range_min: float = 0.1) -> tuple[float, ...]:
+        message = LaserScanMessage(
+            angle_increment=0.5, range_min=range_min, range_max=8.0, ranges=sent
+        )
+        return laser_fact(message, zero_is_free=True).ranges_m
+
+    assert ranges_m(0.0, 2.0) == (inf, 2.0)
+    assert all(map(isnan, ranges_m(0.0, 0.0)))
+    assert all(map(isnan, ranges_m(0.0, 0.0, range_min=0.0)))
+
+
+def test_an_infinite_greatest_range_is_no_bound() -> None:
+    message = LaserScanMessage(angle_increment=0.5, range_max=inf, ranges=[30.0, inf, nan, 0.0])
+    assert repr(laser_fact(message).ranges_m) == repr((30.0, inf, nan, nan))
 
 
 def test_joints_are_told_by_name_among_others_and_may_have_no_torques() -> None:
@@ -139,7 +159,7 @@ def test_joint_states_that_cannot_be_are_refused(message: JointState, says: str)
         {"ranges": [1.0] * 20_001},
         {"angle_increment": 0.0},
         {"angle_increment": nan},
-        {"range_max": inf},
+        {"range_max": nan},
         {"range_min": 9.0},
     ],
 )

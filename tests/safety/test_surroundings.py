@@ -18,7 +18,12 @@ from executive.reasons import Reason
 from executive.reports import Kind, Stage
 from executive.safety import History
 from executive.safety.surroundings import Surroundings
-from executive.safety.surroundings_monitors import obstacle_ahead, obstacle_near, zone_ahead
+from executive.safety.surroundings_monitors import (
+    laser_blind,
+    obstacle_ahead,
+    obstacle_near,
+    zone_ahead,
+)
 from executive.settings import LaserSettings, Settings, load_settings
 from executive.state import LaserScan
 from executive.zones import KnownRock, Zones
@@ -121,12 +126,66 @@ def test_a_rover_that_stands_close_may_go_away_but_not_nearer() -> None:
 def test_a_single_return_and_returns_that_are_no_distance_count_for_nothing() -> None:
     seen = history(Velocity(1.0))
     ranges_m = [inf] * 360
-    ranges_m[0], ranges_m[1], ranges_m[2], ranges_m[3] = 0.4, nan, 0.01, -inf
+    ranges_m[0], ranges_m[1], ranges_m[2], ranges_m[3] = 0.4, nan, 0.01, 0.02
     seen.observe(LaserScan(2.0, 0.0, radians(1), 0.05, 20.0, tuple(ranges_m)))
     assert obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0) is None
     ranges_m[1] = 0.4
     seen.observe(LaserScan(3.0, 0.0, radians(1), 0.05, 20.0, tuple(ranges_m)))
     assert obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0) is not None
+
+
+def test_what_is_too_near_to_measure_stands_at_the_edge_of_the_footprint() -> None:
+    """REP 117: minus infinity. It may be left, and passed, and not come nearer."""
+    for rays, velocity, met in (
+        ((0, 1), Velocity(0.3), True),
+        ((0, 1), Velocity(-0.3), False),
+        ((90, 91), Velocity(0.3), False),
+        ((179, 180), Velocity(-0.3), True),
+        ((0,), Velocity(0.3), False),
+    ):
+        ranges_m = [-inf if ray in rays else inf for ray in range(360)]
+        seen = history(velocity)
+        seen.observe(LaserScan(2.0, 0.0, radians(1), 0.05, 20.0, tuple(ranges_m)))
+        assert (obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0) is not None) == met
+
+
+@pytest.mark.parametrize(
+    ("rays", "velocity", "blind"),
+    [
+        (range(360), Velocity(0.3), True),
+        (range(360), Velocity(0.0, 0.5), True),
+        (range(360), STANDING, False),
+        (range(-8, 8), Velocity(0.3), True),
+        (range(-8, 8), Velocity(-0.3), False),
+        (range(172, 188), Velocity(-0.3), True),
+        (range(37, 53), Velocity(0.3), True),
+        (range(82, 98), Velocity(0.3), False),
+        (range(82, 98), Velocity(0.0, 0.5), True),
+        (range(-5, 5), Velocity(0.3), False),
+    ],
+)
+def test_a_sector_of_which_nothing_is_measured_is_blind(
+    rays: range, velocity: Velocity, blind: bool
+) -> None:
+    seen, lost = history(velocity), {ray % 360 for ray in rays}
+    ranges_m = tuple(nan if ray in lost else inf for ray in range(360))
+    for stamp_s in (2.0, 3.0):
+        seen.observe(LaserScan(stamp_s, 0.0, radians(1), 0.05, 20.0, ranges_m))
+    row = ROWS.laser_blind
+    assert laser_blind(seen, row, 0.2) is None
+    evidence = laser_blind(seen, row, 0.3)
+    assert (evidence is not None) == blind
+    if evidence is not None:
+        assert [each.name for each in evidence.figures] == ["share", "bound", "bearing"]
+        assert "100% of its rays there measure nothing usable" in evidence.text
+
+
+def test_single_rays_without_a_measurement_are_no_blind_sector() -> None:
+    seen = history(Velocity(0.3))
+    ranges_m = tuple(nan if ray % 4 else inf for ray in range(360))
+    for stamp_s in (2.0, 3.0):
+        seen.observe(LaserScan(stamp_s, 0.0, radians(1), 0.05, 20.0, ranges_m))
+    assert laser_blind(seen, ROWS.laser_blind, 9.0) is None
 
 
 def test_what_is_near_in_the_direction_of_the_drive_slows_it() -> None:
@@ -157,10 +216,12 @@ class SeeingRover(KinematicRover):
     Attributes:
         wall_m: where it is.
         blind: whether the laser is silent.
+        ray_m: what each ray says, if not what is there.
     """
 
     wall_m: float = 3.0
     blind: bool = False
+    ray_m: float | None = None
     scans: int = field(default=0)
 
     def advance(self, step_s: float) -> None:
@@ -174,6 +235,8 @@ class SeeingRover(KinematicRover):
             along = cos(heading_rad)
             away_m = (self.wall_m - self.pose.x_m) / along if abs(along) > 1e-6 else inf
             ranges_m.append(away_m if away_m > 0 else inf)
+        if self.ray_m is not None:
+            ranges_m = [self.ray_m] * len(ranges_m)
         stamp_s = self.scans * step_s
         self.facts.append(LaserScan(stamp_s, 0.0, 2 * pi / 360, 0.05, 20.0, tuple(ranges_m)))
 
@@ -283,6 +346,40 @@ def test_without_scans_the_rover_does_not_drive(make: Make) -> None:
     rover.blind = False
     bench.run(1.0)
     bench.execute(MoveForward(-0.5), 3)
+
+
+@pytest.mark.parametrize(
+    ("ray_m", "reason"), [(nan, Reason.LASER_BLIND), (-inf, Reason.OBSTACLE_AHEAD)]
+)
+def test_a_laser_that_measures_nothing_is_no_free_way(
+    make: Make, ray_m: float, reason: Reason
+) -> None:
+    bench = make()
+    rover = bench.rover
+    assert isinstance(rover, SeeingRover)
+    rover.ray_m = ray_m
+    bench.run(1.0)
+    for number, motion in enumerate((MoveForward(1.5), MoveForward(-1.5)), 1):
+        bench.submit(motion, number)
+        assert bench.finish(number) is Stage.FAILED
+        assert bench.last(number).reason is reason
+        bench.run(1.0)
+    assert abs(rover.pose.x_m) < 0.05
+    rover.ray_m = None
+    bench.run(1.0)
+    bench.execute(MoveForward(0.5), 3)
+
+
+def test_a_laser_that_goes_blind_stops_the_rover(make: Make) -> None:
+    bench = make()
+    rover = bench.rover
+    assert isinstance(rover, SeeingRover)
+    rover.wall_m = inf
+    bench.drive_on(1.0)
+    rover.ray_m = nan
+    bench.run(0.45)
+    assert rover.velocity == STANDING
+    assert bench.last(1).reason is Reason.LASER_BLIND
 
 
 def test_a_base_that_brakes_badly_is_stopped_early(make: Make) -> None:

@@ -1,5 +1,6 @@
 """Each fault has its effect on the rover while it is there."""
 
+from dataclasses import replace
 from math import degrees, hypot, isnan, radians
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.ports import CameraIntent
 from executive.reasons import Reason
 from executive.reports import Identity
-from executive.settings import load_settings
+from executive.settings import LaserSettings, load_settings
 from executive.state import Battery, Frame, Odometry, Parameter
 from sim.rover import faults
 from sim.rover.camera import PictureSettings
@@ -330,6 +331,23 @@ def test_a_rover_whose_battery_was_drained_begins_no_motion(tmp_path: Path) -> N
     assert answer.refusal.reason is Reason.BATTERY_SHORT
 
 
+@pytest.mark.parametrize("blind", [faults.LaserBlind(), faults.LaserBlind(0.9, radians(60))])
+def test_a_rover_whose_laser_is_blind_does_not_drive_into_its_sector(
+    tmp_path: Path, blind: faults.LaserBlind
+) -> None:
+    jackal = load_settings("jackal")
+    seeing = replace(jackal, sensors=replace(jackal.sensors, laser=LaserSettings(10)))
+    lockstep = LockStep(seeing, World(), tmp_path)
+    lockstep.rover.inject(blind)
+    lockstep.run(1.5)
+    lockstep.submit(Command(Identity("MOE", 1), MoveForward(1.5), "direct"))
+    lockstep.run(2.0)
+    last = [each for each in lockstep.heard.reports if each.identity == Identity("MOE", 1)][-1]
+    lockstep.executive.close()
+    assert last.reason is Reason.LASER_BLIND
+    assert hypot(lockstep.rover.true_pose.x_m, lockstep.rover.true_pose.y_m) < 0.05
+
+
 def picture(rover: SimulatedJackal) -> Frame | None:
     rover.request_frame()
     frames = told(rover, Frame, TURN, 0.2)
@@ -366,7 +384,7 @@ def test_a_stale_camera_sends_what_it_saw_and_a_cut_one_too_little(
 
 
 OF_SENSORS = {
-    *("imu_dead", "joints_dead", "laser_dead"),
+    *("imu_dead", "joints_dead", "laser_dead", "laser_blind"),
     *("second_odometry_lost", "second_odometry_frozen"),
     *("second_odometry_jump", "second_odometry_drift"),
 }

@@ -1,6 +1,6 @@
 """The sensors beside the odometry measure what is true, with the errors that they are given."""
 
-from math import hypot, inf, pi, radians, sin
+from math import hypot, inf, isnan, pi, radians, sin
 from typing import TypeVar
 
 import numpy as np
@@ -221,6 +221,28 @@ def test_a_dead_sensor_is_silent_until_it_is_cleared(fault: Fault, kind: type[Fa
     assert not of(kind, facts)
     rover.clear(type(fault))
     assert of(kind, hold(rover, AHEAD, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("fault", "ahead", "behind"),
+    [
+        (faults.LaserBlind(), 1.0, 1.0),
+        (faults.LaserBlind(sector_rad=pi / 2), 1.0, 0.0),
+        (faults.LaserBlind(share=0.5, sector_rad=pi / 2), 0.5, 0.0),
+    ],
+)
+def test_a_blind_laser_measures_nothing_in_a_share_of_a_sector(
+    fault: Fault, ahead: float, behind: float
+) -> None:
+    rover = SimulatedJackal(World(), sensors=LASER)
+    hold(rover, STANDING, 0.5)
+    rover.inject(fault)
+    scan = of(LaserScan, hold(rover, STANDING, 1.0))[-1]
+    lost = [isnan(each) for each in scan.ranges_m]
+    assert sum(lost[150:210]) / 60 == pytest.approx(ahead, abs=0.02)
+    assert sum(lost[:30]) / 30 == behind
+    rover.clear(type(fault))
+    assert not any(map(isnan, of(LaserScan, hold(rover, STANDING, 1.0))[-1].ranges_m))
 
 
 def test_frozen_visual_odometry_has_new_stamps() -> None:
