@@ -226,7 +226,7 @@ def snapshot_of(executive: Executive, utc_s: float) -> Snapshot:
         why=executive.why,
         nodes=tree.nodes(),
         faults=tuple(map(str, executive.safety.active)),
-        unmonitored=summary(unmonitored(executive.settings)),
+        unmonitored=summary(unmonitored(executive.settings, executive.safety.history)),
         active=executive.active_command,
     )
 

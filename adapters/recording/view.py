@@ -246,8 +246,7 @@ class View:
                     yield Shown("/scene/track", scene(now_s, track))
             case Imu():
                 self._motion["imu"] = {
-                    "roll_rad": fine(fact.roll_rad),
-                    "pitch_rad": fine(fact.pitch_rad),
+                    **_known((("roll_rad", fact.roll_rad), ("pitch_rad", fact.pitch_rad))),
                     "rotate_radps": fine(fact.gyro_z_radps),
                     "forward_mps2": round(fact.acceleration_x_mps2, 3),
                     "left_mps2": round(fact.acceleration_y_mps2, 3),

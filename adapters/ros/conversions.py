@@ -1,6 +1,6 @@
 """ROS messages to facts and back. What is not a finite number is refused here."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import IntEnum
 from math import asin, atan2, isfinite, sqrt
 from typing import Final
@@ -15,6 +15,9 @@ from executive.geometry import Pose, Velocity
 from executive.state import Battery, Frame, Odometry
 
 _NORM_TOLERANCE: Final = 0.01
+PERCENT: Final = 100.0
+OVERFULL: Final = 1.1
+"""Charge up to which a gauge that reports ratios may err."""
 _FORMATS: Final = {"JPG": b"\xff\xd8\xff", "PNG": b"\x89PNG\r\n\x1a\n"}
 
 
@@ -125,14 +128,35 @@ def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
     return measured(position_sd_m, Kept.DEVIATION), measured(heading_sd_rad, Kept.DEVIATION)
 
 
-def battery_fact(message: BatteryState) -> Battery:
-    """Return the voltage, NaN where it is not measured, and the charge.
+class BatteryReader:
+    """Makes facts of battery messages, and learns what the driver's percentage means.
 
-    A charge that is no ratio, or 0, as drivers leave it that do not measure it, is not known.
+    Attributes:
+        percent: whether it counts to 100, for good once it was above 1; else it is a ratio.
+        on_percent: called when that is found out.
     """
-    charge_ratio = measured(message.percentage, Kept.RATIO)
-    voltage_v = measured(message.voltage, Kept.VOLTAGE)
-    return Battery(voltage_v, charge_ratio if 0.0 < charge_ratio <= 1.0 else None)
+
+    def __init__(self, on_percent: Callable[[str], None]) -> None:
+        self.percent = self._known = False
+        self._on_percent = on_percent
+
+    def fact(self, message: BatteryState) -> Battery:
+        """Return the voltage, NaN where it is not measured, and the charge, if it is known.
+
+        0 is an empty battery where a charge was reported before, or the battery is there with a
+        voltage: drivers that measure no charge leave both out.
+        """
+        charge, voltage_v = message.percentage, measured(message.voltage, Kept.VOLTAGE)
+        if OVERFULL < charge <= PERCENT and not self.percent:
+            self.percent = True
+            self._on_percent(f"the battery reports its charge as {charge:g}: it counts to 100")
+        if self.percent:
+            charge /= PERCENT
+        elif 1.0 < charge <= OVERFULL:
+            charge = 1.0
+        self._known |= charge > 0.0 or (message.present and voltage_v > 0.0)
+        usable = 0.0 < charge <= 1.0 or (charge == 0.0 and self._known)
+        return Battery(voltage_v, measured(charge, Kept.RATIO) if usable else None)
 
 
 def frame_fact(message: CompressedImage) -> Frame:

@@ -124,7 +124,7 @@ def diagnose(
         "ledger sequence": str(executive.last_sequence),
         "messages refused": str(rejected),
         "faults": ", ".join(fault.name for fault in executive.safety.active) or "none",
-        "not monitored": summary(unmonitored(executive.settings)),
+        "not monitored": summary(unmonitored(executive.settings, executive.safety.history)),
     }
     asset, faults = executive.settings.asset, executive.safety.active
     message = diagnostic_array(f"{name}: executive", asset, level, text, values, stamp)

@@ -18,9 +18,9 @@ from std_srvs.srv import Trigger
 
 from adapters.ros.context import SpunNode
 from adapters.ros.conversions import (
+    BatteryReader,
     Kept,
     MessageError,
-    battery_fact,
     finite,
     frame_fact,
     measured,
@@ -35,7 +35,7 @@ from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock, kept_s
 from executive.commands import Command, Mode, Stop
 from executive.reasons import Reason, Refusal
-from executive.reports import Identity
+from executive.reports import Identity, Severity
 from executive.runner import Executive
 from executive.state import CameraAngles, Fact, ForeignPublishers
 from trees import snapshot_of
@@ -101,6 +101,7 @@ class ExecutiveNode:
         taken = self.contained(self._on_odometry)
         self._odometry = node.create_subscription(Odometry, name, taken, qos)
         self._sensors = PolledSensors(node, sensors, self._observe, self.contained)
+        self._charge = BatteryReader(partial(executive.event, Severity.WARNING))
         self.subscribe(BatteryState, topics.battery, self._on_battery)
         self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
         self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
@@ -182,7 +183,7 @@ class ExecutiveNode:
             self._executive.observe(fact)
 
     def _on_battery(self, message: BatteryState) -> None:
-        self._observe(battery_fact(message))
+        self._observe(self._charge.fact(message))
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = measured(finite(message.data, "camera pan"), Kept.LEAN)

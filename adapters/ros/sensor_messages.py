@@ -44,23 +44,27 @@ class WheelJoints:
 
 
 def imu_fact(message: ImuMessage) -> Imu:
-    """Return lean, rates and accelerations.
+    """Return lean, rates and accelerations; a lean of NaN where no orientation is measured.
 
     Raises:
-        MessageError: one of them is not measured or not finite, or the orientation is no rotation.
+        MessageError: rates or accelerations are not measured, not finite or, as no gravity is
+            felt, all zero; or the orientation is no rotation.
     """
     for name, covariance in (
-        ("orientation", message.orientation_covariance),
         ("rates", message.angular_velocity_covariance),
         ("accelerations", message.linear_acceleration_covariance),
     ):
         if covariance[0] == UNKNOWN:
             raise MessageError(f"the IMU says that its {name} are not measured (covariance -1)")
-    roll_rad, pitch_rad, _ = angles(message.orientation, Kept.LEAN)
+    roll_rad = pitch_rad = nan
+    if message.orientation_covariance[0] != UNKNOWN:
+        roll_rad, pitch_rad, _ = angles(message.orientation, Kept.LEAN)
     rate, force = message.angular_velocity, message.linear_acceleration
     figures = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
     if not all(map(isfinite, figures)):
         raise MessageError(f"the IMU's rates and accelerations are {figures}")
+    if not any(figures):
+        raise MessageError("the IMU's rates and accelerations are all zero")
     rates = (measured(each, Kept.SPEED) for each in figures[:3])
     forces = (measured(each, Kept.ACCELERATION) for each in figures[3:])
     return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *rates, *forces)
@@ -153,11 +157,14 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
 
 
 def imu_message(fact: Imu) -> ImuMessage:
-    """Return lean, rates and accelerations; the heading is not measured, and 0."""
+    """Return lean, if it is known, rates and accelerations; the heading is 0."""
     message = ImuMessage()
     message.header.stamp = time_message(fact.stamp_s)
     message.header.frame_id = BASE_LINK
-    message.orientation = quaternion(Pose(roll_rad=fact.roll_rad, pitch_rad=fact.pitch_rad))
+    if isfinite(fact.roll_rad):
+        message.orientation = quaternion(Pose(roll_rad=fact.roll_rad, pitch_rad=fact.pitch_rad))
+    else:
+        message.orientation_covariance[0] = UNKNOWN
     rate, force = message.angular_velocity, message.linear_acceleration
     rate.x, rate.y, rate.z = fact.gyro_x_radps, fact.gyro_y_radps, fact.gyro_z_radps
     force.x, force.y = fact.acceleration_x_mps2, fact.acceleration_y_mps2

@@ -237,8 +237,9 @@ class FaultTable:
     )
     battery_not_finite: Row = _fault(
         Reason.BATTERY_NOT_FINITE,
-        "The voltage of the battery is not a number.",
-        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, for_s=0.5),
+        "The voltage of the battery is not a number, or none that a battery has.",
+        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, for_s=0.5, beyond=60.0),
+        beyond=Bound("voltage that this battery cannot have", "V", 1.0, 10_000.0),
     )
 
     wheels_off_command: Row = _fault(

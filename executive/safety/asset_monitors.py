@@ -1,5 +1,7 @@
 """Monitors of the rover as a whole: how it leans, its battery, and who else drives it."""
 
+from math import isfinite
+
 from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
@@ -42,8 +44,11 @@ def battery_silent(history: History, row: Row, now_s: float) -> Evidence | None:
     return Evidence(f"the battery has not told its voltage for {age_s:.0f} s", figures)
 
 
-def battery_not_finite(history: History, _row: Row, _: float) -> Evidence | None:
-    """See a voltage that is no number."""
-    if not history.voltage_not_finite:
+def battery_not_finite(history: History, row: Row, _: float) -> Evidence | None:
+    """See a voltage that is no number, or higher than this battery can have."""
+    if (voltage_v := history.invalid_v) is None:
         return None
-    return Evidence("the battery's voltage is not a number")
+    if not isfinite(voltage_v):
+        return Evidence("the battery's voltage is not a number")
+    text = f"battery voltage {voltage_v:g} V exceeds {row.bound:g} V: it is not measured"
+    return Evidence(text, (Figure("voltage", voltage_v, "V"), Figure("bound", row.bound, "V")))

@@ -1,10 +1,11 @@
 """What an asset cannot monitor, for want of a sensor, or because its file says so."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from executive.faults import Then
+from executive.safety.history import History
 from executive.settings import LocomotionKind, Settings
 
 
@@ -53,6 +54,16 @@ NO_LASER = Unmonitored(
     "what stands in the way", "no laser", ("obstacle_ahead", "obstacle_near", "laser_blind")
 )
 NO_MASS = Unmonitored("pushing against something", "mass_kg is not given", ("blocked",))
+NO_LEAN = Unmonitored(
+    "wheel spin and tilt by the IMU",
+    "it measures no orientation",
+    ("wheels_slip", "wheels_slip_slowly", "tilted_by_imu"),
+)
+NO_TORQUES = Unmonitored(
+    "the motors", "joint states have no efforts", ("wheels_unpowered", "blocked")
+)
+NO_VOLTAGE = Unmonitored("the battery", "no voltage received", ("battery_low", "battery_silent"))
+NO_CHARGE = Unmonitored("charge for the way home", "the battery reports no charge", ())
 WHOLE_MOTION = Unmonitored(
     "motion that nobody commanded",
     "another link may command it without the executive",
@@ -60,9 +71,15 @@ WHOLE_MOTION = Unmonitored(
 )
 
 
-def unmonitored(settings: Settings) -> tuple[Unmonitored, ...]:
-    """Return what is not monitored on an asset, missing sensors first."""
-    return tuple(_unmonitored(settings))
+def unmonitored(settings: Settings, history: History | None = None) -> tuple[Unmonitored, ...]:
+    """Return what is not monitored on an asset, missing sensors first.
+
+    Args:
+        settings: of the asset.
+        history: where it runs, to add what its sensors do not measure.
+    """
+    found = tuple(_unmonitored(settings))
+    return found if history is None else (*found, *_unmeasured(settings, history))
 
 
 class Gap(Protocol):
@@ -88,6 +105,18 @@ def summary(gaps: Iterable[Gap]) -> str:
     return "; ".join(said) or "nothing"
 
 
+def _unmeasured(settings: Settings, history: History) -> Iterator[Unmonitored]:
+    inertia, wheels = history.inertia, history.wheels
+    if inertia is not None and not inertia.leans:
+        yield NO_LEAN
+    if wheels is not None and wheels.count and not wheels.torques:
+        yield NO_TORQUES
+    if history.battery is None:
+        yield NO_VOLTAGE
+    if settings.battery is not None and history.charge_ratio is None:
+        yield NO_CHARGE
+
+
 def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
     sensors = settings.sensors
     if sensors.joints is None:
@@ -98,6 +127,8 @@ def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
         yield NO_SECOND_ODOMETRY
     if sensors.laser is None:
         yield NO_LASER
+    elif settings.footprint is None:
+        yield replace(NO_LASER, why="footprint is not given")
     if sensors.joints is not None and sensors.imu is not None and settings.mass_kg is None:
         yield NO_MASS
     if settings.locomotion is LocomotionKind.WHOLE_MOTION:

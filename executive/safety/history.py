@@ -6,7 +6,7 @@ happened between any two times is two look-ups.
 
 from collections import deque
 from dataclasses import dataclass
-from math import cos, hypot, inf, isfinite, sin
+from math import cos, hypot, inf, sin
 from typing import Final, NamedTuple
 
 from executive.clock import Clock
@@ -110,8 +110,9 @@ class History:
         lower_may_drive: whether inputs below the executive's may drive the rover while it is idle.
         begun_s: no window reaches back beyond this time.
         jump: the last step of the odometry that nothing explains.
-        battery: the newest voltage that is finite, and `battery_at_s`, when it came.
-        voltage_not_finite: whether one came since that is not.
+        battery: the newest voltage that can be, and `battery_at_s`, when it came.
+        invalid_v: one that came since and cannot be.
+        charge_ratio: the newest charge, where one is reported.
         wheels, inertia, second: of the sensors that the asset has; None of those that it has not.
         mass_kg: of the asset, where that is known.
         pose: where the rover is taken to be, in the frame of commands.
@@ -161,7 +162,8 @@ class History:
         self.lower_may_drive = True
         self.pose = Pose()
         self.surroundings = surroundings
-        self.voltage_not_finite = False
+        self.invalid_v: float | None = None
+        self.charge_ratio: float | None = None
 
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
@@ -170,8 +172,10 @@ class History:
             case Odometry():
                 self._observe_odometry(fact, now_s)
             case Battery(voltage_v):
-                self.voltage_not_finite = not isfinite(voltage_v)
-                if not self.voltage_not_finite:
+                self.charge_ratio = fact.charge_ratio
+                bound_v = self._faults.battery_not_finite.bound
+                self.invalid_v = None if -inf < voltage_v <= bound_v else voltage_v
+                if self.invalid_v is None:
                     self.battery, self.battery_at_s = fact, now_s
             case Joints() if self.wheels is not None:
                 self.wheels.observe(fact, self._time_s(fact, now_s))

@@ -17,6 +17,9 @@ SPEED_OVER_S: Final = 0.06
 ROLLING_NM_PER_RADPS: Final = 0.02
 """Torque that turning a wheel takes by itself."""
 
+UNLEVELLED: Final = 0.1
+"""Share of a turn that a gyro misses whose lean is not known: 1 - cos 25 deg."""
+
 
 def odometry_off_gyro(history: History, row: Row, now_s: float) -> Evidence | None:
     """See odometry that tells of another turn than the gyro felt, by its rate or its heading."""
@@ -30,6 +33,8 @@ def odometry_off_gyro(history: History, row: Row, now_s: float) -> Evidence | No
     told_rad = max(moved.turn_rad, moved.pose_rad, key=lambda turn: abs(turn - felt.turn_rad))
     bound_rad = row.allowed(max(abs(felt.turn_rad), moved.turned_rad))
     bound_rad += inertia.bias_error_radps * window_s
+    if not inertia.leans:
+        bound_rad += UNLEVELLED * abs(felt.turn_rad)
     if abs(told_rad - felt.turn_rad) <= bound_rad:
         return None
     figures = turns(history, window_s, to_s, {"gyro": felt.turn_rad, "odometry": told_rad})
@@ -54,9 +59,11 @@ def wheels_off_gyro(history: History, row: Row, now_s: float) -> Evidence | None
 
 
 def wheels_slip(history: History, row: Row, now_s: float) -> Evidence | None:
-    """See wheels that gain or lose a speed that the rover does not feel."""
+    """See wheels that gain or lose a speed that the rover does not feel; its lean must be known."""
     wheels, inertia = history.wheels, history.inertia
-    if wheels is None or inertia is None or not (wheels.fresh(now_s) and inertia.fresh(now_s)):
+    if wheels is None or inertia is None or not inertia.leans:
+        return None
+    if not (wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None
     window_s, to_s = row.window_s, min(wheels.sums.time_s, inertia.sums.time_s)
     last = history.wheels_in(SPEED_OVER_S, to_s)
@@ -106,7 +113,7 @@ def tilted_by_imu(history: History, row: Row, now_s: float) -> Evidence | None:
     if inertia is None or inertia.newest is None or not inertia.fresh(now_s):
         return None
     tilt_rad = max(abs(inertia.newest.roll_rad), abs(inertia.newest.pitch_rad))
-    if tilt_rad <= row.bound:
+    if not tilt_rad > row.bound:  # nor where it is not measured
         return None
     figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", row.bound, "rad")
     return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)

@@ -130,6 +130,7 @@ class Inertia:
     Attributes:
         sums: the channel of `InertialSums`.
         newest: the newest message.
+        leans: whether it has the lean; else the rover is taken for level.
         bias_radps: of the heading rate, learnt while the wheels stand.
         bias_error_radps: how far off that may be.
     """
@@ -137,6 +138,7 @@ class Inertia:
     def __init__(self) -> None:
         self.sums = Channel(len(InertialSums._fields))
         self.newest: Imu | None = None
+        self.leans = True
         self.bias_radps = 0.0
         self.bias_error_radps = UNLEARNT_BIAS_RADPS
         self._learnt_s = self._odd_s = 0.0
@@ -155,18 +157,19 @@ class Inertia:
             travel_mps: how fast the wheels go ahead.
             resting: whether they stand.
         """
-        figures = (fact.roll_rad, fact.pitch_rad, fact.gyro_y_radps, fact.gyro_z_radps)
-        if not _finite(*figures, fact.acceleration_x_mps2):
+        if not _finite(fact.gyro_y_radps, fact.gyro_z_radps, fact.acceleration_x_mps2):
             return
-        rate_radps = (
-            fact.gyro_y_radps * sin(fact.roll_rad) + fact.gyro_z_radps * cos(fact.roll_rad)
-        ) / max(cos(fact.pitch_rad), 0.1)
+        self.leans = _finite(fact.roll_rad, fact.pitch_rad)
+        roll_rad, pitch_rad = (fact.roll_rad, fact.pitch_rad) if self.leans else (0.0, 0.0)
+        rate_radps = (fact.gyro_y_radps * sin(roll_rad) + fact.gyro_z_radps * cos(roll_rad)) / max(
+            cos(pitch_rad), 0.1
+        )
         turning_radps = rate_radps - self.bias_radps
         slip_m = SLIP_OFFSET_M + copysign(
             SLIP_GAIN * sqrt(abs(travel_mps * turning_radps)), travel_mps
         )
         aside_mps2 = -slip_m * turning_radps * turning_radps
-        gain_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(fact.pitch_rad) + aside_mps2
+        gain_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(pitch_rad) + aside_mps2
         rates = InertialSums(rate_radps, gain_mps2, fact.acceleration_x_mps2)
         before_s = self.sums.time_s
         self.sums = extended(self.sums, time_s, self._rates, rates)

@@ -29,7 +29,7 @@ class Imu:
 
     Attributes:
         stamp_s: when it was measured, on the clock of its publisher.
-        roll_rad, pitch_rad: how base_link leans, as in `Pose`.
+        roll_rad, pitch_rad: how base_link leans, as in `Pose`; NaN where that is not measured.
         gyro_x_radps, gyro_y_radps, gyro_z_radps: rates about the axes.
         acceleration_x_mps2, acceleration_y_mps2, acceleration_z_mps2: specific force, gravity
             included: z is +9.81 at rest on level ground.

@@ -1,7 +1,7 @@
 """The state of the asset that follows from the facts that sensors report."""
 
 from dataclasses import replace
-from math import cos, inf, isfinite, sin
+from math import cos, inf, isfinite, nan, sin
 from typing import Final
 
 from executive.clock import Clock
@@ -101,7 +101,8 @@ class Status:
             case Odometry():
                 self._observe_odometry(fact)
             case Battery(voltage_v):
-                self.battery = fact if isfinite(voltage_v) else None
+                valid = -inf < voltage_v <= self._settings.faults.battery_not_finite.bound
+                self.battery = fact if valid else replace(fact, voltage_v=nan)
                 self._battery_at_s = self._clock.now_s()
             case CameraAngles():
                 self.camera = fact
@@ -252,8 +253,9 @@ class Status:
                 Parameter.CURRENT_ROTATE_SPEED: velocity.rotate_radps,
             }
         battery_age_s = self._clock.now_s() - self._battery_at_s
-        if self.battery is not None and battery_age_s <= self._settings.faults.battery_silent.bound:
-            figures[Parameter.BATERY_VOLTAGE] = self.battery.voltage_v
+        voltage_v = nan if self.battery is None else self.battery.voltage_v
+        if isfinite(voltage_v) and battery_age_s <= self._settings.faults.battery_silent.bound:
+            figures[Parameter.BATERY_VOLTAGE] = voltage_v
         if self.camera is not None:
             figures[Parameter.CAM_PAN] = self.camera.pan_rad
             figures[Parameter.CAM_TILT] = self.camera.tilt_rad
@@ -267,9 +269,15 @@ class Status:
             fact = self._slip.corrected(fact)
         if not self.odometry_fresh:
             self.forget_seen()
+        step_m, explained_m = 0.0, 0.0
+        if (last := self.odometry) is not None:
+            step_m = last.pose.point.distance_m(fact.pose.point)
+            speeds_mps = abs(last.velocity.travel_mps), abs(fact.velocity.travel_mps)
+            explained_m = self._settings.faults.odometry_jumped.bound
+            explained_m += self.odometry_age_s * max(speeds_mps)
         self.odometry = fact
         place = fact.pose.point
-        if self._counted_at is None:
+        if self._counted_at is None or step_m > explained_m:
             self._counted_at = place
         elif (way_m := self._counted_at.distance_m(place)) >= COUNTED_M:
             self._counted_m += way_m

@@ -305,7 +305,7 @@ class BatteryLow(Fault):
 class BatteryDrained(Fault):
     """The battery has lost charge at once; clearing it does not charge it."""
 
-    charge: float = argument(within(0.01, 1.0), "of the whole, at most left", default=0.1)
+    charge: float = argument(within(0.0, 1.0), "of the whole, at most left", default=0.1)
 
 
 @fault(Part.BATTERY)

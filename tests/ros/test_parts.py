@@ -272,8 +272,9 @@ def test_odometry_with_a_figure_that_is_none_is_refused(path: str, value: float)
 
 
 def test_a_battery_that_is_not_measured_is_refused() -> None:
-    assert conversions.battery_fact(BatteryState(voltage=25.5)).voltage_v == 25.5
-    assert isnan(conversions.battery_fact(BatteryState(voltage=nan)).voltage_v)
+    reader = conversions.BatteryReader(pytest.fail)
+    assert reader.fact(BatteryState(voltage=25.5)).voltage_v == 25.5
+    assert isnan(reader.fact(BatteryState(voltage=nan)).voltage_v)
 
 
 def test_a_frame_is_told_by_its_octets() -> None:

@@ -34,7 +34,7 @@ tilts = st.floats(-1.5, 1.5)
 pairs = st.tuples(figures, figures)
 
 
-@given(st.builds(Imu, stamps, tilts, tilts, *[figures] * 6))
+@given(st.builds(Imu, stamps, tilts, tilts, *[figures] * 5, st.floats(1, 1e3)))
 def test_what_an_imu_feels_comes_through(sent: Imu) -> None:
     received = imu_fact(imu_message(sent))
     kept = (4, 4, 4, 4, 4, 4, 3, 3, 3)
@@ -114,9 +114,17 @@ def test_joints_are_told_by_name_among_others_and_may_have_no_torques() -> None:
 
 
 def imu(change: Callable[[ImuMessage], Any]) -> ImuMessage:
-    message = imu_message(Imu(0.0, *[0.0] * 8))
+    message = imu_message(Imu(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81))
     change(message)
     return message
+
+
+def test_an_imu_without_orientation_has_no_lean() -> None:
+    received = imu_fact(unmeasured("orientation"))
+    assert isnan(received.roll_rad)
+    assert isnan(received.pitch_rad)
+    assert received.acceleration_z_mps2 == 9.81
+    assert imu_message(received).orientation_covariance[0] == -1.0
 
 
 def unmeasured(part: str) -> ImuMessage:
@@ -126,11 +134,11 @@ def unmeasured(part: str) -> ImuMessage:
 @pytest.mark.parametrize(
     ("message", "says"),
     [
-        (unmeasured("orientation"), "orientation are not measured"),
         (unmeasured("angular_velocity"), "rates are not measured"),
         (unmeasured("linear_acceleration"), "accelerations are not measured"),
         (imu(lambda m: setattr(m.angular_velocity, "y", nan)), "nan"),
         (imu(lambda m: setattr(m.linear_acceleration, "z", inf)), "inf"),
+        (imu(lambda m: setattr(m.linear_acceleration, "z", 0.0)), "all zero"),
         (imu(lambda m: setattr(m.orientation, "w", 0.0)), "no rotation"),
     ],
 )

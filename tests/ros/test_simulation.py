@@ -99,7 +99,7 @@ def test_sensors_are_published(probe: Probe) -> None:
         probe,
         BatteryState,
         topics.battery,
-        lambda m: 20.0 < conversions.battery_fact(m).voltage_v < 30.0,
+        lambda m: 20.0 < m.voltage < 30.0,
     )
     first(probe, Float64, topics.camera_pan_state, lambda m: abs(m.data) < 0.1)
     first(probe, Float64, topics.camera_tilt_state, lambda m: abs(m.data) < 0.1)

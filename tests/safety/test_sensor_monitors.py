@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
-from math import nan
+from math import nan, radians
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from executive.faults import Then
 from executive.geometry import STANDING, Pose, Velocity
 from executive.reasons import Reason
 from executive.reports import Kind, Severity, Stage
+from executive.safety import unmonitored
 from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings
 from executive.state import Imu, Joints, SecondOdometry
 from tests.support.kinematic import Bench, ignoring
@@ -180,8 +181,36 @@ def test_what_is_not_finite_counts_as_silence() -> None:
         now_s = drive.clock.now_s()
         drive.safety.observe(Joints(now_s, (nan, 8.0), (8.0, 8.0), (1.0,), (1.0,)))
         drive.safety.observe(Joints(now_s, (), ()))
-        drive.safety.observe(Imu(now_s, 0.0, nan, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81))
+        drive.safety.observe(Imu(now_s, 0.0, 0.0, 0.0, 0.0, nan, 0.0, 0.0, 9.81))
     assert set(drive.names) == {"joints_silent", "imu_silent"}
+
+
+def test_an_imu_without_orientation_keeps_its_gyro_and_its_force_and_no_lean() -> None:
+    drive = driving()
+    drive.oriented = False
+    drive.run(AHEAD, 2.0)
+    assert drive.names == []
+    gaps = unmonitored(drive.settings, drive.safety.history)
+    (lean,) = (each for each in gaps if each.why == "it measures no orientation")
+    assert set(lean.faults) == {"wheels_slip", "wheels_slip_slowly", "tilted_by_imu"}
+    assert "odometry_off_gyro" in found(drive, gyro_bias_radps=0.3)
+    drive = driving()
+    drive.oriented = False
+    assert "blocked" in found(drive, held_n=100.0)
+
+
+def test_on_a_slope_an_imu_without_orientation_stops_nobody() -> None:
+    drive = driving()
+    drive.oriented = False
+    drive.pitch_rad = -radians(10)
+    drive.run(AHEAD, 4.0)
+    drive.run(Velocity(0.0, 0.8), 6.0)
+    assert drive.names == []
+
+
+def found(drive: SensedDrive, **wrong: float) -> list[str]:
+    goes_wrong(drive, **wrong)
+    return drive.names
 
 
 def test_an_asset_without_the_sensors_has_none_of_their_faults() -> None:

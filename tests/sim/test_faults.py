@@ -320,15 +320,22 @@ def test_a_drained_battery_keeps_what_is_left_and_is_not_charged(rover: Simulate
     assert charge_ratios(rover) == pytest.approx([0.1], abs=1e-3)
 
 
-def test_a_rover_whose_battery_was_drained_begins_no_motion(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("charge", "reason"),
+    [(0.1, Reason.BATTERY_SHORT), (0.0, Reason.WRONG_MODE)],
+    ids=["short", "empty: SAFE by its voltage"],
+)
+def test_a_rover_whose_battery_was_drained_begins_no_motion(
+    tmp_path: Path, charge: float, reason: Reason
+) -> None:
     lockstep = LockStep(load_settings("jackal"), World(), tmp_path)
     lockstep.run(1.5)
-    lockstep.rover.inject(faults.BatteryDrained(0.1))
+    lockstep.rover.inject(faults.BatteryDrained(charge))
     lockstep.run(1.5)
     answer = lockstep.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
     lockstep.executive.close()
     assert isinstance(answer, Refused)
-    assert answer.refusal.reason is Reason.BATTERY_SHORT
+    assert answer.refusal.reason is reason
 
 
 @pytest.mark.parametrize("blind", [faults.LaserBlind(), faults.LaserBlind(0.9, radians(60))])

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import copysign, cos, sin, sqrt
+from math import copysign, cos, nan, sin, sqrt
 from random import Random
 
 from executive.clock import ManualClock
@@ -33,6 +33,7 @@ class SensedDrive:
         second_in_odometry: where the second odometry has its origin.
         clock_off_s: by how much the sensors' clock is ahead of the core's.
         torques: whether the wheels tell of torques.
+        oriented: whether the IMU measures its orientation.
         lost: kinds of facts that do not arrive.
         aside_mps: by how much the rover slides to the left.
         wheel_noise_radps: standard deviation of one speed of a wheel.
@@ -53,6 +54,7 @@ class SensedDrive:
     second_in_odometry: Pose = field(default_factory=Pose)
     clock_off_s: float = 0.0
     torques: bool = True
+    oriented: bool = True
     lost: set[type] = field(default_factory=set)
     aside_mps: float = 0.0
     odometry_bias_radps: float = 0.0
@@ -166,8 +168,8 @@ class SensedDrive:
         aside_mps = -(SLIP_OFFSET_M + copysign(SLIP_GAIN * sqrt(abs(v * w)), v)) * w
         return Imu(
             stamp_s,
-            self.roll_rad,
-            self.pitch_rad,
+            self.roll_rad if self.oriented else nan,
+            self.pitch_rad if self.oriented else nan,
             -turn_radps * sin(self.pitch_rad),
             rate_radps * sin(self.roll_rad),
             rate_radps * cos(self.roll_rad),

@@ -333,7 +333,7 @@ def _fault_status(executive: Executive) -> wire.FaultStatus:
         active=tuple(map(_active_fault, executive.safety.active)),
         unmonitored=tuple(
             wire.Unmonitored(what=each.what, why=each.why, faults=each.faults)
-            for each in unmonitored(executive.settings)
+            for each in unmonitored(executive.settings, executive.safety.history)
         ),
     )
 

@@ -133,7 +133,7 @@ class Bench:
         self.odometry.append(conversions.odometry_fact(message))
 
     def _on_battery(self, message: BatteryState) -> None:
-        self.battery.append(conversions.battery_fact(message))
+        self.battery.append(conversions.BatteryReader(pytest.fail).fact(message))
 
     def _on_angle(self, name: str) -> Callable[[Float64], None]:
         return lambda angle: self.camera.update({name: angle.data})
