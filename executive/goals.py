@@ -25,7 +25,7 @@ from executive.ports import Video
 from executive.reasons import Figure, Refusal
 from executive.safety import Safety
 from executive.settings import Settings
-from executive.state import FileFolder, Status
+from executive.state import FileFolder, Source, Status
 from executive.zones import Encounter
 
 
@@ -298,7 +298,7 @@ class Context:
         if latches.paused is not None:
             return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
         if not status.odometry_fresh:
-            return "stands: no odometry"
+            return status.rejections.explain("stands: no odometry", Source.ODOMETRY)
         if active is None and self.goals.motion.held is not None:
             return f"{held}: {self.goals.motion.held.text}"
         inputs = ", ".join(map(str, self.safety.history.inputs))

@@ -95,6 +95,7 @@ class Reason(Enum):
     TURN_SLIPS = 952
     SLIDES = 953
     SENSOR_SILENT = 961
+    DATA_REJECTED = 962
     FAULT_OVER = 909
     OTHER_PUBLISHER = 930
     LINK_LOST = 931

@@ -7,7 +7,7 @@ from executive.goals import Context, Goal, GoalQueue
 from executive.ports import CameraIntent
 from executive.reasons import Figure, Reason, Refusal
 from executive.safety import frame_fault
-from executive.state import CameraAngles, store_picture
+from executive.state import CameraAngles, Source, store_picture
 from trees.leaf import GoalLeaf
 
 MARGIN_S = 3.0
@@ -107,6 +107,7 @@ class Capture(GoalLeaf):
 
     late = Reason.CAPTURE_DEADLINE
     late_text = "no camera frame came"
+    needs = Source.CAMERA
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
         super().__init__(name, context, queue)

@@ -14,6 +14,7 @@ from executive.goals import Context, Goal, GoalQueue
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
 from executive.runner import LeafError
+from executive.state import Source
 
 
 def path_of(behaviour: Behaviour) -> str:
@@ -114,11 +115,13 @@ class GoalLeaf(Leaf):
         goal: the goal that was active when it began.
         late: why the goal fails past the deadline.
         late_text: what is said of it then, before the seconds allowed.
+        needs: the source whose data it waits for.
     """
 
     goal: Goal
     late: Reason
     late_text: str
+    needs: Source | None = None
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
         super().__init__(name, context)
@@ -137,6 +140,7 @@ class GoalLeaf(Leaf):
     def give_up(self) -> Status:
         """Fail the goal, which took too long."""
         text = f"{self.late_text} within {self.allowed_s:.1f} s"
+        text = self.context.status.rejections.explain(text, self.needs)
         return self.fail(Refusal(self.late, text, (Figure("bound", self.allowed_s, "s"),)))
 
     def fail(self, refusal: Refusal) -> Status:

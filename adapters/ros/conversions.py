@@ -25,6 +25,10 @@ class MessageError(ValueError):
     """A message says something that cannot be; the text names the field and its value."""
 
 
+class IgnoredMessageError(MessageError):
+    """A message as sound sources send them beside those that are used."""
+
+
 def finite(value: float, name: str) -> float:
     """Return the value.
 
@@ -76,7 +80,7 @@ def angles(quaternion: Quaternion, kept: Kept = Kept.HEADING) -> tuple[float, fl
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     norm = x * x + y * y + z * z + w * w
     if not abs(norm - 1.0) <= _NORM_TOLERANCE:
-        raise MessageError(f"orientation ({x}, {y}, {z}, {w}) is no rotation")
+        raise MessageError(f"orientation ({x}, {y}, {z}, {w}) is not a rotation")
     return (
         measured(atan2(2 * (w * x + y * z), norm - 2 * (x * x + y * y)), kept),
         measured(asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm))), kept),
@@ -110,7 +114,9 @@ def odometry_fact(message: OdometryMessage) -> Odometry:
         *pose_sd(message.pose.covariance),
     )
     if not (fact.pose.finite and fact.velocity.finite):
-        raise MessageError(f"odometry is not finite: {fact.pose}, {fact.velocity}")
+        x_m, y_m, z_m = fact.pose.x_m, fact.pose.y_m, fact.pose.z_m
+        speeds = f"{fact.velocity.travel_mps} m/s, {fact.velocity.rotate_radps} rad/s"
+        raise MessageError(f"position ({x_m}, {y_m}, {z_m}) or velocity {speeds} is not finite")
     return fact
 
 

@@ -8,6 +8,7 @@ from itertools import count
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock as NodeClock
 from rclpy.clock_type import ClockType
@@ -19,6 +20,7 @@ from std_srvs.srv import Trigger
 from adapters.ros.context import SpunNode
 from adapters.ros.conversions import (
     BatteryReader,
+    IgnoredMessageError,
     Kept,
     MessageError,
     finite,
@@ -28,16 +30,18 @@ from adapters.ros.conversions import (
 )
 from adapters.ros.diagnostics import TickMonitor, TickStatistics, diagnose
 from adapters.ros.parameters import Topic, Topics, declare_flag, declare_rate
+from adapters.ros.received_data import ReceivedData
 from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera_transforms
 from adapters.ros.rover import RosAsset, foreign_publishers
-from adapters.ros.sensors import PolledSensors, SensorTopics
+from adapters.ros.sensors import MESSAGES, PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
 from executive.clock import Clock, SystemClock, kept_s
 from executive.commands import Command, Mode, Stop
 from executive.reasons import Reason, Refusal
 from executive.reports import Identity, Severity
 from executive.runner import Executive
-from executive.state import CameraAngles, Fact, ForeignPublishers
+from executive.state import CameraAngles, Fact, ForeignPublishers, Frame, Source
+from executive.state import Odometry as OdometryFact
 from trees import snapshot_of
 
 HEALTH_S: Final = 1.0
@@ -60,9 +64,9 @@ def clock_of(node: Node) -> Clock:
 class ExecutiveNode:
     """Serves one executive with ROS, on the thread that spins the node, which is the core's.
 
-    A message that cannot be is refused and counted: the fact is then missing, and the core stands
-    when it needs it. A callback that raises is a fault: the rover stands, SAFE, and the process
-    goes on.
+    A message that cannot be used is rejected, counted, and reported to the core with the reason:
+    the fact is then missing, and the core stands when it needs it. A callback that raises is a
+    fault: the rover stands, SAFE, and the process goes on.
 
     Attributes:
         on_ticks: is told each second how regular the ticks were.
@@ -98,14 +102,23 @@ class ExecutiveNode:
             self._model = RobotModelPublisher(node, executive.settings)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         name, qos = topics.odometry.name, topics.odometry.qos
-        taken = self.contained(self._on_odometry)
+        used: dict[Source, tuple[type, Topic]] = {
+            Source.ODOMETRY: (Odometry, topics.odometry),
+            Source.BATTERY: (BatteryState, topics.battery),
+            Source.CAMERA: (CompressedImage, topics.camera_compressed),
+            Source.VELOCITY: (Twist, topics.cmd_vel),
+            **{Source[each.name]: (MESSAGES[each], at) for each, at in sensors.topics.items()},
+        }
+        self._data = ReceivedData(node, used, executive.observe)
+        taken = self._receiving(Source.ODOMETRY, odometry_fact, self._on_odometry)
         self._odometry = node.create_subscription(Odometry, name, taken, qos)
-        self._sensors = PolledSensors(node, sensors, self._observe, self.contained)
-        self._charge = BatteryReader(partial(executive.event, Severity.WARNING))
-        self.subscribe(BatteryState, topics.battery, self._on_battery)
+        self._sensors = PolledSensors(node, sensors, self._receiving)
+        reader = BatteryReader(partial(executive.event, Severity.WARNING))
+        battery = self._receiving(Source.BATTERY, reader.fact)
+        node.create_subscription(BatteryState, topics.battery.name, battery, topics.battery.qos)
         self.subscribe(Float64, topics.camera_pan_state, self._on_pan)
         self.subscribe(Float64, topics.camera_tilt_state, self._on_tilt)
-        rover.on_frame = self.contained(self._on_frame)
+        rover.on_frame = self._receiving(Source.CAMERA, frame_fact, self._on_frame)
         rover.listen(self.subscribe, self._observe)
         steady = NodeClock(clock_type=ClockType.STEADY_TIME)
         ticking = node.get_clock() if uses_simulated_time(node) else steady
@@ -161,7 +174,7 @@ class ExecutiveNode:
         self._node_apart(name).create_service(Trigger, name, stop)
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """Return a callback that raises nothing: what it raises is refused, or makes SAFE."""
+        """Return a callback that raises nothing: what it raises is rejected, or makes SAFE."""
 
         def call(*arguments: Any) -> None:
             try:
@@ -171,19 +184,25 @@ class ExecutiveNode:
 
         return call
 
-    def _on_odometry(self, message: Odometry) -> None:
-        fact = odometry_fact(message)
+    def _receiving(
+        self,
+        source: Source,
+        fact_of: Callable[[Any], Any],
+        observe: Callable[[Any], None] | None = None,
+    ) -> Callable[[Any], None]:
+        """Return what takes the messages of a source, contained, and observes their facts."""
+        return self.contained(self._data.receiving(source, fact_of, observe or self._observe))
+
+    def _on_odometry(self, fact: OdometryFact) -> None:
         if self._model is not None:
             self._model.moved([base_transform(fact)])
         self._observe(fact)
 
     def _observe(self, fact: Fact) -> None:
         """Take in a fact, unless nothing can be dated: simulated time is 0 until it is heard."""
-        if self._clock.now_s() > 0.0:
-            self._executive.observe(fact)
-
-    def _on_battery(self, message: BatteryState) -> None:
-        self._observe(self._charge.fact(message))
+        if self._clock.now_s() <= 0.0:
+            raise IgnoredMessageError("simulated time is 0: nobody publishes /clock")
+        self._executive.observe(fact)
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = measured(finite(message.data, "camera pan"), Kept.LEAN)
@@ -201,8 +220,7 @@ class ExecutiveNode:
                 self._model.moved(camera_transforms(angles, now_s))
             self._observe(angles)
 
-    def _on_frame(self, message: CompressedImage) -> None:
-        frame = frame_fact(message)
+    def _on_frame(self, frame: Frame) -> None:
         self._rover.frame_taken()
         self._observe(frame)
 
@@ -232,6 +250,7 @@ class ExecutiveNode:
         ticks = self._ticks.take()
         self.on_ticks(ticks)
         self._diagnose(ticks)
+        self._data.report()
         self._rejected = 0
 
     @property
@@ -245,21 +264,21 @@ class ExecutiveNode:
                 self._executive,
                 snapshot_of(self._executive, self._clock.utc_s()),
                 ticks,
-                self._rejected,
+                self._rejected + self._data.rejected,
                 self._node.get_fully_qualified_name(),
                 self._node.get_clock().now().to_msg(),
             )
         )
 
     def _handle(self, error: Exception) -> None:
-        if isinstance(error, MessageError):
-            self._reject(error)
-        else:
+        if not isinstance(error, MessageError):
             self._contain(error)
+        elif not isinstance(error, IgnoredMessageError):
+            self._reject(error)
 
     def _reject(self, error: MessageError) -> None:
         if self._rejected == 0:
-            _LOG.warning("message refused: %s", error)
+            _LOG.warning("message rejected: %s", error)
         self._rejected += 1
 
     def _contain(self, error: Exception) -> None:

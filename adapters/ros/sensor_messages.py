@@ -16,6 +16,7 @@ from sensor_msgs.msg import LaserScan as LaserScanMessage
 
 from adapters.ros.conversions import (
     BASE_LINK,
+    IgnoredMessageError,
     Kept,
     MessageError,
     angles,
@@ -70,22 +71,20 @@ def imu_fact(message: ImuMessage) -> Imu:
     return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *rates, *forces)
 
 
-def joints_fact(message: JointState, joints: WheelJoints) -> Joints | None:
-    """Return speeds and torques of the wheels; None where the message is about other joints.
-
-    Torques that are not all there are none.
+def joints_fact(message: JointState, joints: WheelJoints) -> Joints:
+    """Return speeds and torques of the wheels. Torques that are not all there are none.
 
     Raises:
+        IgnoredMessageError: it is about other joints.
         MessageError: some of the wheels are not in it, its arrays differ in length, or a speed is
             not finite.
     """
     names = list(message.name)
     wanted = (*joints.left, *joints.right)
     missing = [name for name in wanted if name not in names]
-    if len(missing) == len(wanted):
-        return None
     if missing:
-        raise MessageError(f"joint states lack {', '.join(missing)} among {', '.join(names)}")
+        text = f"joint states lack {', '.join(missing)}; they name {', '.join(names)}"
+        raise (IgnoredMessageError if len(missing) == len(wanted) else MessageError)(text)
     if len(message.velocity) != len(names):
         raise MessageError(
             f"joint states of {len(names)} joints have {len(message.velocity)} speeds"

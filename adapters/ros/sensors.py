@@ -27,7 +27,7 @@ from adapters.ros.sensor_messages import (
     second_odometry_fact,
 )
 from executive.settings import Sensor, Sensors
-from executive.state import Fact
+from executive.state import Fact, Source
 
 MESSAGES: Final[Mapping[Sensor, type]] = {
     Sensor.IMU: Imu,
@@ -92,19 +92,16 @@ class PolledSensors:
     the messages.
 
     Args:
-        observe: takes facts.
-        contained: of callbacks, returns those that raise nothing.
+        receiving: returns what takes the messages of a source, of what makes facts of them.
     """
 
     def __init__(
         self,
         node: Node,
         sensors: SensorTopics,
-        observe: Callable[[Fact], None],
-        contained: Callable[[Callable[..., None]], Callable[..., None]],
+        receiving: Callable[..., Callable[[Any], None]],
     ) -> None:
-        self._observe = observe
-        facts: Mapping[Sensor, Callable[[Any], Fact | None]] = {
+        facts: Mapping[Sensor, Callable[[Any], Fact]] = {
             Sensor.IMU: imu_fact,
             Sensor.JOINTS: partial(joints_fact, joints=sensors.joints),
             Sensor.SECOND_ODOMETRY: second_odometry_fact,
@@ -119,7 +116,7 @@ class PolledSensors:
                 node.create_subscription(
                     MESSAGES[sensor],
                     topic.name,
-                    contained(partial(self._take, facts[sensor])),
+                    receiving(Source[sensor.name], facts[sensor]),
                     topic.qos,
                     callback_group=unwaited,
                     event_callbacks=quiet,
@@ -138,11 +135,6 @@ class PolledSensors:
                     if taken is None:
                         break
                     subscription.callback(taken[0])
-
-    def _take(self, fact_of: Callable[[Any], Fact | None], message: Any) -> None:
-        fact = fact_of(message)
-        if fact is not None:
-            self._observe(fact)
 
 
 class _Unwaited(CallbackGroup):

@@ -36,7 +36,7 @@ from executive.geometry import Point
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import printable
 from executive.settings import Controller, LocomotionKind, Settings
-from executive.state import Status, check_path
+from executive.state import Source, Status, check_path
 
 _Check = Callable[[Any, Settings], Refusal | None]
 
@@ -314,9 +314,10 @@ def not_located(status: Status, settings: Settings) -> Refusal | None:
         return None
     age_s = status.odometry_age_s
     since = f"for {age_s:.2f} s" if isfinite(age_s) else "yet"
+    text = f"no odometry {since}: the rover does not know where it is"
     return Refusal(
         Reason.NO_ODOMETRY,
-        f"no odometry {since}: the rover does not know where it is",
+        status.rejections.explain(text, Source.ODOMETRY),
         (Figure("age", age_s, "s"), Figure("bound", settings.faults.odometry_stale.bound, "s")),
     )
 

@@ -48,6 +48,11 @@ _ENDED: Final = (Then.STOP, Clears.ITSELF)
 _TOLD: Final = (Then.WARN, Clears.ITSELF)
 
 
+def _rejected(what: str) -> Any:
+    row = Row(When.ALWAYS, *_TOLD, for_s=1.1)  # the rate is known after a second
+    return _fault(Reason.DATA_REJECTED, f"{what} cannot be used, or is not received.", row)
+
+
 @dataclass(frozen=True, slots=True)
 class FaultTable:
     """The rows of an asset: a field for each fault, in the order in which they are looked at."""
@@ -457,6 +462,14 @@ class FaultTable:
         beyond=Bound("share of the rays of a sector of 15 degrees", "", 0.05, 1.0),
         within=_window(0.0),
     )
+    odometry_rejected: Row = _rejected("Odometry")
+    imu_rejected: Row = _rejected("What the IMU measures")
+    joints_rejected: Row = _rejected("What the wheel sensors measure")
+    second_odometry_rejected: Row = _rejected("Second odometry")
+    laser_rejected: Row = _rejected("What the laser measures")
+    battery_rejected: Row = _rejected("What the battery reports")
+    camera_rejected: Row = _rejected("What the camera sends")
+    velocity_rejected: Row = _rejected("What the executive commands the base")
 
     def __post_init__(self) -> None:
         """Raise ValueError where a row does not fit its fault."""

@@ -6,6 +6,7 @@ from executive.faults import Row
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
+from executive.state import Source
 
 
 def tilted(history: History, row: Row, _: float) -> Evidence | None:
@@ -52,3 +53,11 @@ def battery_not_finite(history: History, row: Row, _: float) -> Evidence | None:
         return Evidence("the battery's voltage is not a number")
     text = f"battery voltage {voltage_v:g} V exceeds {row.bound:g} V: it is not measured"
     return Evidence(text, (Figure("voltage", voltage_v, "V"), Figure("bound", row.bound, "V")))
+
+
+def rejected(history: History, _: Row, __: float, *, source: Source) -> Evidence | None:
+    """See data of a source that arrive and cannot be used, or that are not received."""
+    found = history.rejections.of(source)
+    if found is None:
+        return None
+    return Evidence(str(found), (Figure("rate", found.rate_hz or 0.0, "Hz"),))

@@ -36,6 +36,8 @@ from executive.state import (
     LaserScan,
     Odometry,
     OtherInput,
+    RejectedData,
+    Rejections,
     SecondOdometry,
 )
 
@@ -118,6 +120,7 @@ class History:
         pose: where the rover is taken to be, in the frame of commands.
         surroundings: what stands around it; None where nothing is watched for.
         start_s: when this began.
+        rejections: which sources send data that cannot be used.
     """
 
     def __init__(
@@ -160,6 +163,7 @@ class History:
         self.battery_at_s = -inf
         self.other_drivers = OtherDrivers()
         self.lower_may_drive = True
+        self.rejections = Rejections(clock)
         self.pose = Pose()
         self.surroundings = surroundings
         self.invalid_v: float | None = None
@@ -190,6 +194,8 @@ class History:
                 if fact.above or (self.lower_may_drive and not self.commanding):
                     self.begun_s = now_s
                     self.standing_since_s = max(self.standing_since_s, now_s)
+            case RejectedData():
+                self.rejections.observe(fact)
             case LaserScan() if self.surroundings is not None:
                 self.surroundings.see(fact, now_s)
             case Frame(stamp_s):

@@ -6,6 +6,7 @@ or with a resume, as the row says. What is done about it is the dispatcher's.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import inf
 from typing import Final
 
@@ -18,6 +19,7 @@ from executive.safety.asset_monitors import (
     battery_not_finite,
     battery_silent,
     other_publisher,
+    rejected,
     tilted,
 )
 from executive.safety.evidence import Evidence, Monitor
@@ -74,7 +76,7 @@ from executive.safety.wheel_monitors import (
     wheels_unpowered,
 )
 from executive.settings import LocomotionKind, Settings
-from executive.state import Fact
+from executive.state import Fact, Source
 
 MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_jumped": jumped,
@@ -129,6 +131,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "obstacle_near": obstacle_near,
     "laser_silent": laser_silent,
     "laser_blind": laser_blind,
+    **{f"{each.name.lower()}_rejected": partial(rejected, source=each) for each in Source},
 }
 """What looks for each fault of the table."""
 
@@ -145,6 +148,14 @@ the speed of each motion while that is steady; it may have motion from another l
 executive does not know.
 """
 
+EXPLAINED: Final[Mapping[str, Source]] = {
+    **{f"{each.name.lower()}_silent": each for each in Source},
+    **dict.fromkeys(("odometry_stale", "odometry_slow"), Source.ODOMETRY),
+    **dict.fromkeys(("odometry_frozen", "off_command", "turn_off_command"), Source.VELOCITY),
+    **dict.fromkeys(("wheels_off_command", "wheels_off_command_slowly"), Source.VELOCITY),
+    "no_progress": Source.VELOCITY,
+}
+"""Faults whose text says why data of a source are not used, if so."""
 HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
 TAKEN: Final = "other_publisher"
 UNMONITORED: Final = Row(When.ALWAYS, Then.SAFE, Clears.ON_RESUME)
@@ -246,7 +257,7 @@ class Safety:
             if watch is not None and fault.row.clears is Clears.ON_RESUME:
                 evidence = watch.monitor(self.history, fault.row, now_s)
                 if evidence is not None:
-                    return _refusal(fault.name, evidence)
+                    return self._refusal(fault.name, evidence)
         return None
 
     @property
@@ -315,7 +326,7 @@ class Safety:
             if held and (not holds or watch.row.when is When.MOVING):
                 continue
             if now_s - watch.since_s >= watch.row.for_s - 1e-9:
-                why, utc_s = _refusal(watch.name, evidence), self._clock.utc_s()
+                why, utc_s = self._refusal(watch.name, evidence), self._clock.utc_s()
                 fault = Fault(watch.name, watch.row, why, utc_s, now_s)
                 self.active.append(fault)
                 if holds:
@@ -328,6 +339,6 @@ class Safety:
                 self.active.remove(fault)
                 yield fault
 
-
-def _refusal(name: str, evidence: Evidence) -> Refusal:
-    return Refusal(DECLARED[name].reason, evidence.text, evidence.figures)
+    def _refusal(self, name: str, evidence: Evidence) -> Refusal:
+        text = self.history.rejections.explain(evidence.text, EXPLAINED.get(name))
+        return Refusal(DECLARED[name].reason, text, evidence.figures)

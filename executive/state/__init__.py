@@ -17,7 +17,9 @@ from executive.state.facts import (
     MotionStarted,
     Odometry,
     OtherInput,
+    RejectedData,
     SecondOdometry,
+    Source,
     Stopped,
 )
 from executive.state.files import (
@@ -31,6 +33,7 @@ from executive.state.files import (
 )
 from executive.state.fusion import Disagreement, FramePair, disagreement
 from executive.state.local_map import directions_of
+from executive.state.rejections import Rejections
 from executive.state.standstill import SourceMotion, is_slow, listed
 from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
@@ -70,7 +73,10 @@ __all__ = [
     "OtherInput",
     "Parameter",
     "ParameterValue",
+    "RejectedData",
+    "Rejections",
     "SecondOdometry",
+    "Source",
     "SourceMotion",
     "Status",
     "Stopped",

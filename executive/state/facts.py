@@ -1,6 +1,7 @@
 """What sensors and other links report to the executive."""
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import Final
 
 from executive.geometry import Pose, Velocity
@@ -208,6 +209,45 @@ class AuthorityUsed:
     epoch: int
 
 
+class Source(Enum):
+    """Where data come from, or go to, as texts name it; names begin the names of faults."""
+
+    ODOMETRY = "odometry"
+    IMU = "IMU data"
+    JOINTS = "joint state"
+    SECOND_ODOMETRY = "second odometry"
+    LASER = "laser scan"
+    BATTERY = "battery state"
+    CAMERA = "camera frame"
+    VELOCITY = "velocity command"
+
+
+@dataclass(frozen=True, slots=True)
+class RejectedData:
+    """Data of a source arrive and cannot be used; repeated each second while that is so.
+
+    Attributes:
+        rate_hz: messages that are rejected, 0 where that is not known yet; None where messages are
+            sent and not received.
+        of_hz: all messages that arrive.
+    """
+
+    source: Source
+    reason: str
+    rate_hz: float | None = None
+    of_hz: float = 0.0
+
+    def __str__(self) -> str:
+        what = self.source.value
+        if self.rate_hz is None:
+            return f"{what} is not received: {self.reason}"
+        if self.rate_hz < self.of_hz:
+            what += f" arrives at {self.of_hz:.0f} Hz, of which {self.rate_hz:.0f} Hz are rejected"
+            return f"{what}: {self.reason}"
+        rate = f" at {self.rate_hz:.0f} Hz" if self.rate_hz else ""
+        return f"{what} arrives{rate} and is rejected: {self.reason}"
+
+
 Fact = (
     Odometry
     | Imu
@@ -225,4 +265,5 @@ Fact = (
     | CommandUnderWay
     | Stopped
     | AuthorityUsed
+    | RejectedData
 )

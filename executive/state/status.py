@@ -24,11 +24,13 @@ from executive.state.facts import (
     MotionStarted,
     Odometry,
     OtherInput,
+    RejectedData,
     SecondOdometry,
     Stopped,
 )
 from executive.state.fusion import Fusion
 from executive.state.local_map import LocalMap
+from executive.state.rejections import Rejections
 from executive.state.slip import SlipCorrection
 from executive.state.standstill import Standstill, is_slow
 from executive.state.telemetry import Parameter, ParameterValue
@@ -54,6 +56,7 @@ class Status:
         elsewhere: the command that the rover last received over another link.
         foreign: other publishers of the rover's velocity.
         standstill: whether the rover stands, by each source that can tell.
+        rejections: which sources send data that cannot be used.
         fusion: what a second odometry says of the pose; None where there is none.
         uncertainty: how far the rover may be from `pose`.
     """
@@ -79,6 +82,7 @@ class Status:
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
         self.standstill = Standstill(clock)
+        self.rejections = Rejections(clock)
         second = settings.sensors.second_odometry
         self.fusion = None if second is None else Fusion(second.fused)
         mpc = settings.mpc
@@ -128,6 +132,8 @@ class Status:
             case LaserScan():
                 if self._local_map is not None and self.odometry_fresh:
                     self._local_map.see(fact, self._clock.now_s())
+            case RejectedData():
+                self.rejections.observe(fact)
             case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
                 pass  # says nothing of the asset's state
 

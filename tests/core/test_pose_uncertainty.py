@@ -190,6 +190,7 @@ def test_zones_are_widened_by_the_uncertainty(tmp_path: Path) -> None:
 
 def test_the_way_home_is_longer_by_the_uncertainty(tmp_path: Path) -> None:
     jackal = load_settings("jackal")
+    assert jackal.battery is not None
     battery = BatterySettings(capacity_j=1000.0, reserve_ratio=0.1, home=jackal.battery.home)
     with Bench(tmp_path, replace(jackal, battery=battery)) as bench:
         bench.charge_ratio = 0.4

@@ -209,7 +209,7 @@ def test_angles_of_known_rotations(
     ],
 )
 def test_what_is_no_rotation_is_refused(rotation: Quaternion) -> None:
-    with pytest.raises(MessageError, match="no rotation"):
+    with pytest.raises(MessageError, match="not a rotation"):
         conversions.angles(rotation)
 
 

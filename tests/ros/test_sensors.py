@@ -24,6 +24,7 @@ from adapters.ros import (
     second_odometry_fact,
     second_odometry_message,
 )
+from adapters.ros.conversions import IgnoredMessageError
 from executive.geometry import Pose
 from executive.state import Imu, Joints, LaserScan, SecondOdometry
 
@@ -110,7 +111,8 @@ def test_joints_are_told_by_name_among_others_and_may_have_no_torques() -> None:
     )
     fact = joints_fact(message, WHEELS)
     assert fact == Joints(0.0, (1.0, 2.0), (3.0, 4.0))
-    assert joints_fact(JointState(name=["pan", "tilt"], velocity=[1.0, nan]), WHEELS) is None
+    with pytest.raises(IgnoredMessageError, match="lack fl, rl, fr, rr; they name pan, tilt"):
+        joints_fact(JointState(name=["pan", "tilt"], velocity=[1.0, nan]), WHEELS)
 
 
 def imu(change: Callable[[ImuMessage], Any]) -> ImuMessage:
@@ -139,7 +141,7 @@ def unmeasured(part: str) -> ImuMessage:
         (imu(lambda m: setattr(m.angular_velocity, "y", nan)), "nan"),
         (imu(lambda m: setattr(m.linear_acceleration, "z", inf)), "inf"),
         (imu(lambda m: setattr(m.linear_acceleration, "z", 0.0)), "all zero"),
-        (imu(lambda m: setattr(m.orientation, "w", 0.0)), "no rotation"),
+        (imu(lambda m: setattr(m.orientation, "w", 0.0)), "not a rotation"),
     ],
 )
 def test_an_imu_that_does_not_measure_is_refused(message: ImuMessage, says: str) -> None:
@@ -150,7 +152,7 @@ def test_an_imu_that_does_not_measure_is_refused(message: ImuMessage, says: str)
 @pytest.mark.parametrize(
     ("message", "says"),
     [
-        (JointState(name=["fl", "fr", "rr"], velocity=[1.0] * 3), "lack rl among fl, fr, rr"),
+        (JointState(name=["fl", "fr", "rr"], velocity=[1.0] * 3), "lack rl; they name fl, fr, rr"),
         (JointState(name=["fl", "rl", "fr", "rr"], velocity=[1.0] * 3), "4 joints have 3 speeds"),
         (JointState(name=["fl", "rl", "fr", "rr"], velocity=[1.0, nan, 1.0, 1.0]), "nan"),
     ],

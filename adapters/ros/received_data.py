@@ -1,0 +1,137 @@
+"""What becomes of the messages of each source, and why some reach nobody."""
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from adapters.ros.conversions import IgnoredMessageError, MessageError
+from adapters.ros.parameters import Topic
+from executive.recorded_executive import without_figures
+from executive.reports import printable
+from executive.state import RejectedData, Source
+
+IGNORED_IN_A_ROW: Final = 8
+"""Ignored messages after which none that is used is expected: other joints are published a few
+times as often as the wheels, and a sound source repeats a stamp once or twice."""
+MAX_REASON_LENGTH: Final = 300
+"""Characters of what messages say of themselves: names of joints, formats of pictures."""
+_STAMPED: Final = frozenset(Source) - {Source.BATTERY, Source.CAMERA}
+"""Sources whose stamps are judged here; a picture's is compared with the request for it."""
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class _Tally:
+    """Messages of a source since the last report; `ignored` in a row, `rate_hz` until then."""
+
+    received: int = 0
+    rejected: int = 0
+    ignored: int = 0
+    reason: str = ""
+    reported: bool = False
+    logged: str = ""
+    rate_hz: float = 0.0
+    stamp_s: float | None = None
+
+
+class ReceivedData:
+    """Counts the messages of each source, and reports those rejected: at once, then each second.
+
+    Args:
+        node: knows the graph.
+        topics: message type and topic of each source; of `Source.VELOCITY` it is published.
+        report: takes the rejections.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topics: Mapping[Source, tuple[type, Topic]],
+        report: Callable[[RejectedData], None],
+    ) -> None:
+        self._node, self._topics, self._report = node, topics, report
+        self._tallies = {source: _Tally() for source in topics}
+        self._since_s = time.monotonic()
+
+    @property
+    def rejected(self) -> int:
+        """Messages rejected since the last report."""
+        return sum(each.rejected for each in self._tallies.values() if each.reason)
+
+    def receiving(
+        self, source: Source, fact_of: Callable[[Any], Any], observe: Callable[[Any], None]
+    ) -> Callable[[Any], None]:
+        """Return what takes the messages of a source, and hands on their facts."""
+        tally = self._tallies[source]
+
+        def receive(message: Any) -> None:
+            tally.received += 1
+            try:
+                fact = fact_of(message)
+                if source in _STAMPED and fact.stamp_s == tally.stamp_s:
+                    raise IgnoredMessageError("its stamps do not advance")
+                observe(fact)
+            except MessageError as error:
+                self._reject(source, error)
+            else:
+                tally.ignored, tally.stamp_s = 0, getattr(fact, "stamp_s", None)
+
+        return receive
+
+    def _reject(self, source: Source, error: MessageError) -> None:
+        tally = self._tallies[source]
+        tally.rejected += 1
+        tally.ignored += 1
+        if isinstance(error, IgnoredMessageError) and tally.ignored < IGNORED_IN_A_ROW:
+            return
+        tally.reason = printable(str(error))[:MAX_REASON_LENGTH]
+        if not tally.reported:
+            tally.reported = True
+            self._report(RejectedData(source, tally.reason, tally.rate_hz, tally.rate_hz))
+        if (words := without_figures(tally.reason)) != tally.logged:
+            tally.logged = words
+            _LOG.warning("%s is rejected: %s", source.value, tally.reason)
+
+    def report(self) -> None:
+        """Report what was rejected since the last call, and what is sent and not received."""
+        before_s, self._since_s = self._since_s, time.monotonic()
+        period_s = max(self._since_s - before_s, 1e-3)
+        for source, tally in self._tallies.items():
+            tally.rate_hz, rejected_hz = tally.received / period_s, tally.rejected / period_s
+            tally.reported = bool(tally.reason)
+            if tally.reason:
+                self._report(RejectedData(source, tally.reason, rejected_hz, tally.rate_hz))
+            elif not tally.received and (reason := self._mismatch(source)):
+                self._report(RejectedData(source, reason))
+            tally.received, tally.rejected, tally.reason = 0, 0, ""
+
+    def _mismatch(self, source: Source) -> str | None:
+        """Return why no other end of a topic fits this node's; None where one does, or none is."""
+        (kind, topic), node = self._topics[source], self._node
+        name, sent = node.resolve_topic_name(topic.name), source is Source.VELOCITY
+        if sent and all(each.topic_name != name for each in node.publishers):
+            return None  # a rover that moves by itself
+        find = node.get_subscriptions_info_by_topic if sent else node.get_publishers_info_by_topic
+        others = [each for each in find(name) if each.node_name != node.get_name()]
+        wanted = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+        fitting = [each.qos_profile for each in others if each.topic_type == wanted]
+        if others and not fitting:
+            types = ", ".join(sorted({each.topic_type.rpartition("/")[2] for each in others}))
+            if sent:
+                who = f"nobody subscribes to {topic.name} as {kind.__name__}"
+                return f"{who}, the base subscribes as {types}"
+            return f"{topic.name} is published as {types}, and subscribed to as {kind.__name__}"
+        ends = [(topic.qos, each) if sent else (each, topic.qos) for each in fitting]
+        if ends and all(_misses(*each) for each in ends):
+            return "publisher is best effort, subscription reliable"
+        return None
+
+
+def _misses(offered: QoSProfile, wanted: QoSProfile) -> bool:
+    best_effort = offered.reliability is ReliabilityPolicy.BEST_EFFORT
+    return best_effort and wanted.reliability is ReliabilityPolicy.RELIABLE
