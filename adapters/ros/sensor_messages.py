@@ -58,8 +58,10 @@ def imu_fact(message: ImuMessage) -> Imu:
         if covariance[0] == UNKNOWN:
             raise MessageError(f"the IMU says that its {name} are not measured (covariance -1)")
     roll_rad = pitch_rad = nan
-    if message.orientation_covariance[0] != UNKNOWN:
-        roll_rad, pitch_rad, _ = angles(message.orientation, Kept.LEAN)
+    turned = message.orientation
+    filled = any((turned.x, turned.y, turned.z, turned.w))  # drivers leave it zero, too
+    if filled and message.orientation_covariance[0] != UNKNOWN:
+        roll_rad, pitch_rad, _ = angles(turned, Kept.LEAN)
     rate, force = message.angular_velocity, message.linear_acceleration
     figures = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
     if not all(map(isfinite, figures)):

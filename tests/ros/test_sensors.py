@@ -121,8 +121,11 @@ def imu(change: Callable[[ImuMessage], Any]) -> ImuMessage:
     return message
 
 
-def test_an_imu_without_orientation_has_no_lean() -> None:
-    received = imu_fact(unmeasured("orientation"))
+@pytest.mark.parametrize("covariance", [-1.0, 0.0])
+def test_an_imu_without_orientation_has_no_lean(covariance: float) -> None:
+    message = imu(lambda m: setattr(m.orientation, "w", 1.0 if covariance else 0.0))
+    message.orientation_covariance[0] = covariance
+    received = imu_fact(message)
     assert isnan(received.roll_rad)
     assert isnan(received.pitch_rad)
     assert received.acceleration_z_mps2 == 9.81
@@ -141,7 +144,7 @@ def unmeasured(part: str) -> ImuMessage:
         (imu(lambda m: setattr(m.angular_velocity, "y", nan)), "nan"),
         (imu(lambda m: setattr(m.linear_acceleration, "z", inf)), "inf"),
         (imu(lambda m: setattr(m.linear_acceleration, "z", 0.0)), "all zero"),
-        (imu(lambda m: setattr(m.orientation, "w", 0.0)), "not a rotation"),
+        (imu(lambda m: setattr(m.orientation, "w", 2.0)), "not a rotation"),
     ],
 )
 def test_an_imu_that_does_not_measure_is_refused(message: ImuMessage, says: str) -> None:
