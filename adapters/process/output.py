@@ -3,6 +3,7 @@
 import codecs
 import errno
 import io
+import logging
 import os
 import sys
 from threading import current_thread, main_thread
@@ -46,6 +47,7 @@ class _Output(io.FileIO):
             return super().write(octets)
         except OSError as error:
             self._lost = current_thread() is main_thread()
+            logging.getLogger("asyncio").disabled = True  # an exit in a task is no lost exception
             if error.errno == errno.EPIPE:
                 raise SystemExit(UNREAD) from None
             raise SystemExit(f"Error: output cannot be written: {error.strerror}") from None

@@ -106,10 +106,17 @@ def test_prints_the_completion_script(shell: str) -> None:
 
 
 PROCESS = """
+import asyncio
 from adapters.process import process
+async def prints():
+    print('x', flush=True)
+async def serves():
+    async with asyncio.TaskGroup() as tasks:
+        tasks.create_task(prints())
+        tasks.create_task(asyncio.sleep(0.1))
 @process('rover-x', ros=False)
 def main():
-    print('x')
+    asyncio.run(serves())
 main()
 """
 PROGRAMS = {
