@@ -239,7 +239,7 @@ async def test_the_directory_lists_what_works_and_nothing_else(
         "FileManagement": (1, 2, 3, 4, 5),
         "Action": (1, 2),
         "Camera": (1, 2, 3, 4, 5),
-        "MotionControl": tuple(range(1, 15)),
+        "MotionControl": tuple(range(1, 16)),
         "Plan": tuple(range(1, 10)),
         "Status": (1, 2, 3, 4, 5),
         "MonitoringClient": (1, 2, 3),
