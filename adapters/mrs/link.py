@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -64,10 +63,14 @@ class Housekeeping(Protocol):
 
 
 async def _keep_house(gateway: Gateway, asset: AssetServices, housekeeping: Housekeeping) -> None:
+    def measured(executive: Executive) -> tuple[float, Mapping[str, float | None]]:
+        """Return figures with their time, by the clock of the events that report some of them."""
+        return executive.parameters()[0].utc_s, housekeeping.measure(executive)
+
     while True:
         with suppress(MalError):  # the core is busy: the values get old, and are seen to
-            figures = await gateway.ask(housekeeping.measure)
-            asset.keep_house(housekeeping_values(housekeeping.parameters, figures, time.time()))
+            utc_s, figures = await gateway.ask(measured)
+            asset.keep_house(housekeeping_values(housekeeping.parameters, figures, utc_s))
         await asyncio.sleep(HOUSEKEEPING_S)
 
 

@@ -11,6 +11,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING, Validity, to_ns
 from adapters.onboard.housekeeping import ExecutiveHousekeeping
 from adapters.ros import TickStatistics
+from executive.clock import START_UTC_S
 from executive.commands import Resume
 from executive.reasons import Reason
 from executive.reports import Report
@@ -44,6 +45,9 @@ def test_the_executive_tells_of_itself_as_of_the_rover(rover: Aboard) -> None:
         defined = {each.name: each.unit for each in await client.list_definition()}
         assert list(found) == list(defined)
         assert defined["EXEC_LEDGER"] == "B"
+        (tick,) = await client.get_value("EXEC_TICK")
+        begun_s, now_s = START_UTC_S, rover.do(lambda bench: bench.clock.utc_s())
+        assert to_ns(begun_s) <= tick.timestamp <= to_ns(now_s), "by the clock aboard"
         told = {each.name for each in (await client.get_status()).values}
         assert told == set(defined)
         return found
