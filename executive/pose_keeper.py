@@ -63,10 +63,11 @@ class PoseKeeper:
     def store(self, still: bool) -> None:
         """Write the pose with the next commit, where there are reports to be committed.
 
-        A commit of its own would make the tick wait for the disk once more.
+        Else a commit would make the tick wait for the disk once more: only the first pose, and the
+        first frame of a second odometry, have one, for a rover that stands without a report.
 
         Args:
             still: whether the rover is to stand.
         """
-        if self._notifications.pending:
+        if self._notifications.pending or self._monitor.unstored:
             self._record.write(self._monitor.stored(still))

@@ -173,7 +173,7 @@ class PoseMonitor:
         self._compared: FramePair | None = None
         self._shown_before_m = self._slip_m = 0.0
         self._evidence_stamp_s = -inf
-        self._stored = stored
+        self._stored, self._stored_sources = stored, (False, False)
         if stored is not None:
             status.uncertainty, self._confirmed = stored.uncertainty, stored.confirmed
             self._base, self._faulty = stored.uncertainty, stored.disproved
@@ -224,13 +224,22 @@ class PoseMonitor:
         self._frames.clear()
         self._anchor = self._newest() if uncertainty else None
 
+    @property
+    def unstored(self) -> bool:
+        """Whether odometry, or the second one, has come since anything was stored."""
+        return self._sources != self._stored_sources
+
+    @property
+    def _sources(self) -> tuple[bool, bool]:
+        return self._status.odometry is not None, self._newest() is not None
+
     def stored(self, still: bool) -> StoredPose | None:
         """Return what is to outlive the process; None before odometry has come.
 
         Args:
             still: whether the rover is to stand.
         """
-        status = self._status
+        status, self._stored_sources = self._status, self._sources
         if status.odometry is None or self._stored is not None:
             return self._stored
         return StoredPose(
