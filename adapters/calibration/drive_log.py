@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adapters.recording import RecordingError, RunReader, decode
+from adapters.recording import RecordingError, RunReader
 from executive.geometry import Pose
 from executive.recording import Called, Drove, Halted, Life, Observed, Truth
 from executive.settings import Settings
@@ -70,10 +70,10 @@ def read_drive(path: Path) -> DriveLog:
     Raises:
         RecordingError: the file cannot be used, or holds no drive of a rover by velocities.
     """
-    reader = _Reader()
-    for message in RunReader(path).messages():
-        reader.take(decode(message.topic, message.data))
-    return reader.log(path)
+    recording, drive = RunReader(path), _Reader()
+    for message in recording.messages():
+        drive.take(recording.decoded(message))
+    return drive.log(path)
 
 
 class _Reader:

@@ -3,10 +3,11 @@
 from adapters.recording.background import BackgroundTape
 from adapters.recording.chronicle import read_chronicle
 from adapters.recording.completion import complete
+from adapters.recording.container import RecordingError
 from adapters.recording.frames import frames
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
-from adapters.recording.run_file import PROFILE, SUFFIX, RecordingError, RunFile, RunReader
+from adapters.recording.run_file import PROFILE, SUFFIX, RunFile, RunReader
 from adapters.recording.timed import Timed, read_timed
 from adapters.recording.tree import RecordedTree
 

@@ -45,8 +45,8 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
       1  one is not
       2  a file is no recording
     """
+    from adapters.recording.container import RecordingError
     from adapters.recording.replay import replay as play
-    from adapters.recording.run_file import RecordingError
     from executive.settings import SettingsError, load_settings
 
     try:

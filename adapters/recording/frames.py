@@ -5,8 +5,9 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from adapters.recording.container import RecordingError
 from adapters.recording.messages import KIND, LIFE, TOPICS, TRUTH
-from adapters.recording.run_file import RecordingError, RunReader
+from adapters.recording.run_file import RunReader
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -39,15 +40,19 @@ def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, Dat
         name = message.topic.name
         if name == LIFE:
             continue
-        raw = json.loads(message.data)
-        if "utc_s" in raw:
-            utc_s, apart_s = raw["utc_s"], raw["utc_s"] - raw["now_s"]
-            began_s = utc_s if began_s is None else began_s
-        if name not in topics or began_s is None:
-            continue
-        at_s = raw["time_s"] + apart_s if name == TRUTH else utc_s
-        times_s.setdefault(name, []).append(at_s - began_s)
-        rows.setdefault(name, []).append(dict(_columns(raw)))
+        try:
+            raw = json.loads(message.data)
+            if "utc_s" in raw:
+                utc_s, apart_s = raw["utc_s"], raw["utc_s"] - raw["now_s"]
+                began_s = utc_s if began_s is None else began_s
+            if name not in topics or began_s is None:
+                continue
+            at_s = raw["time_s"] + apart_s if name == TRUTH else utc_s
+            times_s.setdefault(name, []).append(at_s - began_s)
+            rows.setdefault(name, []).append(dict(_columns(raw)))
+        except (LookupError, TypeError, ValueError, RecursionError) as error:
+            text = f"{path}: a message of {name} cannot be read: {error!r}"
+            raise RecordingError(text) from error
     if began_s is None:
         raise RecordingError(f"{path}: holds no run")
     made = {}

@@ -4,7 +4,8 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
 
-from adapters.recording.run_file import RecordingError, RunReader
+from adapters.recording.container import RecordingError
+from adapters.recording.run_file import RunReader
 from adapters.recording.timed import read_timed
 from adapters.recording.tree import RecordedTree
 from executive.geometry import Pose
@@ -95,6 +96,7 @@ class History:
         since_s: dict[str, float] = {}
         mode, why, pose, ticks = "", "", None, 0
         commands: dict[str, Report] = {}
+        lasts: tuple[Report, ...] = ()
         told: list[Report] = []
         current: tuple[float, float] | None = None
 
@@ -107,9 +109,9 @@ class History:
                     Moment(
                         current[0],
                         snapshot,
-                        dict(since_s),
+                        since_s,
                         pose,
-                        tuple(commands.values()),
+                        lasts,
                         tuple(told),
                     )
                 )
@@ -131,7 +133,8 @@ class History:
                     if isinstance(timed.item, Observed) and isinstance(timed.item.fact, Odometry):
                         pose = timed.item.fact.pose
                 case TreeChanged() if tree is not None:
-                    since_s.update(dict.fromkeys(tree.put(timed.item), timed.time_s))
+                    changed = dict.fromkeys(tree.put(timed.item), timed.time_s)
+                    since_s = {**since_s, **changed} if changed else since_s
                 case ModeChanged():
                     mode = timed.item.mode.name
                     why = f"{timed.item.why} (as of {timed.time_s:.2f} s)"
@@ -139,6 +142,7 @@ class History:
                     told.append(report)
                     if report.kind is Kind.COMMAND:
                         commands[str(report.identity)] = report
+                        lasts = tuple(commands.values())
                 case _:
                     pass
         end()

@@ -29,18 +29,26 @@ from executive.recording import (
     Input,
     Item,
     Life,
+    MadeSafe,
+    Noticed,
     Observed,
+    TreeChanged,
     Truth,
 )
 from executive.safety import END_WITHIN
 from executive.settings import Settings, structure, unstructure
 from executive.state import Fact, Frame
+from trees import NodeStatus
 
 LIFE: Final = "/life"
 DECISIONS: Final = "/out/"
 TRUTH: Final = "/truth/pose"
 KIND: Final = "kind"
 """The key that says of which of several kinds an object is."""
+MAX_TIME_S: Final = 2.0**33
+"""Of a clock; in UTC the year 2242."""
+MAX_FRAME_OCTETS: Final = 1 << 25
+"""Of a picture: several times what cameras of rovers send."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +105,23 @@ def decode(topic: Topic, data: bytes) -> Any:
     """Return the item that a message of a topic holds.
 
     Raises:
-        Exception: it holds no such item.
+        Exception: it holds no such item, or one that no executive records.
     """
     kind = Observed if topic.kind in get_args(Fact) else topic.kind
-    return _converter().structure(json.loads(data), kind)
+    item: Item = _converter().structure(json.loads(data), kind)
+    match item:
+        case Called() | Observed() | Noticed() | MadeSafe():
+            _require(abs(item.now_s) < MAX_TIME_S and 0.0 <= item.utc_s < MAX_TIME_S, "time")
+        case TreeChanged(nodes=nodes):
+            _require({each.status for each in nodes} <= set(NodeStatus.__members__), "status")
+        case _:
+            pass
+    return item
+
+
+def _require(is_met: bool, what: str) -> None:
+    if not is_met:
+        raise ValueError(f"a {what} is none that an executive records")
 
 
 @cache
@@ -108,6 +129,7 @@ def _converter() -> Converter:
     converter = make_converter()
     converter.register_unstructure_hook(float, _plain)
     converter.register_structure_hook(float, _number)
+    converter.register_structure_hook(int, _integer)
     is_enum = EnumMeta.__instancecheck__
     converter.register_unstructure_hook_func(
         lambda kind: is_enum(EnumMeta, kind), lambda each: each.name
@@ -132,7 +154,15 @@ def _plain(value: float) -> float | str:
 
 def _number(raw: float | str, _: type) -> float:
     """Return a number as it was, whole ones as such: texts show the difference."""
-    return float(raw) if isinstance(raw, str) else raw
+    number = float(raw)  # raises for what is none, or too large
+    return number if isinstance(raw, str) else raw
+
+
+def _integer(raw: object, _: type) -> int:
+    """Return a whole number that the ledger and the wire can hold."""
+    if not isinstance(raw, int) or not -(1 << 63) <= raw < 1 << 63:
+        raise ValueError("no whole number of 64 bits")
+    return raw
 
 
 def _without_picture(frame: Frame) -> dict[str, object]:
@@ -143,4 +173,5 @@ def _without_picture(frame: Frame) -> dict[str, object]:
 
 def _with_black_picture(raw: Mapping[str, Any], _: type) -> Frame:
     end = base64.b64decode(raw["end"])
+    _require(len(end) <= raw["length"] <= MAX_FRAME_OCTETS, "length of a picture")
     return Frame(raw["stamp_s"], raw["format"], bytes(raw["length"] - len(end)) + end)

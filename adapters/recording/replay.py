@@ -9,8 +9,9 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
-from adapters.recording.messages import DECISIONS, LIFE, TRUTH, decode, topic_of
-from adapters.recording.run_file import RecordedMessage, RecordingError, RunReader
+from adapters.recording.container import RecordingError
+from adapters.recording.messages import DECISIONS, LIFE, TRUTH, topic_of
+from adapters.recording.run_file import RecordedMessage, RunReader
 from adapters.recording.scripted import (
     Decisions,
     RecordedClock,
@@ -169,10 +170,13 @@ def replay(path: Path, settings: Settings | None = None) -> Replayed:
     reports: list[OtherReport] = []
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
-        for each in _entries(reader, path):
+        for each in _entries(reader):
             if isinstance(each, Life):
                 lives += 1
-                core = _Core(_with(each, settings, path), Path(folder, str(lives)))
+                try:
+                    core = _Core(_with(each, settings, path), Path(folder, str(lives)), reader)
+                except (OSError, ValueError) as error:
+                    raise RecordingError(f"{path}: its files cannot be made: {error}") from error
                 continue
             if core is None:
                 raise RecordingError(f"{path}: begins in the middle, without {LIFE}")
@@ -183,7 +187,7 @@ def replay(path: Path, settings: Settings | None = None) -> Replayed:
             decisions += len(each.decisions)
             core.enter(each)
             if settings is not None:
-                reports += _other_reports(each.decisions, core.decisions, time_s)
+                reports += _other_reports(reader, each.decisions, core.decisions, time_s)
             if difference is None:
                 difference = core.difference(each, entries, time_s)
             if core.raised or (difference is not None and settings is None):
@@ -206,21 +210,26 @@ def _with(life: Life, settings: Settings | None, path: Path) -> Life:
 
 
 def _other_reports(
-    recorded: Sequence[RecordedMessage], replayed: Sequence[RecordedMessage], time_s: float
+    reader: RunReader,
+    recorded: Sequence[RecordedMessage],
+    replayed: Sequence[RecordedMessage],
+    time_s: float,
 ) -> Iterator[OtherReport]:
-    then, now = _reports(recorded), _reports(replayed)
+    then, now = _reports(reader, recorded), _reports(reader, replayed)
     yield from (OtherReport(time_s, True, then[told]) for told in then if told not in now)
     yield from (OtherReport(time_s, False, now[told]) for told in now if told not in then)
 
 
-def _reports(decisions: Sequence[RecordedMessage]) -> dict[tuple[object, ...], Report]:
+def _reports(
+    reader: RunReader, decisions: Sequence[RecordedMessage]
+) -> dict[tuple[object, ...], Report]:
     """Return the reports by what they say; neither their numbers nor their figures count."""
-    found = (decode(each.topic, each.data) for each in decisions if each.topic.kind is Reported)
+    found = (reader.decoded(each) for each in decisions if each.topic.kind is Reported)
     reports = (each.report for each in found)
     return {(each.identity, each.stage, each.reason, each.text): each for each in reports}
 
 
-def _entries(reader: RunReader, path: Path) -> Iterator[Life | RecordedEntry]:
+def _entries(reader: RunReader) -> Iterator[Life | RecordedEntry]:
     """Yield lives and entries; the last entry of a file that was not closed may lack its end."""
     current: RecordedEntry | None = None
     for message in reader.messages():
@@ -230,7 +239,7 @@ def _entries(reader: RunReader, path: Path) -> Iterator[Life | RecordedEntry]:
             if current is not None:
                 current.decisions.append(message)
             continue
-        item = _decoded(message, path)
+        item: Life | Entry | Input = reader.decoded(message)
         if isinstance(item, Input) or is_within(item):
             if current is not None:
                 current.inputs.append(item)
@@ -246,15 +255,6 @@ def _entries(reader: RunReader, path: Path) -> Iterator[Life | RecordedEntry]:
         yield current
 
 
-def _decoded(message: RecordedMessage, path: Path) -> Life | Entry | Input:
-    try:
-        item: Life | Entry | Input = decode(message.topic, message.data)
-    except Exception as error:  # cattrs raises groups of many kinds
-        text = f"{path}: a message of {message.topic.name} cannot be read: {error}"
-        raise RecordingError(text) from error
-    return item
-
-
 class _Core:
     """The executive of one life, in a folder of its own.
 
@@ -263,8 +263,9 @@ class _Core:
         raised: what it raised; empty if it did not.
     """
 
-    def __init__(self, life: Life, folder: Path) -> None:
+    def __init__(self, life: Life, folder: Path, reader: RunReader) -> None:
         self.raised = ""
+        self._reader = reader
         self._life = life
         self._folder = folder
         self._clock = RecordedClock()
@@ -281,7 +282,9 @@ class _Core:
         if life.latch:
             (folder / "ledger.stop").write_bytes(life.latch)
         for each in life.files:
-            place = folder / "files" / each.path
+            place = (folder / "files" / each.path).resolve()
+            if not place.is_relative_to((folder / "files").resolve()):
+                raise ValueError(f"{each.path} is outside of its folder")
             place.parent.mkdir(parents=True, exist_ok=True)
             with place.open("wb") as file:
                 file.truncate(each.size_octets)
@@ -308,7 +311,7 @@ class _Core:
             self.raised = f"{type(error).__name__}: {error} (line {at.lineno} of {at.filename})"
         for message in recorded.decisions:
             if message.topic.kind is TreeChanged:
-                changed: TreeChanged = decode(message.topic, message.data)
+                changed: TreeChanged = self._reader.decoded(message)
                 self._states |= {each.path: each for each in changed.nodes}
                 for path in changed.gone:
                     self._states.pop(path, None)

@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Final, get_args
 
-from adapters.recording.messages import decode
-from adapters.recording.run_file import RecordingError, RunReader
+from adapters.recording.container import RecordingError
+from adapters.recording.run_file import RunReader
 from executive.recording import Entry, Item, Life, Truth
 
 _ALWAYS: Final = frozenset({Life, *get_args(Entry)})
@@ -38,10 +38,7 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[Timed]:
     utc_s = apart_s = 0.0
     life: Life | None = None
     for message in reader.messages(wanted):
-        try:
-            item: Item = decode(message.topic, message.data)
-        except (ValueError, KeyError, TypeError, ExceptionGroup) as error:
-            raise RecordingError(f"{reader.path}: holds what cannot be read ({error})") from error
+        item: Item = reader.decoded(message)
         if isinstance(item, Life):
             life = item
             continue  # its time is that of the entry after it

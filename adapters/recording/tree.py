@@ -23,6 +23,7 @@ class RecordedTree:
         self._paths = {node.path for node in self._static}
         self._guards = {node.path for node in self._static if node.kind in _GUARDS}
         self._states: dict[str, NodeState] = {}
+        self._nodes: tuple[Node, ...] | None = None
 
     def put(self, change: TreeChanged) -> tuple[str, ...]:
         """Take a change; return the paths of the nodes that differ in more than their words.
@@ -30,6 +31,7 @@ class RecordedTree:
         That is, those that came, have another status, or name another command: guards, and the
         leaves of a plan.
         """
+        self._nodes = None
         others = []
         for each in change.nodes:
             before = self._states.get(each.path)
@@ -43,6 +45,11 @@ class RecordedTree:
 
     def nodes(self) -> tuple[Node, ...]:
         """Return the nodes as they are now; those of a plan stand first below the root."""
+        if self._nodes is None:
+            self._nodes = self._drawn()
+        return self._nodes
+
+    def _drawn(self) -> tuple[Node, ...]:
         planned = tuple(
             Node(
                 state.path,

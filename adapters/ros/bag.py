@@ -1,5 +1,6 @@
 """A recording as a rosbag2 folder, with the topics that such a rover has on ROS."""
 
+import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from heapq import merge
@@ -112,8 +113,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     counts: dict[str, int] = {}
     with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         connections: dict[str, Any] = {}
-        items, trees = converter.items(recording), converter.trees(history)
-        for each in merge(items, trees, key=lambda stamped: stamped.utc_s):
+        for each in _merged(converter, recording, history):
             if each.topic not in connections:
                 connections[each.topic] = bag.add_connection(
                     each.topic,
@@ -124,6 +124,15 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
             bag.write(connections[each.topic], round(each.utc_s * 1e9), each.cdr)
             counts[each.topic] = counts.get(each.topic, 0) + 1
     return counts
+
+
+def _merged(converter: "_Converter", recording: Path, history: History) -> Iterator[Stamped]:
+    items, trees = converter.items(recording), converter.trees(history)
+    try:
+        yield from merge(items, trees, key=lambda stamped: stamped.utc_s)
+    except (AssertionError, OverflowError, TypeError, ValueError, struct.error) as error:
+        text = f"{recording}: holds what no message of ROS can: {error!r}"
+        raise RecordingError(text) from error
 
 
 def _said_once() -> Any:

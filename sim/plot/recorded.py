@@ -248,7 +248,7 @@ class _Reader:
         """Return the modes, each until the next or until the executive was gone."""
         ends_s = [*(begin_s for begin_s, _ in self._modes[1:]), self._end_s]
         merged: list[tuple[Mode, float, float]] = []
-        for (begin_s, mode), next_s in zip(self._modes, ends_s, strict=True):
+        for (begin_s, mode), next_s in zip(self._modes, ends_s, strict=False):
             end_s = min([next_s, *(gone_s for gone_s, _ in self._gone if gone_s > begin_s)])
             if merged and merged[-1][0] is mode and merged[-1][2] == begin_s:
                 begin_s = merged.pop()[1]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.recording import RunFile
+from adapters.recording import RunFile, RunReader, decode
 from sim.scenario.changes import Change
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode
@@ -20,3 +20,15 @@ def stuck(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with closing(RunFile(folder / "run.mcap")) as tape:
         run_in_lock_step(scenario, folder / "data", tape)
     return folder / "run.mcap"
+
+
+@pytest.fixture(scope="session")
+def flushed(stuck: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give the recording of this drive as a process writes it: several chunks a second."""
+    path = tmp_path_factory.mktemp("flushed") / "run.mcap"
+    with closing(RunFile(path)) as file:
+        for number, message in enumerate(RunReader(stuck).messages()):
+            file.put(decode(message.topic, message.data))
+            if number % 300 == 0:
+                file.flush()
+    return path

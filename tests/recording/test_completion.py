@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import SeekingReader
 
-from adapters.recording import BackgroundTape, RunFile, RunReader, complete, decode
+from adapters.recording import BackgroundTape, RunFile, RunReader, complete
 from adapters.recording.replay import replay
 from adapters.recording.rows import RowReader
 from executive.recording import Call, Called
@@ -33,18 +33,6 @@ def batches(path: Path) -> list[bytes]:
         (number,) = (key for key, each in summary.channels.items() if each.topic == "/run")
         assert told[number] == len(found)
         return found
-
-
-@pytest.fixture(scope="module")
-def flushed(stuck: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Give the recording of a drive as a process writes it: a chunk for each second."""
-    path = tmp_path_factory.mktemp("flushed") / "run.mcap"
-    with closing(RunFile(path)) as file:
-        for number, message in enumerate(RunReader(stuck).messages()):
-            file.put(decode(message.topic, message.data))
-            if number % 300 == 0:
-                file.flush()
-    return path
 
 
 @pytest.mark.parametrize("part", [0.02, 0.3, 0.5, 0.77, 0.9, 0.96, 0.995])

@@ -1,7 +1,6 @@
 """A recorded run is replayed equally, a changed rule is noticed, and a bad file is told."""
 
 import json
-import random
 import re
 from collections.abc import Callable
 from contextlib import closing
@@ -243,31 +242,20 @@ def test_a_decision_that_is_lacking_is_shown(drive: Path, monkeypatch: pytest.Mo
     assert now[12:] != then[12:]
 
 
-@pytest.mark.parametrize("part", [0.3, 0.8, 0.99])
+@pytest.mark.parametrize("part", [0.02, 0.3, 0.8])
 def test_what_was_written_before_a_crash_is_replayed(
-    drive: Path, part: float, tmp_path: Path
+    flushed: Path, part: float, tmp_path: Path
 ) -> None:
-    octets = drive.read_bytes()
+    octets = flushed.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(octets[: round(len(octets) * part)])
     told = typed(cut)
     assert told.exit_code in (0, BAD_FILE)
     if told.exit_code == 0:
         assert told.output.endswith("the recording breaks off there\n")
-        assert replay(cut).ticks < replay(drive).ticks
+        assert replay(cut).ticks < replay(flushed).ticks
     else:
         assert "holds no run" in told.output
-
-
-def test_damage_is_told(drive: Path, tmp_path: Path) -> None:
-    octets, at = drive.read_bytes(), random.Random(1)
-    damaged = tmp_path / "damaged.mcap"
-    for _ in range(20):
-        place = at.randrange(len(octets) // 10, len(octets) // 2)
-        changed = bytes([octets[place] ^ 0x10])
-        damaged.write_bytes(octets[:place] + changed + octets[place + 1 :])
-        with pytest.raises(RecordingError, match="is no MCAP file, or damaged"):
-            list(RunReader(damaged).messages())
 
 
 def _other_profile(path: Path) -> None:

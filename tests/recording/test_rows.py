@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adapters.recording.container import DamageError
 from adapters.recording.rows import RowReader, RowWriter, text_of
 
 leaves = (
@@ -60,8 +61,19 @@ def test_names_are_written_once() -> None:
         b'{"shapes":[["/a",["x"]]],"rows":[[0]]}',
         b'{"shapes":[["/a",[1]]],"rows":[]}',
         b'{"shapes":1,"rows":[]}',
+        b'{"shapes":[[[],["x"]]],"rows":[[0,1]]}',
+        b'{"shapes":[["/a",[[["x"],[]]]]],"rows":[[0]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[-1,1]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[0,1,2]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[0,NaN]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[0,1e999]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[0,"\\ud800"]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[0,"\xed\xa0\x80"]]}',
+        b'{"shapes":[["/a",["x"]]],"rows":[[0,' + b"1" * 10_000 + b"]]}",
+        b"[" * 100_000,
+        b'{"shapes":[],"rows":[' + b"[]," * 1_000_000 + b"[]]}",
     ],
 )
 def test_what_is_no_batch_is_told(batch: bytes) -> None:
-    with pytest.raises(ValueError, match=r"."):
+    with pytest.raises(DamageError):
         _ = [row.data for row in RowReader().rows(batch)]
