@@ -146,8 +146,8 @@ def test_an_outage_is_a_gap_of_a_plot_at_every_zoom(
             if isinstance(item, ToldParameters):
                 told += 1
                 if 3 <= told <= 5:
-                    unknown = (replace(each, value=None) for each in item.values)
-                    item = replace(item, values=tuple(unknown))
+                    unknown = tuple(replace(each, value=None) for each in item.values)
+                    item = replace(item, values=unknown)
             file.put(item)
     page.get_by_label("file of a recording").set_input_files(path)
     expect(page.get_by_label("moment")).to_be_visible()

@@ -1,18 +1,25 @@
 """Recordings as assets of the console, whose past comes from their files."""
 
+import asyncio
 import json
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from threading import Event
 
 import pytest
+from aiohttp import web
 
+from adapters.console.archive import Written
+from adapters.console.recordings import recordings
+from adapters.console.recordings.recorded import RecordedRun
 from adapters.console.rovers import FORMS, args_of, command_entries, request_of
 from adapters.process import StartError
-from adapters.recording import RunFile, RunReader, decode
+from adapters.recording import RecordingError, RunFile, RunReader, decode
 from executive.commands import Request, declaration_of
 from executive.settings import load_settings
 from tests.console.conftest import record
-from tests.console.consoles import at_console, operator, served
+from tests.console.consoles import LIMIT_S, at_console, operator, served
 from tests.support.requests import GOOD
 
 NOBODY = "127.0.0.1:1"
@@ -203,3 +210,62 @@ async def test_a_recording_that_broke_off_shows_what_was_written(
         assert [each["recording"]["whole"] for each in assets.values()] == [False, True]
         ends = [each["recording"]["ended"] for each in assets.values()]
         assert ends[1] - 4.0 < ends[0] < ends[1]
+
+
+async def test_a_damaged_recording_shows_what_is_before_the_damage(
+    drive: Path, tmp_path: Path
+) -> None:
+    damaged = tmp_path / "damaged.mcap"
+    with closing(RunFile(damaged)) as file:
+        for number, message in enumerate(RunReader(drive).messages()):
+            file.put(decode(message.topic, message.data))
+            if number % 300 == 0:
+                file.flush()
+    octets = bytearray(damaged.read_bytes())
+    octets[len(octets) // 2] ^= 1
+    async with at_console(tmp_path, NOBODY, "anna") as (anna,):
+        content = bytes(octets)
+        status, entry = await anna.ask("POST", "api/recordings/run.mcap", data=content)
+        assert (status, entry["asset"]) == (201, RUN)
+        assert (entry["recording"]["whole"], entry["recording"]["damaged"]) == (False, True)
+        commands = (await anna.get("api/commands", asset=RUN))["commands"]
+        assert commands
+
+
+async def test_reading_ends_when_who_sent_the_file_disconnects(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Callable[[], bool]] = []
+    told: list[str] = []
+    is_connected = recordings.is_connected
+    read = RecordedRun.messages
+    reads, is_gone = Event(), Event()
+
+    def wanted(request: web.Request) -> Callable[[], bool]:
+        asked.append(is_connected(request))
+        return asked[-1]
+
+    def slowly(run: RecordedRun, name: str) -> Iterator[Written]:
+        reads.set()
+        assert is_gone.wait(LIMIT_S)
+        try:
+            yield from read(run, name)
+        except RecordingError as error:
+            told.append(str(error))
+            raise
+
+    monkeypatch.setattr(RecordedRun, "messages", slowly)
+    monkeypatch.setattr(f"{recordings.__name__}.is_connected", wanted)
+    kept = tmp_path / "console" / "opened"
+    async with at_console(tmp_path, NOBODY, "anna") as (anna,), asyncio.timeout(LIMIT_S):
+        content = drive.read_bytes()
+        post = asyncio.create_task(anna.ask("POST", "api/recordings/run.mcap", data=content))
+        await asyncio.to_thread(reads.wait, LIMIT_S)
+        post.cancel()
+        while asked[0]():
+            await asyncio.sleep(0)
+        is_gone.set()
+        while list(kept.iterdir()):
+            await asyncio.sleep(0)
+        assert [each.endswith("nobody waits for it any more") for each in told] == [True]
+        assert (await anna.get("api/dictionary"))["assets"] == {}

@@ -1,7 +1,8 @@
 """Recordings as assets with an archive each."""
 
-from adapters.console.recordings.recordings import Recordings
+from adapters.console.recordings.recordings import Recordings, is_connected
 
 __all__ = [
     "Recordings",
+    "is_connected",
 ]

@@ -1,6 +1,6 @@
 """A recording as the messages that a console would have had of the rover."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -58,6 +58,7 @@ class RecordedRun:
 
     Args:
         path: of the recording.
+        is_wanted: as of `RunReader`.
 
     Attributes:
         rover: the name of the asset that was recorded.
@@ -66,10 +67,10 @@ class RecordedRun:
         RecordingError: the file cannot be used as a recording, or holds no run.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._settings = _settings_of(path)
+    def __init__(self, path: Path, is_wanted: Callable[[], bool]) -> None:
+        self._settings = _settings_of(RunReader(path, is_wanted))
         self.rover = self._settings.asset
-        self._reader = RunReader(path)
+        self._reader = RunReader(path, is_wanted)
         self._name = ""
         self._chronicle = ChronicleBuilder()
         self._tracker = CommandTracker(self._heard)
@@ -126,6 +127,7 @@ class RecordedRun:
                 self._began_utc_s,
                 self._utc_s,
                 self._reader.whole,
+                self._reader.damaged,
             ),
         )
 
@@ -226,8 +228,8 @@ class RecordedRun:
         )
 
 
-def _settings_of(path: Path) -> Settings:
-    for timed in read_timed(RunReader(path), ()):
+def _settings_of(reader: RunReader) -> Settings:
+    for timed in read_timed(reader, ()):
         if isinstance(timed.item, Life):
             return timed.item.settings
-    raise RecordingError(f"{path}: does not tell of which rover it is")
+    raise RecordingError(f"{reader.path}: does not tell of which rover it is")

@@ -85,11 +85,16 @@ class Recordings:
         """Return the recording that is shown as an asset; None if that is none."""
         return None if asset is None else self._opened.get(asset)
 
-    async def open(self, path: Path) -> Recording:
+    async def open(self, path: Path, is_wanted: Callable[[], bool] = lambda: True) -> Recording:
         """Read a recording; the same file again is read again only if it was changed.
 
+        Args:
+            path: of the file.
+            is_wanted: whether to go on reading, asked again and again.
+
         Raises:
-            RecordingError: the file cannot be used as a recording; the text says why.
+            RecordingError: the file cannot be used as a recording, or is not wanted any more; the
+                text says why.
         """
         async with self._opening:
             path = path.resolve()
@@ -98,7 +103,7 @@ class Recordings:
                 if _stamp(path) in {known.stamp, None}:
                     return known
                 await self._close(known.entry.asset)
-            return await self._read(path, await self._new_folder())
+            return await self._read(path, await self._new_folder(), is_wanted)
 
     async def close(self) -> None:
         """Let go of all of them."""
@@ -108,11 +113,11 @@ class Recordings:
     async def _new_folder(self) -> Path:
         return Path(await asyncio.to_thread(tempfile.mkdtemp, dir=self._folder))
 
-    async def _read(self, path: Path, folder: Path) -> Recording:
+    async def _read(self, path: Path, folder: Path, is_wanted: Callable[[], bool]) -> Recording:
         began_s = time.monotonic()
         archive = Archive(await asyncio.to_thread(open_database, None, folder))
         try:
-            run = await asyncio.to_thread(RecordedRun, path)
+            run = await asyncio.to_thread(RecordedRun, path, is_wanted)
             stamp = _stamp(path)
             name = self._name_of(run.rover, path)
             messages = run.messages(name)
@@ -153,7 +158,7 @@ class Recordings:
                 shutil.rmtree(folder)
                 raise
             async with self._opening:
-                opened = await self._read(path, folder)
+                opened = await self._read(path, folder, is_connected(request))
         except RecordingError as error:
             text = str(error).replace(str(path), name)
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="file") from error
@@ -195,6 +200,11 @@ def _stamp(path: Path) -> tuple[int, int] | None:
 def _tidy(name: str) -> str:
     """Return a name that can stand in an address and be that of a file."""
     return re.sub(r"[^\w.-]+", "-", name).lstrip(".") or "recording"
+
+
+def is_connected(request: web.Request) -> Callable[[], bool]:
+    """Return what says whether who sent a request still waits for the answer."""
+    return lambda: request.transport is not None
 
 
 def _take(messages: Iterator[Written]) -> list[Written]:

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from aiohttp import web
 
 from adapters.console.messages import Scalar, TransferState
-from adapters.console.recordings import Recordings
+from adapters.console.recordings import Recordings, is_connected
 from adapters.console.requests.file_store import FileStore
 from adapters.console.requests.transfers import Connect, Transfers, Turn, kept_at
 from adapters.console.rovers import NS_PER_S, figures_of
@@ -155,7 +155,7 @@ class Files:
         if place is None:
             raise refused(HTTPStatus.NOT_FOUND, "there is no such file here: fetch it first")
         try:
-            opened = await self._recordings.open(place)
+            opened = await self._recordings.open(place, is_connected(request))
         except RecordingError as error:
             text = str(error).replace(str(place), place.name)
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text) from error

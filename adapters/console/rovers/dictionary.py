@@ -142,6 +142,7 @@ class RecordingEntry:
         rover: the asset that was recorded.
         began, ended: of the recording.
         whole: whether it was closed in good order, and does not break off.
+        damaged: whether damage ended the reading.
     """
 
     file: str
@@ -149,6 +150,7 @@ class RecordingEntry:
     began: float
     ended: float
     whole: bool
+    damaged: bool
 
 
 @dataclass(frozen=True, slots=True)

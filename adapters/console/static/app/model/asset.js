@@ -61,7 +61,7 @@ export class Asset {
     return this.entry?.footprint ?? UNKNOWN_FOOTPRINT;
   }
 
-  /** @returns {{file: string, rover: string, began: number, ended: number, whole: boolean} | null} what it is a recording of; null for a rover */
+  /** @returns {{file: string, rover: string, began: number, ended: number, whole: boolean, damaged: boolean} | null} what it is a recording of; null for a rover */
   get recording() {
     return this.entry?.recording ?? null;
   }

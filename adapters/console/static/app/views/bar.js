@@ -148,7 +148,7 @@ export function mount(element, session, shown) {
     mode.hidden = !mode.textContent;
     resume.hidden = Boolean(recording) || !STANDING.includes(rover?.mode ?? "");
     mode.dataset.mode = rover?.mode ?? "";
-    say(doing, recording ? `of ${recording.rover}, to be looked at only${recording.whole ? "" : "; it breaks off"}` : rover ? doingOf(rover) : session.unreached());
+    say(doing, recording ? `of ${recording.rover}, to be looked at only${recording.whole ? "" : recording.damaged ? "; it is damaged" : "; it breaks off"}` : rover ? doingOf(rover) : session.unreached());
     keep(links, rover ? [...rover.links.values()] : [], (link) => link.link, () => html("span", { className: "link" }), drawLink);
     drawAuthority(rover);
     drawAlarms();

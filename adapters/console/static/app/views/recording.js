@@ -61,9 +61,9 @@ export function mount(element, context) {
   function render() {
     const { recording } = asset;
     if (!recording) return;
-    const { file, rover, began, ended, whole } = recording;
+    const { file, rover, began, ended, whole, damaged } = recording;
     const now = cursor.utc_s ?? ended;
-    say(what, `${file}: a recording of ${rover}, ${new Date(began * 1000).toISOString().slice(0, 10)} from ${clock(began)} to ${clock(ended)} UTC (${age(ended - began)}). It ${whole ? "" : "breaks off there; it "}can be looked at, not commanded.`);
+    say(what, `${file}: a recording of ${rover}, ${new Date(began * 1000).toISOString().slice(0, 10)} from ${clock(began)} to ${clock(ended)} UTC (${age(ended - began)}). It ${whole ? "" : `${damaged ? "is damaged" : "breaks off"} there; it `}can be looked at, not commanded.`);
     slider.max = String(ended - began);
     slider.value = String(now - began);
     say(at, `${clock(now, true)}, ${(now - began).toFixed(2)} s`);
