@@ -394,6 +394,15 @@ def bundle_fuzz(count: int, seed: int) -> "list[Figure]":
     return bundle_fuzz.measure(count, seed, tell)
 
 
+@benchmark("recording-fuzz --recordings 500", count("--recordings", 20_000), SEED, KEEP)
+def recording_fuzz(count: int, seed: int, keep: Path | None) -> "list[Figure]":
+    """Damaged and hostile recordings against all who read them (some hours)."""
+    from tests.stress import recording_fuzz
+
+    tell(f"recording fuzz: {count} wrong recordings ...")
+    return recording_fuzz.measure(count, seed, tell, keep)
+
+
 @benchmark("mops-fuzz --messages 10000", count("--messages", 150_000, least=100), SEED)
 def mops_fuzz(count: int, seed: int) -> "list[Figure]":
     """Texts of wrong MOPS strings against all who read them."""
