@@ -104,7 +104,7 @@ STRESS: Final = {
 @click.option(
     "--stress",
     is_flag=True,
-    help="Instead: random commands, wrong messages, kill -9 and bad links (about half an hour).",
+    help="Instead: random commands, wrong messages, kill -9 and bad links (some two hours).",
 )
 @click.option(
     "--stress-percent",
