@@ -77,7 +77,11 @@ class Divergence(NamedTuple):
 
 
 class _Comparison:
-    """What the pose shows beyond another channel, over the times that both cover."""
+    """What the pose shows beyond another channel, over the times that both cover.
+
+    Attributes:
+        total: summed up since the start, but for gaps of the other channel.
+    """
 
     def __init__(
         self, pose: str, other: Callable[[Sequence[float]], float], later_s: float = 0.0
@@ -85,17 +89,18 @@ class _Comparison:
         self.total = 0.0
         self._pose, self._other = Moved._fields.index(pose), other
         self._later_s, self._to_s = later_s, -inf
+        self._channel: Channel | None = None
+        self._beyond = 0.0
 
     def advance(self, moved: Channel, other: Channel, bias_per_s: float = 0.0) -> None:
-        """Add what is new; what happened in a gap of a channel is left out."""
+        """Add what is new."""
         from_s, to_s = self._to_s, min(moved.time_s, other.time_s + self._later_s)
-        if to_s <= from_s:
+        if to_s <= from_s or not (moved.covers(to_s) and other.covers(to_s - self._later_s)):
             return
-        self._to_s = to_s
-        steps = moved.between(from_s, to_s)
-        others = other.between(from_s - self._later_s, to_s - self._later_s)
-        if steps is not None and others is not None:
-            self.total += steps[self._pose] - self._other(others) + bias_per_s * (to_s - from_s)
+        beyond = moved.at(to_s)[self._pose] - self._other(other.at(to_s - self._later_s))
+        if other is self._channel:  # one that begins anew does so after a gap
+            self.total += beyond - self._beyond + bias_per_s * (to_s - from_s)
+        self._beyond, self._channel, self._to_s = beyond, other, to_s
 
 
 @dataclass(frozen=True, slots=True)
