@@ -13,6 +13,7 @@ from executive.clock import Clock
 from executive.faults import FaultTable
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.safety.channel import GRID_S, SLOTS, Channel, StampClock
+from executive.safety.inertial_velocity import InertialVelocity
 from executive.safety.other_drivers import Driver, OtherDrivers
 from executive.safety.sensor_history import (
     REST_RADPS,
@@ -43,6 +44,8 @@ from executive.state import (
 
 STALL_S: Final = 0.25
 """A base that is commanded more seldom may have stopped by itself in between."""
+SEEN_S: Final = 0.4
+"""Shortest window in which a second odometry shows the rover standing."""
 
 
 class Moved(NamedTuple):
@@ -116,6 +119,7 @@ class History:
         invalid_v: one that came since and cannot be.
         charge_ratio: the newest charge, where one is reported.
         wheels, inertia, second: of the sensors that the asset has; None of those that it has not.
+        over_ground: the velocity by the inertial sensors; None where there are none.
         mass_kg: of the asset, where that is known.
         pose: where the rover is taken to be, in the frame of commands.
         surroundings: what stands around it; None where nothing is watched for.
@@ -138,6 +142,7 @@ class History:
         sensors = sensors or Sensors()
         imu, joints, second = sensors.imu, sensors.joints, sensors.second_odometry
         self.inertia = None if imu is None else Inertia()
+        self.over_ground = None if imu is None else InertialVelocity()
         self.wheels = None if joints is None else Wheels(joints)
         self.second = None if second is None else SecondTrack(second)
         self._track = Channel(3)
@@ -186,9 +191,14 @@ class History:
             case Imu() if self.inertia is not None:
                 time_s = self._time_s(fact, now_s)
                 self.inertia.observe(fact, time_s, self._travel_mps, self._resting(time_s))
+                if self.over_ground is not None:
+                    self.over_ground.feel(fact, time_s, self.standing_since_s <= time_s - REST_S)
             case SecondOdometry() if self.second is not None:
                 sighting = self._sighting(fact, self._time_s(fact, now_s))
                 self.second.observe(fact, sighting, now_s)
+                seen = self.second.disagreement(SEEN_S, self.standing_since_s)
+                if self.over_ground is not None and seen is not None and seen.stands:
+                    self.over_ground.rest(seen.to_s)
             case OtherInput():
                 self.other_drivers.observe(fact, now_s)
                 if fact.above or (self.lower_may_drive and not self.commanding):
@@ -377,6 +387,8 @@ class History:
         self._track.add(time_s, (pose.x_m, pose.y_m, heading_rad))
         if self.odometry is None or fact.stamp_s != self.odometry.stamp_s:
             self.odometry_late_s = now_s - time_s
+        if self.over_ground is not None:
+            self.over_ground.roll(fact.velocity, time_s)
         self.odometry, self.odometry_time_s, self.odometry_at_s = fact, time_s, now_s
 
     def _step(self, before: Odometry, after: Odometry, time_s: float, now_s: float) -> None:

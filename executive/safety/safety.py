@@ -12,7 +12,7 @@ from typing import Final
 
 from executive.clock import Clock
 from executive.faults import DECLARED, Clears, Disproves, Row, Then, When
-from executive.reasons import Refusal
+from executive.reasons import Reason, Refusal
 from executive.reports import Severity
 from executive.safety.asset_monitors import (
     battery_low,
@@ -157,6 +157,12 @@ EXPLAINED: Final[Mapping[str, Source]] = {
 }
 """Faults whose text says why data of a source are not used, if so."""
 HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
+SLIDING: Final = frozenset(
+    {Reason.WHEELS_SLIP, Reason.WHEELS_OFF_GYRO, Reason.SLIPS, Reason.TURN_SLIPS, Reason.SLIDES}
+)
+"""Of faults by which the rover moves in another way than its wheels do."""
+SLID_S: Final = 1.5
+"""For which the evidence of such a fault counts: longer than the fault, and than its window."""
 TAKEN: Final = "other_publisher"
 UNMONITORED: Final = Row(When.ALWAYS, Then.SAFE, Clears.ON_RESUME)
 """Row of faults that no monitor detects; nor can their cause be checked on a resume."""
@@ -228,6 +234,7 @@ class Safety:
         self.history.lower_may_drive = settings.mux is None or settings.mux.lower_may_drive
         self.active: list[Fault] = []
         self._distrusted = False
+        self._slid: Fault | None = None
         self._watches = {
             declared.name: _Watch(declared.name, row, MONITORS[declared.name])
             for declared, row in settings.faults
@@ -247,6 +254,9 @@ class Safety:
         changes = Changes(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
         holding = any(each.row.then in HOLDING for each in self.active)
         self._distrusted |= holding or bool(changes.over)
+        for fault in (*changes.over, *self.active):
+            if fault.refusal.reason in SLIDING:
+                self._slid = fault
         return changes
 
     def cause_left(self) -> Refusal | None:
@@ -282,6 +292,12 @@ class Safety:
     def drop(self, name: str) -> None:
         """Remove a fault without a report."""
         self.active = [each for each in self.active if each.name != name]
+
+    @property
+    def sliding(self) -> Fault | None:
+        """The fault that showed the rover sliding last, unless that is long ago."""
+        slid = self._slid
+        return slid if slid is not None and self._clock.now_s() - slid.seen_s <= SLID_S else None
 
     def resume(self) -> tuple[Fault, ...]:
         """End the faults that a resume ends, and return them."""

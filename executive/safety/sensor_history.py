@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from executive.geometry import GRAVITY_MPS2, Pose, wrap_rad
 from executive.safety.channel import Channel
 from executive.settings import JointsSettings, SecondOdometrySettings
-from executive.state import Imu, Joints, SecondOdometry
+from executive.state import FRAME_WAY_M, Imu, Joints, SecondOdometry
 
 GAP_S: Final = 0.3
 """Messages that are further apart have a gap between them."""
@@ -165,10 +165,7 @@ class Inertia:
             cos(pitch_rad), 0.1
         )
         turning_radps = rate_radps - self.bias_radps
-        slip_m = SLIP_OFFSET_M + copysign(
-            SLIP_GAIN * sqrt(abs(travel_mps * turning_radps)), travel_mps
-        )
-        aside_mps2 = -slip_m * turning_radps * turning_radps
+        aside_mps2 = -side_slip_m(travel_mps, turning_radps) * turning_radps * turning_radps
         gain_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(pitch_rad) + aside_mps2
         rates = InertialSums(rate_radps, gain_mps2, fact.acceleration_x_mps2)
         before_s = self.sums.time_s
@@ -235,6 +232,11 @@ class Disagreement:
     def span_s(self) -> float:
         """How long that was."""
         return self.to_s - self.from_s
+
+    @property
+    def stands(self) -> bool:
+        """Whether both show the rover standing, but for the noise of two frames."""
+        return max(self.seen_m, self.driven_m) < FRAME_WAY_M
 
 
 class SecondTrack:
@@ -309,6 +311,11 @@ def _step(first: Pose, last: Pose) -> tuple[float, float]:
     dx_m, dy_m = last.x_m - first.x_m, last.y_m - first.y_m
     cosine, sine = cos(first.heading_rad), sin(first.heading_rad)
     return dx_m * cosine + dy_m * sine, dy_m * cosine - dx_m * sine
+
+
+def side_slip_m(travel_mps: float, rotate_radps: float) -> float:
+    """Return the side slip of a skid-steered rover, to its right for each radian turned left."""
+    return SLIP_OFFSET_M + copysign(SLIP_GAIN * sqrt(abs(travel_mps * rotate_radps)), travel_mps)
 
 
 def extended(

@@ -34,7 +34,7 @@ from executive.state.files import (
 from executive.state.fusion import Disagreement, FramePair, disagreement
 from executive.state.local_map import directions_of
 from executive.state.rejections import Rejections
-from executive.state.standstill import SourceMotion, is_slow, listed
+from executive.state.standstill import FRAME_WAY_M, SourceMotion, is_slow, listed
 from executive.state.status import Status
 from executive.state.telemetry import Parameter, ParameterValue, Telemetry
 from executive.state.uncertainty import (
@@ -45,6 +45,7 @@ from executive.state.uncertainty import (
 )
 
 __all__ = [
+    "FRAME_WAY_M",
     "LONGEST_PATH",
     "PROMISED_M",
     "PROMISED_RAD",

@@ -1,0 +1,174 @@
+"""The velocity over the ground by the inertial sensors: whether a rover slides whose wheels stand.
+
+Accelerations along the ground, pitch and roll taken out, are summed up. While the wheels agree, the
+sum is drawn to their velocity, so that it does not drift; once they do not, it goes on by itself.
+A rover whose wheels lock on ice thus keeps its speed here until it has felt the loss of it.
+"""
+
+from math import cos, hypot, inf, isfinite, sin
+from typing import Final
+
+from executive.geometry import GRAVITY_MPS2, Velocity
+from executive.reasons import Figure
+from executive.safety.channel import Channel
+from executive.safety.sensor_history import BIAS_OVER_S, FRESH_S, extended, side_slip_m
+from executive.state import Imu, SourceMotion, is_slow
+
+DRAWN_OVER_S: Final = 0.3
+"""Time constant by which the wheels draw the sum: slip of less than 0.2 m/s2 is not noticed."""
+AGREE_MPS: Final = 0.06
+"""Greatest difference of velocities that agree: three times the noise of a stop from 1 m/s."""
+STOOD_MPS: Final = 0.03
+"""Greatest speed of a rover that stands, and difference after it slid for longer than `LONG_S`."""
+LONG_S: Final = 0.5
+"""Longer than wheels disagree in a stop on firm ground; enough to learn the bias, or to rest."""
+SLIDES_IN_TURN_M: Final = 0.12
+"""Slide of a turn on a slope that odometry does not see, added for each radian a second."""
+DRIFT_MPS2: Final = 0.02
+"""Drift of the sum by itself, which widens the bound; at rest after `DRIFTS_AFTER_S`."""
+DRIFTS_AFTER_S: Final = 5.0
+FELT_OVER_S: Final = 0.2
+"""Window of the mean acceleration that shows whether friction still brakes the rover."""
+AGREED_S: Final = 1.0
+"""After which half of that window is enough: the wheels lost no speed that was not felt."""
+STILL_MPS2: Final = 0.06
+"""Greatest mean acceleration at rest. Friction of 0.05 brakes by 0.49 m/s2 on level ground."""
+UNLEARNT_MPS2: Final = 0.3
+"""The same, and the greatest bias: four standard deviations of a bias that is not learnt yet."""
+RELEARN_S: Final = 10.0
+"""Of rest, after which a bias that has changed by more than that is learnt again."""
+LEVEL_RAD: Final = 0.03
+"""Slope on which friction of 0.05 still brakes a sliding rover by three times `STILL_MPS2`."""
+
+
+class InertialVelocity:
+    """Sums accelerations up, and compares them with the wheels.
+
+    Attributes:
+        apart_s: for how long the wheels have not agreed; 0 while they do.
+        from_mps: the speed when they last agreed.
+        slid_m: how far the rover slid since the start, beside what the wheels tell.
+    """
+
+    def __init__(self) -> None:
+        self._sums = Channel(3)
+        self._rates = (0.0, 0.0, 0.0)
+        self._offset = self._bias = (0.0, 0.0)
+        self._learnt_s = self._turning_mps = 0.0
+        self._level = self._rests = False
+        self._compared_s = self._rolled_s = self._apart_at_s = -inf
+        self.apart_s = self.from_mps = self.slid_m = 0.0
+
+    def feel(self, fact: Imu, time_s: float, resting: bool) -> None:
+        """Take in a message that was measured at a time.
+
+        Args:
+            fact: the message.
+            time_s: that time.
+            resting: whether nothing but to stand is commanded for a while.
+        """
+        pitch_rad, roll_rad = fact.pitch_rad, fact.roll_rad
+        ahead_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(pitch_rad)
+        left_mps2 = fact.acceleration_y_mps2 - GRAVITY_MPS2 * cos(pitch_rad) * sin(roll_rad)
+        if not isfinite(ahead_mps2 + left_mps2 + fact.gyro_z_radps):
+            return
+        self._level = max(abs(pitch_rad), abs(roll_rad)) <= LEVEL_RAD
+        step_s = min(time_s - self._sums.time_s, FRESH_S)
+        if resting and self._rests and step_s > 0.0:
+            self._learn(ahead_mps2, left_mps2, step_s)
+        ahead_mps2, left_mps2 = ahead_mps2 - self._bias[0], left_mps2 - self._bias[1]
+        before, heading_rad, velocity = self._sums, self._sums.sums[0], self._velocity
+        rates = (fact.gyro_z_radps, *_turned(ahead_mps2, left_mps2, heading_rad))
+        self._sums = extended(before, time_s, self._rates, rates)
+        self._rates = rates
+        if self._sums is not before:  # a gap: the velocity is taken to be what it was
+            self._offset = _turned(*velocity, -heading_rad)
+
+    def roll(self, velocity: Velocity, time_s: float) -> None:
+        """Compare with the velocity of the wheels at a time."""
+        time_s = min(time_s, self._sums.time_s)
+        if time_s <= self._compared_s or not self._sums.covers(time_s):
+            return
+        first = self._compared_s == -inf
+        step_s, self._compared_s = min(time_s - self._compared_s, FRESH_S), time_s
+        heading_rad, x_mps, y_mps = self._sums.at(time_s)
+        ahead_mps, rotate_radps = velocity.travel_mps, velocity.rotate_radps
+        left_mps = -side_slip_m(ahead_mps, rotate_radps) * rotate_radps
+        x, y = _turned(ahead_mps, left_mps, heading_rad)
+        off_x, off_y = x - x_mps - self._offset[0], y - y_mps - self._offset[1]
+        if first or not is_slow(velocity):
+            self._rolled_s = time_s
+        drawn = 1.0 if first else min(1.0, step_s / DRAWN_OVER_S)
+        turning_mps = SLIDES_IN_TURN_M * abs(rotate_radps)
+        self._turning_mps = max(turning_mps, (1.0 - drawn) * self._turning_mps)
+        rolls, long = self._rolled_s == time_s, time_s - self._rolled_s > RELEARN_S
+        still_mps2 = UNLEARNT_MPS2 if long else self._still_mps2
+        self._rests = not rolls and self._acceleration_mps2(FELT_OVER_S / 2) <= still_mps2
+        if first or hypot(off_x, off_y) <= self._bound_mps:
+            self.apart_s = 0.0
+            if first or rolls or self._rests:
+                self._offset = self._offset[0] + drawn * off_x, self._offset[1] + drawn * off_y
+            self.from_mps = hypot(*self._velocity)
+            return
+        self.slid_m += step_s * hypot(off_x, off_y)
+        self._rests = False
+        self.apart_s, self._apart_at_s = self.apart_s + step_s, time_s
+        if self._level and time_s - self._rolled_s >= LONG_S:
+            self.rest(time_s)
+
+    def rest(self, time_s: float) -> None:
+        """Take the rover to stand at a time, by another source, if friction brakes it no more."""
+        if self._sums.covers(time_s) and self._acceleration_mps2(LONG_S) <= self._still_mps2:
+            _, x_mps, y_mps = self._sums.at(time_s)
+            self._offset, self.apart_s = (-x_mps, -y_mps), 0.0
+
+    def motion(self, now_s: float) -> SourceMotion | None:
+        """Return how the rover moves; None if there is nothing to tell it by."""
+        if now_s - self._sums.time_s > FRESH_S:
+            return None
+        speed_mps = hypot(*self._velocity)
+        if self._compared_s - self._apart_at_s > AGREED_S:
+            still = self._acceleration_mps2(FELT_OVER_S / 2) <= UNLEARNT_MPS2
+        else:
+            still = self._acceleration_mps2(FELT_OVER_S) <= self._still_mps2
+        stands = still and not self.apart_s and speed_mps < STOOD_MPS
+        return SourceMotion("accelerometer", stands, (Figure("accelerometer", speed_mps, "m/s"),))
+
+    @property
+    def lost(self) -> tuple[Figure, Figure]:
+        """The speeds that the wheels and the rover lost since they agreed last."""
+        felt_mps = self.from_mps - hypot(*self._velocity)
+        return (
+            Figure("lost by the wheels", self.from_mps, "m/s"),
+            Figure("felt by the accelerometer", felt_mps, "m/s"),
+        )
+
+    @property
+    def _velocity(self) -> tuple[float, float]:
+        _, x_mps, y_mps = self._sums.sums
+        return self._offset[0] + x_mps, self._offset[1] + y_mps
+
+    @property
+    def _still_mps2(self) -> float:
+        return STILL_MPS2 if self._learnt_s >= LONG_S else UNLEARNT_MPS2
+
+    def _acceleration_mps2(self, over_s: float) -> float:
+        gained = self._sums.between(self._sums.time_s - over_s, self._sums.time_s)
+        return inf if gained is None else hypot(gained[1], gained[2]) / over_s
+
+    @property
+    def _bound_mps(self) -> float:
+        rolls = self._rolled_s == self._compared_s
+        drifts_s = self.apart_s if rolls else max(0.0, self.apart_s - DRIFTS_AFTER_S)
+        agree_mps = AGREE_MPS if rolls or self.apart_s <= LONG_S else STOOD_MPS
+        return agree_mps + self._turning_mps + DRIFT_MPS2 * drifts_s
+
+    def _learn(self, ahead_mps2: float, left_mps2: float, step_s: float) -> None:
+        self._learnt_s = min(self._learnt_s + step_s, BIAS_OVER_S)
+        part, (ahead, left) = step_s / self._learnt_s, self._bias
+        self._bias = ahead + part * (ahead_mps2 - ahead), left + part * (left_mps2 - left)
+
+
+def _turned(x: float, y: float, by_rad: float) -> tuple[float, float]:
+    cosine, sine = cos(by_rad), sin(by_rad)
+    return x * cosine - y * sine, x * sine + y * cosine
