@@ -46,6 +46,7 @@ class Goal:
         begun: the pose from which the step was planned last.
         origin: the pose from which it was planned first.
         verification: what compares it with the second odometry; None where there is none.
+        slid_m: how far the rover had slid before, beyond what its way allows.
         journey: what notes what becomes of it; None where nobody asks.
     """
 
@@ -66,6 +67,7 @@ class Goal:
         self.leg = Leg(None, None, False, None, 0.0)
         self.begun = self.origin = Pose()
         self.verification: Verification | None = None
+        self.slid_m = 0.0
         self.journey: Journey | None = None
 
     def became(self, known: tuple[Figure, ...]) -> tuple[Figure, ...]:
@@ -290,7 +292,7 @@ class Context:
         moving = status.odometry_fresh and not status.standing
         velocity = status.velocity
         moves = f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
-        held = f"{moves}, but should stand" if moving else "stands"
+        held = f"{moves}, but should stand" if moving else self._slides or "stands"
         if latches.hazard is not None:
             return f"{held}: {self.mode.name} because {latches.hazard.text}; {self._way_out}"
         if latches.stopped_by is not None:
@@ -311,6 +313,14 @@ class Context:
             return f"{held}: {self._idle}{others}"
         doing = f"{active.command.identity} {active.command.name}{others}"
         return f"{moves} for {doing}" if moving else f"stands for a moment within {doing}"
+
+    @property
+    def _slides(self) -> str | None:
+        over_ground = self.safety.history.over_ground
+        if over_ground is None or not over_ground.apart_s:
+            return None
+        felt = over_ground.motion(self.clock.now_s())
+        return None if felt is None else f"slides at {felt}, with its wheels at rest"
 
     @property
     def _way_out(self) -> str:

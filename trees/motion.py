@@ -44,6 +44,7 @@ from executive.reasons import Figure, Reason, Refusal
 from executive.state import listed
 from executive.zones import Encounter
 from trees.leaf import GoalLeaf
+from trees.standstill import STOP_DEADLINE_S, beside_odometry, refusal, unconfirmed
 
 MARGIN_S = 5.0
 ATTEMPTS = 3
@@ -77,6 +78,8 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
 
 OFF_RAD = 0.08
 """How far a heading may be off at the end of a leg, or of a velocity that was held."""
+SLID_M, SLID_PER_M = 0.1, 0.05
+"""How far a rover without second odometry may slide, and for each metre of its way."""
 HELD_M, HELD_PER_M = 0.08, 0.02
 """How far the way of a velocity that was held may be off."""
 HELD_OFF_M, HELD_OFF_PER_M = 0.12, 0.04
@@ -146,19 +149,41 @@ class _MotionLeaf(GoalLeaf):
         bound_s = self.context.settings.faults.odometry_stale.bound
         return self.context.status.odometry_age_s > PROMPT * bound_s
 
+    @property
+    def _slid_m(self) -> float:
+        """How far the rover slid since the start, less what is allowed for its way."""
+        over_ground = self.context.safety.history.over_ground
+        slid_m = 0.0 if over_ground is None else over_ground.slid_m
+        return slid_m - SLID_PER_M * self.context.status.travelled_m
+
     def _ended(self) -> None:
         """Note that the motion has ended, and is to be verified."""
         self._ended_s = self.context.clock.now_s()
 
     def _verify(self) -> Verified | Refusal | None:
-        """Stand, and return what a second odometry says of the motion; None while it is awaited."""
-        verification = self.goal.verification
-        if verification is None:
-            return Verified(())
-        outcome = verification.outcome(self.context.clock.now_s() - self._ended_s)
-        if outcome is None:
-            self.context.intents.motion = STANDING
+        """Stand, and return what the sources say of the motion; None while one is awaited."""
+        context, verification = self.context, self.goal.verification
+        waited_s = context.clock.now_s() - self._ended_s
+        over_ground = context.safety.history.over_ground
+        if verification is not None and over_ground is not None and over_ground.apart_s:
+            verification.on_slide()
+        found = beside_odometry(context)
+        outcome: Verified | Refusal | None = Verified(())
+        if left := unconfirmed(context, found):
+            self.feedback_message = left
+            late = waited_s >= STOP_DEADLINE_S
+            outcome = refusal(context, found, STOP_DEADLINE_S) if late else None
+        elif verification is not None:
             self.feedback_message = "waits for a frame of the second odometry"
+            outcome = verification.outcome(waited_s)
+        elif (slid_m := self._slid_m - self.goal.slid_m) > SLID_M:
+            text = (
+                f"the rover slid {slid_m:.2f} m that its wheels do not show, by its accelerometer"
+            )
+            figures = Figure("slid", slid_m, "m"), Figure("bound", SLID_M, "m")
+            outcome = Refusal(Reason.SLIDES, text, figures)
+        if outcome is None:
+            context.intents.motion = STANDING
         return outcome
 
     def _allow(self, expected_s: float) -> float:
@@ -223,6 +248,7 @@ class PlanLeg(_MotionLeaf):
         self._begun_s = context.clock.now_s()
         if goal.step == goal.attempts == goal.around == 0:
             goal.verification = Verification.begin(context.settings, context.status)
+            goal.slid_m = self._slid_m
         return self._allow(0.0 if goal.verification is None else WAIT_S)
 
     def act(self) -> Status:
@@ -474,6 +500,7 @@ class HoldVelocity(_MotionLeaf):
         obstacles = self.context.status.obstacles
         self._blocked = check_request(request, pose, settings, obstacles) or self._check_begin()
         self.goal.verification = Verification.begin(settings, self.context.status)
+        self.goal.slid_m = self._slid_m
         self._held, self._begun = False, True
         self._request, self._from = request, self.context.safety.history.driven
         self._start = pose
@@ -496,6 +523,7 @@ class HoldVelocity(_MotionLeaf):
                 return self.fail(short)
             self._held = True
             self._ended()
+            self.allow(self._allow(WAIT_S))
         verified = self._verify()
         if verified is None:
             return Status.RUNNING

@@ -1,6 +1,5 @@
 """The static tree of a rover: priority stop over safety over work over idle."""
 
-from collections.abc import Iterable
 from math import floor
 from pathlib import Path
 from typing import Final
@@ -29,16 +28,18 @@ from executive.reasons import Figure, Reason, Refusal
 from executive.runner import Executive
 from executive.safety import Safety, summary, unmonitored
 from executive.settings import Settings
-from executive.state import FileFolder, SourceMotion, listed
+from executive.state import FileFolder, listed
 from executive.state import Status as AssetStatus
 from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
 from trees.motion import Drive, FinishLeg, HoldVelocity, PlanLeg, Turn
 from trees.plan import PlanTree
 from trees.snapshot import Node, Snapshot, nodes
+from trees.standstill import STOP_DEADLINE_S, awaited, refusal, sources, unconfirmed
 
-STOP_DEADLINE_S = 5.0
 ALMOST_S: Final = 1e-6
+AWAITED_S: Final = 3.0
+"""For which a source is waited for beyond the deadline: a second odometry has gaps of 4 s."""
 SHOWN_S: Final = 0.2
 """Of accelerating, after which odometry shows the rover moving."""
 
@@ -46,14 +47,16 @@ SHOWN_S: Final = 0.2
 class StopRover(Leaf):
     """Stands; ends the stop commands once every source there is shows the rover standing.
 
-    Until then it tells once a second how the rover still moves. Odometry that had not shown the
-    motion that was commanded is not believed until braking must be over.
+    Until then it reports once a second how the rover still moves. Odometry that had not shown the
+    motion that was commanded is not believed until braking must be over. A source that was not
+    received since standstill is waited for, longer than for the others.
     """
 
     def begin(self) -> float:
         """Allow the time of a stop from full speed."""
         self._began_s = self.context.clock.now_s()
         self._told_s = 0
+        self._bound_s = STOP_DEADLINE_S
         self._believed_s = self._began_s
         limits, before = self.context.settings.drive, self.context.latches.stopped_from
         braking_s = max(
@@ -69,13 +72,14 @@ class StopRover(Leaf):
         self.context.intents.motion = STANDING
         now_s = self.context.clock.now_s()
         took_s = now_s - self._began_s
-        sources = self.context.status.standstill.by_source()
+        found = sources(self.context)
         if now_s < self._believed_s:
             return Status.RUNNING
-        if not (self.context.status.odometry_fresh and all(each.stands for each in sources)):
-            self._tell(took_s, sources)
+        left = unconfirmed(self.context, found)
+        if left:
+            self._tell(took_s, left)
             return Status.RUNNING
-        by = listed([each.source for each in sources])
+        by = listed([each.source for each in found])
         for life in self.context.latches.take_stopping():
             life.execute(
                 f"the rover stands after {took_s:.2f} s, {by}", (Figure("duration", took_s, "s"),)
@@ -84,32 +88,22 @@ class StopRover(Leaf):
 
     def give_up(self) -> Status:
         """Fail the stop commands: zero was sent, but not every source shows the rover standing."""
-        sources = self.context.status.standstill.by_source()
-        figures = tuple(figure for each in sources for figure in each.figures)
+        found = sources(self.context)
+        if awaited(self.context, found) and self._bound_s == STOP_DEADLINE_S:
+            self._bound_s += AWAITED_S
+            self.allow(AWAITED_S)
+            return Status.RUNNING
         for life in self.context.latches.take_stopping():
-            life.fail(
-                Refusal(
-                    Reason.STOP_DEADLINE,
-                    f"zero was sent, but the rover was not seen standing within"
-                    f" {STOP_DEADLINE_S:.0f} s: {self._moving(sources)}",
-                    (Figure("bound", STOP_DEADLINE_S, "s"), *figures),
-                )
-            )
+            life.fail(refusal(self.context, found, self._bound_s))
         return Status.FAILURE
 
-    def _tell(self, took_s: float, sources: Iterable[SourceMotion]) -> None:
+    def _tell(self, took_s: float, left: str) -> None:
         seconds = floor(took_s + ALMOST_S)
-        if self._told_s < seconds < STOP_DEADLINE_S:
+        if self._told_s < seconds < self._bound_s:
             self._told_s = seconds
-            text = f"not seen standing {seconds} s after the stop: {self._moving(sources)}"
+            text = f"not seen standing {seconds} s after the stop: {left}"
             for life in self.context.latches.stopping:
-                life.advance(seconds, round(STOP_DEADLINE_S), text)
-
-    def _moving(self, sources: Iterable[SourceMotion]) -> str:
-        moving = [str(each) for each in sources if not each.stands]
-        if not self.context.status.odometry_fresh:
-            moving = ["there is no odometry", *moving]
-        return "; ".join(moving)
+                life.advance(seconds, round(self._bound_s), text)
 
 
 class HoldWhileUnsafe(Leaf):

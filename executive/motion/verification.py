@@ -1,6 +1,7 @@
 """Whether a second odometry agrees with a whole motion, by a frame taken after it, standing."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import Final
 
 from executive.reasons import Figure, Reason, Refusal
@@ -33,6 +34,7 @@ class Verification:
     def __init__(self, status: Status) -> None:
         self._status = status
         self._first = self._newest()
+        self._slid_s = -inf
 
     @classmethod
     def begin(cls, settings: Settings, status: Status) -> "Verification | None":
@@ -47,6 +49,11 @@ class Verification:
         """
         self._first = self._first or self._newest()
         return self._first is not None or waited_s >= WAIT_S
+
+    def on_slide(self) -> None:
+        """Take no frame of before now: the rover slides after the motion, with standing wheels."""
+        if self._status.odometry is not None:
+            self._slid_s = self._status.odometry.stamp_s
 
     def outcome(self, waited_s: float) -> Verified | Refusal | None:
         """Return what comes of it, or None while a frame is waited for.
@@ -81,7 +88,7 @@ class Verification:
 
     @property
     def _standing_s(self) -> float:
-        return self._status.standstill.undisturbed_since_s
+        return max(self._slid_s, self._status.standstill.undisturbed_since_s)
 
     def _newest(self) -> FramePair | None:
         fusion, odometry = self._status.fusion, self._status.odometry

@@ -1,6 +1,6 @@
 """Whether the rover stands, by each source that can tell.
 
-A source that has nothing new to say for a while is left out. Places are compared over a window
+A source that was received once is waited for when it is silent. Places are compared over a window
 beside the speeds that are told, since an odometry may have lost its twist, and a twist alone
 may be zero for a moment.
 """
@@ -45,15 +45,18 @@ class SourceMotion:
     Attributes:
         stands: whether it shows the rover standing for long enough.
         figures: how fast the rover goes by it, without sign.
+        awaited: whether it shows nothing of now, neither that the rover stands nor that it moves.
     """
 
     source: str
     stands: bool
     figures: tuple[Figure, ...]
+    awaited: bool = False
 
     def __str__(self) -> str:
         speeds = ", ".join(f"{figure.value:.2f} {figure.unit}" for figure in self.figures)
-        return f"{speeds} by {self.source}"
+        since = ", not received since standstill" if self.awaited else ""
+        return f"{speeds} by {self.source}{since}"
 
 
 class _Odometry:
@@ -125,11 +128,13 @@ class _Rate:
         self._rate, self._heard_s = abs(rate_radps), now_s
 
     def motion(self, now_s: float) -> SourceMotion | None:
-        """Return what it shows; None if it has not shown anything lately."""
-        if now_s - self._heard_s > SILENT_S:
+        """Return what it shows; None if it was never received."""
+        if self._heard_s == -inf:
             return None
-        stands = self._heard_s - self._since_s >= WINDOW_S - 1e-9
-        return SourceMotion(self._source, stands, (Figure(self._source, self._rate, "rad/s"),))
+        silent = now_s - self._heard_s > SILENT_S
+        stands = not silent and self._heard_s - self._since_s >= WINDOW_S - 1e-9
+        figures = (Figure(self._source, self._rate, "rad/s"),)
+        return SourceMotion(self._source, stands, figures, silent)
 
 
 class _Frames:
@@ -140,7 +145,7 @@ class _Frames:
         self._last: tuple[float, Pose] | None = None
         self._heard_s = -inf
         self._speeds = (0.0, 0.0)
-        self._stands = False
+        self._stands = self._compared = False
 
     def take(self, now_s: float, stamp_s: float, pose: Pose, since_s: float) -> None:
         """Take a frame; the odometry shows the rover standing since a stamp."""
@@ -150,19 +155,22 @@ class _Frames:
         if before is not None and stamp_s > before[0]:
             way_m, turn_rad = _step(before[1], pose)
             self._speeds = way_m / (stamp_s - before[0]), turn_rad / (stamp_s - before[0])
-        self._stands = False
+        self._stands = self._compared = False
         if self._reference is not None and self._reference[0] >= since_s:
+            self._compared = True
             way_m, turn_rad = _step(self._reference[1], pose)
             self._stands = way_m < FRAME_WAY_M and turn_rad < FRAME_TURN_RAD
         if not self._stands:
             self._reference = (stamp_s, pose)
 
     def motion(self, now_s: float, since_s: float) -> SourceMotion | None:
-        """Return what it shows; None if it has not shown anything lately."""
-        if now_s - self._heard_s > FRAMES_SILENT_S:
+        """Return what it shows; None if it was never received."""
+        if self._reference is None:
             return None
-        stands = self._stands and self._reference is not None and self._reference[0] >= since_s
-        return SourceMotion("second odometry", stands, _figures("second odometry", *self._speeds))
+        known = now_s - self._heard_s <= FRAMES_SILENT_S and self._reference[0] >= since_s
+        figures = _figures("second odometry", *self._speeds)
+        stands = known and self._stands
+        return SourceMotion("second odometry", stands, figures, not (known and self._compared))
 
 
 class Standstill:
@@ -208,7 +216,7 @@ class Standstill:
         return self._shaken_s + FELT_S if pushed else self.since_s
 
     def by_source(self) -> tuple[SourceMotion, ...]:
-        """Return how the rover moves by each source that has told something lately."""
+        """Return how the rover moves by each source that was ever received."""
         now_s = self._clock.now_s()
         motions = (
             self._odometry.motion(now_s),

@@ -1,12 +1,13 @@
 """What a stop, the end of a motion and `why` say of whether the rover moves."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from executive.commands import DriveFor, Mode, MoveForward, MoveTo, Stop, Waypoint
-from executive.geometry import STANDING, Pose, Velocity
+from executive.commands import DriveFor, Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
+from executive.geometry import GRAVITY_MPS2, STANDING, Pose, Velocity
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.state import ForeignPublishers, Imu, Joints, Odometry, SecondOdometry
@@ -183,3 +184,160 @@ def test_why_says_at_what_speed_a_command_moves_the_rover(bench: Bench) -> None:
     bench.run(0.9)
     assert bench.executive.why.startswith("moves at +0.")
     assert bench.executive.why.endswith("for MOE:1 moveForward")
+
+
+class IceBench(Bench):
+    """The wheels of a level rover turn as commanded at once; friction makes the rover follow.
+
+    Attributes:
+        friction: of the ground.
+        true_mps: how fast it truly goes.
+        imu, joints: whether they are received.
+    """
+
+    friction = 0.6
+    true_mps = 0.0
+    imu = joints = True
+
+    def step(self) -> None:
+        before_mps, wheels_mps = self.true_mps, self.rover.velocity.travel_mps
+        most_mps = GRAVITY_MPS2 * self.friction * STEP_S
+        self.true_mps += max(-most_mps, min(most_mps, wheels_mps - before_mps))
+        ahead_mps2 = (self.true_mps - before_mps) / STEP_S
+        stamp_s, radps = self.clock.now_s() + STEP_S, (wheels_mps / 0.098,)
+        self.rover.facts = [
+            *([Joints(stamp_s, radps, radps)] if self.joints else []),
+            *([Imu(stamp_s, 0.0, 0.0, 0.0, 0.0, 0.0, ahead_mps2, 0.0, 9.81)] if self.imu else []),
+        ]
+        super().step()
+
+
+@pytest.fixture
+def ice(tmp_path: Path) -> Iterator[IceBench]:
+    with IceBench(tmp_path, all_sensors=True) as bench:
+        bench.run(2.0)
+        bench.submit(DriveFor(1.0, 0.0, 30.0), 1)
+        bench.run(3.0)
+        yield bench
+
+
+def test_a_stop_on_ice_is_done_once_the_accelerometer_felt_the_speed_lost(ice: IceBench) -> None:
+    ice.friction = 0.1
+    ice.submit(Stop(), 2)
+    ice.run(0.9)
+    assert ice.true_mps > 0.05
+    assert ice.stages(2)[-1] is Stage.STARTED
+    assert "slides at 0.1" in ice.executive.why
+    assert "by accelerometer, with its wheels at rest: stopped by MOE:2" in ice.executive.why
+    ice.run(1.0)
+    assert ice.stages(2)[-1] is Stage.EXECUTED
+    assert ice.last(2).text.endswith("by odometry, joints, gyro and accelerometer")
+    assert ice.true_mps == 0.0
+    assert ice.executive.why.startswith("stands")
+
+
+def test_while_it_slides_a_stop_reports_at_what_speed_and_then_fails(ice: IceBench) -> None:
+    ice.friction = 0.015
+    ice.submit(Stop(), 2)
+    assert ice.finish(2) is Stage.FAILED
+    told = [each.text for each in ice.heard.reports if each.stage is Stage.PROGRESS]
+    assert "0.86 m/s by accelerometer" in told[0]
+    assert "0.42 m/s by accelerometer" in told[3]
+    last = ice.last(2)
+    assert last.reason is Reason.SLIDES
+    assert "See that it stands before you resume" in last.text
+    figures = {figure.name: figure.value for figure in last.figures}
+    assert figures["lost by the wheels"] == pytest.approx(1.0, abs=0.02)
+    assert figures["felt by the accelerometer"] == pytest.approx(0.74, abs=0.03)
+    assert ice.executive.mode is Mode.STOPPED
+
+
+def test_the_end_of_a_motion_waits_for_the_accelerometer(ice: IceBench) -> None:
+    ice.submit(Stop(), 2)
+    ice.finish(2)
+    ice.submit(Resume(), 3)
+    ice.submit(DriveFor(0.3, 0.0, 2.0), 4)
+    ice.run(1.5)
+    ice.friction = 0.05
+    while ice.rover.velocity != STANDING:
+        ice.step()
+    ice.run(0.15)
+    assert ice.true_mps > 0.05
+    assert ice.stages(4)[-1] is Stage.STARTED
+    assert ice.finish(4) is Stage.EXECUTED
+    assert ice.true_mps == 0.0
+
+
+def test_a_motion_that_slides_on_is_not_executed(ice: IceBench) -> None:
+    ice.friction = 0.01
+    assert ice.finish(1) is Stage.FAILED
+    assert ice.last(1).reason in {Reason.SLIDES, Reason.WHEELS_SLIP}
+
+
+@pytest.mark.parametrize("source", ["joints", "gyro"])
+def test_a_stop_waits_for_a_sensor_that_fell_silent(ice: IceBench, source: str) -> None:
+    setattr(ice, "imu" if source == "gyro" else source, False)
+    ice.run(1.0)
+    ice.submit(Stop(), 2)
+    ice.run(7.0)
+    assert ice.stages(2)[-1] is Stage.PROGRESS
+    assert f"by {source}, not received since standstill" in ice.last(2).text
+    ice.run(1.5)
+    assert ice.stages(2)[-1] is Stage.FAILED
+    assert ice.last(2).reason is Reason.UNVERIFIED
+    assert f"by {source}, not received since standstill" in ice.last(2).text
+    ice.imu = ice.joints = True
+    ice.submit(Stop(), 3)
+    assert ice.finish(3) is Stage.EXECUTED
+
+
+@pytest.mark.parametrize("gap_s", [4.0, 10.0])
+def test_a_stop_waits_for_frames_after_a_gap(sliding: SlidingBench, gap_s: float) -> None:
+    def frame() -> None:
+        now_s = sliding.clock.now_s()
+        sliding.executive.observe(SecondOdometry(now_s - 0.3, Pose(sliding.true_x_m)))
+        sliding.run(0.5)
+
+    for _ in range(4):
+        frame()
+    sliding.run(4.0)
+    sliding.submit(Stop(), 1)
+    sliding.run(gap_s)
+    for _ in range(4):
+        frame()
+    last = sliding.last(1)
+    assert last.stage is (Stage.EXECUTED if gap_s < 5.0 else Stage.FAILED)
+    if last.stage is Stage.FAILED:
+        assert last.reason is Reason.UNVERIFIED
+        assert "by second odometry, not received since standstill" in last.text
+
+
+def test_a_fault_that_just_showed_it_sliding_holds_the_stop_back(ice: IceBench) -> None:
+    ice.submit(Stop(), 2)
+    ice.finish(2)
+    ice.submit(Resume(), 3)
+    ice.friction = 0.02
+    ice.submit(DriveFor(1.0, 0.0, 5.0), 4)
+    assert ice.finish(4) is Stage.FAILED
+    assert ice.last(4).reason is Reason.WHEELS_SLIP
+    ice.friction = 2.0
+    ice.submit(Stop(), 5)
+    ice.run(1.1)
+    assert ice.true_mps == 0.0
+    assert "the wheels slip" in ice.last(5).text
+    assert ice.finish(5, 1.5) is Stage.EXECUTED
+
+
+def test_a_motion_whose_wheels_stopped_before_the_rover_did_is_not_executed(ice: IceBench) -> None:
+    ice.submit(Stop(), 2)
+    ice.finish(2)
+    ice.submit(Resume(), 3)
+    ice.submit(DriveFor(1.0, 0.0, 3.0), 4)
+    ice.run(2.5)
+    ice.friction = 0.05
+    assert ice.finish(4) is Stage.FAILED
+    last = ice.last(4)
+    assert last.reason is Reason.SLIDES
+    assert "that its wheels do not show, by its accelerometer" in last.text
+    assert {figure.name: figure.value for figure in last.figures}["slid"] > 0.1
+    assert ice.true_mps == 0.0

@@ -1,0 +1,65 @@
+"""What a stop and the end of a motion wait for: that each source confirms that the rover stands."""
+
+from typing import Final
+
+from executive.goals import Context
+from executive.reasons import Figure, Reason, Refusal
+from executive.state import SourceMotion
+
+STOP_DEADLINE_S: Final = 5.0
+"""For each source to confirm that the rover stands, from a stop or the end of a motion."""
+_BY_WHEELS: Final = frozenset({"odometry", "joints", "gyro"})
+
+
+def sources(context: Context) -> tuple[SourceMotion, ...]:
+    """Return how the rover moves by each source that was ever received."""
+    over_ground = context.safety.history.over_ground
+    felt = None if over_ground is None else over_ground.motion(context.clock.now_s())
+    known = context.status.standstill.by_source()
+    return known if felt is None else (*known, felt)
+
+
+def beside_odometry(context: Context) -> tuple[SourceMotion, ...]:
+    """Return the sources that the end of a motion waits for, beside what verifies it."""
+    return tuple(
+        each
+        for each in sources(context)
+        if each.source == "accelerometer" or (each.awaited and each.source in _BY_WHEELS)
+    )
+
+
+def unconfirmed(context: Context, found: tuple[SourceMotion, ...]) -> str:
+    """Return by what the rover moves, or may move, for people; nothing where it stands."""
+    texts = [str(each) for each in found if not each.stands]
+    if not context.status.odometry_fresh:
+        texts.insert(0, "there is no odometry")
+    if context.safety.sliding is not None:
+        texts.append(context.safety.sliding.refusal.text)
+    return "; ".join(texts)
+
+
+def awaited(context: Context, found: tuple[SourceMotion, ...]) -> bool:
+    """Return whether nothing shows that the rover moves, but a source is waited for."""
+    sure = context.status.odometry_fresh and context.safety.sliding is None
+    return sure and all(each.stands or each.awaited for each in found)
+
+
+def refusal(context: Context, found: tuple[SourceMotion, ...], bound_s: float) -> Refusal:
+    """Return why it is not confirmed that the rover stands, with the figures of each source."""
+    text = f"it was not confirmed within {bound_s:.0f} s that the rover stands: "
+    text += unconfirmed(context, found)
+    figures = (
+        Figure("bound", bound_s, "s"),
+        *(figure for each in found for figure in each.figures),
+    )
+    if awaited(context, found):
+        return Refusal(Reason.UNVERIFIED, text, figures)
+    moving = {each.source for each in found if not each.stands}
+    if not context.status.odometry_fresh or moving & _BY_WHEELS:
+        return Refusal(Reason.STOP_DEADLINE, text, figures)
+    over_ground, slid = context.safety.history.over_ground, context.safety.sliding
+    if over_ground is not None:
+        text += f"; {', '.join(f'{each.name} {each.value:.2f} m/s' for each in over_ground.lost)}"
+        figures += over_ground.lost
+    reason = Reason.SLIDES if slid is None else slid.refusal.reason
+    return Refusal(reason, f"{text}. See that it stands before you resume", figures)
