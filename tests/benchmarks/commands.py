@@ -144,6 +144,19 @@ def stop(count: int, names: tuple[str, ...]) -> "list[Figure]":
     return stop.measure(count, names, tell)
 
 
+@benchmark(
+    "sliding-stops --ice 60 --firm 12",
+    click.option("--ice", type=click.IntRange(0), default=360, show_default=True),
+    click.option("--firm", type=click.IntRange(0), default=60, show_default=True),
+    SEED,
+)
+def sliding_stops(ice: int, firm: int, seed: int) -> "list[Figure]":
+    """Stops on ice, slopes and firm ground: whether the rover truly stands when it says so."""
+    from tests.benchmarks import sliding_stops
+
+    return sliding_stops.measure(ice, firm, seed, tell)
+
+
 @benchmark("footprint")
 def footprint() -> "list[Figure]":
     """CPU and memory of the executive's process, beside a bare node."""
