@@ -182,6 +182,8 @@ class _MotionLeaf(GoalLeaf):
             )
             figures = Figure("slid", slid_m, "m"), Figure("bound", SLID_M, "m")
             outcome = Refusal(Reason.SLIDES, text, figures)
+            known = context.status.uncertainty
+            context.status.raise_uncertainty(known.position_m + slid_m, known.heading_rad, text)
         if outcome is None:
             context.intents.motion = STANDING
         return outcome

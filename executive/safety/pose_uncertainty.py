@@ -33,12 +33,15 @@ AGREES_RAD: Final = 0.05
 """A second odometry confirms the pose within these: its own noise and drift (`state/fusion.py`)."""
 SLIP_M: Final = 0.25
 """A rover that slips or tips over may move as far without turning a wheel (0.23 m measured)."""
+SLID_M: Final = 0.1
+"""Slide by the accelerometer that counts: more than its drift in a stop on firm ground."""
 NEXT_FRAME_S: Final = 0.1
 """From the last evidence of a fault until a frame is free of it."""
 ORIGIN_M: Final = 0.02
 """An odometry that starts anew starts this near to its origin."""
 RESTARTED: Final = "the restart of the executive"
 SECOND: Final = "the second odometry"
+SLIDE: Final = "a slide by the accelerometer"
 
 
 class Divergence(NamedTuple):
@@ -176,7 +179,7 @@ class PoseMonitor:
         self._cause = SECOND
         self._anchor: Anchor | None = None
         self._compared: FramePair | None = None
-        self._shown_before_m = self._slip_m = 0.0
+        self._shown_before_m = self._slip_m = self._slid_m = self._slide_m = 0.0
         self._evidence_stamp_s = -inf
         self._stored, self._stored_sources = stored, (False, False)
         if stored is not None:
@@ -204,6 +207,7 @@ class PoseMonitor:
             self._status.forget_seen()
             self._doubted_from = self._samples[0][1] if self._samples else now
             self._anchor = self._anchor or (self._frames[0] if self._frames else None)
+        self._grow_by_slide()
         if disproved:
             self._grow_by_faults(disproved, now, now_s)
         elif self._status.uncertainty:
@@ -297,6 +301,17 @@ class PoseMonitor:
             self._evidence_stamp_s = odometry.stamp_s
         base, self._cause = self._base, faults[-1].name
         self._raise_to(base.position_m + position_m, base.heading_rad + heading_rad, self._cause)
+
+    def _grow_by_slide(self) -> None:
+        """Count a slide that the wheels do not show, from where they last agreed."""
+        over_ground, now = self._history.over_ground, self._status.uncertainty
+        if over_ground is None:
+            return
+        slid_m, self._slid_m = over_ground.slid_m - self._slid_m, over_ground.slid_m
+        self._slide_m = self._slide_m + slid_m if over_ground.apart_s else 0.0
+        if self._slide_m > SLID_M:
+            grown_m = slid_m if self._slide_m - slid_m > SLID_M else self._slide_m
+            self._raise_to(now.position_m + grown_m, now.heading_rad, SLIDE)
 
     def _grow_by_distance(self, step_m: float) -> None:
         now = self._status.uncertainty

@@ -74,7 +74,8 @@ class Outcome:
         true_mps: how fast the rover truly went when that was reported.
         before_mps: the same when the stop was given.
         off_m: how far the rover truly is from where it believes to be.
-        slid_m: slide that the inertial sensors felt, where the product tells of it.
+        slid_m: slide that the inertial sensors felt.
+        uncertain_m: how uncertain the position is said to be.
     """
 
     stage: str
@@ -85,6 +86,7 @@ class Outcome:
     before_mps: float
     off_m: float
     slid_m: float
+    uncertain_m: float
     told: str
 
     @property
@@ -201,8 +203,9 @@ class Run:
         last, true_mps = self.last(identity), self.true_mps
         pose = lock.executive.status.pose
         off_m = pose.point.distance_m(lock.rover.true_pose.point)
-        over_ground = getattr(lock.executive.safety.history, "over_ground", None)
-        slid_m = getattr(over_ground, "slid_m", 0.0)
+        over_ground = lock.executive.safety.history.over_ground
+        slid_m = 0.0 if over_ground is None else over_ground.slid_m
+        uncertain_m = lock.executive.status.uncertainty.position_m
         lock.executive.abandon()
         assert last.stage is not None
         told = [
@@ -221,6 +224,7 @@ class Run:
             before_mps,
             off_m,
             slid_m,
+            uncertain_m,
             told[-1] if told else "",
         )
 
