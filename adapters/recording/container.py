@@ -15,13 +15,13 @@ from typing import IO, Any, Final
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MAX_RECORD_OCTETS: Final = 1 << 28
-"""Twice the largest message: the image of a ledger of 100,000 reports."""
+"""Ten times the largest message: the image of a ledger of 100,000 reports (21 MB)."""
 MAX_SMALL_OCTETS: Final = 1 << 20
 """Of a record other than a chunk."""
 MIN_BUDGET_OCTETS: Final = 1 << 22
 """What any file and any chunk may unpack to: four times a chunk that is written here."""
 MAX_CHUNK_RATIO: Final = 16
-"""Unpacked over packed octets of a larger chunk, which holds the image of a ledger."""
+"""Unpacked over packed octets of a larger chunk: the image of a ledger (measured: 10)."""
 MAX_RATIO: Final = 1000
 """The same of a file. Measured: 3 with noise, 105 with a laser without returns; 30,000 can be."""
 SCHEMA, CHANNEL, MESSAGE = 3, 4, 5
