@@ -50,7 +50,7 @@ def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, Dat
             at_s = raw["time_s"] + apart_s if name == TRUTH else utc_s
             times_s.setdefault(name, []).append(at_s - began_s)
             rows.setdefault(name, []).append(dict(_columns(raw)))
-        except (LookupError, TypeError, ValueError, RecursionError) as error:
+        except (LookupError, OverflowError, TypeError, ValueError, RecursionError) as error:
             text = f"{path}: a message of {name} cannot be read: {error!r}"
             raise RecordingError(text) from error
     if began_s is None:

@@ -1,5 +1,6 @@
 """A recording as tables: times, columns, lists, figures that are not finite."""
 
+import json
 from contextlib import closing
 from math import inf
 from pathlib import Path
@@ -10,6 +11,7 @@ from adapters.recording import RecordingError, RunFile, frames
 from adapters.recording.messages import TOPICS
 from executive.recording import Call, Called, Observed
 from executive.state import LaserScan
+from tests.stress.recording_mutants import recording_of
 
 
 def test_each_topic_is_a_table_over_time(stuck: Path) -> None:
@@ -49,3 +51,13 @@ def test_a_file_without_a_run_is_told(tmp_path: Path) -> None:
         pass
     with pytest.raises(RecordingError, match="holds no run"):
         frames(tmp_path / "run.mcap")
+
+
+@pytest.mark.parametrize("utc_s", [10**400, "x", None, [], {}])
+def test_a_time_that_is_none_is_told(utc_s: object, tmp_path: Path) -> None:
+    shapes = [["/in/tick", ["now_s", "utc_s", "call"]]]
+    rows = [[0, 1.0, 2.0, "TICK"], [0, 1.5, utc_s, "TICK"]]
+    path = tmp_path / "run.mcap"
+    path.write_bytes(recording_of([json.dumps({"shapes": shapes, "rows": rows}).encode()]))
+    with pytest.raises(RecordingError, match="a message of /in/tick cannot be read"):
+        frames(path)
