@@ -316,7 +316,7 @@ def test_a_fault_that_just_showed_it_sliding_holds_the_stop_back(ice: IceBench) 
     ice.submit(Stop(), 2)
     ice.finish(2)
     ice.submit(Resume(), 3)
-    ice.friction = 0.02
+    ice.friction = 0.005
     ice.submit(DriveFor(1.0, 0.0, 5.0), 4)
     assert ice.finish(4) is Stage.FAILED
     assert ice.last(4).reason is Reason.WHEELS_SLIP
