@@ -37,6 +37,8 @@ SLID_M: Final = 0.1
 """Slide by the accelerometer that counts: more than its drift in a stop on firm ground."""
 NEXT_FRAME_S: Final = 0.1
 """From the last evidence of a fault until a frame is free of it."""
+COASTING_S: Final = 0.6
+"""Until a rover whose executive was killed stands: the base's timeout (0.5 s), and braking."""
 ORIGIN_M: Final = 0.02
 """An odometry that starts anew starts this near to its origin."""
 RESTARTED: Final = "the restart of the executive"
@@ -412,6 +414,9 @@ class PoseMonitor:
             away_s = max(0.0, self._clock.utc_s() - stored.utc_s)
             bound_m += away_s * drive.travel_speed_mps
             bound_rad += away_s * drive.rotate_speed_radps
+            if stored.disproved:  # what is wrong may not show how far the rover coasted
+                moved_m += min(away_s, COASTING_S) * drive.travel_speed_mps
+                turned_rad += min(away_s, COASTING_S) * drive.rotate_speed_radps
         before = self._status.uncertainty
         if stored.disproved or anew or moved_m > bound_m or turned_rad > bound_rad:
             self._raise_to(before.position_m + moved_m, before.heading_rad + turned_rad, RESTARTED)
