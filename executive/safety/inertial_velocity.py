@@ -55,7 +55,7 @@ class InertialVelocity:
         self._rates = (0.0, 0.0, 0.0)
         self._offset = self._bias = (0.0, 0.0)
         self._learnt_s = self._turning_mps = 0.0
-        self._level = self._rests = False
+        self._level = self._rests = self._unfelt = False
         self._compared_s = self._rolled_s = self._apart_at_s = -inf
         self.apart_s = self.from_mps = self.slid_m = 0.0
 
@@ -83,13 +83,15 @@ class InertialVelocity:
         self._rates = rates
         if self._sums is not before:  # a gap: the velocity is taken to be what it was
             self._offset = _turned(*velocity, -heading_rad)
+            self._unfelt = not self.apart_s
 
     def roll(self, velocity: Velocity, time_s: float) -> None:
         """Compare with the velocity of the wheels at a time."""
         time_s = min(time_s, self._sums.time_s)
         if time_s <= self._compared_s or not self._sums.covers(time_s):
             return
-        first = self._compared_s == -inf
+        # After a gap, wheels that turn are trusted; those that stand may have locked in it.
+        first = self._compared_s == -inf or (self._unfelt and not is_slow(velocity))
         step_s, self._compared_s = min(time_s - self._compared_s, FRESH_S), time_s
         heading_rad, x_mps, y_mps = self._sums.at(time_s)
         ahead_mps, rotate_radps = velocity.travel_mps, velocity.rotate_radps
@@ -105,12 +107,12 @@ class InertialVelocity:
         still_mps2 = UNLEARNT_MPS2 if long else self._still_mps2
         self._rests = not rolls and self._acceleration_mps2(FELT_OVER_S / 2) <= still_mps2
         if first or hypot(off_x, off_y) <= self._bound_mps:
-            self.apart_s = 0.0
+            self.apart_s, self._unfelt = 0.0, False
             if first or rolls or self._rests:
                 self._offset = self._offset[0] + drawn * off_x, self._offset[1] + drawn * off_y
             self.from_mps = hypot(*self._velocity)
             return
-        self.slid_m += step_s * hypot(off_x, off_y)
+        self.slid_m += 0.0 if self._unfelt else step_s * hypot(off_x, off_y)
         self._rests = False
         self.apart_s, self._apart_at_s = self.apart_s + step_s, time_s
         if self._level and time_s - self._rolled_s >= LONG_S:

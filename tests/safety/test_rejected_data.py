@@ -126,5 +126,6 @@ def test_each_source_has_a_row_and_is_replayed(source: Source, tmp_path: Path) -
             LaserScan(1.0, 0.0, 0.1, 0.0, inf, (1.0, nan, inf, -inf)),
             Imu(1.0, nan, nan, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81),
         ]
-        bench.execute(MoveForward(0.3), 1)
+        bench.submit(MoveForward(0.3), 1)
+        bench.finish(1)
     assert replay(tmp_path / "run.mcap").difference is None
