@@ -38,6 +38,8 @@ from executive.zones import Zones
 
 LONGEST_S: Final = 300.0
 """Of the motion that is previewed, so that no preview computes for long."""
+CONFIRMATION_S: Final = 0.1
+"""Time in which an inertial sensor confirms at the end of a motion that the rover stands."""
 MOST_POSES: Final = 200
 _IDENTITY: Final = Identity(f"{ABOARD_PREFIX}preview", 1)
 
@@ -172,6 +174,7 @@ class PreviewRun:
         self._asked = asked
         self._start = start
         self._settings = replace(settings, sensors=Sensors(), zones=start.obstacles)
+        self._confirmation_s = 0.0 if settings.sensors.imu is None else CONFIRMATION_S
         self._solver: FollowedPlans | None = None
         if solver is not None and plans_by_mpc(asked, settings):
             self._solver = FollowedPlans(solver)
@@ -243,6 +246,7 @@ class PreviewRun:
         self._arbiter.commit(intents)
         if self._life is not None and self._life.stage.terminal:
             life, self._life = self._life, None
+            self._clock.advance(self._confirmation_s)
             self._end_step(life)
         if self.result is not None:
             return

@@ -107,7 +107,7 @@ async def test_a_recording_says_how_uncertain_the_pose_was(tmp_path: Path) -> No
         events = {each["utc"]: each["text"] for each in told if "the pose is" in each["text"]}
         for key, most in (("EXEC_POSITION_UNCERTAINTY", 0.5), ("EXEC_HEADING_UNCERTAINTY", 0.0)):
             samples = (await anna.get(f"api/tm/{RUN}/{key}"))["samples"]
-            assert sorted(each["utc"] for each in samples) == sorted(events)
+            assert sorted(each["utc"] for each in samples) == pytest.approx(sorted(events))
             figures = [each["value"] for each in samples]
             assert (max(figures), figures[-1]) == (pytest.approx(most, abs=0.01), 0.0)
         assert "certain again, by MOE:6 setPositionCompensation" in events[max(events)]
