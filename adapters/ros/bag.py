@@ -56,6 +56,8 @@ from executive.state import (
 from trees import Snapshot
 
 NODE_NAME: Final = "executive"
+MAX_UTC_S: Final = 2**63 / 1e9
+"""Stamps of a bag are nanoseconds since 1970, from 0 on."""
 VERSION: Final = 9
 """Of the metadata: that of ROS 2 Jazzy."""
 ROSOUT: Final = "/rosout"
@@ -129,7 +131,10 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
 def _merged(converter: "_Converter", recording: Path, history: History) -> Iterator[Stamped]:
     items, trees = converter.items(recording), converter.trees(history)
     try:
-        yield from merge(items, trees, key=lambda stamped: stamped.utc_s)
+        for stamped in merge(items, trees, key=lambda stamped: stamped.utc_s):
+            if not 0.0 <= stamped.utc_s < MAX_UTC_S:
+                raise ValueError(f"the time {stamped.utc_s:g} s since 1970")
+            yield stamped
     except (AssertionError, OverflowError, TypeError, ValueError, struct.error) as error:
         text = f"{recording}: holds what no message of ROS can: {error!r}"
         raise RecordingError(text) from error

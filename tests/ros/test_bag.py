@@ -1,0 +1,30 @@
+"""A bag of a recording: what no bag can hold is said of the recording."""
+
+from math import inf, nan
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from adapters.recording import RecordingError
+from adapters.ros.bag import Stamped, _merged
+
+
+class OneMessage:
+    """Converts to one message at a time."""
+
+    def __init__(self, utc_s: float) -> None:
+        self.stamped = Stamped(utc_s, "/odom", "nav_msgs/msg/Odometry", b"")
+
+    def items(self, _: object) -> list[Stamped]:
+        return [self.stamped]
+
+    def trees(self, _: object) -> list[Stamped]:
+        return []
+
+
+@pytest.mark.parametrize("utc_s", [-1.0, nan, inf, 1e10])
+def test_a_time_that_a_bag_cannot_hold_is_an_error_of_the_recording(utc_s: float) -> None:
+    converter = cast(Any, OneMessage(utc_s))
+    with pytest.raises(RecordingError, match="holds what no message of ROS can"):
+        list(_merged(converter, Path("run.mcap"), cast(Any, None)))
