@@ -7,7 +7,7 @@ from pathlib import Path
 from statistics import mean
 from typing import Final
 
-from adapters.recording import RunReader, Timed, read_timed
+from adapters.recording import RecordingError, RunReader, Timed, read_timed
 from executive.commands import Mode, declaration_of
 from executive.geometry import Pose, wrap_rad
 from executive.recording import (
@@ -76,11 +76,12 @@ def write_plot(recording: Path, path: Path) -> None:
         RecordingError: the file cannot be used as a recording.
         OSError: the picture cannot be written.
     """
-    figure = draw_run(plot_of(recording))
-    if path.suffix == ".svg":
-        path.write_text(as_svg(figure), encoding="utf-8")
-    else:
-        path.write_bytes(as_png(figure))
+    try:
+        figure = draw_run(plot_of(recording))
+        drawn = as_svg(figure).encode() if path.suffix == ".svg" else as_png(figure)
+    except (OverflowError, ValueError) as error:
+        raise RecordingError(f"{recording}: holds figures that cannot be drawn: {error}") from error
+    path.write_bytes(drawn)
 
 
 def plot_of(recording: Path) -> RunPlot:

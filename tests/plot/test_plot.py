@@ -90,3 +90,15 @@ def test_bad_input_is_told(stuck: Path, tmp_path: Path) -> None:
         result = typed(*arguments)
         assert result.exit_code == 2
         assert told in result.output
+
+
+def test_figures_that_cannot_be_drawn_are_an_error_of_the_recording(
+    stuck: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def draw(_: object) -> None:
+        raise ValueError("Axis limits cannot be NaN or Inf")
+
+    monkeypatch.setattr("sim.plot.recorded.draw_run", draw)
+    result = typed(stuck)
+    assert result.exit_code == 2
+    assert "holds figures that cannot be drawn: Axis limits" in result.output
