@@ -20,7 +20,7 @@ MAX_SMALL_OCTETS: Final = 1 << 20
 """Of a record other than a chunk."""
 MIN_BUDGET_OCTETS: Final = 1 << 22
 """What any file and any chunk may unpack to: four times a chunk that is written here."""
-MAX_CHUNK_RATIO: Final = 32
+MAX_CHUNK_RATIO: Final = 16
 """Unpacked over packed octets of a larger chunk: the image of a ledger (measured: 10)."""
 MAX_RATIO: Final = 1000
 """The same of a file. Measured: 3 with noise, 105 with a laser without returns; 30,000 can be."""
