@@ -282,10 +282,20 @@ def test_the_relay_hears_the_end_whatever_becomes_of_executive_and_rover_nxt(cab
 
         command = asyncio.run(begin())
         with rover_nxt(cable, "nxt again"):
-            with executive(cable.parent, *MOCUP):
-                asyncio.run(relay.until(lambda: relay.stages(command)[-1] == "FAILED"))
-                goes_on = Command(Identity("MOE", 1 << 20), MoveForward(-0.8), "relay")
-                asyncio.run(relay.until_heard(goes_on, "STARTED"))
+            with executive(cable.parent, *MOCUP) as (_, uri):
+
+                async def go_on() -> Command:
+                    await relay.until(lambda: relay.stages(command)[-1] == "FAILED")
+                    # The stop of the new executive may come to the brick after that report; a
+                    # motion that was executed came after the stop.
+                    async with ground(uri, relay) as client, asyncio.timeout(LIMIT_S):
+                        while not (await client.run(client.command(MoveForward(-0.1)))).executed:
+                            pass
+                    goes_on = Command(Identity("MOE", 1 << 20), MoveForward(-0.8), "relay")
+                    await relay.until_heard(goes_on, "STARTED")
+                    return goes_on
+
+                goes_on = asyncio.run(go_on())
             with executive(cable.parent, *MOCUP):
                 asyncio.run(relay.executed(goes_on))
 
