@@ -183,9 +183,15 @@ BASE_LINK: Final = "base_link"
 
 
 def time_message(time_s: float) -> Time:
-    """Return seconds as a stamp."""
-    nanoseconds = round(time_s * 1e9)
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+    """Return seconds as a stamp.
+
+    Raises:
+        OverflowError: they do not fit; rclpy would write another time, or fail without a reason.
+    """
+    seconds, nanoseconds = divmod(round(time_s * 1e9), 10**9)
+    if not -(2**31) <= seconds < 2**31:
+        raise OverflowError(f"{time_s:g} s since 1970 do not fit into a stamp")
+    return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def quaternion(pose: Pose) -> Quaternion:

@@ -8,6 +8,7 @@ import pytest
 
 from adapters.recording import RecordingError
 from adapters.ros.bag import Stamped, _merged
+from adapters.ros.conversions import time_message
 
 
 class OneMessage:
@@ -28,3 +29,9 @@ def test_a_time_that_a_bag_cannot_hold_is_an_error_of_the_recording(utc_s: float
     converter = cast(Any, OneMessage(utc_s))
     with pytest.raises(RecordingError, match="holds what no message of ROS can"):
         list(_merged(converter, Path("run.mcap"), cast(Any, None)))
+
+
+@pytest.mark.parametrize("time_s", [-(2.0**31) - 1.0, 2.0**31, nan, inf])
+def test_a_time_that_no_stamp_holds_is_not_written_as_another(time_s: float) -> None:
+    with pytest.raises((OverflowError, ValueError)):
+        time_message(time_s)
