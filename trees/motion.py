@@ -182,8 +182,7 @@ class _MotionLeaf(GoalLeaf):
             )
             figures = Figure("slid", slid_m, "m"), Figure("bound", SLID_M, "m")
             outcome = Refusal(Reason.SLIDES, text, figures)
-            known = context.status.uncertainty
-            context.status.raise_uncertainty(known.position_m + slid_m, known.heading_rad, text)
+            context.status.grow_uncertainty(slid_m, 0.0, text)
         if outcome is None:
             context.intents.motion = STANDING
         return outcome
@@ -551,10 +550,9 @@ class HoldVelocity(_MotionLeaf):
         if abs(way_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
             return None
         # Whether the rover or its odometry is elsewhere, nothing here can tell.
-        status = self.context.status
-        status.raise_uncertainty(
-            status.uncertainty.position_m + max(off_m, abs(way_m - wanted_m)),
-            status.uncertainty.heading_rad + abs(turn_rad - wanted_rad),
+        self.context.status.grow_uncertainty(
+            max(off_m, abs(way_m - wanted_m)),
+            abs(turn_rad - wanted_rad),
             "a drive that ended off its target",
         )
         return Refusal(

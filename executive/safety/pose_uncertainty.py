@@ -1,32 +1,27 @@
 """How far the pose may be wrong, from the fault that shows it until evidence says otherwise.
 
-Each tick sums up by how much the pose of the odometry goes elsewhere than its own velocity, the
-wheels, the gyro and what was commanded. Ordinarily that is of no account. A fault that disproves
-the pose (`Disproves` in its declaration) opens an episode: what the sums have grown by since the
-seconds before it is the uncertainty, until the fault is over. A second odometry measures the error
-itself, by its displacement since a frame from before the fault.
+By how much the pose of the odometry goes elsewhere than other sources is ordinarily of no account.
+A fault that disproves the pose (`Disproves` in its declaration) opens an episode: what has grown of
+it since the seconds before the fault is the uncertainty, until the fault is over. A second odometry
+measures the error itself, by its displacement since a frame from before the fault.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import hypot, inf
-from typing import Final, NamedTuple
+from math import inf
+from typing import Final
 
 from executive.clock import Clock
 from executive.faults import Disproves
 from executive.geometry import Point, Pose, wrap_rad
-from executive.safety.channel import Channel
 from executive.safety.comparison import FIRST_HEARD_S
-from executive.safety.history import History, Moved
-from executive.safety.odometry_monitors import REACTION_S
+from executive.safety.history import History
+from executive.safety.pose_divergence import LOOKBACK_S, Divergence, PoseDivergence
 from executive.safety.safety import Fault
 from executive.settings import Settings
 from executive.state import Disagreement, FramePair, Status, Uncertainty, disagreement
 
-LOOKBACK_S: Final = 5.0
-"""Before a fault, in which its cause may have acted: a little over the longest window (4 s)."""
-SAMPLE_S: Final = 0.25
 AGREES_M: Final = 0.05
 AGREES_PER_M: Final = 0.015
 AGREES_RAD: Final = 0.05
@@ -44,68 +39,6 @@ ORIGIN_M: Final = 0.02
 RESTARTED: Final = "the restart of the executive"
 SECOND: Final = "the second odometry"
 SLIDE: Final = "a slide by the accelerometer"
-
-
-class Divergence(NamedTuple):
-    """By how much the pose went elsewhere than other sources, summed since the start.
-
-    Attributes:
-        ahead_m, left_m, heading_rad: than the odometry's own velocity.
-        wheels_m, gyro_rad: than the wheels ahead, and the gyro.
-        commanded_m, commanded_rad: than what was commanded.
-        path_m: length of the path of the pose itself.
-    """
-
-    ahead_m: float = 0.0
-    left_m: float = 0.0
-    heading_rad: float = 0.0
-    wheels_m: float = 0.0
-    gyro_rad: float = 0.0
-    commanded_m: float = 0.0
-    commanded_rad: float = 0.0
-    path_m: float = 0.0
-
-    def since(self, before: "Divergence", by_command: bool) -> tuple[float, float]:
-        """Return the errors of position and heading that the sources show since, at most.
-
-        Args:
-            before: the sums then.
-            by_command: whether what was commanded is such a source.
-        """
-        grown = Divergence(*(abs(new - old) for new, old in zip(self, before, strict=True)))
-        heading_rad = max(grown.heading_rad, grown.gyro_rad)
-        position_m = max(hypot(grown.ahead_m, grown.left_m), grown.wheels_m)
-        if by_command:
-            heading_rad = max(heading_rad, grown.commanded_rad)
-            position_m = max(position_m, grown.commanded_m)
-        return position_m + heading_rad * grown.path_m, heading_rad
-
-
-class _Comparison:
-    """What the pose shows beyond another channel, over the times that both cover.
-
-    Attributes:
-        total: summed up since the start, but for gaps of the other channel.
-    """
-
-    def __init__(
-        self, pose: str, other: Callable[[Sequence[float]], float], later_s: float = 0.0
-    ) -> None:
-        self.total = 0.0
-        self._pose, self._other = Moved._fields.index(pose), other
-        self._later_s, self._to_s = later_s, -inf
-        self._channel: Channel | None = None
-        self._beyond = 0.0
-
-    def advance(self, moved: Channel, other: Channel, bias_per_s: float = 0.0) -> None:
-        """Add what is new."""
-        from_s, to_s = self._to_s, min(moved.time_s, other.time_s + self._later_s)
-        if to_s <= from_s or not (moved.covers(to_s) and other.covers(to_s - self._later_s)):
-            return
-        beyond = moved.at(to_s)[self._pose] - self._other(other.at(to_s - self._later_s))
-        if other is self._channel:  # one that begins anew does so after a gap
-            self.total += beyond - self._beyond + bias_per_s * (to_s - from_s)
-        self._beyond, self._channel, self._to_s = beyond, other, to_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,8 +81,90 @@ class StoredPose:
     correction: Point
 
 
+class _Frames:
+    """Frames of the second odometry: those from before a fault, and the one to compare with.
+
+    Args:
+        clock: the time.
+        status: has both odometries.
+
+    Attributes:
+        anchor: the frame that later ones are compared with; None while the pose is certain, and
+            where there is none from before.
+    """
+
+    def __init__(self, clock: Clock, status: Status) -> None:
+        self._clock, self._status = clock, status
+        self.anchor: Anchor | None = None
+        self._recent: deque[Anchor] = deque()
+        self._compared: FramePair | None = None
+
+    @property
+    def newest(self) -> Anchor | None:
+        """The newest frame; None before the first one."""
+        fusion = self._status.fusion
+        if fusion is None or fusion.latest is None:
+            return None
+        return Anchor(self._clock.now_s(), fusion.latest, fusion.correction)
+
+    def hold(self) -> None:
+        """Compare with a frame from before what begins now, unless one is compared with already."""
+        self.anchor = self.anchor or (self._recent[0] if self._recent else None)
+
+    def begin_anew(self, anchor: Anchor | None) -> None:
+        """Forget the frames from before, and compare with another one, or with none."""
+        self._recent.clear()
+        self.anchor = anchor
+
+    def next(self) -> Anchor | None:
+        """Return a frame to compare with the anchor; one from before whatever comes is kept."""
+        fusion, newest = self._status.fusion, self.newest
+        if fusion is None or newest is None:
+            return None
+        if fusion.unconfirmed_since is not None:
+            self.anchor = Anchor(newest.at_s, fusion.unconfirmed_since, fusion.correction)
+            fusion.unconfirmed_since = self._compared = None
+        if newest.frame is self._compared:
+            return None
+        if self.anchor is None:
+            self.keep(newest)
+            return None
+        return newest if fusion.settled else None
+
+    def keep(self, newest: Anchor) -> None:
+        """Keep a frame as one from before whatever comes."""
+        self.compared(newest)
+        self._recent.append(newest)
+        while len(self._recent) > 1 and self._recent[1].at_s <= newest.at_s - LOOKBACK_S:
+            self._recent.popleft()
+
+    def compared(self, newest: Anchor) -> None:
+        """Do not give this frame again."""
+        self._compared = newest.frame
+
+
+class _Slide:
+    """Slide that the accelerometer feels and the wheels do not show."""
+
+    def __init__(self, history: History) -> None:
+        self._history = history
+        self._seen_m = self._apart_m = 0.0
+
+    def grown_m(self) -> float:
+        """Return by how much the rover has slid since the last call, where that counts."""
+        over_ground = self._history.over_ground
+        if over_ground is None:
+            return 0.0
+        step_m, self._seen_m = over_ground.slid_m - self._seen_m, over_ground.slid_m
+        before_m = self._apart_m
+        self._apart_m = before_m + step_m if over_ground.apart_s else 0.0  # 0: they agree again
+        if self._apart_m <= SLID_M:
+            return 0.0
+        return step_m if before_m > SLID_M else self._apart_m
+
+
 class PoseMonitor:
-    """Keeps `Status.uncertainty`: nothing else writes it.
+    """Keeps `Status.uncertainty`: nothing else lowers it.
 
     Args:
         clock: the time.
@@ -169,19 +184,13 @@ class PoseMonitor:
     ) -> None:
         self._clock, self._settings = clock, settings
         self._history, self._status = history, status
-        self._wheels = _Comparison("pose_ahead_m", lambda sums: (sums[0] + sums[1]) / 2)
-        self._gyro = _Comparison("pose_rad", lambda sums: sums[0])
-        self._way = _Comparison("pose_ahead_m", lambda sums: sums[0], REACTION_S)
-        self._turn = _Comparison("pose_rad", lambda sums: sums[1], REACTION_S)
-        self._samples: deque[tuple[float, Divergence]] = deque()
-        self._frames: deque[Anchor] = deque()
+        self._divergence, self._slide = PoseDivergence(history), _Slide(history)
+        self._frames = _Frames(clock, status)
         self._base = self._confirmed = Uncertainty()
-        self._from = self._last = self._doubted_from = Divergence()
+        self._from = self._doubted_from = Divergence()
         self._faulty = self._doubted = False
         self._cause = SECOND
-        self._anchor: Anchor | None = None
-        self._compared: FramePair | None = None
-        self._shown_before_m = self._slip_m = self._slid_m = self._slide_m = 0.0
+        self._shown_before_m = self._slip_m = self._path_m = 0.0
         self._evidence_stamp_s = -inf
         self._stored, self._stored_sources = stored, (False, False)
         if stored is not None:
@@ -192,7 +201,7 @@ class PoseMonitor:
             self._shown_before_m = stored.shown_m
             if stored.anchor is not None:  # distances are counted from this start on
                 frame = replace(stored.anchor.frame, way_m=0.0)
-                self._anchor = replace(stored.anchor, frame=frame)
+                self._frames.begin_anew(replace(stored.anchor, frame=frame))
 
     def update(self, active: Sequence[Fault]) -> None:
         """Look at the faults that are there, and at what the sources show.
@@ -202,38 +211,40 @@ class PoseMonitor:
         """
         if self._stored is not None:
             self._compare_restart(self._stored)
-        now_s, now = self._clock.now_s(), self._diverged()
+        status, frames, now_s = self._status, self._frames, self._clock.now_s()
+        self._divergence.update(status.travelled_m)
         disproved = [each for each in active if each.disproves is not None]
-        doubted = bool(disproved or self._status.uncertainty)
+        doubted = bool(disproved or status.uncertainty)
         if doubted and not self._doubted:
-            self._status.forget_seen()
-            self._doubted_from = self._samples[0][1] if self._samples else now
-            self._anchor = self._anchor or (self._frames[0] if self._frames else None)
-        self._grow_by_slide()
+            status.forget_seen()
+            self._doubted_from = self._divergence.before
+            frames.hold()
+        if slid_m := self._slide.grown_m():
+            status.grow_uncertainty(slid_m, 0.0, SLIDE)
         if disproved:
-            self._grow_by_faults(disproved, now, now_s)
-        elif self._status.uncertainty:
-            self._grow_by_distance(now.path_m - self._last.path_m)
-        elif self._anchor is None:
+            self._grow_by_faults(disproved, now_s)
+        elif status.uncertainty:
+            driven_m = status.travelled_m - self._path_m
+            position_m = status.uncertainty.position_at_m(driven_m)
+            self._status.raise_uncertainty(
+                position_m, status.uncertainty.heading_rad, status.uncertainty.cause
+            )
+        elif frames.anchor is None:
             self._cause = SECOND
-        if self._anchor is None:  # no frame from before: none later proves anything right
-            self._confirmed = self._status.uncertainty
-        self._faulty, self._doubted, self._last = bool(disproved), doubted, now
-        self._compare_frames(now, now_s)
-        if not self._samples or now_s >= self._samples[-1][0] + SAMPLE_S:
-            self._samples.append((now_s, now))
-            while len(self._samples) > 1 and self._samples[1][0] <= now_s - LOOKBACK_S:
-                self._samples.popleft()
+        if frames.anchor is None:  # no frame from before: none later proves anything right
+            self._confirmed = status.uncertainty
+        self._faulty, self._doubted, self._path_m = bool(disproved), doubted, status.travelled_m
+        self._compare_frames()
+        self._divergence.sample(now_s)
 
     def confirm(self, uncertainty: Uncertainty) -> None:
         """Take the pose as it is now as wrong by so much at most, since an operator says so."""
         self._status.uncertainty = self._confirmed = uncertainty
-        now = self._diverged()
-        self._rebase(now)
-        self._doubted_from, self._shown_before_m = now, 0.0
-        self._samples.clear()
-        self._frames.clear()
-        self._anchor = self._newest() if uncertainty else None
+        self._divergence.update(self._status.travelled_m)
+        self._divergence.forget()
+        self._frames.begin_anew(self._frames.newest if uncertainty else None)
+        self._count_from_now()
+        self._certain_from_now()
 
     @property
     def unstored(self) -> bool:
@@ -242,7 +253,7 @@ class PoseMonitor:
 
     @property
     def _sources(self) -> tuple[bool, bool]:
-        return self._status.odometry is not None, self._newest() is not None
+        return self._status.odometry is not None, self._frames.newest is not None
 
     def stored(self, still: bool) -> StoredPose | None:
         """Return what is to outlive the process; None before odometry has come.
@@ -260,7 +271,7 @@ class PoseMonitor:
             status.odometry.pose,
             still and status.standing,
             self._faulty,
-            self._anchor or self._newest(),
+            self._frames.anchor or self._frames.newest,
             self._shown_m,
             Point(0.0, 0.0) if status.fusion is None else status.fusion.correction,
         )
@@ -268,32 +279,14 @@ class PoseMonitor:
     @property
     def _shown_m(self) -> float:
         """The error of the position that sensors but the second odometry show since the fault."""
-        return self._shown_before_m + self._last.since(self._doubted_from, by_command=False)[0]
+        since_m, _ = self._divergence.now.since(self._doubted_from, by_command=False)
+        return self._shown_before_m + since_m
 
-    def _diverged(self) -> Divergence:
-        history, moved = self._history, self._history.moved
-        if history.wheels is not None:
-            self._wheels.advance(moved, history.wheels.sums)
-        if history.inertia is not None:
-            self._gyro.advance(moved, history.inertia.sums, history.inertia.bias_radps)
-        self._way.advance(moved, history.commands)
-        self._turn.advance(moved, history.commands)
-        sums = Moved(*moved.sums)
-        return Divergence(
-            sums.ahead_m,
-            sums.left_m,
-            sums.heading_rad,
-            self._wheels.total,
-            self._gyro.total,
-            self._way.total,
-            self._turn.total,
-            self._status.travelled_m,
-        )
-
-    def _grow_by_faults(self, faults: Sequence[Fault], now: Divergence, now_s: float) -> None:
+    def _grow_by_faults(self, faults: Sequence[Fault], now_s: float) -> None:
+        now = self._divergence.now
         if not self._faulty:
             self._base, self._slip_m = self._status.uncertainty, SLIP_M
-            self._from = self._samples[0][1] if self._samples else now
+            self._from = self._divergence.before
         shown = {each.disproves for each in faults}
         position_m, heading_rad = now.since(self._from, by_command=shown != {Disproves.SENSORS})
         if Disproves.DISTANCE in shown:
@@ -302,50 +295,22 @@ class PoseMonitor:
         if odometry is not None and any(each.seen_s >= now_s for each in faults):
             self._evidence_stamp_s = odometry.stamp_s
         base, self._cause = self._base, faults[-1].name
-        self._raise_to(base.position_m + position_m, base.heading_rad + heading_rad, self._cause)
+        self._status.raise_uncertainty(
+            base.position_m + position_m, base.heading_rad + heading_rad, self._cause
+        )
 
-    def _grow_by_slide(self) -> None:
-        """Count a slide that the wheels do not show, from where they last agreed."""
-        over_ground, now = self._history.over_ground, self._status.uncertainty
-        if over_ground is None:
-            return
-        slid_m, self._slid_m = over_ground.slid_m - self._slid_m, over_ground.slid_m
-        self._slide_m = self._slide_m + slid_m if over_ground.apart_s else 0.0
-        if self._slide_m > SLID_M:
-            grown_m = slid_m if self._slide_m - slid_m > SLID_M else self._slide_m
-            self._raise_to(now.position_m + grown_m, now.heading_rad, SLIDE)
-
-    def _grow_by_distance(self, step_m: float) -> None:
-        now = self._status.uncertainty
-        self._raise_to(now.position_at_m(step_m), now.heading_rad, now.cause)
-
-    def _raise_to(self, position_m: float, heading_rad: float, cause: str) -> None:
-        self._status.raise_uncertainty(position_m, heading_rad, cause)
-
-    def _newest(self) -> Anchor | None:
-        fusion = self._status.fusion
-        if fusion is None or fusion.latest is None:
-            return None
-        return Anchor(self._clock.now_s(), fusion.latest, fusion.correction)
-
-    def _compare_frames(self, now: Divergence, now_s: float) -> None:
+    def _compare_frames(self) -> None:
         """Let the second odometry say how wrong the pose is, by its newest frame."""
-        fusion, newest = self._status.fusion, self._newest()
-        if fusion is None or newest is None or self._stored is not None:
+        if self._stored is not None:
             return
-        if fusion.unconfirmed_since is not None:
-            self._anchor = Anchor(now_s, fusion.unconfirmed_since, fusion.correction)
-            fusion.unconfirmed_since = self._compared = None
-        if newest.frame is self._compared:
+        newest, anchor = self._frames.next(), self._frames.anchor
+        if newest is None or anchor is None:
             return
-        if self._anchor is None:
-            self._remember(newest)
-        elif fusion.settled:
-            self._raise_by(disagreement(self._anchor.frame, newest.frame))
-            # A frame of the fault's own time shows an error, but proves nothing right.
-            if newest.frame.stamp_s >= self._evidence_stamp_s + NEXT_FRAME_S:
-                self._compared = newest.frame
-                self._confirm_by(self._anchor, newest, now)
+        self._raise_by(disagreement(anchor.frame, newest.frame))
+        # A frame of the fault's own time shows an error, but proves nothing right.
+        if newest.frame.stamp_s >= self._evidence_stamp_s + NEXT_FRAME_S:
+            self._frames.compared(newest)
+            self._confirm_by(anchor, newest)
 
     def _raise_by(self, apart: Disagreement) -> None:
         floor, off_m, off_rad = self._confirmed, 0.0, 0.0
@@ -353,9 +318,9 @@ class PoseMonitor:
             off_m = floor.position_m + apart.off_m
         if apart.off_rad > AGREES_RAD:
             off_rad = floor.heading_rad + apart.off_rad
-        self._raise_to(off_m, off_rad, self._cause)
+        self._status.raise_uncertainty(off_m, off_rad, self._cause)
 
-    def _confirm_by(self, anchor: Anchor, newest: Anchor, now: Divergence) -> None:
+    def _confirm_by(self, anchor: Anchor, newest: Anchor) -> None:
         """Lower what the second odometry confirms.
 
         That it agrees with a position that it has corrected itself says nothing: a correction
@@ -377,22 +342,17 @@ class PoseMonitor:
         self._status.uncertainty = Uncertainty(position_m, heading_rad, known.cause or self._cause)
         if not self._status.uncertainty:
             self._status.uncertainty = Uncertainty(cause=SECOND)
-            self._frames.clear()
-            self._remember(newest)
-            self._anchor = newest if self._faulty else None
-            self._doubted_from, self._shown_before_m = now, 0.0
-        self._rebase(now)
+            self._frames.begin_anew(newest if self._faulty else None)
+            self._frames.keep(newest)
+            self._certain_from_now()
+        self._count_from_now()
 
-    def _remember(self, newest: Anchor) -> None:
-        """Keep a frame from before whatever comes."""
-        self._compared = newest.frame
-        self._frames.append(newest)
-        while len(self._frames) > 1 and self._frames[1].at_s <= newest.at_s - LOOKBACK_S:
-            self._frames.popleft()
+    def _certain_from_now(self) -> None:
+        self._doubted_from, self._shown_before_m = self._divergence.now, 0.0
 
-    def _rebase(self, now: Divergence) -> None:
+    def _count_from_now(self) -> None:
         """Count what the sources show from now on."""
-        self._base, self._from, self._slip_m = self._status.uncertainty, now, 0.0
+        self._base, self._from, self._slip_m = self._status.uncertainty, self._divergence.now, 0.0
 
     def _compare_restart(self, stored: StoredPose) -> None:
         """Compare the first odometry with the last of the process before this one.
@@ -417,13 +377,14 @@ class PoseMonitor:
             if stored.disproved:  # what is wrong may not show how far the rover coasted
                 moved_m += min(away_s, COASTING_S) * drive.travel_speed_mps
                 turned_rad += min(away_s, COASTING_S) * drive.rotate_speed_radps
-        before = self._status.uncertainty
+        silent_s = max(0.0, self._clock.now_s() - self._history.start_s - FIRST_HEARD_S)
+        silent_m, silent_rad = (
+            silent_s * drive.travel_speed_mps,
+            silent_s * drive.rotate_speed_radps,
+        )
         if stored.disproved or anew or moved_m > bound_m or turned_rad > bound_rad:
-            self._raise_to(before.position_m + moved_m, before.heading_rad + turned_rad, RESTARTED)
-        silent_s = self._clock.now_s() - self._history.start_s - FIRST_HEARD_S
-        if silent_s > 0.0:
-            self._raise_to(
-                before.position_m + silent_s * drive.travel_speed_mps,
-                before.heading_rad + silent_s * drive.rotate_speed_radps,
-                RESTARTED,
+            self._status.grow_uncertainty(
+                max(moved_m, silent_m), max(turned_rad, silent_rad), RESTARTED
             )
+        elif silent_s:
+            self._status.grow_uncertainty(silent_m, silent_rad, RESTARTED)

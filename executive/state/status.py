@@ -159,6 +159,13 @@ class Status:
             position_m = max(position_m, known.position_m)
             self.uncertainty = Uncertainty(position_m, max(heading_rad, known.heading_rad), cause)
 
+    def grow_uncertainty(self, position_m: float, heading_rad: float, cause: str) -> None:
+        """Note that the pose may be wrong by so much more."""
+        known = self.uncertainty
+        self.raise_uncertainty(
+            known.position_m + position_m, known.heading_rad + heading_rad, cause
+        )
+
     def forget_seen(self) -> None:
         """Forget what was seen around: the pose has become another, by no motion."""
         if self._local_map is not None:
