@@ -14,6 +14,7 @@ from itertools import islice
 from math import isfinite
 from pathlib import Path
 from typing import Final, Protocol
+from weakref import WeakValueDictionary
 
 from adapters.bundle import (
     DTN_EPOCH_UTC_MS,
@@ -130,7 +131,8 @@ class BundleBridge:
         self._dictionary = dictionary
         self._last_stop = LastStop(path.with_suffix(".stop"))
         self._in_flight = asyncio.Semaphore(STRINGS_IN_FLIGHT)
-        self._unconfirmed: dict[int, asyncio.Event] = {}
+        # Two bundles may hold the same stop: whoever waits for its string shares one event.
+        self._unconfirmed = WeakValueDictionary[int, asyncio.Event]()
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._end: Callable[[], None] = lambda: None
@@ -267,14 +269,12 @@ class BundleBridge:
             self._refuse(f"nobody confirmed {each.message}")
 
     async def _is_confirmed(self, mark: int, within_s: float) -> bool:
-        confirmed = self._unconfirmed[mark] = asyncio.Event()
+        confirmed = self._unconfirmed.setdefault(mark, asyncio.Event())
         try:
             async with asyncio.timeout(within_s):
                 await confirmed.wait()
         except TimeoutError:
             return False
-        finally:
-            del self._unconfirmed[mark]
         return True
 
     async def _without_overtaken(self, asked: Sequence[Asked]) -> Sequence[Asked]:
@@ -297,8 +297,8 @@ class BundleBridge:
             return None
 
     def _on_confirmed(self, mark: int) -> None:
-        if mark in self._unconfirmed:
-            self._unconfirmed[mark].set()
+        if (confirmed := self._unconfirmed.get(mark)) is not None:
+            confirmed.set()
 
     def _on_notification(self, text: str) -> None:
         if not self._queue.put(text, self._refuse):

@@ -55,14 +55,14 @@ class Rover:
     def __init__(self) -> None:
         self.there = threading.Event()
         self.there.set()
-        self.confirms = True
+        self.confirms = self.confirms_stops = True
         self.commands: list[str] = []
         self.stops: list[str] = []
         self.confirmed: list[int] = []
 
     def publish(self, text: str, *, stops: bool) -> None:
         (self.stops if stops else self.commands).append(text)
-        if self.confirms or stops:
+        if self.confirms_stops if stops else self.confirms:
             self.bridge.confirmed(fingerprint(text))
 
     def has_listener(self, *, stops: bool) -> bool:

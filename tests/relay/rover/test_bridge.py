@@ -19,6 +19,8 @@ from adapters.relay.rover.bridge import (
     Reports,
     SendQueue,
 )
+from executive.commands.catalogue import Stop
+from executive.reports import Identity
 from tests.relay.rover.ends import (
     DICTIONARY,
     ROVER,
@@ -49,6 +51,10 @@ def link(ends: Ends) -> Iterator[BundleBridge]:
     yield link
     link.close()
     assert not link.alive
+
+
+def unread(link: BundleBridge) -> int | None:
+    return link.health.unread if link.health else None
 
 
 async def test_commands_arrive_in_order_and_once_whatever_is_in_a_bundle(
@@ -131,6 +137,24 @@ def test_what_nobody_is_known_to_have_is_published_again_by_the_next_process(end
     finally:
         second.close()
     assert "".join(ends.rover.commands) == f"{command(1)}{command(2)}"
+
+
+async def test_one_confirmation_is_for_the_same_stop_twice(
+    ends: Ends, link: BundleBridge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("adapters.relay.rover.bridge.AGAIN_S", 5.0)
+    ends.rover.confirms_stops = False
+    stop = DICTIONARY.command(Stop(), Identity("MOE", 7), "JACKAL")
+    async with ends.orbiter() as orbiter:
+        await orbiter.send(ROVER, octets(stop), expedited=True)
+        await until(lambda: len(ends.rover.stops) == 1)
+        await orbiter.send(ROVER, octets(stop), expedited=True)
+        await until(lambda: len(ends.rover.stops) == 2)
+        before = link.health
+        link.confirmed(fingerprint(str(stop)))
+        await until(lambda: not link.alive or (link.health is not before and unread(link) == 0))
+    assert link.alive
+    assert ends.rover.stops == [str(stop)] * 2
 
 
 def test_in_the_dark_reports_are_kept_and_of_telemetry_the_newest(ends: Ends) -> None:
