@@ -1,42 +1,29 @@
 """Attacks on stops and authority by the relay, from the orbiter's MRS to the executive's topics."""
 
 import asyncio
-from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
 
 import pytest
-from rclpy.node import Node
-from std_msgs.msg import String
 
 from adapters.bundle import DTN_EPOCH_UTC_MS, BundleAgent, ContactOverride
 from adapters.mal import MalError
-from adapters.mops import Conditions, Message, conditions_of, decode
+from adapters.mops import Conditions, conditions_of, decode
 from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter.record import MOST_AUTHORITIES, RoverRecord
 from adapters.relay.rover.bridge import MOST_HELD_S, LastStop, Made
-from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from adapters.ros import MessageError, Topic, declare_topic
 from executive.clock import ManualClock
 from executive.commands import Command, ExecuteAction, Mode, MoveForward, Resume, SetTravelSpeed
 from executive.commands.catalogue import Request, Stop
-from executive.ports import Downlink
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.settings import AuthoritySettings, load_settings
 from tests.relay.orbiter.sky import DICTIONARY, Clock, Sky, eclipse, ground, landed, orbiting
 from tests.relay.rover.ends import ROVER, Ends, octets, until
-from tests.stress.mops_aboard import Wire
+from tests.relay.rover.relayed_bench import RelayedBench, asked
 from tests.support.asked_authority import AskedAuthority
-from tests.support.kinematic import Bench
 
 WAITING = 100
-
-
-def asked(request: Request, number: int) -> Message:
-    return DICTIONARY.command(request, Identity("MOE", number), "JACKAL")
 
 
 async def send(agent: BundleAgent, request: Request, number: int) -> None:
@@ -137,35 +124,6 @@ def test_aboard_a_command_too_long_to_be_answered_ends_nothing(tmp_path: Path) -
     assert ends.rover.stops == [str(asked(Stop(), 3))]
     assert ends.rover.commands == [str(asked(Resume(), 4))]
     link.close()
-
-
-class RelayedBench(Bench):
-    """An executive that hears the strings of the relay; its link's `Served`."""
-
-    def downlinks(self) -> list[Downlink]:
-        self.wire = cast(Node, Wire())
-        stops, commands = (
-            declare_topic(self.wire, key, "") for key in ("relay_stop", "relay_command")
-        )
-        self.link = ExecutiveRelayLink(
-            self.wire, stops, commands, self.ledger, DICTIONARY, "JACKAL"
-        )
-        return [*super().downlinks(), self.link]
-
-    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        if kind is String:
-            self.on_string = callback
-
-    subscribe_apart = subscribe
-
-    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        return callback
-
-    def hear(self, text: str) -> None:
-        self.link.serve(self.executive.submit, self)
-        with suppress(MessageError):
-            self.on_string(String(data=text))
-        self.executive.turn()
 
 
 STOP = str(asked(Stop(), 7))

@@ -39,6 +39,7 @@ class Wire:
 
     def __init__(self) -> None:
         self.said: list[str] = []
+        self.taken: list[int] = []
 
     def declare_parameter(self, name: str, *_: object) -> SimpleNamespace:
         values = {"topic": name, "reliability": "reliable", "depth": 100}
@@ -59,6 +60,8 @@ class Wire:
     def publish(self, message: String | UInt64) -> None:
         if isinstance(message, String):
             self.said.append(message.data)
+        else:
+            self.taken.append(message.data)
 
 
 class Aboard:

@@ -48,6 +48,8 @@ WINDOW: Final = 4
 """Strings of reports that are not confirmed; what comes meanwhile is told together."""
 PAGE: Final = 50
 """Reports that are told together."""
+MOST_ANSWERED: Final = 100
+"""Strings of answers that are awaited; what more there is comes again."""
 LONGEST_SOURCE: Final = 256
 Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]], None]
 """`Executive.submit`."""
@@ -87,9 +89,11 @@ class ExecutiveRelayLink:
 
     It implements `executive.ports.Downlink`; all but the taking of stops runs on the executor's
     thread, which is the core's. A string of commands is confirmed once each of them is admitted or
-    refused. A report on a command that came by the relay, or an event, is told until `rover-relay`
-    has confirmed its string, over restarts of either; the same number again is the same report
-    again. Plans and files are not told: commands of either have their replies.
+    refused, and `rover-relay` has confirmed the answers that are no new reports: last reports on
+    repeats, refusals without a number. A report on a command that came by the relay, or an event,
+    is told until `rover-relay` has confirmed its string, over restarts of either; the same number
+    again is the same report again. Plans and files are not told: commands of either have their
+    replies.
 
     Args:
         node: where the topics are made.
@@ -126,6 +130,8 @@ class ExecutiveRelayLink:
         self._written = ledger.last_sequence
         self._sent = self._kept = self._record.kept
         self._unconfirmed: dict[int, Told] = {}
+        self._answered: dict[int, int] = {}
+        """By the fingerprint of answers that of the commands."""
         self._looks = self._listeners = 0
         self._house_s = -inf
 
@@ -143,13 +149,8 @@ class ExecutiveRelayLink:
         """Publish reports, or later where nobody listens or too many are unconfirmed."""
         if any(map(reported_uncertainty, reports)):
             self._house_s = -inf
-        new = []
-        for report in reports:
-            if report.sequence > self._written:
-                new.append(report)
-            else:
-                self._publish(report)
-        if not new:
+        new = [each for each in reports if each.sequence > self._written]
+        if not new:  # only reports that answer a repeat: `_answer` gives them to who sent it
             return
         in_turn, self._written = self._sent == self._written, new[-1].sequence
         for first in range(0, len(new), PAGE):
@@ -192,18 +193,8 @@ class ExecutiveRelayLink:
             self._unconfirmed[fingerprint(text)] = Told(first, text)
             self._publisher.publish(String(data=text))
 
-    def _publish(self, report: Report) -> None:
-        message = self._message(report)
-        if message is not None:
-            self._say(message)
-
     def _say(self, message: Message) -> None:
-        """Publish a message, unless what it answers has left no room in it."""
-        try:
-            text = str(message)
-        except MopsError as error:
-            _LOG.warning("not told by the relay: %s", error)
-        else:
+        if text := _text_of(message):
             self._publisher.publish(String(data=text))
 
     def _message(self, report: Report) -> Message | None:
@@ -224,6 +215,8 @@ class ExecutiveRelayLink:
 
     def _on_kept(self, mark: UInt64) -> None:
         """Take a string for confirmed; that says nothing of those before it."""
+        if (commands := self._answered.pop(mark.data, None)) is not None:
+            self._taken.publish(UInt64(data=commands))
         if self._unconfirmed.pop(mark.data, None) is not None:
             self._looks = 0
             self._catch_up()
@@ -255,39 +248,58 @@ class ExecutiveRelayLink:
     def _on_command(self, text: String) -> None:
         refused: list[str] = []
         messages = list(messages_in(text.data, refused.append))
+        answers: list[Message] = []
         numbers = count(1)
 
-        def answered() -> None:
+        def answer(reply: Message | None) -> None:
+            if reply is not None:
+                answers.append(reply)
             if next(numbers) == len(messages):
-                self._taken.publish(UInt64(data=fingerprint(text.data)))
+                self._confirm(fingerprint(text.data), answers)
 
         for message in messages:
-            self._take(message, refused.append, answered)
+            self._take(message, refused.append, answer)
         if refused:
             raise MessageError(f"relay: {refused[0]}")
 
+    def _confirm(self, commands: int, answers: Sequence[Message]) -> None:
+        """Confirm a string of commands, at once or when the relay has its answers on the disk.
+
+        No ledger knows that an answer is owed. Until then the string comes again, over restarts of
+        either process, and is answered each time.
+        """
+        text = "".join(map(_text_of, answers))
+        if not text:
+            self._taken.publish(UInt64(data=commands))
+            return
+        if len(self._answered) >= MOST_ANSWERED:
+            self._answered.clear()
+        self._answered[fingerprint(text)] = commands
+        self._publisher.publish(String(data=text))
+
     def _take(
-        self, message: Message, refuse: Callable[[str], None], answered: Callable[[], None]
+        self,
+        message: Message,
+        refuse: Callable[[str], None],
+        answer: Callable[[Message | None], None],
     ) -> None:
         """Submit a command; refuse what is none for this asset."""
         if message.dest != self._asset or message.received or message.executed:
             refuse(f"{message} is no command for {self._asset}")
-            answered()
+            answer(None)
             return
         try:
             command = self._read(message)
         except MopsError as fault:
-            self._say(refusal_of(message, self._asset, str(fault)))
             refuse(f"{message}: {fault}")
             if not self._dictionary.is_stop(message):
-                answered()
+                answer(refusal_of(message, self._asset, str(fault)))
                 return
             identity = Identity(message.source[:LONGEST_SOURCE], message.moe_inputs_id or 0)
             command = Command(identity, Stop(), LINK)
 
         def reply(result: SubmitResult) -> None:
-            self._answer(message, result)
-            answered()
+            answer(self._answer(message, result))
 
         self._submit(command, reply, partial(self._remember, command, message.code))
 
@@ -316,14 +328,17 @@ class ExecutiveRelayLink:
             if bad_identity(command) is None and (known is None or known == digest(command)):
                 self._record.remember(command, code)
 
-    def _answer(self, message: Message, admission: SubmitResult) -> None:
-        """Reply with a refusal where no report tells it."""
+    def _answer(self, message: Message, admission: SubmitResult) -> Message | None:
+        """Return what answers a command; None where reports tell it that are still to be kept."""
         match admission:
-            case Admitted() | Repeated():
-                pass
+            case Admitted():
+                return None
+            case Repeated(last):
+                return self._message(last)
             case Refused(refusal):
-                if not self._reported(message, refusal):
-                    self._say(refusal_of(message, self._asset, refusal.text, refusal.reason))
+                if self._reported(message, refusal):
+                    return None
+                return refusal_of(message, self._asset, refusal.text, refusal.reason)
             case _:
                 assert_never(admission)
 
@@ -335,3 +350,12 @@ class ExecutiveRelayLink:
         except LedgerError:
             return False
         return last is not None and (last.stage, last.reason) == (Stage.REJECTED, refusal.reason)
+
+
+def _text_of(message: Message) -> str:
+    """Return a message as a string; empty where what it answers has left no room in it."""
+    try:
+        return str(message)
+    except MopsError as error:
+        _LOG.warning("not told by the relay: %s", error)
+        return ""

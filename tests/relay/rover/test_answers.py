@@ -1,0 +1,64 @@
+"""Commands that are answered by no report of their own: told until the answer is on the disk."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from adapters.mops import Message, fingerprint, is_last
+from executive.commands.catalogue import SetTravelSpeed, Stop
+from executive.reports import Stage
+from tests.relay.rover.relayed_bench import RelayedBench, asked
+
+SPEED = SetTravelSpeed(0.3)
+
+
+def told(bench: RelayedBench) -> list[tuple[int | None, str]]:
+    return [(m.moe_inputs_id, m.outputs[0]) for m in bench.told if m.moe_inputs_id]
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> RelayedBench:
+    bench = RelayedBench(tmp_path)
+    bench.execute(SPEED, 6)
+    bench.execute(SPEED, 7)
+    bench.submit(Stop(), 8)
+    assert bench.finish(8) is Stage.EXECUTED
+    bench.hear("")
+    bench.wire.taken.clear()
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("commands", "answers"),
+    [
+        ([asked(SPEED, 6), asked(SPEED, 7)], [(6, "EXECUTED"), (7, "EXECUTED")]),
+        ([asked(Stop(), 8)], [(8, "EXECUTED")]),
+        ([asked(SetTravelSpeed(0.5), 6)], [(6, "REJECTED")]),
+        ([asked(Stop(), 7)], [(7, "REJECTED")]),
+        ([replace(asked(SPEED, 9), inputs=("fast",))], [(9, "REJECTED")]),
+    ],
+)
+def test_a_string_is_confirmed_once_its_answers_are_on_the_disk(
+    bench: RelayedBench, commands: list[Message], answers: list[tuple[int, str]]
+) -> None:
+    text = "".join(map(str, commands))
+    bench.hear(text)
+    assert told(bench) == answers
+    assert bench.wire.taken == []
+    bench.wire.said.clear()
+    bench.crash()
+    bench.hear(text)
+    bench.hear(text)
+    assert set(told(bench)) == set(answers), "each time that the string comes"
+    assert bench.wire.taken == []
+    bench.keep()
+    assert bench.wire.taken == [fingerprint(text)]
+
+
+def test_a_malformed_stop_that_acts_has_one_end(bench: RelayedBench) -> None:
+    bench.hear(str(replace(asked(Stop(), 9), inputs=("now",))))
+    assert bench.finish(9) is Stage.EXECUTED
+    bench.wire.look()
+    ends = [m.outputs[0] for m in bench.told if m.moe_inputs_id == 9 and is_last(m)]
+    assert ends == ["EXECUTED"]
