@@ -78,6 +78,7 @@ AT_ONCE: Final = frozenset({"zone_ahead", "obstacle_ahead", "tick_late"})
 """Faults that begin when the rover must brake as it does on a stop, and not by its acceleration."""
 _MOVING: Final = frozenset({Mode.MOVING, Mode.TELEOP, Mode.PLAN})
 _ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
+OVERTAKEN: Final = Refusal(Reason.STOPPED, "a stop that was made after it has overtaken it")
 UNWRITTEN: Final = Refusal(
     Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
 )
@@ -131,7 +132,8 @@ class Dispatcher:
 
         Args:
             command: who asks; if it is a stop, `stop` was called for it.
-            overtaken: whether a stop has come since the command arrived.
+            overtaken: whether a stop has come since the command arrived here; it then finds the
+                rover STOPPED, and only a resume need be refused for it.
         """
         unusable = bad_identity(command)
         if unusable is not None:
@@ -361,6 +363,8 @@ class Dispatcher:
 
     def _examine(self, command: Command, overtaken: bool) -> Refusal | None:
         if not isinstance(command.request, Stop):
+            if command.overtaken:
+                return OVERTAKEN
             refusal = self._authority.judge(command)
             if refusal is not None:
                 return refusal

@@ -18,6 +18,7 @@ from adapters.mops.dictionary import (
     Spelling,
     conditions_of,
     load_dictionary,
+    mark_overtaken,
 )
 from adapters.mops.housekeeping import Housekeeping, housekeeping_message, housekeeping_of
 from adapters.mops.reports import (
@@ -72,6 +73,7 @@ __all__ = [
     "is_last",
     "ledger_of",
     "load_dictionary",
+    "mark_overtaken",
     "messages_in",
     "mode_of",
     "parameters_of",

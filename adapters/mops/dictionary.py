@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -116,17 +116,20 @@ _KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in declared()
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """By which authority a command is given, and how long it is to live.
+    """By which authority a command is given, how long it is to live, what overtook it.
 
     Attributes:
         authority: the epoch that its sender claims.
         created_utc_s: when its sender made it.
         lifetime_s: for how long from then it may start.
+        overtaken: whether a stop that was made after it came before it. Then it is not executed:
+            who has not recorded it refuses it, all others repeat the last reply.
     """
 
     authority: int | None = None
     created_utc_s: float | None = None
     lifetime_s: float | None = None
+    overtaken: bool | None = None
 
 
 UNCONDITIONAL: Final = Conditions()
@@ -244,6 +247,12 @@ def conditions_of(command: Message) -> Conditions:
     require_within("authority", found.authority, 0, _HIGHEST_EPOCH)
     require_within("created_utc_s", found.created_utc_s, 0, LATEST_UTC_S)
     return found
+
+
+def mark_overtaken(command: Message) -> Message:
+    """Return a command that says in its conditions that a stop has overtaken it."""
+    authority, created_utc_s, lifetime_s, *_ = *command.outputs, "", "", ""
+    return replace(command, outputs=(authority, created_utc_s, lifetime_s, str(True)))
 
 
 def _trimmed(conditions: Conditions) -> tuple[str, ...]:

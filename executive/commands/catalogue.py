@@ -349,6 +349,7 @@ class Command:
         arrival: what it does to motion under way.
         authority: the epoch of the authority that its sender claims; None for no claim.
         peer: the name that the link has proof of for its sender; None where it has none.
+        overtaken: whether the link knows of a stop that was made after it and has arrived.
     """
 
     identity: Identity
@@ -362,6 +363,7 @@ class Command:
     arrival: Arrival = Arrival.APPEND
     authority: int | None = None
     peer: str | None = None
+    overtaken: bool = False
 
     @property
     def name(self) -> str:

@@ -158,6 +158,18 @@ def test_what_a_stop_has_overtaken_moves_nothing_without_a_number_either(
     assert asked(bench) == []
 
 
+def test_what_a_stop_has_overtaken_on_its_way_moves_nothing_and_a_repeat_has_its_reply(
+    bench: Bench,
+) -> None:
+    mark = ("", "", "", "True")
+    bench.command(Link.RELAY, forward(4))
+    bench.says(executed(forward(4)))
+    bench.command(Link.RELAY, replace(forward(4), outputs=mark), replace(forward(5), outputs=mark))
+    assert asked(bench) == [forward(4)]
+    told = [(m.moe_inputs_id, m.outputs[:2]) for _, m in bench.ports.notified]
+    assert told == [(4, ("EXECUTED",)), (4, ("EXECUTED",)), (5, ("CANCELLED", "STOPPED"))]
+
+
 def living(bench: Bench, number: int, lifetime_s: float, made_s: float = 0.0) -> Message:
     """Return a command that was made so many seconds from now."""
     made_utc_s = bench.clock.utc_s() + made_s

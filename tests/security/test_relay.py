@@ -8,7 +8,8 @@ import pytest
 
 from adapters.bundle import DTN_EPOCH_UTC_MS, BundleAgent, ContactOverride
 from adapters.mal import MalError
-from adapters.mops import Conditions, conditions_of, decode
+from adapters.mops import Conditions, conditions_of, decode, messages_in
+from adapters.mops.codec import LONGEST
 from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter.record import MOST_AUTHORITIES, RoverRecord
 from adapters.relay.rover.bridge import MOST_HELD_S, LastStop, Made
@@ -31,11 +32,15 @@ async def send(agent: BundleAgent, request: Request, number: int) -> None:
     await agent.send(ROVER, octets(asked(request, number)), expedited=stop)
 
 
-def refused(ends: Ends) -> set[int | None]:
-    return {m.moe_inputs_id for m in ends.heard if m.outputs[:2] == ("REJECTED", "STOPPED")}
+def published(ends: Ends, *, overtaken: bool) -> set[int | None]:
+    """Return the numbers of the commands that were published with, or without, the mark."""
+    messages = messages_in("".join(ends.rover.commands), pytest.fail)
+    return {m.moe_inputs_id for m in messages if (m.outputs[3:] == ("True",)) == overtaken}
 
 
-def test_aboard_a_stop_overtakes_what_waits_which_is_refused(tmp_path: Path) -> None:
+def test_aboard_a_stop_overtakes_what_waits_which_is_marked_and_left_to_the_executive(
+    tmp_path: Path,
+) -> None:
     ends = Ends(tmp_path)
     ends.rover.confirms = False
 
@@ -50,30 +55,32 @@ def test_aboard_a_stop_overtakes_what_waits_which_is_refused(tmp_path: Path) -> 
             both = octets(asked(Resume(), WAITING + 3), asked(Stop(), WAITING + 1))
             await orbiter.send(ROVER, both, expedited=True)
             await until(lambda: bool(ends.rover.stops))
-            await until(lambda: WAITING + 3 in refused(ends))
+            ends.rover.commands.clear()
+            await until(lambda: published(ends, overtaken=True) != set())
 
     link = ends.link()
     link.start()
     asyncio.run(session())
     assert ends.rover.stops == [str(asked(Stop(), WAITING + 1))]
-    assert "RESUME" not in "".join(ends.rover.commands)
+    assert published(ends, overtaken=False) == set()
     link.close()
     ends.rover.confirms = True
-    published = set(ends.rover.commands)
+    ends.rover.commands.clear()
+    waited = {*range(1, WAITING + 1), WAITING + 3}
 
     async def after_a_restart() -> None:
         async with ends.orbiter() as orbiter:
-            await until(lambda: WAITING in refused(ends))
+            await until(lambda: published(ends, overtaken=True) == waited)
             await send(orbiter, Resume(), WAITING + 2)
             await until(lambda: ends.rover.commands[-1:] == [str(asked(Resume(), WAITING + 2))])
-            await until(lambda: len(refused(ends)) > WAITING)
 
     again = ends.link()
     again.start()
     asyncio.run(after_a_restart())
     again.close()
-    assert set(ends.rover.commands) - published == {str(asked(Resume(), WAITING + 2))}
-    assert refused(ends) == {*range(1, WAITING + 1), WAITING + 3}
+    assert published(ends, overtaken=True) == waited
+    assert published(ends, overtaken=False) == {WAITING + 2}
+    assert [m for m in ends.heard if m.outputs[:1] == ("REJECTED",)] == []
 
 
 @pytest.mark.parametrize(
@@ -106,23 +113,28 @@ async def test_at_the_orbiter_a_stop_goes_up_where_nothing_can_be_written_down(
         rover.record.ledger.rows("PRAGMA query_only = OFF")
 
 
-def test_aboard_a_command_too_long_to_be_answered_ends_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("octets_left", "refused"), [(60, 0), (0, 1)])
+def test_aboard_a_command_too_long_to_be_answered_or_marked_ends_nothing(
+    tmp_path: Path, octets_left: int, refused: int
+) -> None:
     """A rover-relay that ended would read the bundle again at its next start, and end again."""
     ends = Ends(tmp_path)
-    long = str(asked(MoveForward(1.0), 2)).replace("MOE", "x" * 4000)
+    short = str(asked(MoveForward(1.0), 2))
+    long = short.replace("MOE", "x" * (LONGEST - octets_left - len(short) + len("MOE")))
 
     async def session() -> None:
         async with ends.orbiter() as orbiter:
             await orbiter.send(ROVER, (long + str(asked(Stop(), 3))).encode())
             await send(orbiter, Resume(), 4)
-            await until(lambda: len(ends.rover.commands) == 1 or not link.alive)
+            resume = str(asked(Resume(), 4))
+            await until(lambda: ends.rover.commands[-1:] == [resume] or not link.alive)
 
     link = ends.link()
     link.start()
     asyncio.run(session())
     assert link.alive
     assert ends.rover.stops == [str(asked(Stop(), 3))]
-    assert ends.rover.commands == [str(asked(Resume(), 4))]
+    assert link.refused == refused
     link.close()
 
 

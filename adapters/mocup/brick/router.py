@@ -423,7 +423,7 @@ class Router:
 
     def _begin(self, link: Link, command: Message) -> None:
         """Pass a new command on, or have it wait where the brick is busy."""
-        if self._overtaken:
+        if self._overtaken or conditions_of(command).overtaken:
             reply = self._out.cancelled(command, STOPPED)
             if command.moe_inputs_id is not None:
                 self.record.save(BrickCommand(command, (link,), reply))

@@ -32,11 +32,10 @@ from adapters.mops import (
     MopsError,
     fingerprint,
     health_message,
+    mark_overtaken,
     messages_in,
-    refusal_of,
 )
 from adapters.relay.rover.settings import RelaySettings
-from executive.reasons import Reason
 
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
@@ -54,7 +53,6 @@ MOST_HELD_S: Final = 600.0
 LONGEST_PAYLOAD: Final = 65_536
 MOST_QUEUED: Final = 10_000
 """Strings of reports that wait for a store that is full; more are refused."""
-OVERTAKEN: Final = "a stop that was made after it has overtaken it"
 NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
 _LOG: Final = logging.getLogger(__name__)
 
@@ -95,8 +93,10 @@ class BundleBridge:
     it is published again: the rover's ledger, or the brick's record, knows a command by its source
     and number and executes it once.
 
-    A stop overtakes all that wait here. What was made before the last stop and was not handed over
-    is refused, so that nothing moves the rover after a stop that was asked for before it.
+    A stop overtakes all that wait here. What was made before the last stop is published with the
+    mark that a stop overtook it, so that nothing moves the rover after a stop that was asked for
+    before it. It is not refused here: an earlier process, or the direct link, may have handed the
+    command over, and only who takes it knows whether it has an end already.
 
     Args:
         settings: endpoints and links.
@@ -248,14 +248,12 @@ class BundleBridge:
                 yield Asked(message, (creation.time_ms, creation.sequence, place))
 
     async def _hand_over(self, asked: Sequence[Asked], *, stops: bool) -> None:
-        """Publish commands until they are confirmed; refuse those that a stop has overtaken."""
+        """Publish commands until they are confirmed; mark those that a stop has overtaken."""
         times, told = 0, False
         while times < MOST_TIMES:
-            if not stops:
-                asked = await self._without_overtaken(asked)
-            if not asked:
+            text = "".join(map(self._text_of, asked))
+            if not text:
                 return
-            text = "".join(str(each.message) for each in asked)
             heard = self._topics.has_listener(stops=stops)
             if heard:
                 times += 1
@@ -277,24 +275,16 @@ class BundleBridge:
             return False
         return True
 
-    async def _without_overtaken(self, asked: Sequence[Asked]) -> Sequence[Asked]:
-        """Return commands without those that are older than the last stop, which are answered.
-
-        The replies are stored before this returns, and so before the commands are forgotten.
-        """
-        overtaken = [each for each in asked if self._last_stop.overtakes(each.made)]
-        replies = [reply for each in overtaken if (reply := self._rejection(each.message))]
-        await asyncio.gather(*map(self._keep, replies))
-        return [each for each in asked if each not in overtaken]
-
-    def _rejection(self, command: Message) -> str | None:
-        """Return that a stop has overtaken a command, if that is short enough for a message."""
-        reply = refusal_of(command, self._settings.asset, OVERTAKEN, Reason.STOPPED)
+    def _text_of(self, asked: Asked) -> str:
+        """Return a command as it is published now; empty where the mark has no room in it."""
+        message = asked.message
+        if self._dictionary.is_stop(message) or not self._last_stop.overtakes(asked.made):
+            return str(message)
         try:
-            return str(reply)
+            return str(mark_overtaken(message))
         except MopsError as error:
-            self._refuse(f"{command}: {OVERTAKEN}; there is no reply: {error}")
-            return None
+            self._refuse(f"{message}: a stop has overtaken it, and it cannot say so: {error}")
+            return ""
 
     def _on_confirmed(self, mark: int) -> None:
         if (confirmed := self._unconfirmed.get(mark)) is not None:

@@ -319,6 +319,7 @@ class ExecutiveRelayLink:
             conditions.lifetime_s,
             message.moe_inputs_counter,
             authority=conditions.authority,
+            overtaken=bool(conditions.overtaken),
         )
 
     def _remember(self, command: Command, code: int) -> None:
