@@ -127,7 +127,7 @@ def demo(
                 eclipses = () if no_play else chosen.eclipses
                 if eclipses:  # they are counted from the start of the relay
                     await_executives(participants)
-                orbiter = relayed(folder, *participants.rovers, eclipses=eclipses)
+                orbiter = relayed(folder, *participants.rovers, eclipses=eclipses, restart=True)
                 participants = Participants(members, running.enter_context(orbiter))
             operations = None
             if not no_console:

@@ -5,6 +5,7 @@ Processes that are watched together tell whoever waits when one ends by itself.
 
 import asyncio
 import ctypes
+import logging
 import os
 import re
 import signal
@@ -18,6 +19,7 @@ from typing import Final
 PATIENCE_S: Final = 5.0
 _PR_SET_PDEATHSIG: Final = 1
 _TAIL_LINES: Final = 15
+_LOG: Final = logging.getLogger(__name__)
 
 
 class ChildError(Exception):
@@ -29,6 +31,10 @@ class Child:
 
     Must be started by the main thread, before any other thread: the kernel ends the child with
     the thread that started it. A Ctrl-C at the terminal does not reach it.
+
+    Args:
+        up: what it writes when it is up. With it, a process that ends by itself after that is
+            started again by `check`; one that was never up would only end again.
     """
 
     def __init__(
@@ -38,17 +44,26 @@ class Child:
         arguments: Sequence[str],
         folder: Path,
         environment: Mapping[str, str],
+        up: re.Pattern[str] | None = None,
     ) -> None:
         self.name = name
         self.log = folder / f"{name}.log"
         self._ending = False
-        with self.log.open("w", encoding="utf-8") as log:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
+        self._up = up
+        self._command = [sys.executable, "-m", module, *arguments]
+        self._environment = {**os.environ, **environment}
+        self.log.write_bytes(b"")
+        self._process = self._start()
+
+    def _start(self) -> "subprocess.Popen[bytes]":
+        self._log_start = self.log.stat().st_size
+        with self.log.open("a", encoding="utf-8") as log:
+            return subprocess.Popen(
+                self._command,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, **environment},
+                env=self._environment,
                 process_group=0,
                 preexec_fn=_end_with_parent,
             )
@@ -59,7 +74,7 @@ class Child:
         return self._process.pid
 
     def check(self) -> None:
-        """Do nothing while it runs.
+        """Do nothing while it runs; start it again where it was up.
 
         Raises:
             ChildError: it ended.
@@ -67,9 +82,14 @@ class Child:
         code = self._process.poll()
         if code is None or self._ending:
             return
+        written = self.log.read_bytes()[self._log_start :].decode(errors="replace")
         how = f"by {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
-        lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
-        tail = "\n".join(f"  | {line}" for line in lines[-_TAIL_LINES:]) or "  | (it said nothing)"
+        if self._up is not None and self._up.search(written):
+            _LOG.warning("the %s process ended %s and is started again", self.name, how)
+            self._process = self._start()
+            return
+        lines = written.splitlines()[-_TAIL_LINES:]
+        tail = "\n".join(f"  | {line}" for line in lines) or "  | (it said nothing)"
         raise ChildError(f"the {self.name} process ended {how}. The end of {self.log}:\n{tail}")
 
     def said(self, pattern: re.Pattern[str]) -> re.Match[str] | None:

@@ -106,6 +106,8 @@ def _listen(port: int) -> Listen:
 
 
 CONTACTS: Final = "contacts.ionrc"
+RELAYS: Final = re.compile("^.* relays for ", re.MULTILINE)
+"""What `rover-relay` says when it is up."""
 
 
 class Orbiter(ProcessGroup):
@@ -150,7 +152,10 @@ class Orbiter(ProcessGroup):
 
 @contextmanager
 def relayed(
-    folder: Path, *rovers: Deployment, eclipses: Sequence[Eclipse] = ()
+    folder: Path,
+    *rovers: Deployment,
+    eclipses: Sequence[Eclipse] = (),
+    restart: bool = False,
 ) -> Iterator[Orbiter]:
     """Yield the relay that starts beside rovers; in the end the orbiter ends before their relays.
 
@@ -164,6 +169,7 @@ def relayed(
         rovers: deployments of different assets.
         eclipses: times without contact, in seconds after the start of this; without any there is
             contact always.
+        restart: whether a `rover-relay` that ends by itself is started again; else it is an error.
 
     Raises:
         SettingsError: an asset has no relay in `config/`.
@@ -177,11 +183,18 @@ def relayed(
         make_key(folder / key_of(rover.settings.asset))
     with ExitStack() as running:
 
-        def start(name: str, module: str, settings: object, *arguments: str, domain: int) -> Child:
+        def start(
+            name: str,
+            module: str,
+            settings: object,
+            *arguments: str,
+            domain: int,
+            up: re.Pattern[str] | None = None,
+        ) -> Child:
             path = folder / f"{name}.yaml"
             path.write_text(yaml.safe_dump(cattrs.unstructure(settings)), encoding="utf-8")
             options = ("--config", str(path), *arguments)
-            child = Child(name, module, options, folder, {"ROS_DOMAIN_ID": str(domain)})
+            child = Child(name, module, options, folder, {"ROS_DOMAIN_ID": str(domain)}, up)
             running.callback(child.end)
             return child
 
@@ -192,6 +205,7 @@ def relayed(
                 relay,
                 *("--asset", rover.settings.asset, "--data", str(rover.aboard)),
                 domain=rover.place.domain,
+                up=RELAYS if restart else None,
             )
             for rover, relay in zip(rovers, relays, strict=True)
         }
