@@ -299,7 +299,8 @@ class ExecutiveRelayLink:
             command = Command(identity, Stop(), LINK)
 
         def reply(result: SubmitResult) -> None:
-            answer(self._answer(message, result))
+            if not self._has_other_end(command, result):
+                answer(self._answer(message, result))
 
         self._submit(command, reply, partial(self._remember, command, message.code))
 
@@ -328,6 +329,17 @@ class ExecutiveRelayLink:
             known = self._ledger.digest_of(command.identity)
             if bad_identity(command) is None and (known is None or known == digest(command)):
                 self._record.remember(command, code)
+
+    def _has_other_end(self, command: Command, admission: SubmitResult) -> bool:
+        """Return whether a ledger that fails now knows a command, so that it is not REJECTED.
+
+        Its reports are told once they are written. Until then the string is not confirmed, so that
+        it comes again.
+        """
+        if isinstance(admission, Refused) and admission.refusal.reason is Reason.LEDGER_FAILED:
+            with suppress(LedgerError):
+                return self._ledger.digest_of(command.identity) == digest(command)
+        return False
 
     def _answer(self, message: Message, admission: SubmitResult) -> Message | None:
         """Return what answers a command; None where reports tell it that are still to be kept."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mops import Message, fingerprint, is_last
-from executive.commands.catalogue import SetTravelSpeed, Stop
+from executive.commands.catalogue import Request, SetTravelSpeed, Stop
 from executive.reports import Stage
 from tests.relay.rover.relayed_bench import RelayedBench, asked
 
@@ -62,3 +62,28 @@ def test_a_malformed_stop_that_acts_has_one_end(bench: RelayedBench) -> None:
     bench.wire.look()
     ends = [m.outputs[0] for m in bench.told if m.moe_inputs_id == 9 and is_last(m)]
     assert ends == ["EXECUTED"]
+
+
+@pytest.mark.parametrize("killed", [False, True])
+@pytest.mark.parametrize(("request_", "number"), [(SPEED, 9), (Stop(), 9), (SPEED, 6)])
+def test_a_command_that_comes_while_the_ledger_fails_has_one_end(
+    bench: RelayedBench, request_: Request, number: int, killed: bool
+) -> None:
+    text, ends = str(asked(request_, number)), set()
+    bench.fill_disk()
+    bench.hear(text)
+    bench.hear(text)
+    ends |= {m.outputs[0] for m in bench.told if m.moe_inputs_id == number and is_last(m)}
+    assert bench.wire.taken == []
+    bench.fill_disk(False)
+    if killed:
+        bench.crash()
+    for _ in range(2):
+        bench.run(1.0)
+        bench.hear(text)
+        bench.run(1.0)
+    bench.wire.look()
+    ends |= {m.outputs[0] for m in bench.told if m.moe_inputs_id == number and is_last(m)}
+    bench.keep()
+    assert len(ends) == 1
+    assert bench.wire.taken[-1:] == [fingerprint(text)]
