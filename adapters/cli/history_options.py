@@ -13,7 +13,6 @@ from adapters.mal import MalError
 
 if TYPE_CHECKING:
     from adapters.mrs.ground import MrsClient
-    from executive.reports import Report
 
 
 file_option: Final = click.option(
@@ -77,12 +76,9 @@ async def ask(
 
 
 async def _of_reports(client: "MrsClient", number: int | None) -> Chronicle:
-    """Return what reports alone tell, of the commands of a number or of all, page by page."""
+    """Return what reports alone tell, of the commands of a number or of all."""
     from adapters.mrs.spec import report_of
 
-    reports: list[Report] = []
-    while page := await client.get_notifications(
-        reports[-1].sequence + 1 if reports else None, number
-    ):
-        reports += map(report_of, page)
+    found = map(report_of, await client.get_all_notifications(command_id=number))
+    reports = sorted(found, key=lambda each: each.sequence)
     return Chronicle(reports[-1].utc_s if reports else 0.0, tuple(reports))

@@ -134,12 +134,11 @@ async def _ask(
         if wanted.since_utc_s is not None and wanted.command is None:
             chronicle = await _with_older(client, chronicle, wanted.since_utc_s)
         printer.list_all(chronicle, wanted)
-        last = max((each.sequence for each in chronicle.reports), default=0)
+        known = {each.sequence for each in chronicle.reports if each.sequence}
         while follow:
             sys.stdout.flush()
             report = report_of(await anext(news))
-            is_new = report.sequence > last or not report.sequence  # as what a relay says of itself
-            if is_new and wanted.has(report):
+            if report.sequence not in known and wanted.has(report):
                 printer.list(report)
 
 

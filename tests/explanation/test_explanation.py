@@ -14,6 +14,8 @@ from adapters.cli.why import why
 from adapters.explanation import (
     Chronicle,
     Explanation,
+    Wanted,
+    entries,
     explain_command,
     explain_now,
     explanation_lines,
@@ -21,7 +23,7 @@ from adapters.explanation import (
 )
 from adapters.recording import RunFile, read_chronicle
 from executive.commands import Command, MoveForward, Resume, Stop
-from executive.reports import Identity
+from executive.reports import Identity, Kind, Report, Severity
 from tests.explanation.case import Case
 from tests.explanation.fault_situations import FAULTS
 from tests.explanation.live import LiveBench
@@ -50,7 +52,9 @@ ALL = (*CASES, *FAULTS, *PLANS)
 
 
 def told(explanation: Explanation) -> str:
-    return "\n".join(explanation_lines(explanation, lambda utc_s: f"{utc_s:.2f}"))
+    """Return an explanation without the end of a link loss, which the query itself causes."""
+    lines = explanation_lines(explanation, lambda utc_s: f"{utc_s:.2f}")
+    return "\n".join(line for line in lines if "the ground is heard again" not in line)
 
 
 def is_right(case: Case, explained: Explanation) -> bool:
@@ -193,3 +197,11 @@ def test_bad_input_is_told(run: Path, tmp_path: Path) -> None:
         result = typed(command, *arguments)
         assert result.exit_code == 2, result.output
         assert told in result.output
+
+
+def test_each_report_without_a_number_is_listed() -> None:
+    losses = [
+        Report(0, 1.0, Kind.LINK, Severity.ALARM, "lost", Identity("MOE", number))
+        for number in (7, 8)
+    ]
+    assert list(entries(Chronicle(1.0, tuple(losses)), Wanted())) == losses

@@ -79,7 +79,7 @@ class Parts:
     def notify(self, sequence: int) -> None:
         publisher = self.broker.publisher("Notification", "monitorNotification")
         publisher.publish(
-            event(sequence=sequence),
+            event(sequence=sequence, cursor=sequence),
             keys=("parts", 1, 1, None, None),
             domain=("parts",),
             source="parts",
@@ -108,7 +108,7 @@ async def in_parts() -> AsyncIterator[Parts]:
         descriptor("Camera", str(parts.camera.uri)),
         descriptor("Notification", at, str(parts.broker.uri)),
     )
-    missed = (event(sequence=1), event(sequence=2))
+    missed = (event(sequence=1, cursor=1), event(sequence=2, cursor=2))
     parts.directory.serve("ServiceLayer", "getServices", lambda _: (services,))
 
     def missed_since(_: Call, since: int, *__: object) -> tuple[tuple[Notification, ...]]:

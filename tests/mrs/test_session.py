@@ -15,7 +15,7 @@ from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from adapters.mrs.ground import MrsClient, Stream, parse_address
 from adapters.mrs.ground.notification_stream import NotificationStream
 from adapters.mrs.link import MrsLink
-from adapters.mrs.spec import Notification, Stage
+from adapters.mrs.spec import Notification, Stage, cursor_of
 from executive.commands import (
     Command,
     MoveForward,
@@ -257,8 +257,8 @@ def test_reads_no_nonsense(text: str) -> None:
         parse_address(text)
 
 
-def fact(sequence: int, text: str = "") -> Notification:
-    return event(sequence=sequence, text=text)
+def fact(sequence: int, text: str = "", cursor: int | None = None) -> Notification:
+    return event(sequence=sequence, text=text, cursor=cursor or sequence or None)
 
 
 class Connection:
@@ -276,10 +276,12 @@ class Connection:
     async def subscribe(self, _: str, __: str, ___: Subscription, on_update: OnUpdate) -> None:
         self._on_update = on_update
 
-    async def request(self, _: str, __: str, since: int, *___: Any) -> tuple[Any, ...]:
+    async def request(self, _: str, operation: str, since: int = 0, *__: Any) -> tuple[Any, ...]:
         while self.meanwhile:
             self.send(self.meanwhile.pop(0))
-        return (tuple(n for n in self.ledger if n.sequence >= since)[:2],)
+        if operation == "getLastNotification":
+            return (self.ledger[-1] if self.ledger else None,)
+        return (tuple(n for n in self.ledger if cursor_of(n) >= since)[:2],)
 
     def send(self, notification: Notification) -> None:
         self._on_update(UpdateHeader(), notification)
@@ -303,6 +305,25 @@ def test_the_first_connection_asks_for_nothing_of_the_past() -> None:
     listener = Listener()
     listener.on(Connection(fact(1), fact(2))).send(fact(3))
     assert listener.heard == [3]
+
+
+def test_what_was_recorded_after_the_first_connection_is_caught_up_with() -> None:
+    for ledger in ((), (fact(1), fact(2))):
+        listener = Listener()
+        listener.on(Connection(*ledger))
+        listener.on(Connection(*ledger, fact(3), fact(4)))
+        assert (listener.heard, listener.new_ledgers) == ([3, 4], 0)
+
+
+def test_numbers_need_not_be_in_the_order_of_recording() -> None:
+    listener = Listener()
+    first = listener.on(Connection())
+    received = (fact(1), fact(3, cursor=2))
+    for each in received:
+        first.send(each)
+    refusal = fact(0, "refused", cursor=3)
+    listener.on(Connection(*received, refusal, fact(2, cursor=4))).send(fact(0, "contact"))
+    assert (listener.heard, listener.new_ledgers) == ([1, 3, 0, 2, 0], 0)
 
 
 def test_what_was_missed_comes_before_what_comes() -> None:

@@ -218,6 +218,8 @@ async def test_returns_notifications_of_the_past(aboard: Aboard, client: MrsClie
     assert of_one == tuple(n for n in everything if n.commandId == 12)
     assert of_one[-1].stage is Stage.EXECUTED
     assert await client.get_notifications(since=2**64 - 1) == ()
+    assert await client.get_last_notification() == everything[-1]
+    assert [n.cursor for n in everything] == [n.sequence for n in everything]
 
 
 async def test_tells_what_it_is(client: MrsClient) -> None:
@@ -233,7 +235,7 @@ async def test_the_directory_lists_what_works_and_nothing_else(
     services = await client.get_services()
     assert {service.name: service.operations for service in services} == {
         "ServiceLayer": (1, 2, 3, 4, 5),
-        "Notification": (1, 2, 3),
+        "Notification": (1, 2, 3, 5),
         "Monitoring": (1, 2, 3, 4),
         "FileTransfer": (1, 2, 3),
         "FileManagement": (1, 2, 3, 4, 5),

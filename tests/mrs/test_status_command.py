@@ -170,7 +170,7 @@ def test_lists_what_is_served_and_where(aboard: Aboard) -> None:
     assert result.output.count(f"\n{aboard.uri}\n") == 1
     assert re.search(r"\n  MotionControl +moveTo, moveForward, ", result.output)
     unfolded = "".join(result.output.split())
-    assert f"getNotifications;{aboard.uri}InternalBroker" in unfolded
+    assert f"getLastNotification;{aboard.uri}InternalBroker" in unfolded
 
 
 @pytest.fixture

@@ -120,9 +120,9 @@ def moves(patch: pytest.MonkeyPatch) -> None:
 
 
 def tells_what_nobody_said(patch: pytest.MonkeyPatch) -> None:
-    def report(method: Any, _: RelayedRover, report: Report) -> None:
-        for told in [report] * 9:
-            method(told)
+    def report(method: Any, _: RelayedRover, *reported: Report | int) -> None:
+        for again in [reported] * 9:
+            method(*again)
 
     _around(patch, RelayedRover, "_report", report)
 

@@ -255,10 +255,10 @@ class Orbiter:
             rover.record.close()
         self._log.close()
 
-    def report(self, report: Report) -> None:
+    def report(self, report: Report, cursor: int | None) -> None:
         """Count what is told of the rover, but not what the relay says of itself; encode it."""
         self._told += report.link is not None or bool(report.sequence)
-        self._encode(self._notifications, (notification_of(report),))
+        self._encode(self._notifications, (notification_of(report, cursor),))
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         self._told += 1

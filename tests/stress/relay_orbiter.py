@@ -69,7 +69,7 @@ class Ground:
         self._underway = max(0, len(acknowledged) - len(numbers(TOLD)))
         rover.listener = self
 
-    def report(self, report: Report) -> None:
+    def report(self, report: Report, cursor: int | None) -> None:
         """Hear a report, unless it is of the relay itself."""
         if report.sequence:
             self._journal.write(TOLD, self._life, report.sequence)

@@ -267,12 +267,17 @@ def past_notifications(
 
     Args:
         executive: whose ledger.
-        since: the first sequence number wanted.
+        since: the first cursor, which is the sequence number here.
         command_id: only of commands of this number.
         most: how many at most; 0 for as many as are returned at once.
     """
     first = min(since or 0, LAST_SEQUENCE)
     return tuple(map(notification_of, executive.reports(first, command_id, page_size(most))))
+
+
+def _last_notification(executive: Executive) -> Notification | None:
+    found = past_notifications(executive, executive.last_sequence, None, 1)
+    return found[0] if found else None
 
 
 def page_size(most: int) -> int:
@@ -383,6 +388,7 @@ QUESTIONS: Final[tuple[tuple[str, str, Callable[..., Any]], ...]] = (
     ("MotionControl", "getPose", wire.pose),
     ("MotionControl", "getSpeeds", wire.speeds),
     ("Notification", "getNotifications", past_notifications),
+    ("Notification", "getLastNotification", _last_notification),
     ("Plan", "getPlanStatus", _plan_updates),
     ("Status", "getFaults", _fault_status),
     ("Status", "getStatusInterval", lambda executive: executive.status_interval_s),

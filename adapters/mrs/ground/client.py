@@ -349,21 +349,11 @@ class MrsClient(Queries):
     async def _restore(self, consumer: RoverConsumer) -> None:
         with suppress(NotServedError):  # what else it serves can be used all the same
             await self._feed.restore(consumer)
-        await self._catch_up(consumer)
         await self._file_news.subscribe(consumer)
         await self._restore_plans(consumer)
         await self._telemetry.subscribe(consumer)
         with suppress(NotServedError):
             await self._trees.subscribe(consumer)
-
-    async def _catch_up(self, consumer: RoverConsumer) -> None:
-        """Ask what became of commands: through a relay, reports may come late or out of order."""
-        for watch in tuple(self._watches):
-            if not watch.ended.done():
-                wanted = (None, watch.command_id, 0)
-                (past,) = await consumer.request("Notification", "getNotifications", *wanted)
-                for notification in past:
-                    watch.take(notification)
 
     async def _restore_plans(self, consumer: RoverConsumer) -> None:
         if not self._plans.wanted:

@@ -4,9 +4,10 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Final, Generic, TypeVar
 
-from adapters.mal import Subscription, UpdateHeader
+from adapters.mal import MalError, Subscription, UpdateHeader
+from adapters.mrs.ground.queries import LOST
 from adapters.mrs.ground.rover_consumer import RoverConsumer
-from adapters.mrs.spec import Notification
+from adapters.mrs.spec import Notification, cursor_of, given_up
 
 T = TypeVar("T")
 
@@ -98,7 +99,7 @@ class Updates(Streams[T]):
 
 
 class NotificationStream:
-    """Passes on every notification from the first connection on, each once and in order.
+    """Passes on every notification from the first connection on, in the order of recording.
 
     A notification that the rover sends again, because its command came again, is passed on again.
 
@@ -113,6 +114,7 @@ class NotificationStream:
     ) -> None:
         self._deliver = deliver
         self._on_new_ledger = on_new_ledger
+        self._has_last = False
         self._last: Notification | None = None
         self._held: list[Notification] | None = None
 
@@ -133,8 +135,9 @@ class NotificationStream:
             missed = await self._missed(consumer)
         finally:
             self._held = None
-        known = {notification.sequence for notification in missed}
-        for notification in (*missed, *(n for n in held if n.sequence not in known)):
+        known = {notification.cursor for notification in missed}
+        missed.sort(key=lambda each: given_up(each) is not None)  # it may have ended since
+        for notification in (*missed, *(n for n in held if n.cursor not in known)):
             self._pass_on(notification)
 
     def _take(self, _: UpdateHeader, notification: Notification) -> None:
@@ -144,22 +147,28 @@ class NotificationStream:
             self._held.append(notification)
 
     def _pass_on(self, notification: Notification) -> None:
-        last = 0 if self._last is None else self._last.sequence
-        if notification.sequence > last:  # what a relay says of itself has no number: 0
-            self._last = notification
+        if cursor_of(notification) > cursor_of(self._last):
+            self._last, self._has_last = notification, True
         self._deliver(notification)
 
     async def _missed(self, consumer: RoverConsumer) -> list[Notification]:
-        if self._last is None:
-            return []
-        found: list[Notification] = []
-        since: int | None = self._last.sequence
-        while since is not None:
-            (page,) = await consumer.request("Notification", "getNotifications", since, None, 0)
-            found += page
-            since = page[-1].sequence + 1 if page else None
-        if not found or found[0] != self._last:
-            self._last = None
+        """Return what was recorded after the last notification; on the first connection nothing."""
+        if self._has_last:
+            found: list[Notification] = []
+            since: int | None = cursor_of(self._last)
+            while since is not None:
+                (page,) = await consumer.request("Notification", "getNotifications", since, None, 0)
+                found += page
+                since = cursor_of(page[-1]) + 1 if page else None
+            if self._last is None:
+                return found
+            if found[:1] == [self._last]:
+                return found[1:]
             self._on_new_ledger()
-            return []
-        return found[1:]
+        try:
+            (self._last,) = await consumer.request("Notification", "getLastNotification")
+            self._has_last = True
+        except MalError as error:  # a rover that cannot read its record still takes a stop
+            if error.number in LOST:
+                raise
+        return []

@@ -22,6 +22,7 @@ from adapters.mrs.spec import (
     Speeds,
     asked_motion,
     chronicle_of,
+    cursor_of,
     wire_definition,
 )
 from executive.commands import Motion, PlanDefinition
@@ -53,9 +54,24 @@ class Queries:
     async def get_notifications(
         self, since: int | None = None, command_id: int | None = None, max_count: int = 0
     ) -> tuple[Notification, ...]:
-        """Return notifications of the past, oldest first; 0 for as many as come at once."""
+        """Return recorded notifications from a cursor on; 0 for as many as come at once."""
         wanted = (since, command_id, max_count)
         return await self._list(Notification, "Notification", "getNotifications", *wanted)
+
+    async def get_all_notifications(
+        self, since: int | None = None, command_id: int | None = None
+    ) -> list[Notification]:
+        """Return all recorded notifications from a cursor on, page by page."""
+        found: list[Notification] = []
+        while page := await self.get_notifications(since, command_id):
+            found += page
+            since = cursor_of(page[-1]) + 1
+        return found
+
+    async def get_last_notification(self) -> Notification | None:
+        """Return the notification that was recorded last; None if there is none."""
+        last: Notification | None = await self._ask("Notification", "getLastNotification")
+        return last
 
     async def get_history(
         self, command: str | None = None, *, everything: bool = False

@@ -192,11 +192,15 @@ _SOURCE: Final = "source"
 _NUMBER: Final = "commandId"
 
 
-def notification_of(report: Report) -> Notification:
+def notification_of(report: Report, cursor: int | None = None) -> Notification:
     """Return the notification that carries a report; figures become parameters.
 
     What is of a command's life, and an EVENT that is of one command, has its source and commandId:
     a LINK that is of one command names it in its parameters.
+
+    Args:
+        report: what is carried.
+        cursor: its place in the order of recording; None for its sequence, which is that aboard.
     """
     named = _name_of(report.identity) if report.kind is Kind.LINK else ()
     whose = None if named else report.identity
@@ -213,7 +217,13 @@ def notification_of(report: Report) -> Notification:
         code=report.reason.value if report.reason else None,
         text=report.text,
         parameters=(*named, *figure_values(report.figures)) or None,
+        cursor=cursor or report.sequence or None,
     )
+
+
+def cursor_of(notification: Notification | None) -> int:
+    """Return the cursor of a notification; 0 if it is not recorded."""
+    return 0 if notification is None else notification.cursor or 0
 
 
 def figure_values(figures: Sequence[Figure]) -> tuple[NamedValue, ...]:

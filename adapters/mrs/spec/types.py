@@ -222,7 +222,8 @@ class Notification:
         kind: What it is about.
         severity: How much it should worry the operator.
         timestamp: On-board time of the fact. (ns since 1970 UTC)
-        sequence: Per asset, one more each, to see gaps.
+        sequence: Per asset, in the order of events aboard, one more each. At an orbiter 0: it has
+            no number.
         commandId: The command. NULL unless kind is COMMAND, or it is the prediction of a command's
             motion: kind EVENT, stage NULL.
         source: Source of that command.
@@ -234,6 +235,8 @@ class Notification:
         text: For the operator.
         parameters: Failure data or results. A name that begins with 'predicted ' is of the
             prediction, and goes with the name that follows.
+        cursor: Per provider, in the order of recording, to catch up by getNotifications. Equal to
+            the sequence aboard. NULL: it is not recorded.
     """
 
     kind: NotificationKind
@@ -248,6 +251,7 @@ class Notification:
     code: int | None = None
     text: str | None = None
     parameters: tuple[NamedValue, ...] | None = None
+    cursor: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

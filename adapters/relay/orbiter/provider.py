@@ -101,6 +101,7 @@ class RoverProvider:
         self._tell = offer.broadcast("Notification", "monitorNotification", *named)
         self._tell_value = offer.broadcast("Monitoring", "monitorValue", *named, droppable=True)
         offer.serve("Notification", "getNotifications", lambda _, *wanted: self._past(*wanted))
+        offer.serve("Notification", "getLastNotification", lambda _: self._last())
         offer.serve("Monitoring", "getValue", lambda _, names: (self._present(names),))
         offer.serve("Monitoring", "listDefinition", lambda _: ((*DEFINED, *ORBITER_PARAMETERS),))
         offer.serve("MotionControl", "getPose", lambda _: (pose(rover),))
@@ -155,9 +156,9 @@ class RoverProvider:
                 raise with_text(AreaError.NOT_SUPPORTED, text)
         await self._rover.submit(command)
 
-    def report(self, report: Report) -> None:
+    def report(self, report: Report, cursor: int | None) -> None:
         """Broadcast a report."""
-        notification = notification_of(report)
+        notification = notification_of(report, cursor)
         self._tell(notification, keys=notification_keys(self._settings.asset, notification))
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
@@ -215,10 +216,12 @@ class RoverProvider:
         self, since: int | None, command_id: int | None, most: int
     ) -> tuple[tuple[wire.Notification, ...]]:
         first = min(since or 0, LAST_SEQUENCE)
-        found = self._rover.record.ledger.reports(first, command_id, page_size(most))
-        if command_id is not None and not since:
-            found = [*found, *self._rover.given_up(command_id)][: page_size(most)]
-        return (tuple(map(notification_of, found)),)
+        found = self._rover.record.ledger.recorded(first, command_id, page_size(most))
+        return (tuple(notification_of(each.report, each.cursor) for each in found),)
+
+    def _last(self) -> tuple[wire.Notification | None]:
+        last = self._rover.record.ledger.last()
+        return (None if last is None else notification_of(last.report, last.cursor),)
 
     def _present(self, names: Sequence[str]) -> tuple[wire.ParameterValue, ...]:
         for name in names:

@@ -1,4 +1,4 @@
-"""What the orbiter must still know of a rover after a restart: all SQL of `rover-mops`.
+"""What the orbiter must still know of a rover after a restart: with `report_ledger`, all its SQL.
 
 Its tables stand in the ledger's file and are written in its commits. Every method raises
 `LedgerError` where the file cannot be read or written.
@@ -12,9 +12,9 @@ from typing import Final
 from adapters.bundle import BundleId
 from adapters.mops import HIGHEST_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.derived_reports import Loss
+from adapters.relay.orbiter.report_ledger import ReportLedger
 from executive.commands import Command, Stop
-from executive.record import Ledger
-from executive.reports import Identity, Report, Stage
+from executive.reports import Identity, Kind, Report, Severity, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS underway (
@@ -38,11 +38,21 @@ CREATE TABLE IF NOT EXISTS authorities (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL UNIQUE, epoch INTEGER NOT NULL
 );
 """
+_LOSSES: Final = f"""
+INSERT INTO reports (sequence, utc_s, kind, severity, text, source, command_id, figures)
+    SELECT (SELECT min(coalesce(min(sequence), 0), 0) FROM reports)
+        - row_number() OVER (ORDER BY asked_utc_s), asked_utc_s,
+        {Kind.LINK.value}, {Severity.ALARM.value}, source || ':' || command_id || ' '
+        || iif(ended = 2, '{Loss.FORGOTTEN.value}', '{Loss.GIVEN_UP.value}'),
+        source, command_id, '[]'
+    FROM asked LEFT JOIN stages USING (source, command_id) WHERE ended = 2 OR ended = 1
+        AND stage IS NULL AND (source, command_id) NOT IN (SELECT source, command_id FROM reports);
+UPDATE asked SET ended = 1 WHERE ended = 2;
+"""
+"""Losses are reports. A file of an older version has them only in how a command ended."""
 MOST_AUTHORITIES: Final = 100
 """Sources whose authority is known; the oldest are forgotten."""
 _ENDED: Final = 1
-_FORGOTTEN: Final = 2
-"""Of `ended`: nothing more is expected, as the rover has another ledger now."""
 _WORKING: Final = (Stage.STARTED.value, Stage.PROGRESS.value)
 _WAITING: Final = (Stage.RECEIVED.value, Stage.ACCEPTED.value)
 _OPEN: Final = " FROM asked a LEFT JOIN stages s USING (source, command_id) WHERE NOT a.ended"
@@ -68,7 +78,7 @@ class OutstandingCommand:
 class Outstanding:
     """The commands that went to one rover. A message is kept while it may be sent once more."""
 
-    def __init__(self, ledger: Ledger) -> None:
+    def __init__(self, ledger: ReportLedger) -> None:
         self._ledger = ledger
 
     def add(
@@ -106,22 +116,26 @@ class Outstanding:
         )
         self._ledger.commit()
 
-    def left_outbox(self, bundle: BundleId, utc_s: float, lost: bool = False) -> Identity | None:
+    def left_outbox(
+        self, bundle: BundleId, utc_s: float, loss: Loss | None = None
+    ) -> Identity | None:
         """Record that a bundle has left the outbox; return the command in it, the first time.
 
         Args:
             bundle: one of this rover's, or not.
             utc_s: when.
-            lost: whether nothing more is expected of its command.
+            loss: why its command may be lost; recorded as a report if there is none on it yet.
         """
         key = (str(bundle),)
         rows = self._ledger.rows("SELECT source, command_id FROM underway WHERE bundle = ?", key)
         if not rows:
             return None
         identity = Identity(*rows[0])
-        self._ledger.write("DELETE FROM underway WHERE bundle = ?", key)
-        if lost:
+        if loss is not None and self._ledger.last_report(identity) is None:
+            self._lose(identity, loss, utc_s)
+        elif loss is not None:
             self.end(identity)
+        self._ledger.write("DELETE FROM underway WHERE bundle = ?", key)
         self.asked_again(identity, utc_s)
         return identity
 
@@ -143,23 +157,6 @@ class Outstanding:
         ((oldest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
         return None if oldest_utc_s is None else float(oldest_utc_s)
 
-    def losses(self, command_id: int) -> Sequence[tuple[Identity, float, Loss]]:
-        """Return the losses among commands of a number: which, since when, and why."""
-        rows = self._ledger.rows(
-            "SELECT a.source, a.command_id, a.asked_utc_s, a.ended FROM asked a"
-            " LEFT JOIN stages s USING (source, command_id)"
-            " WHERE a.command_id = ? AND (a.ended = ? OR a.ended = ? AND s.stage IS NULL)",
-            (command_id, _FORGOTTEN, _ENDED),
-        )
-        return [
-            (
-                Identity(source, number),
-                float(utc_s),
-                Loss.FORGOTTEN if ended == _FORGOTTEN else Loss.GIVEN_UP,
-            )
-            for source, number, utc_s, ended in rows
-        ]
-
     def end(self, identity: Identity) -> None:
         """Expect no more reports on a command, with the next commit."""
         self._ledger.write(
@@ -167,8 +164,8 @@ class Outstanding:
             (_ENDED, *_key(identity)),
         )
 
-    def end_begun(self, utc_s: float) -> Sequence[Identity]:
-        """Expect no more reports on commands that have begun, with the next commit; return them.
+    def end_begun(self, utc_s: float) -> None:
+        """Report commands that have begun as lost, with the next commit.
 
         What else has left the outbox is not asked for again: nobody knows whether it was done.
         """
@@ -176,29 +173,28 @@ class Outstanding:
             f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NOT NULL AND NOT {_WAITS}"
         )
         for key in rows:
-            self._ledger.write(
-                "UPDATE asked SET ended = ?, asked_utc_s = ? WHERE source = ? AND command_id = ?",
-                (_FORGOTTEN, utc_s, *key),
-            )
+            self._lose(Identity(*key), Loss.FORGOTTEN, utc_s)
         self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
-        return [Identity(*key) for key in rows]
 
-    def end_unheard(self, until_utc_s: float) -> Sequence[Identity]:
-        """Expect no reports on commands without any in their lifetime; return them.
+    def end_unheard(self, until_utc_s: float, utc_s: float) -> None:
+        """Expect no reports on commands without any in their lifetime, and report that.
 
         Args:
             until_utc_s: the latest end of a lifetime.
+            utc_s: the time.
         """
         rows = self._ledger.rows(
             f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NULL AND NOT {_WAITS}"
             " AND a.until_utc_s <= ?",
             (until_utc_s,),
         )
-        found = [Identity(*row) for row in rows]
-        for identity in found:
-            self.end(identity)
+        for key in rows:
+            self._lose(Identity(*key), Loss.UNHEARD, utc_s)
         self._ledger.commit()
-        return found
+
+    def _lose(self, identity: Identity, loss: Loss, utc_s: float) -> None:
+        self.end(identity)
+        self._ledger.append(loss.report(identity, utc_s))
 
     def unanswered(
         self, asked_before_utc_s: float, utc_s: float, begun: bool, most: int
@@ -252,7 +248,7 @@ class Ledgers:
     still on its way from the old one keeps its own.
     """
 
-    def __init__(self, ledger: Ledger) -> None:
+    def __init__(self, ledger: ReportLedger) -> None:
         self._ledger = ledger
         rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
         self._places = {str(name): int(place) for name, place in rows}
@@ -286,14 +282,15 @@ class Ledgers:
 _OF_COMMAND: Final = "{0}.source = c.source AND {0}.command_id = c.command_id"
 _COMMANDS: Final = (
     "DELETE FROM commands AS c WHERE"
-    f" coalesce((SELECT max(sequence) FROM reports r WHERE {_OF_COMMAND.format('r')}), 0) <= ?"
+    " coalesce((SELECT max(cursor) FROM reports r JOIN recorded ON number = sequence"
+    f"  WHERE {_OF_COMMAND.format('r')}), 0) <= ?"
     f" AND NOT EXISTS (SELECT 1 FROM asked a WHERE {_OF_COMMAND.format('a')}"
     "  AND (a.until_utc_s > ? OR NOT a.ended AND EXISTS"
     f"   (SELECT 1 FROM stages s WHERE {_OF_COMMAND.format('s')})))"
     " AND NOT (c.source = ? AND c.command_id = ?)"
 )
 _REPORTS: Final = (
-    "DELETE FROM reports AS r WHERE sequence <= ?"
+    "DELETE FROM reports AS r WHERE sequence IN (SELECT number FROM recorded WHERE cursor <= ?)"
     f" AND NOT EXISTS (SELECT 1 FROM commands c WHERE {_OF_COMMAND.format('r')})"
 )
 _LEFTOVERS: Final = (
@@ -302,7 +299,11 @@ _LEFTOVERS: Final = (
         f" WHERE NOT EXISTS (SELECT 1 FROM commands c WHERE {_OF_COMMAND.format('t')})"
         for table in ("stages", "asked")
     ),
-    "DELETE FROM heard AS h WHERE NOT EXISTS (SELECT 1 FROM reports r WHERE r.sequence = h.number)",
+    *(
+        f"DELETE FROM {table} AS t"
+        " WHERE NOT EXISTS (SELECT 1 FROM reports r WHERE r.sequence = t.number)"
+        for table in ("heard", "recorded")
+    ),
 )
 
 
@@ -311,7 +312,7 @@ _SLACK: Final = 20
 
 
 class Retention:
-    """Prunes the oldest reports above a number, and the commands without reports.
+    """Prunes the reports recorded first, above a number, and the commands without reports.
 
     What is under way stays, and so does what can still come again: a command is known for its
     whole lifetime. So there may be more than that number for a while. A stop that holds stays, too.
@@ -322,11 +323,12 @@ class Retention:
     """
 
     def __init__(
-        self, ledger: Ledger, most: int, stopped_by: Callable[[], Identity | None]
+        self, ledger: ReportLedger, most: int, stopped_by: Callable[[], Identity | None]
     ) -> None:
         self._ledger, self._most, self._stopped_by = ledger, most, stopped_by
         rows = ledger.rows("SELECT sequence FROM forgotten")
         self._border = int(rows[0][0]) if rows else 0
+        self._pruned_to = 0
 
     def forgot(self, number: int) -> bool:
         """Return whether a number may have been that of a pruned report."""
@@ -334,37 +336,28 @@ class Retention:
 
     def prune(self, utc_s: float) -> None:
         """Prune what is above the limit, if it is enough to be worth it."""
-        too_many = self._most + self._most // _SLACK
-        ((lowest,),) = self._ledger.rows("SELECT min(sequence) FROM reports")
-        if (lowest or 0) < -too_many:
-            self._forget_refusals(lowest + self._most)
-        border = self._number_after(self._most)
-        if border > self._border and self._number_after(too_many):
-            self._forget(border, utc_s)
+        cursor = self._cursor_before(self._most)
+        if cursor > self._pruned_to and self._cursor_before(self._most + self._most // _SLACK):
+            self._forget(cursor, utc_s)
 
-    def _forget_refusals(self, number: int) -> None:
-        """Prune refusals without a number, which are kept below 0, from a number on."""
-        self._ledger.write("DELETE FROM reports WHERE sequence BETWEEN ? AND -1", (number,))
-        self._ledger.write(_LEFTOVERS[-1], ())
-        self._ledger.commit()
-
-    def _forget(self, border: int, utc_s: float) -> None:
+    def _forget(self, cursor: int, utc_s: float) -> None:
         stop = self._stopped_by()
         kept = ("", 0) if stop is None else _key(stop)
-        self._ledger.write(_COMMANDS, (border, utc_s, *kept))
-        self._ledger.write(_REPORTS, (border,))
+        highest = "SELECT max(number) FROM recorded WHERE cursor <= ?"
+        ((number,),) = self._ledger.rows(highest, (cursor,))
+        self._ledger.write(_COMMANDS, (cursor, utc_s, *kept))
+        self._ledger.write(_REPORTS, (cursor,))
         for statement in _LEFTOVERS:
             self._ledger.write(statement, ())
+        border = max(self._border, number)
         self._ledger.write("INSERT OR REPLACE INTO forgotten VALUES (0, ?)", (border,))
         self._ledger.commit()
-        self._border = border
+        self._border, self._pruned_to = border, cursor
 
-    def _number_after(self, count: int) -> int:
-        """Return the number of the newest report that so many come after; 0 if there is none."""
+    def _cursor_before(self, count: int) -> int:
+        """Return the cursor before the last so many reports; 0 if there are no more."""
         rows = self._ledger.rows(
-            "SELECT sequence FROM reports WHERE sequence > 0"
-            " ORDER BY sequence DESC LIMIT 1 OFFSET ?",
-            (count,),
+            "SELECT cursor FROM recorded ORDER BY cursor DESC LIMIT 1 OFFSET ?", (count,)
         )
         return int(rows[0][0]) if rows else 0
 
@@ -391,43 +384,40 @@ class RoverRecord:
 
     def __init__(self, path: Path, numbered: bool = True, most_reports: int = MOST_REPORTS) -> None:
         self._numbered = numbered
-        self.ledger = Ledger(path)
-        self.ledger.make_tables(_SCHEMA)
+        self.ledger = ReportLedger(path, _SCHEMA + _LOSSES)
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = Retention(self.ledger, most_reports, self.stopped_by)
-        self._unwritten: dict[str, Report] = {}
 
     def close(self) -> None:
         """Close the file."""
         self.ledger.close()
 
-    def add_report(self, report: Report, unit: str, ledger: str = "") -> Report | None:
-        """Record a report; return it as it is to be told, or None if it was told before.
+    def add_report(self, report: Report, unit: str, ledger: str = "") -> bool:
+        """Record a report; return whether it is new.
 
-        A refusal by a rover that numbers its reports may have no number, for nothing was taken in:
-        it is kept below 0, and has no place among the others. What a rover that does not number
-        says again of the same command is nothing new.
+        A refusal by a rover that numbers its reports may have no number: it never reached the
+        rover's ledger. Without a number, what is said again of the same command is nothing new.
 
         Args:
             report: what the rover says.
-            unit: which message of which bundle it is, by which it is known when it comes again
-                because it could not be written down.
+            unit: which message of which bundle it is, by which one without a number is known when
+                it comes again.
             ledger: name of the ledger in which the rover numbered it.
         """
         if self.ledger.failing:
             self.ledger.commit()
-        if unit in self._unwritten:
-            return self._unwritten.pop(unit)
         if report.sequence != UNNUMBERED:
             number = self.ledgers.number(ledger, report.sequence)
-            if self._history.forgot(number) or self._has(number):
-                return None
+            if self._has(number) or self._is_forgotten(report, number):
+                return False
+            report = replace(report, sequence=number)
         else:
-            if self._is_known(unit) or (not self._numbered and self._is_repeated(report)):
-                return None
-            number = self._next_number()
-        self._keep(replace(report, sequence=number), unit)
-        return self._unwritten.pop(unit)
+            if self._is_known(unit) or self._is_repeated(report):
+                return False
+            if not self._numbered:
+                report = replace(report, sequence=self.ledger.last_sequence + 1)
+        self._keep(report, unit)
+        return True
 
     def contradicts(self, report: Report, ledger: str) -> bool:
         """Return whether something else was reported under the number of a report before."""
@@ -438,11 +428,6 @@ class RoverRecord:
         if not known or known[0].sequence != number:
             return False
         return known[0] != replace(report, sequence=number, utc_s=known[0].utc_s)
-
-    def last_report(self, identity: Identity) -> Report | None:
-        """Return the last report on a command, as it is told."""
-        last = self.ledger.last_report(identity)
-        return None if last is None else _as_told(last)
 
     def stopped_by(self) -> Identity | None:
         """Return the stop that holds; a brick has no stop latch, so there is none of it."""
@@ -455,11 +440,11 @@ class RoverRecord:
     def _has(self, number: int) -> bool:
         return bool(self.ledger.rows("SELECT 1 FROM reports WHERE sequence = ?", (number,)))
 
-    def _next_number(self) -> int:
-        if not self._numbered:
-            return self.ledger.last_sequence + 1
-        ((lowest,),) = self.ledger.rows("SELECT min(sequence) FROM reports")
-        return min(lowest or 0, 0) - 1
+    def _is_forgotten(self, report: Report, number: int) -> bool:
+        """Return whether a report may have been pruned: none on a known command is."""
+        identity = report.identity
+        known = identity is not None and self.ledger.digest_of(identity) is not None
+        return self._history.forgot(number) and not known
 
     def _is_known(self, unit: str) -> bool:
         return bool(self.ledger.rows("SELECT 1 FROM heard WHERE unit = ?", (unit,)))
@@ -489,17 +474,22 @@ class RoverRecord:
             if stage.terminal:
                 self.outstanding.end(identity)
         self.ledger.append(report)
-        if not self._numbered or report.sequence < 0:
-            self.ledger.write("INSERT INTO heard VALUES (?, ?)", (unit, report.sequence))
-        self._unwritten[unit] = _as_told(report)
+        if not self._numbered or report.sequence == UNNUMBERED:
+            newest = "SELECT ?, number FROM recorded ORDER BY cursor DESC LIMIT 1"
+            self.ledger.write(f"INSERT INTO heard {newest}", (unit,))
         self.ledger.commit()
 
     def _is_news(self, report: Report, identity: Identity) -> bool:
         """Return whether a report is newer than the last; without numbers none follows an end."""
-        last = self.ledger.last_report(identity)
-        if last is None or last.stage is None:
-            return True
-        return last.sequence < report.sequence if self._numbered else not last.stage.terminal
+        rows = self.ledger.rows(
+            "SELECT sequence, stage FROM reports WHERE source = ? AND command_id = ?"
+            " AND stage IS NOT NULL ORDER BY sequence DESC LIMIT 1",
+            _key(identity),
+        )
+        return all(
+            sequence < report.sequence if self._numbered else not Stage(stage).terminal
+            for sequence, stage in rows
+        )
 
     def add_telemetry(self, message: bytes, utc_s: float) -> None:
         """Record telemetry, unless newer telemetry came before it."""
@@ -534,10 +524,6 @@ class RoverRecord:
         """Return the last telemetry, and when it was made."""
         rows = self.ledger.rows("SELECT utc_s, message FROM telemetry")
         return (float(rows[0][0]), bytes(rows[0][1])) if rows else None
-
-
-def _as_told(report: Report) -> Report:
-    return report if report.sequence > 0 else replace(report, sequence=UNNUMBERED)
 
 
 def _key(identity: Identity) -> tuple[str, int]:

@@ -40,7 +40,6 @@ from adapters.mops import (
 from adapters.mrs.spec import AreaError, duplicate, refused, with_text
 from adapters.relay.orbiter.derived_reports import (
     LOSS_BY_STATUS,
-    Loss,
     departure,
     with_implied_stages,
 )
@@ -209,13 +208,11 @@ class RelayedRover:
         if fate is DeliveryStatus.HANDED_ON and self._confirm:
             return  # it is kept, and sent again, until the rover has it
         loss = LOSS_BY_STATUS.get(fate)
-        identity = self.record.outstanding.left_outbox(bundle, self._utc_s(), lost=loss is not None)
-        if identity is None:
-            return
-        if loss is None:
-            self._tell_of(departure(identity, self._utc_s()))
-        elif self.record.last_report(identity) is None:
-            self._tell_of(loss.report(identity, self._utc_s()))
+        identity = self.record.outstanding.left_outbox(bundle, self._utc_s(), loss)
+        if loss is not None:
+            self._publish()
+        elif identity is not None:
+            self._report(departure(identity, self._utc_s()))
 
     async def ask_again(self, ask_again_s: float) -> None:
         """Send commands without an answer once more; the rover repeats its last report.
@@ -253,11 +250,6 @@ class RelayedRover:
         _LOG.log(level, "%s: %s", self.settings.asset, text)
         said = Report(UNNUMBERED, self._utc_s(), Kind.LINK, severity, text, figures=figures)
         self._report(said)
-
-    def given_up(self, command_id: int) -> Sequence[Report]:
-        """Return the reports on commands of a number that were given up here."""
-        lost = self.record.outstanding.losses(command_id)
-        return [loss.report(identity, utc_s) for identity, utc_s, loss in lost]
 
     def parameters(self) -> tuple[ParameterValue, ...]:
         """Return all parameters as the last telemetry says, at its time."""
@@ -304,35 +296,31 @@ class RelayedRover:
     def _take(self, said: Report, unit: str, ledger: str) -> None:
         reports: Sequence[Report] = (said,)
         if not self.settings.numbered:
-            last = None if said.identity is None else self.record.last_report(said.identity)
+            last = None if said.identity is None else self.record.ledger.last_report(said.identity)
             reports = with_implied_stages(said, last)
         for each in reports:
-            new = self.record.add_report(
-                each, unit if each is said else f"{unit} {each.stage}", ledger
-            )
-            if new is not None:
-                self._report(new)
-            elif self.record.contradicts(each, ledger):
+            part = unit if each is said else f"{unit} {each.stage}"
+            new = self.record.add_report(each, part, ledger)
+            if not new and self.record.contradicts(each, ledger):
                 text = f"the rover reports something else under {each.sequence} than before"
                 self.tell(Severity.WARNING, f"{text}: {each.text}")
+        self._publish()
 
     def _begin_anew(self, ledger: str) -> None:
         """Begin a new ledger of the rover, which knows nothing of commands of the old one."""
         first = self.record.ledgers.number(ledger, 1)
         text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
         self.tell(Severity.WARNING, text)
-        for identity in self.record.outstanding.end_begun(self._utc_s()):
-            self._tell_of(Loss.FORGOTTEN.report(identity, self._utc_s()))
+        self.record.outstanding.end_begun(self._utc_s())
 
     def _give_up_unheard(self, aboard: LinkHealth) -> None:
         """Give up commands without a report, once all as old has come down."""
         if aboard.unread:
             return
-        made_utc_s = min(aboard.utc_s, self._utc_s())  # the rover's clock may be ahead
-        for identity in self.record.outstanding.end_unheard(
-            made_utc_s - aboard.oldest_s - self._grace_s
-        ):
-            self._tell_of(Loss.UNHEARD.report(identity, self._utc_s()))
+        now_s = self._utc_s()
+        made_utc_s = min(aboard.utc_s, now_s)  # the rover's clock may be ahead
+        self.record.outstanding.end_unheard(made_utc_s - aboard.oldest_s - self._grace_s, now_s)
+        self._publish()
 
     def _parameters(self, message: Message, utc_s: float) -> tuple[ParameterValue, ...]:
         return parameters_of(message, self._dictionary.spelling.telemetry, utc_s)
@@ -340,13 +328,19 @@ class RelayedRover:
     def _refuse(self, fault: str) -> None:
         _LOG.warning("%s: %s", self.settings.asset, fault)
 
-    def _tell_of(self, report: Report) -> None:
-        _LOG.info("%s: %s", self.settings.asset, report.text)
-        self._report(report)
+    def _publish(self) -> None:
+        """Publish what was recorded since, in its order: no cursor is published before a lower one.
 
-    def _report(self, report: Report) -> None:
+        So a client that has a cursor has all before it, also after commits that failed.
+        """
+        for each in self.record.ledger.newly_recorded():
+            self._report(each.report, each.cursor)
+
+    def _report(self, report: Report, cursor: int | None = None) -> None:
+        if report.kind is Kind.LINK and report.identity is not None:
+            _LOG.info("%s: %s", self.settings.asset, report.text)
         if self.listener is not None:
-            self.listener.report(report)
+            self.listener.report(report, cursor)
 
     def _spelled(self, command: Command) -> bytes:
         """Return a command as octets; raises MalError if it cannot go up."""
@@ -386,19 +380,22 @@ class RelayedRover:
             self.tell(Severity.WARNING, f"{command.identity} was another command before")
             return
         identity = command.identity
-        last = self.record.last_report(identity)
-        lost = [r for r in self.given_up(identity.command_id) if r.identity == identity]
-        for report in (*((last,) if last else ()), *lost):
-            self._report(report)
-        if last is None and not lost:
+        reports = self.record.ledger.recorded_on(identity)
+        last = [each for each in reports if each.report.stage is not None][-1:]
+        since = last[0].cursor if last else 0
+        losses = (each for each in reports if each.report.kind is Kind.LINK)
+        last += [each for each in losses if each.cursor > since]
+        for each in last:
+            self._report(each.report, each.cursor)
+        if not last:
             self.tell(Severity.INFORMATIONAL, f"{identity}: nothing came down yet")
 
 
 class RoverListener(Protocol):
     """Gets what comes from a rover."""
 
-    def report(self, report: Report) -> None:
-        """Take a report."""
+    def report(self, report: Report, cursor: int | None) -> None:
+        """Take a report, with its place in the order of recording if it was recorded."""
         ...
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:

@@ -153,6 +153,13 @@ class FarRover:
         self.ledger = ledger
         self._said.clear()
 
+    async def report(self, command: Message, number: int, stage: Stage) -> None:
+        """Report a stage of a command under a number, 0 for none."""
+        identity = Identity(command.source, command.moe_inputs_id or 0)
+        said = (number, time.time(), Kind.COMMAND, Severity.INFORMATIONAL, "", identity, stage)
+        reply = self._reply(command, Report(*said, link="relay"))
+        await self._send(reply if number else replace(reply, outputs=reply.outputs[:3]))
+
     async def event(self, text: str) -> None:
         report = self._report(Kind.EVENT, text)
         await self.say_event(report, self.ledger)

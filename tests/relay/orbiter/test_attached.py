@@ -39,7 +39,7 @@ class Ground:
     def __init__(self) -> None:
         self.said: list[str] = []
 
-    def report(self, report: Report) -> None:
+    def report(self, report: Report, cursor: int | None) -> None:
         if report.kind is Kind.EVENT:
             self.said.append(report.text)
 

@@ -159,13 +159,13 @@ async def test_only_a_link_made_late_enough_gives_it_up(
         await hear(link(sent_s + late_s - 5.0))
         await hear(link(sent_s + late_s + 20.0, queued=4, oldest_s=25.0))
         await hear(link(sent_s + late_s + 20.0, unread=1))
-        assert not far.given_up(command.identity.command_id)
+        assert not far.record.ledger.recorded_on(command.identity)
         await hear(link(sent_s + late_s + 20.0, queued=2, oldest_s=3.0))
         given_up = (await end).given_up
         assert given_up is not None
         assert "nothing came down on it within its lifetime" in (given_up.text or "")
-        (told,) = far.given_up(command.identity.command_id)
-        assert told.identity == command.identity
+        (loss,) = far.record.ledger.recorded_on(command.identity)
+        assert loss.report.identity == command.identity
 
 
 async def sent_and_killed(

@@ -6,6 +6,7 @@ import pytest
 
 from adapters.bundle import BundleId, Ipn
 from adapters.bundle.codec.bundle import Creation
+from adapters.relay.orbiter.derived_reports import Loss
 from adapters.relay.orbiter.record import LEDGER_STRIDE, RoverRecord
 from executive.commands.catalogue import Command, MoveForward, Request, Resume, Stop
 from executive.record import LedgerError
@@ -18,6 +19,11 @@ BUNDLE = BundleId(Ipn(1, 1), Creation(1000, 0))
 
 def report(sequence: int, stage: Stage = Stage.STARTED, identity: Identity = IDENTITY) -> Report:
     return Report(sequence, 1.0, Kind.COMMAND, Severity.INFORMATIONAL, "", identity, stage, "relay")
+
+
+def recorded(record: RoverRecord) -> list[tuple[int, int]]:
+    """Return cursor and number of each report, in the order of recording."""
+    return [(each.cursor, each.report.sequence) for each in record.ledger.recorded(0, None, 999)]
 
 
 def asked(
@@ -33,11 +39,11 @@ def asked(
 
 def test_a_report_is_told_once_however_often_it_comes(tmp_path: Path) -> None:
     record = RoverRecord(tmp_path / "r")
-    assert record.add_report(report(3), "a 0") == report(3)
-    assert record.add_report(report(3), "b 0") is None
+    assert record.add_report(report(3), "a 0")
+    assert not record.add_report(report(3), "b 0")
     record.close()
     again = RoverRecord(tmp_path / "r")
-    assert again.add_report(report(3), "a 0") is None
+    assert not again.add_report(report(3), "a 0")
     assert again.ledger.reports() == [report(3)]
 
 
@@ -48,7 +54,8 @@ def test_reports_that_overtake_one_another_are_kept_in_order(tmp_path: Path) -> 
     record.add_report(report(4, Stage.EXECUTED), "a 0")
     record.add_report(report(3, Stage.STARTED), "b 0")
     assert [known.sequence for known in record.ledger.reports()] == [3, 4]
-    assert record.last_report(IDENTITY) == report(4, Stage.EXECUTED)
+    assert recorded(record) == [(1, 4), (2, 3)]
+    assert record.ledger.last_report(IDENTITY) == report(4, Stage.EXECUTED)
     assert (record.outstanding.active(), record.outstanding.queued()) == (None, 0)
 
 
@@ -66,12 +73,16 @@ def test_who_begins_to_name_its_ledger_goes_on(tmp_path: Path) -> None:
 def test_a_refusal_without_number_is_kept_aside(tmp_path: Path) -> None:
     record = RoverRecord(tmp_path / "r")
     refusal, other = report(0, Stage.REJECTED), report(0, Stage.REJECTED, Identity("MOE", 8))
-    assert record.add_report(refusal, "a 0") == refusal
-    assert record.add_report(refusal, "a 0") is None
-    assert record.add_report(other, "b 0") == other
-    assert record.add_report(report(1, identity=Identity("MOE", 9)), "c 0") is not None
+    assert record.add_report(refusal, "a 0")
+    assert not record.add_report(refusal, "a 0")
+    assert not record.add_report(refusal, "of another bundle 0")
+    assert record.add_report(other, "b 0")
+    assert record.add_report(report(1, identity=Identity("MOE", 9)), "c 0")
     assert [known.sequence for known in record.ledger.reports(since=0)] == [1]
-    assert record.last_report(IDENTITY) == refusal
+    assert recorded(record) == [(1, 0), (2, 0), (3, 1)]
+    assert [each.report for each in record.ledger.recorded_on(IDENTITY)] == [refusal]
+    assert [each.cursor for each in record.ledger.recorded(2, 8, 9)] == [2]
+    assert [each.cursor for each in record.ledger.recorded(1, None, 2)] == [1, 2]
 
 
 def test_a_brick_is_numbered_here(tmp_path: Path) -> None:
@@ -124,8 +135,7 @@ def test_what_a_full_disk_held_up_is_told_once(tmp_path: Path) -> None:
     with pytest.raises(LedgerError):
         record.add_report(held, f"{number} 0")
     record.ledger.rows(f"PRAGMA max_page_count = {room}")
-    assert record.add_report(held, f"{number} 0") == held
-    assert record.add_report(held, f"{number} 0") is None
+    assert not record.add_report(held, f"{number} 0"), "it was written with the next commit"
     assert [known.sequence for known in record.ledger.reports()] == list(range(1, number + 1))
 
 
@@ -139,7 +149,7 @@ def test_older_telemetry_does_not_replace_newer(tmp_path: Path) -> None:
 
 MOST = 10
 LIFE = (Stage.RECEIVED, Stage.ACCEPTED, Stage.EXECUTED)
-TABLES = ("commands", "stages", "asked", "reports", "heard")
+TABLES = ("commands", "stages", "asked", "reports", "recorded", "heard")
 
 
 class Kept:
@@ -169,7 +179,7 @@ class Kept:
         for stage in life:
             self.tell(stage, identity)
 
-    def tell(self, stage: Stage, identity: Identity) -> Report | None:
+    def tell(self, stage: Stage, identity: Identity) -> bool:
         self.last += 1
         return self.record.add_report(self.report(self.last, stage, identity), f"unit {self.last}")
 
@@ -192,7 +202,8 @@ def test_the_oldest_is_forgotten_whole(tmp_path: Path) -> None:
         kept.run(number)
     kept.record.prune(LIFETIME_S + 1.0)
     assert [r.sequence for r in kept.record.ledger.reports()] == list(range(49, 61))
-    assert kept.sizes() == {"commands": 4, "stages": 4, "asked": 4, "reports": 12, "heard": 0}
+    assert list(kept.sizes().values()) == [4, 4, 4, 12, 12, 0]
+    assert recorded(kept.record)[0] == (49, 49)
     assert not kept.known(16)
     assert kept.known(17)
 
@@ -204,7 +215,7 @@ def test_what_was_forgotten_is_not_told_again(tmp_path: Path) -> None:
     kept.record.prune(LIFETIME_S + 1.0)
     kept.restart()
     again = kept.report(3, Stage.EXECUTED, Identity("MOE", 1))
-    assert kept.record.add_report(again, "once more") is None
+    assert not kept.record.add_report(again, "once more")
     kept.run(21)
     assert kept.record.ledger.reports()[-1].sequence == 63
 
@@ -254,8 +265,48 @@ def test_refusals_without_a_number_are_forgotten_too(tmp_path: Path) -> None:
     kept = Kept(tmp_path / "r")
     for number in range(1, 41):
         refusal = kept.report(0, Stage.REJECTED, Identity("MOE", number))
-        assert kept.record.add_report(refusal, f"unit {number}") == refusal
+        assert kept.record.add_report(refusal, f"unit {number}")
     kept.record.prune(0.0)
     assert kept.sizes()["reports"] == kept.sizes()["heard"] == MOST
-    assert kept.record.last_report(Identity("MOE", 40)) is not None
-    assert kept.record.last_report(Identity("MOE", 30)) is None
+    assert kept.record.ledger.last_report(Identity("MOE", 40)) is not None
+    assert kept.record.ledger.last_report(Identity("MOE", 30)) is None
+
+
+def test_a_report_on_a_known_command_is_never_too_late(tmp_path: Path) -> None:
+    kept = Kept(tmp_path / "r")
+    kept.run(1, life=(Stage.RECEIVED,))
+    kept.last += 1  # EXECUTED is on its way
+    for number in range(2, 31):
+        kept.run(number)
+    kept.record.prune(LIFETIME_S + 1.0)
+    late = kept.report(2, Stage.EXECUTED, Identity("MOE", 1))
+    assert kept.record.add_report(late, "late")
+    assert not kept.record.add_report(late, "again")
+    assert recorded(kept.record)[-1] == (89, 2)
+
+
+def test_a_file_of_an_older_version_has_the_order_of_its_numbers(tmp_path: Path) -> None:
+    older = Kept(tmp_path / "r")
+    for number, life in ((1, LIFE), (2, ()), (3, (Stage.RECEIVED,)), (4, ())):
+        older.run(number, life=life)
+    older.record.add_report(older.report(0, Stage.REJECTED, Identity("MOE", 4)), "a 0")
+    ledger = older.record.ledger
+    for ended, number in ((1, 2), (2, 3)):  # given up, and forgotten with the rover's ledger
+        ledger.write("UPDATE asked SET ended = ? WHERE command_id = ?", (ended, number))
+    ledger.write("DROP TABLE recorded", ())
+    ledger.commit()
+    for _ in range(2):
+        older.restart()
+        known = older.record.ledger.recorded(0, None, 99)
+        assert [(each.cursor, each.report.sequence) for each in known] == [
+            *((number, number) for number in range(1, 5)),
+            *((cursor, 0) for cursor in (5, 6, 7)),
+        ]
+        refusal, *losses = (each.report for each in known[4:])
+        assert refusal.stage is Stage.REJECTED
+        assert losses == [
+            Loss.GIVEN_UP.report(Identity("MOE", 2), 0.0),
+            Loss.FORGOTTEN.report(Identity("MOE", 3), 0.0),
+        ]
+    assert older.record.add_report(report(9), "new")
+    assert recorded(older.record)[-1] == (8, 9)

@@ -77,7 +77,7 @@ async def test_telemetry_answers_questions_and_is_pushed(tmp_path: Path) -> None
         names = [d.name for d in await client.list_definition()]
         assert [v.name for v in await client.get_value()] == names
         services = {s.name: s.operations for s in await client.get_services()}
-        assert services["Notification"] == (2, 3)
+        assert services["Notification"] == (2, 3, 5)
         assert "FileTransfer" not in services
     async with orbiting(sky) as (_, (station,)), await ground(station) as client:
         assert (await client.get_pose()).x == 1.0

@@ -1,0 +1,115 @@
+"""The reports of a rover by their numbers, and in the order in which the orbiter recorded them.
+
+Bundles overtake each other, and a refusal by the rover's end of the link has no number. So a client
+cannot catch up by the rover's numbers: it does by the cursor, which rises with each report that is
+recorded.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from adapters.mops import UNNUMBERED
+from executive.record import Ledger
+from executive.reports import Identity, Report
+
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS recorded (
+    cursor INTEGER PRIMARY KEY, number INTEGER NOT NULL UNIQUE
+);
+INSERT INTO recorded SELECT sequence, sequence FROM reports
+    WHERE sequence > 0 AND NOT EXISTS (SELECT 1 FROM recorded);
+INSERT INTO recorded (number) SELECT sequence FROM reports
+    WHERE sequence NOT IN (SELECT number FROM recorded) ORDER BY abs(sequence);
+"""
+"""Reports of an older file get their numbers as cursors, by which clients have caught up so far."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedReport:
+    """A report as it is published.
+
+    Attributes:
+        cursor: counts from 1 in the order of recording; unique in one file.
+        report: its sequence is `UNNUMBERED` if it has no number.
+    """
+
+    cursor: int
+    report: Report
+
+
+class ReportLedger(Ledger):
+    """A ledger that also keeps the order of recording.
+
+    Args:
+        path: the file, made with its folders if missing.
+        schema: makes further tables, and brings the reports of an older file up to date.
+
+    Raises:
+        LedgerError: from every method, if the file cannot be read or written.
+    """
+
+    def __init__(self, path: Path, schema: str) -> None:
+        super().__init__(path)
+        self.make_tables(schema + _SCHEMA)
+        ((lowest,),) = self.rows("SELECT min(sequence) FROM reports")
+        ((cursor,),) = self.rows("SELECT max(cursor) FROM recorded")
+        self._lowest, self._cursor = min(lowest or 0, 0), cursor or 0
+        self._new: list[RecordedReport] = []
+
+    def append(self, report: Report, foreign: bool = False) -> None:
+        """Add a report with the next commit; one without a number is stored below 0."""
+        if report.sequence == UNNUMBERED:
+            self._lowest -= 1
+            report = replace(report, sequence=self._lowest)
+        highest = self.last_sequence
+        super().append(report, foreign)
+        self.last_sequence = max(highest, report.sequence)
+        self._cursor += 1
+        self.write("INSERT INTO recorded VALUES (?, ?)", (self._cursor, report.sequence))
+        self._new.append(RecordedReport(self._cursor, _as_published(report)))
+
+    def newly_recorded(self) -> Sequence[RecordedReport]:
+        """Return what was recorded since the last call, unless it is still to be committed."""
+        if self._pending:
+            return ()
+        new, self._new = self._new, []
+        return new
+
+    def last(self) -> RecordedReport | None:
+        """Return the report that was recorded last; None if there is none."""
+        found = self._recorded("ORDER BY cursor DESC LIMIT 1")
+        return found[0] if found else None
+
+    def recorded(self, since: int, command_id: int | None, count: int) -> Sequence[RecordedReport]:
+        """Return reports from a cursor on, in the order of recording.
+
+        Args:
+            since: the first cursor.
+            command_id: only reports on commands of this number, of any source.
+            count: the maximum number of reports.
+        """
+        if command_id is None:
+            return self._recorded("WHERE cursor >= ? ORDER BY cursor LIMIT ?", since, count)
+        where = "WHERE cursor >= ? AND command_id = ? ORDER BY cursor LIMIT ?"
+        return self._recorded(where, since, command_id, count)
+
+    def recorded_on(self, identity: Identity) -> Sequence[RecordedReport]:
+        """Return the reports on a command, in the order of their numbers."""
+        where = "WHERE source = ? AND command_id = ? ORDER BY sequence"
+        return self._recorded(where, identity.source, identity.command_id)
+
+    def _recorded(self, where: str, *values: object) -> Sequence[RecordedReport]:
+        rows = self.rows(
+            f"SELECT cursor, number FROM recorded JOIN reports ON sequence = number {where}", values
+        )
+        return [
+            RecordedReport(cursor, _as_published(report))
+            for cursor, number in rows
+            for report in self._select("WHERE sequence = ?", (number,))
+        ]
+
+
+def _as_published(report: Report) -> Report:
+    return report if report.sequence > 0 else replace(report, sequence=UNNUMBERED)

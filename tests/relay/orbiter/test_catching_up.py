@@ -1,0 +1,172 @@
+"""A client that lost its connection learns by catching up alone what was recorded since."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from adapters.mops import Message
+from adapters.mrs.ground import MrsClient
+from adapters.mrs.spec import Notification, given_up
+from adapters.relay.orbiter.relay import OrbiterRelay
+from adapters.relay.orbiter.rover import RelayedRover
+from executive.commands import MoveForward
+from executive.reports import Kind, Report, Severity, Stage
+from tests.relay.orbiter.sky import (
+    Clock,
+    FarRover,
+    Sky,
+    eclipse,
+    ground,
+    landed,
+    meeting,
+    orbiting,
+    until,
+)
+
+
+@asynccontextmanager
+async def received(client: MrsClient) -> AsyncIterator[list[Notification]]:
+    """Gather what a client receives for the time of a with."""
+    notifications: list[Notification] = []
+
+    async def gather() -> None:
+        async for notification in client.notifications():
+            notifications.append(notification)
+
+    gathering = asyncio.create_task(gather())
+    await asyncio.sleep(0)
+    try:
+        yield notifications
+    finally:
+        gathering.cancel()
+        await asyncio.gather(gathering, return_exceptions=True)
+
+
+def ends(notifications: list[Notification], stage: Stage) -> Callable[[], bool]:
+    return lambda: any(each.stage and each.stage.value == stage.value for each in notifications)
+
+
+@asynccontextmanager
+async def out_of_contact(relay: OrbiterRelay, client: MrsClient) -> AsyncIterator[RelayedRover]:
+    """Have nobody receive what is published for the time of a with; then connect again."""
+    (rover,) = relay.rovers.values()
+    listener, rover.listener = rover.listener, None
+    yield rover
+    rover.listener = listener
+    await client._session.drop(await client._session.consumer())
+
+
+async def sent(rover: FarRover, client: MrsClient) -> Message:
+    """Send a command to which the rover answers nothing yet."""
+    rover.life = ()
+    await client.submit(client.command(MoveForward(1.0)))
+    await until(lambda: len(rover.commands) == 1)
+    return rover.commands[0]
+
+
+async def test_an_end_that_was_overtaken_by_another_report(tmp_path: Path) -> None:
+    async with (
+        meeting(Sky(tmp_path, "jackal")) as (relay, rover, client),
+        received(client) as notifications,
+    ):
+        command = await sent(rover, client)
+        await rover.report(command, 1, Stage.RECEIVED)
+        other = Report(3, 1.0, Kind.EVENT, Severity.WARNING, "a stone")
+        await rover.say_event(other, rover.ledger)
+        await until(lambda: any(each.text == "a stone" for each in notifications))
+        async with out_of_contact(relay, client) as relayed:
+            await rover.report(command, 2, Stage.EXECUTED)
+            await until(lambda: len(relayed.record.ledger.reports()) == 3)
+        await until(ends(notifications, Stage.EXECUTED))
+        assert [n.sequence for n in notifications if n.sequence] == [1, 3, 2]
+
+
+async def test_all_that_came_if_nothing_was_received_before(tmp_path: Path) -> None:
+    async with (
+        meeting(Sky(tmp_path, "jackal")) as (relay, rover, client),
+        received(client) as notifications,
+    ):
+        command = await sent(rover, client)
+        async with out_of_contact(relay, client) as relayed:
+            await rover.report(command, 1, Stage.RECEIVED)
+            await rover.report(command, 2, Stage.EXECUTED)
+            await until(lambda: len(relayed.record.ledger.reports()) == 2)
+        await until(ends(notifications, Stage.EXECUTED))
+        assert [n.sequence for n in notifications if n.sequence] == [1, 2]
+
+
+async def test_a_refusal_without_a_number(tmp_path: Path) -> None:
+    async with (
+        meeting(Sky(tmp_path, "jackal")) as (relay, rover, client),
+        received(client) as notifications,
+    ):
+        command = await sent(rover, client)
+        async with out_of_contact(relay, client) as relayed:
+            await rover.report(command, 0, Stage.REJECTED)
+            await until(lambda: bool(relayed.record.ledger.rows("SELECT 1 FROM reports")))
+        await until(ends(notifications, Stage.REJECTED))
+        (refusal,) = await client.get_notifications(command_id=command.moe_inputs_id)
+        assert (refusal.sequence, refusal.stage and refusal.stage.name) == (0, "REJECTED")
+
+
+async def test_that_a_command_was_lost(tmp_path: Path) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with (
+        meeting(sky, clock, eclipse(clock)) as (relay, _, client),
+        received(client) as notifications,
+    ):
+        command = client.command(MoveForward(1.0), lifetime_s=30.0)
+        await client.submit(command)
+        async with out_of_contact(relay, client):
+            clock.shift_s = 60.0
+            await until(lambda: relay.agent.health().queued == 0)
+        await until(lambda: any(given_up(each) == command.identity for each in notifications))
+
+
+async def test_the_end_rather_than_the_loss_before_it(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with meeting(sky) as (relay, rover, client):
+        rover.life = ()
+        running = asyncio.create_task(client.run(client.command(MoveForward(1.0))))
+        await until(lambda: len(rover.commands) == 1)
+        async with out_of_contact(relay, client) as relayed:
+            relayed.record.outstanding.end_unheard(float("inf"), 1.0)
+            await rover.report(rover.commands[0], 1, Stage.EXECUTED)
+            await until(lambda: len(relayed.record.ledger.reports()) == 1)
+        assert (await running).executed
+
+
+async def test_what_was_recorded_and_not_published_before_a_kill(tmp_path: Path) -> None:
+    sky = Sky(tmp_path, "jackal")
+    async with landed(sky, "jackal") as rover:
+        async with orbiting(sky) as (relay, (station,)), await ground(station) as client:
+            command = await sent(rover, client)
+            async with received(client) as notifications:
+                other = Report(2, 1.0, Kind.EVENT, Severity.WARNING, "a stone")
+                await rover.say_event(other, rover.ledger)
+                await until(lambda: any(each.text == "a stone" for each in notifications))
+            (relayed,) = relay.rovers.values()
+            relayed.listener = None
+            await rover.report(command, 1, Stage.EXECUTED)
+            await until(lambda: len(relayed.record.ledger.reports()) == 2)
+            cursor = next(each.cursor for each in notifications if each.text == "a stone")
+        async with orbiting(sky) as (_, (station,)), await ground(station) as client:
+            (missed,) = await client.get_all_notifications((cursor or 0) + 1)
+            assert missed.sequence == 1
+
+
+async def test_what_a_failed_commit_held_up_is_published_before_later_reports(
+    tmp_path: Path,
+) -> None:
+    async with meeting(Sky(tmp_path, "jackal")) as (relay, _, client):
+        (relayed,) = relay.rovers.values()
+        ledger = relayed.record.ledger
+        async with received(client) as notifications:
+            held = Report(1, 1.0, Kind.EVENT, Severity.WARNING, "held up")
+            ledger.append(held)  # as a commit left it that failed
+            ledger.commit()  # of something else
+            relayed._take(Report(2, 1.0, Kind.EVENT, Severity.WARNING, "later"), "unit", "first")
+            await until(lambda: len(notifications) == 2)
+            assert [each.text for each in notifications] == ["held up", "later"]
+            assert [each.cursor for each in notifications] == [1, 2]
