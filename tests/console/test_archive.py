@@ -66,7 +66,7 @@ def sample(utc: float, value: float | str | None, link: Link = Link.DIRECT) -> S
 def notified(sequence: int, utc: float = 100.0) -> Notified:
     return Notified(
         "jackal", Link.DIRECT, sequence, utc, utc, "EVENT", "WARNING", "dust", None, None, None,
-        None, None, {"depth": float("inf")},
+        None, None, {"depth": float("inf")}, cursor=sequence,
     )  # fmt: skip
 
 
@@ -293,6 +293,9 @@ async def test_commands_notifications_and_records_come_back_as_they_were(engine:
     for sequence in (1, 2, 2, 3):
         archive.put(notified(sequence))
     archive.put(AssetState("jackal", Link.DIRECT, 3.0, "IDLE", None, 0, None))
+    for cursor in (5, 6, 6, None, None):  # refusals without a number, and not recorded
+        archive.put(replace(notified(0, utc=50.0), cursor=cursor))
+    archive.put(notified(4))
     await archive.flush()
     assert await archive.read(partial(read_command, name="one")) == ended
     last = await archive.read(partial(last_commands, count=2))
@@ -302,8 +305,11 @@ async def test_commands_notifications_and_records_come_back_as_they_were(engine:
     )
     assert len(told) == 2
     assert told[0]["figures"] == {"depth": "Infinity"}
+    every = partial(read_notifications, page=Page("jackal", None, None, 99))
+    cursors = [each["cursor"] for each in json.loads(await archive.read(every))]
+    assert sorted(cursor or 0 for cursor in cursors) == [0, 1, 2, 3, 4, 5, 6]
     known = partial(last_notification, asset="jackal", link=Link.DIRECT)
-    assert await archive.read(known) == (3, to_us(100.0))
+    assert await archive.read(known) == (4, to_us(100.0))
     assert await archive.read(partial(last_notification, asset="no", link=Link.DIRECT)) is None
     page = Page(None, to_us(0.0), to_us(4.0), 10)
     (state,) = json.loads(await archive.read(partial(read_records, ty="asset", page=page)))
@@ -392,6 +398,22 @@ def test_the_migrations_make_the_tables(engine: Engine) -> None:
     with engine.connect() as connection:
         context = MigrationContext.configure(connection)
         assert compare_metadata(context, METADATA) == []
+
+
+async def test_a_link_catches_up_from_the_last_number_of_an_older_archive(
+    engine: Engine, tmp_path: Path
+) -> None:
+    with engine.begin() as connection:
+        make_older(connection)
+        insert = "INSERT INTO notification VALUES (:n, 'jackal', 'direct', :n, :utc_us, 1, '{}')"
+        for number in (0, 7):
+            connection.execute(text(insert), {"n": number, "utc_us": 9 - number})
+    url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
+    open_database(url, tmp_path).dispose()
+    archive = Archive(engine)
+    known = partial(last_notification, asset="jackal", link=Link.DIRECT)
+    assert await archive.read(known) == (7, 2)
+    await archive.close()
 
 
 async def test_commands_of_an_older_archive_are_known_by_number_once_each(

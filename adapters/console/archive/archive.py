@@ -210,6 +210,7 @@ class Archive:
                             "utc_us": to_us(message.utc),
                             "rx_us": to_us(message.rx),
                             "body": encode(message),
+                            "cursor": message.cursor or 0,
                         }
                     )
                 case CommandStatus():

@@ -253,19 +253,19 @@ def read_records(connection: Connection, ty: str, page: Page) -> str:
 
 
 def last_notification(connection: Connection, asset: str, link: Link) -> tuple[int, int] | None:
-    """Return sequence and time of the last notification that was kept; None for none."""
+    """Return cursor and time of the last notification that was kept; None for none."""
     newest = (
-        select(NOTIFICATION.c.sequence, NOTIFICATION.c.utc_us)
+        select(NOTIFICATION.c.cursor, NOTIFICATION.c.utc_us)
         .where(
             NOTIFICATION.c.asset == asset,
             NOTIFICATION.c.link == link.value,
-            NOTIFICATION.c.sequence > 0,
+            NOTIFICATION.c.cursor > 0,
         )
         .order_by(NOTIFICATION.c.id.desc())
         .limit(1)
     )
     row = connection.execute(newest).first()
-    return None if row is None else (row.sequence, row.utc_us)
+    return None if row is None else (row.cursor, row.utc_us)
 
 
 def _bodies(connection: Connection, table: Table, at: Column[int], page: Page, *others: Any) -> str:

@@ -94,10 +94,11 @@ NOTIFICATION: Final = Table(
     Column("utc_us", BigInteger, nullable=False),
     Column("rx_us", BigInteger, nullable=False),
     Column("body", Text, nullable=False),
-    UniqueConstraint("asset", "link", "sequence", "utc_us"),
+    Column("cursor", BigInteger, nullable=False),
+    UniqueConstraint("asset", "link", "cursor", "utc_us"),
     Index(None, "utc_us"),
 )
-"""A notification, whole as the JSON that pages get."""
+"""A notification, whole as the JSON that pages get; its cursor is 0 if it is not recorded there."""
 
 COMMAND: Final = Table(
     "command",

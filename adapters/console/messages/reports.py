@@ -15,6 +15,7 @@ class Notified:
         kind: COMMAND, EVENT or LINK.
         severity: INFORMATIONAL, WARNING, ALARM, SEVERE or CRITICAL.
         command: the id of the command that it is of.
+        cursor: its place in the order of recording at the other end; None if it is not recorded.
     """
 
     ty: ClassVar[str] = "ntf"
@@ -33,6 +34,7 @@ class Notified:
     step: int | None
     steps: int | None
     figures: dict[str, Scalar]
+    cursor: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

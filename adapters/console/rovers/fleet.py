@@ -237,8 +237,8 @@ class Fleet:
             identity = Identity(notification.source, notification.commandId)
             await self._commands.look_up(link.asset, identity)
             said = replace(said, command=self._tracker.hear(said, identity))
-        if notification.sequence > 0:
-            known = Known(notification.sequence, notification.timestamp // NS_PER_US)
+        if notification.cursor is not None:
+            known = Known(notification.cursor, notification.timestamp // NS_PER_US)
             self._heard[link.asset, link.kind] = known
         self._publish(said)
 
@@ -337,6 +337,7 @@ def notified(asset: str, link: Link, notification: Notification, rx_s: float) ->
         asset=asset,
         link=link,
         sequence=notification.sequence,
+        cursor=notification.cursor,
         utc=notification.timestamp / NS_PER_S,
         rx=rx_s,
         kind=notification.kind.name,

@@ -21,6 +21,7 @@ from adapters.mrs.spec import (
     ParameterValue,
     PlanUpdate,
     ServiceDescriptor,
+    cursor_of,
 )
 from adapters.mrs.terms import Terms
 from trees import Snapshot
@@ -55,9 +56,9 @@ LINK_HOUSEKEEPING: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The last notification that is known of an asset: its number, and when it was made."""
+    """The last notification that is known of an asset: its cursor, and when it was made."""
 
-    sequence: int
+    cursor: int
     utc_us: int
 
 
@@ -203,18 +204,16 @@ class RoverLink:
         missed, anew = await _missed(client, known)
         if anew:
             self._listener.on_new_ledger(self)
-        elif known is not None and missed and missed[0].sequence > known.sequence + 1:
-            text, level = "no longer has notifications %d to %d", logging.WARNING
-            if self.kind is Link.RELAY:  # an orbiter may receive them later
-                text, level = "the orbiter has not received %d to %d yet", logging.INFO
-            _LOG.log(level, f"%s: {text}", self.asset, known.sequence + 1, missed[0].sequence - 1)
+        elif known is not None and missed and cursor_of(missed[0]) > known.cursor + 1:
+            gap = (self.asset, known.cursor + 1, cursor_of(missed[0]) - 1)
+            _LOG.warning("%s: no longer has notifications %d to %d", *gap)
         for notification in missed:
             await self._notification(notification)
-        seen = {notification.sequence for notification in missed}
+        seen = {notification.cursor for notification in missed}
         async for notification in stream:
-            if notification.sequence not in seen:
+            if notification.cursor not in seen:
                 await self._notification(notification)
-            seen.discard(notification.sequence)
+            seen.discard(notification.cursor)
 
     async def _notification(self, notification: Notification) -> None:
         await self._listener.on_notification(self, notification, self._heard())
@@ -297,39 +296,19 @@ async def _missed(client: MrsClient, known: Known | None) -> tuple[list[Notifica
 
     Where none is known, and of another ledger, they are the last ones.
     """
-    pages = [] if known is None else [await client.get_notifications(known.sequence)]
-    anew = known is not None and not _continues(known, pages[0])
-    if known is None or anew:
-        first = max(await _last_sequence(client) - CATCH_UP, 0) + 1
-        pages = [await client.get_notifications(first)]
-    while pages[-1]:
-        pages.append(await client.get_notifications(pages[-1][-1].sequence + 1))
-    found = [notification for page in pages for notification in page]
-    if known is not None and not anew:
-        found = [each for each in found if each.sequence > known.sequence]
-    return found, anew
+    found = [] if known is None else await client.get_all_notifications(known.cursor)
+    if known is not None and _continues(known, found):
+        return [each for each in found if cursor_of(each) > known.cursor], False
+    first = max(cursor_of(await client.get_last_notification()) - CATCH_UP, 0) + 1
+    return await client.get_all_notifications(first), known is not None
 
 
-def _continues(known: Known, page: tuple[Notification, ...]) -> bool:
-    """Whether a page, asked for from a known notification on, is of the same ledger."""
-    if not page:
+def _continues(known: Known, found: list[Notification]) -> bool:
+    """Whether what was asked for from a known notification on is of the same ledger."""
+    if not found:
         return False
-    first = page[0]
-    return first.sequence > known.sequence or first.timestamp // 1000 == known.utc_us
-
-
-async def _last_sequence(client: MrsClient) -> int:
-    """Return the number of the last notification, by trying: nothing tells it."""
-    low, high = 0, 1
-    while await client.get_notifications(high, max_count=1):
-        low, high = high, 2 * high
-    while high - low > 1:
-        middle = (low + high) // 2
-        if await client.get_notifications(middle, max_count=1):
-            low = middle
-        else:
-            high = middle
-    return low
+    first = found[0]
+    return cursor_of(first) > known.cursor or first.timestamp // 1000 == known.utc_us
 
 
 def _why(group: BaseExceptionGroup[BaseException]) -> str:

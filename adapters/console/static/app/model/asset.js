@@ -256,7 +256,8 @@ export class Asset {
       let place = this.notices.length;
       while (place > 0 && isAfter(this.notices[place - 1], notice)) place--;
       const before = this.notices[place - 1];
-      if (before?.sequence !== notice.sequence || before.utc !== notice.utc) this.notices.splice(place, 0, notice);
+      const known = before?.sequence === notice.sequence && before.utc === notice.utc && before.command === notice.command;
+      if (!known) this.notices.splice(place, 0, notice);
     }
     if (this.notices.length > MOST_NOTICES) this.notices.splice(0, this.notices.length - MOST_NOTICES);
     this.changed("notices");
