@@ -18,7 +18,7 @@ STALE: Final = "odometry_stale: {beyond: 10}"
 UNTIMED: Final = (
     "odometry_behind", "odometry_late", "odometry_slow", "odometry_frozen", "off_command",
     "turn_off_command", "turn_amiss", "no_progress", "drives_uncommanded", "turns_uncommanded",
-    "wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered",
+    "wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered", "blocked",
 )  # fmt: skip
 """Faults that a process which gets no processor shows, though nothing is wrong with the rover."""
 BY_ARRIVAL: Final = {
