@@ -76,7 +76,7 @@ async def ask(
 
 
 async def _of_reports(client: "MrsClient", number: int | None) -> Chronicle:
-    """Return what reports alone tell, of the commands of a number or of all."""
+    """Return the history by reports alone, of the commands of a number or of all."""
     from adapters.mrs.spec import report_of
 
     found = map(report_of, await client.get_all_notifications(command_id=number))

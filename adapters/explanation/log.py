@@ -130,12 +130,12 @@ def entries(chronicle: Chronicle, wanted: Wanted, unfold: bool = False) -> Itera
     chosen = [
         each for each in chronicle.reports if wanted.has(each) and _in_mode(each, chronicle, wanted)
     ]
-    told: set[Identity | int | Report] = set()
+    listed: set[Identity | int | Report] = set()
     for report in sorted(chosen, key=lambda each: each.sequence):
         life = None if unfold or report.identity is None else lives.get(report.identity)
         key = (report.sequence or report) if life is None else life.identity
-        if key not in told:
-            told.add(key)
+        if key not in listed:
+            listed.add(key)
             yield report if life is None else life
 
 

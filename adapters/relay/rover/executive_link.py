@@ -91,8 +91,8 @@ class ExecutiveRelayLink:
     thread, which is the core's. A string of commands is confirmed once each of them is admitted or
     refused, and `rover-relay` has confirmed the answers that are no new reports: last reports on
     repeats, refusals without a number. A report on a command that came by the relay, or an event,
-    is told until `rover-relay` has confirmed its string, over restarts of either; the same number
-    again is the same report again. Plans and files are not told: commands of either have their
+    is published until `rover-relay` has confirmed its string, over restarts of either; a repeated
+    number is a repeated report. Plans and files are not published: commands of either have their
     replies.
 
     Args:
@@ -333,8 +333,8 @@ class ExecutiveRelayLink:
     def _has_other_end(self, command: Command, admission: SubmitResult) -> bool:
         """Return whether a ledger that fails now knows a command, so that it is not REJECTED.
 
-        Its reports are told once they are written. Until then the string is not confirmed, so that
-        it comes again.
+        Its reports are published once they are written. Until then the string is not confirmed, so
+        that it comes again.
         """
         if isinstance(admission, Refused) and admission.refusal.reason is Reason.LEDGER_FAILED:
             with suppress(LedgerError):
@@ -342,7 +342,7 @@ class ExecutiveRelayLink:
         return False
 
     def _answer(self, message: Message, admission: SubmitResult) -> Message | None:
-        """Return what answers a command; None where reports tell it that are still to be kept."""
+        """Return the answer to a command; None where reports that are still to be kept are it."""
         match admission:
             case Admitted():
                 return None
@@ -370,5 +370,5 @@ def _text_of(message: Message) -> str:
     try:
         return str(message)
     except MopsError as error:
-        _LOG.warning("not told by the relay: %s", error)
+        _LOG.warning("not published by the relay: %s", error)
         return ""

@@ -1,6 +1,6 @@
 """The cursors of notifications, by which links catch up; of older ones their numbers.
 
-Refusals without a number may have one time: it is the cursor that tells them apart.
+Refusals without a number may have equal times: their cursors differ.
 """
 
 import sqlalchemy as sa
