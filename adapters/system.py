@@ -1,0 +1,105 @@
+"""What a process uses of the computer that it runs on: time, randomness, disk and sockets.
+
+Everything else that a process waits for comes by its event loop. With another system and another
+loop the same code runs in simulated time.
+"""
+
+import os
+import secrets
+import socket
+import sqlite3
+import time
+from pathlib import Path
+from typing import Final, Protocol
+
+_BACKLOG: Final = 128
+"""Connections that the operating system holds until they are accepted."""
+SocketAddress = tuple[str, int]
+
+
+class System(Protocol):
+    """The computer of a process. It serves as the `executive.clock.Clock` of one, too."""
+
+    def now_s(self) -> float:
+        """Return seconds that never step back."""
+        ...
+
+    def utc_s(self) -> float:
+        """Return seconds since 1970-01-01 UTC."""
+        ...
+
+    def random_octets(self, count: int) -> bytes:
+        """Return octets that nobody can guess."""
+        ...
+
+    def connect(self, database: Path | str) -> sqlite3.Connection:
+        """Open an SQLite file without implicit transactions; raises OSError or sqlite3.Error."""
+        ...
+
+    def replace(self, path: Path, content: bytes) -> None:
+        """Write a file anew, durably, whole or not at all; raises OSError."""
+        ...
+
+    def free_octets(self, folder: Path) -> int:
+        """Return what a disk has left for this process; raises OSError."""
+        ...
+
+    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> socket.socket:
+        """Return a listening TCP socket, for the loop's `sock_accept`; raises OSError."""
+        ...
+
+    def datagrams(
+        self, address: SocketAddress, family: socket.AddressFamily, buffer_octets: int
+    ) -> socket.socket:
+        """Return a bound UDP socket, for the loop's `add_reader`; raises OSError."""
+        ...
+
+
+class OperatingSystem:
+    """The real one."""
+
+    now_s = staticmethod(time.monotonic)
+    utc_s = staticmethod(time.time)
+    random_octets = staticmethod(secrets.token_bytes)
+
+    def connect(self, database: Path | str) -> sqlite3.Connection:
+        """Open an SQLite file without implicit transactions."""
+        return sqlite3.connect(database, isolation_level=None)
+
+    def replace(self, path: Path, content: bytes) -> None:
+        """Write a file anew, durably, whole or not at all."""
+        new = path.with_name(f"{path.name}.new")
+        with new.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        new.replace(path)
+
+    def free_octets(self, folder: Path) -> int:
+        """Return what the disk of a folder has left for this process."""
+        disk = os.statvfs(folder)
+        return disk.f_bavail * disk.f_frsize
+
+    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> socket.socket:
+        """Return a listening TCP socket that does not block."""
+        listener = socket.create_server(address, family=family, backlog=_BACKLOG)
+        listener.setblocking(False)
+        return listener
+
+    def datagrams(
+        self, address: SocketAddress, family: socket.AddressFamily, buffer_octets: int
+    ) -> socket.socket:
+        """Return a bound UDP socket that does not block."""
+        bound = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            for buffer in (socket.SO_RCVBUF, socket.SO_SNDBUF):
+                bound.setsockopt(socket.SOL_SOCKET, buffer, buffer_octets)
+            bound.setblocking(False)
+            bound.bind(address)
+        except OSError:
+            bound.close()
+            raise
+        return bound
+
+
+OPERATING_SYSTEM: Final = OperatingSystem()
