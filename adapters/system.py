@@ -14,7 +14,10 @@ from typing import Final, Protocol
 
 _BACKLOG: Final = 128
 """Connections that the operating system holds until they are accepted."""
+Socket = socket.socket
 SocketAddress = tuple[str, int]
+BindAddress = tuple[str | int | bytes, ...]
+"""As `getaddrinfo` returns it."""
 
 
 class System(Protocol):
@@ -44,15 +47,28 @@ class System(Protocol):
         """Return what a disk has left for this process; raises OSError."""
         ...
 
-    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> socket.socket:
+    def cpu_s(self) -> float:
+        """Return the processor time that this process has taken."""
+        ...
+
+    def memory_octets(self) -> int | None:
+        """Return the resident memory of this process; None where that is not known."""
+        ...
+
+    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> Socket:
         """Return a listening TCP socket, for the loop's `sock_accept`; raises OSError."""
         ...
 
     def datagrams(
-        self, address: SocketAddress, family: socket.AddressFamily, buffer_octets: int
-    ) -> socket.socket:
+        self, address: BindAddress, family: socket.AddressFamily, buffer_octets: int
+    ) -> Socket:
         """Return a bound UDP socket, for the loop's `add_reader`; raises OSError."""
         ...
+
+
+def utc_ns(system: System) -> int:
+    """Return nanoseconds since 1970-01-01 UTC."""
+    return round(system.utc_s() * 1e9)
 
 
 class OperatingSystem:
@@ -61,6 +77,7 @@ class OperatingSystem:
     now_s = staticmethod(time.monotonic)
     utc_s = staticmethod(time.time)
     random_octets = staticmethod(secrets.token_bytes)
+    cpu_s = staticmethod(time.process_time)
 
     def connect(self, database: Path | str) -> sqlite3.Connection:
         """Open an SQLite file without implicit transactions."""
@@ -80,15 +97,23 @@ class OperatingSystem:
         disk = os.statvfs(folder)
         return disk.f_bavail * disk.f_frsize
 
-    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> socket.socket:
+    def memory_octets(self) -> int | None:
+        """Return the resident memory of this process; None where there is no /proc."""
+        try:
+            pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+            return int(pages) * os.sysconf("SC_PAGE_SIZE")
+        except (OSError, ValueError, IndexError):
+            return None
+
+    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> Socket:
         """Return a listening TCP socket that does not block."""
         listener = socket.create_server(address, family=family, backlog=_BACKLOG)
         listener.setblocking(False)
         return listener
 
     def datagrams(
-        self, address: SocketAddress, family: socket.AddressFamily, buffer_octets: int
-    ) -> socket.socket:
+        self, address: BindAddress, family: socket.AddressFamily, buffer_octets: int
+    ) -> Socket:
         """Return a bound UDP socket that does not block."""
         bound = socket.socket(family, socket.SOCK_DGRAM)
         try:

@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import time
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
@@ -36,6 +35,7 @@ from adapters.bundle.node.settings import (
 )
 from adapters.bundle.node.store import Queued
 from adapters.bundle.node.traffic import Traffic
+from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
 _CONTACT_LOOK_S: Final = 0.2
@@ -175,10 +175,10 @@ class BundleAgent:
         path: the file of its store.
         listen: where others reach it.
         plan: contacts, by ION's node numbers; None for always.
-        utc_s: the time in seconds since 1970.
         synchronous: how far a commit goes.
         daemon: makes the client of the daemon that sends and receives for it, if one does.
         security: signs and verifies; None for neither.
+        system: its clock, disk and sockets.
     """
 
     def __init__(
@@ -187,14 +187,14 @@ class BundleAgent:
         path: Path,
         listen: Listen | None = None,
         plan: ContactPlan | None = None,
-        utc_s: Callable[[], float] = time.time,
         synchronous: Synchronous = Synchronous.FULL,
         daemon: Callable[[LinkContext], Endpoint] | None = None,
         security: Security | None = None,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         self._settings, self._path = settings, path
         self._listen, self._daemon, self._security = listen or Listen(), daemon, security
-        self._plan, self._utc_s, self._synchronous = plan, utc_s, synchronous
+        self._plan, self._synchronous, self._system = plan, synchronous, system
         self._session: _Session | None = None
         self._arrived = asyncio.Event()
         self._settling = False
@@ -214,15 +214,13 @@ class BundleAgent:
             BundleError: a neighbour speaks a protocol for which the agent does not listen, or the
                 daemon cannot be used.
         """
-        settings = self._settings
-        database = Database(self._path, settings.limits, self._synchronous)
+        settings, utc_s = self._settings, self._system.utc_s
+        database = Database(self._path, settings.limits, self._synchronous, self._system)
         session = None
         try:
-            node = Node(
-                settings, database, lambda: int(1000 * self._utc_s()), on_status, self._security
-            )
+            node = Node(settings, database, lambda: int(1000 * utc_s()), on_status, self._security)
             now_s = asyncio.get_running_loop().time
-            session = _Session(LinkContext(node, now_s, self._wake))
+            session = _Session(LinkContext(node, now_s, self._wake, self._system))
             await session.open(self._listen, self._daemon)
         except BaseException:
             if session is not None:
@@ -230,7 +228,7 @@ class BundleAgent:
             database.close()
             raise
         for neighbour in settings.neighbours:
-            gate = ContactGate(settings.node, neighbour.next_hop, self._plan, self._utc_s)
+            gate = ContactGate(settings.node, neighbour.next_hop, self._plan, utc_s)
             session.gates[neighbour.name] = gate
         self._session = session
         self._look()
@@ -388,7 +386,7 @@ class BundleAgent:
         session = self._opened
         node, database = session.node, session.node.database
         oldest_utc_ms = node.outbox.oldest_utc_ms()
-        oldest_s = 0.0 if oldest_utc_ms is None else self._utc_s() - oldest_utc_ms / 1000
+        oldest_s = 0.0 if oldest_utc_ms is None else self._system.utc_s() - oldest_utc_ms / 1000
         return Health(
             queued=node.outbox.depth(),
             oldest_s=max(0.0, oldest_s),
@@ -479,9 +477,9 @@ def make_agent(
     daemon: IonSettings | None = None,
     listen: Listen | None = None,
     plan: ContactPlan | None = None,
-    utc_s: Callable[[], float] = time.time,
     synchronous: Synchronous = Synchronous.FULL,
     security: Security | None = None,
+    system: System = OPERATING_SYSTEM,
 ) -> BundleAgent:
     """Return an agent with links of its own, or attached to a node of ION.
 
@@ -491,15 +489,17 @@ def make_agent(
         daemon: the node of ION that sends and receives for it; None for its own links.
         listen: where others reach its own links.
         plan: contacts, by ION's node numbers; None for always.
-        utc_s: the time in seconds since 1970.
         synchronous: how far a commit goes.
         security: signs and verifies, see `load_security`; None for neither.
+        system: its clock, disk and sockets.
 
     Raises:
         BundleError: the daemon cannot do what is asked; the text says what.
     """
     if daemon is None:
-        return BundleAgent(settings, path, listen, plan, utc_s, synchronous, security=security)
+        return BundleAgent(
+            settings, path, listen, plan, synchronous, security=security, system=system
+        )
     if security is not None and not daemon.whole:
         raise BundleError(
             "ION makes its own bundles of what it is given, so it has to sign them (bpsecadmin):"
@@ -510,4 +510,4 @@ def make_agent(
     from adapters.bundle.daemons.ion_client import IonClient
 
     attach = partial(IonClient, daemon)
-    return BundleAgent(settings, path, listen, plan, utc_s, synchronous, attach, security)
+    return BundleAgent(settings, path, listen, plan, synchronous, attach, security, system)

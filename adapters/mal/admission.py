@@ -17,6 +17,7 @@ from adapters.mal.attribute_codec import MAX_ELEMENTS
 from adapters.mal.codec import Header
 from adapters.mal.connection import MESSAGE_CAP, Connection, Guard, OnMessage
 from adapters.mal.errors import MalError, too_many
+from adapters.system import Socket, System
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,8 +142,6 @@ _RETRY_S: Final = 0.1
 """How long to wait after a connection could not be taken."""
 _SWEEP_S: Final = 1.0
 """Between two looks for connections on which nothing comes, at most."""
-_BACKLOG: Final = 128
-"""Connections that the operating system holds until they are taken."""
 _WORTH_TRIMMING: Final = 4 << 20
 """Octets given back since memory was last returned to the operating system."""
 
@@ -159,6 +158,7 @@ class Connections(Guard):
         on_refused: Called with the header of a message that there is no room for, and why.
         on_lost: Called with a connection that is gone.
         warn: Logs, as `logging.Logger.warning` does.
+        system: Where it listens.
 
     Attributes:
         keeps: Whether a connection is not to give way to others; for the owner to set.
@@ -171,6 +171,7 @@ class Connections(Guard):
         on_refused: Callable[[Connection, Header, MalError], None],
         on_lost: Callable[[Connection], None],
         warn: Callable[..., None],
+        system: System,
     ) -> None:
         super().__init__(limits.message_octets, _ROOM)
         self.keeps: Callable[[Connection], bool] = lambda _: False
@@ -178,6 +179,7 @@ class Connections(Guard):
         self._on_message = on_message
         self._on_refused = on_refused
         self._on_lost = on_lost
+        self._system = system
         self._log = LimitedLog(warn)
         self._unfinished = self.quota(
             "octets of unfinished messages", limits.unfinished_octets, limits.message_octets
@@ -185,7 +187,7 @@ class Connections(Guard):
         self._hosts: dict[Connection, str] = {}
         self._open: dict[Connection, float] = {}
         self._handshakes: dict[Connection, asyncio.Task[None]] = {}
-        self._listeners: list[socket.socket] = []
+        self._listeners: list[Socket] = []
         self._tasks: list[asyncio.Task[None]] = []
         self._tls: ssl.SSLContext | None = None
         self._given_back = 0
@@ -210,13 +212,12 @@ class Connections(Guard):
         self._tls = tls
         for family, _, _, _, address in dict.fromkeys(found):
             try:
-                listener = socket.create_server((address[0], port), family=family, backlog=_BACKLOG)
+                listener = self._system.listen((str(address[0]), port), family)
             except OSError as fault:
                 if fault.errno in _NO_SUCH_ADDRESS and len(found) > 1:
                     continue
                 await self.stop()
                 raise
-            listener.setblocking(False)
             self._listeners.append(listener)
             port = listener.getsockname()[1]
         if not self._listeners:
@@ -264,7 +265,7 @@ class Connections(Guard):
         """How many can be used."""
         return len(self._open)
 
-    async def _accept(self, listener: socket.socket) -> None:
+    async def _accept(self, listener: Socket) -> None:
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -282,7 +283,7 @@ class Connections(Guard):
             self._handshakes[connection] = loop.create_task(self._begin(connection, taken))
             await asyncio.sleep(0)
 
-    async def _begin(self, connection: Connection, taken: socket.socket) -> None:
+    async def _begin(self, connection: Connection, taken: Socket) -> None:
         patience_s = None if self._tls is None else self._limits.handshake_s
         try:
             await asyncio.get_running_loop().connect_accepted_socket(

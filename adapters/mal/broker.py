@@ -1,6 +1,5 @@
 """The broker of a provider: subscriptions, publishers in other processes, and matching."""
 
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,6 +18,7 @@ from adapters.mal.values import (
     Typed,
     UpdateHeader,
 )
+from adapters.system import System, utc_ns
 
 _ANY: Final = "*"
 _TEXTS: Final = (AttributeType.IDENTIFIER, AttributeType.STRING, AttributeType.URI)
@@ -156,6 +156,7 @@ class _Update:
         header: UpdateHeader,
         keys: Keys,
         parts: tuple[Any, ...],
+        timestamp_ns: int,
     ) -> None:
         self.names = (operation.service_name, operation.name)
         self._codec = codec
@@ -163,7 +164,7 @@ class _Update:
         self._header = header
         self._keys = keys
         self._parts = parts
-        self._timestamp = encode_timestamp(time.time_ns())
+        self._timestamp = encode_timestamp(timestamp_ns)
         self._bodies: dict[tuple[str, tuple[str, ...] | None], bytes] = {}
 
     def messages(self, subscribers: Mapping[str | None, _Subscriber]) -> Iterator[bytes]:
@@ -207,10 +208,14 @@ class Broker:
         codec: Encodes updates.
         subscriptions: How many there may be.
         publishers: How many registrations of publishers there may be.
+        system: The time of updates.
     """
 
-    def __init__(self, codec: Codec, subscriptions: Quota, publishers: Quota) -> None:
+    def __init__(
+        self, codec: Codec, subscriptions: Quota, publishers: Quota, system: System
+    ) -> None:
         self._codec = codec
+        self._system = system
         self._subscriptions = subscriptions
         self._publications = publishers
         self._subscribers: dict[Connection, dict[str | None, _Subscriber]] = {}
@@ -299,7 +304,7 @@ class Broker:
         """
         if not self._subscribers:
             return
-        event = _Update(self._codec, operation, update, keys, parts)
+        event = _Update(self._codec, operation, update, keys, parts, utc_ns(self._system))
         checked = False
         for connection, subscribers in list(self._subscribers.items()):
             for subscriber in subscribers.values():

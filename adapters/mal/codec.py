@@ -1,7 +1,6 @@
 """Messages to octets and back: the header, always fixed binary, and bodies of any type."""
 
 import struct
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
@@ -447,8 +446,8 @@ class Header:
             supplements,
         )
 
-    def reply(self, stage: Stage, *, is_error: bool = False) -> "Header":
-        """The header of what answers this message."""
+    def reply(self, stage: Stage, timestamp_ns: int, *, is_error: bool = False) -> "Header":
+        """The header of what answers this message, made at this time."""
         return Header(
             stage,
             self.area,
@@ -459,7 +458,7 @@ class Header:
             is_error,
             self.to_uri,
             self.from_uri,
-            time.time_ns(),
+            timestamp_ns,
         )
 
     @property

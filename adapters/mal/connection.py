@@ -6,7 +6,6 @@ import socket
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Final, cast
 from urllib.parse import urlsplit
 
@@ -165,12 +164,12 @@ class Turns:
     def wake(self, job: Job) -> None:
         """Do a job's work: at once while there is time and nobody waits, the rest in turn."""
         if not self._waiting:
-            now_s = perf_counter()
+            now_s = asyncio.get_running_loop().time()
             if now_s - self._ended_s > _PAUSE_S:
                 self._end_s = now_s + SLICE_S
             while now_s < self._end_s:
                 more = job()
-                now_s = self._ended_s = perf_counter()
+                now_s = self._ended_s = asyncio.get_running_loop().time()
                 if not more:
                     return
             asyncio.get_running_loop().call_soon(self._next_slice)
@@ -186,7 +185,7 @@ class Turns:
             (self._fresh if job in self._fresh else self._busy).remove(job)
 
     def _next_slice(self) -> None:
-        self._ended_s = perf_counter()
+        self._ended_s = asyncio.get_running_loop().time()
         self._end_s = self._ended_s + SLICE_S
         served = 0
         while self._waiting:
@@ -200,7 +199,7 @@ class Turns:
             if job() and job not in self._waiting:
                 self._waiting.add(job)
                 self._busy.append(job)
-            self._ended_s = perf_counter()
+            self._ended_s = asyncio.get_running_loop().time()
 
 
 OnMessage = Callable[["Connection", Header, bytes], None]

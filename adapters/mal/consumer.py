@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from functools import partial
@@ -31,6 +30,7 @@ from adapters.mal.values import (
     Typed,
     UpdateHeader,
 )
+from adapters.system import OPERATING_SYSTEM, System, utc_ns
 
 _LOG: Final = logging.getLogger(__name__)
 _GOODBYE_S: Final = 1.0
@@ -127,17 +127,19 @@ class Consumer:
         provider: MalUri,
         broker: MalUri,
         timeout_s: float,
+        system: System,
     ) -> None:
         """Not to be called; see `connect`."""
         self._specification = specification
         self._codec = codec
         self._provider_uri, self._broker_uri = str(provider), str(broker)
         self._timeout_s = timeout_s
+        self._system = system
         self._own_uri = ""
         self._connection = Connection(self._receive)
         self._connection.lost.add_done_callback(self._lose)
         self._subscriptions = Subscriptions(specification, codec)
-        self._numbers = transaction_ids()
+        self._numbers = transaction_ids(system)
         self._pending: dict[int, Transaction] = {}
 
     @classmethod
@@ -150,6 +152,7 @@ class Consumer:
         timeout_s: float = 5.0,
         is_broker: bool = False,
         tls: SSLContext | None = None,
+        system: System = OPERATING_SYSTEM,
     ) -> "Consumer":
         """Connect to a provider.
 
@@ -162,6 +165,7 @@ class Consumer:
             is_broker: Whether the URI is that of a broker itself, and not of a provider that has
                 one of its own.
             tls: How to encrypt, and whom to believe; see `Certificates.for_consumer`.
+            system: The time and the numbers of messages.
 
         Raises:
             MalError: DESTINATION_TRANSIENT, no answer; AUTHENTICATION_FAILED, TLS could
@@ -172,7 +176,7 @@ class Consumer:
         target = uri if isinstance(uri, MalUri) else MalUri.parse(uri)
         broker = target if is_broker else target.broker
         codec = Codec(specification, encoding)
-        consumer = cls(specification, codec, target, broker, timeout_s)
+        consumer = cls(specification, codec, target, broker, timeout_s, system)
         loop = asyncio.get_running_loop()
         try:
             async with asyncio.timeout(timeout_s):
@@ -346,7 +350,7 @@ class Consumer:
             number,
             from_uri=self._own_uri,
             to_uri=self._broker_uri if operation.pattern is Pattern.PUBSUB else self._provider_uri,
-            timestamp_ns=time.time_ns(),
+            timestamp_ns=utc_ns(self._system),
             supplements=supplements,
         )
         return operation, number, encode_message(header, body)

@@ -18,6 +18,7 @@ from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardErro
 from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
 from adapters.mal.tls import address_to_listen, is_loopback
 from adapters.mal.values import AttributeType, NamedValue, Typed
+from adapters.system import OPERATING_SYSTEM, System, utc_ns
 
 _LOG: Final = logging.getLogger(__name__)
 Parts = tuple[Any, ...]
@@ -61,6 +62,7 @@ class ReplyPath:
     connection: Connection
     header: Header
     codec: Codec
+    system: System
 
     def send(self, operation: Operation, stage: Stage, parts: Parts | None) -> None:
         """Send a reply.
@@ -69,7 +71,7 @@ class ReplyPath:
             EncodeError: The parts are not those of the stage.
         """
         body = self.codec.encode(operation.parts[stage], parts or ())
-        self.connection.send(encode_message(self.header.reply(stage), body))
+        self.connection.send(encode_message(self.header.reply(stage, utc_ns(self.system)), body))
 
     def refuse(self, error: MalError, stage: Stage | None = None) -> None:
         """Send an error in place of the reply of a stage, the first if none is given."""
@@ -81,7 +83,8 @@ class ReplyPath:
         except EncodeError:
             _LOG.exception("error %d with extra information that does not fit", error.number)
             body = self.codec.encode_error(MalError(error.number))
-        header = self.header.reply(stage or REPLY[self.header.stage], is_error=True)
+        stage = stage or REPLY[self.header.stage]
+        header = self.header.reply(stage, utc_ns(self.system), is_error=True)
         self.connection.send(encode_message(header, body))
 
     def fault(self, stage: Stage | None = None) -> None:
@@ -209,6 +212,7 @@ class Provider:
         not_served: MalError | None = None,
         limits: Limits | None = None,
         logged: Collection[int] = (),
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         """Prepare a provider that serves nothing yet.
 
@@ -220,6 +224,7 @@ class Provider:
                 UNSUPPORTED_OPERATION.
             limits: What its consumers may take up together; those of `Limits` if None.
             logged: Numbers of errors of handlers that are logged beside what cannot be read.
+            system: The time of messages, and where it listens.
         """
         limits = limits or Limits()
         self._specification = specification
@@ -228,7 +233,7 @@ class Provider:
         self._not_served = not_served or MalError(StandardError.UNSUPPORTED_OPERATION)
         self._logged = {*_UNREADABLE, self._not_served.number, *logged}
         self._connections = connections = Connections(
-            limits, self._receive, self._no_room, self._lose, _LOG.warning
+            limits, self._receive, self._no_room, self._lose, _LOG.warning, system
         )
         self._interactions = connections.quota(
             "interactions under way", limits.interactions, limits.share
@@ -237,7 +242,9 @@ class Provider:
             self._codec,
             connections.quota("subscriptions", limits.subscriptions, limits.share),
             connections.quota("publishers", limits.publishers, limits.share),
+            system,
         )
+        self._system = system
         self._handlers: dict[tuple[str, str], Handler] = {}
         self._published: set[tuple[str, str]] = set()
         self._opened: dict[tuple[str, str], PublishPolicy] = {}
@@ -357,14 +364,14 @@ class Provider:
         """Answer a message that is skipped."""
         self._connections.warn("%s from %s skipped: %s", header.stage.name, connection.peer, error)
         if header.stage in REPLY and not header.is_error:
-            ReplyPath(connection, header, self._codec).refuse(error)
+            ReplyPath(connection, header, self._codec, self._system).refuse(error)
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
         if header.is_error or (header.stage not in REPLY and header.stage is not Stage.SEND):
             error = "error " if header.is_error else ""
             connection.refuse(f"{error}{header.stage.name} is nothing that a consumer sends")
             return
-        back = ReplyPath(connection, header, self._codec)
+        back = ReplyPath(connection, header, self._codec, self._system)
         try:
             operation = self._addressed(header)
             result = self._act(back, operation, body)

@@ -25,6 +25,7 @@ from adapters.mrs.aboard import (
 from adapters.mrs.fleet import FleetService
 from adapters.mrs.spec import PORT, HousekeepingParameter, housekeeping_values
 from adapters.mrs.terms import CLEAR, Terms
+from adapters.system import OPERATING_SYSTEM, System
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import Settings
@@ -90,6 +91,7 @@ class MrsLink:
         service_layer: where another service layer is, to be registered at; None for nowhere.
         history: what the executive records, to be asked for; None where it records nothing.
         housekeeping: measures how the components aboard are doing; None where nobody does.
+        system: the time of messages, and where it listens.
     """
 
     def __init__(
@@ -102,6 +104,7 @@ class MrsLink:
         service_layer: MalUri | None = None,
         history: ChronicleBuilder | None = None,
         housekeeping: Housekeeping | None = None,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         self._settings = settings
         self._address = (host, port)
@@ -110,6 +113,7 @@ class MrsLink:
         self._service_layer = service_layer
         self._history = history
         self._housekeeping = housekeeping
+        self._system = system
         self._thread: threading.Thread | None = None
         self._serving: _Serving | None = None
 
@@ -164,19 +168,25 @@ class MrsLink:
 
     def _run(self, executive: Executive, listening: "Future[MalUri]") -> None:
         try:
-            asyncio.run(self._serve(executive, listening))
+            asyncio.run(self.serve(executive, listening))
         except Exception as error:
             if listening.done():
                 _LOG.exception("the direct link is down")
             else:
                 listening.set_exception(error)
 
-    async def _serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
+    async def serve(self, executive: Executive, listening: "Future[MalUri]") -> None:
+        """Serve an executive on the running loop until it is closed.
+
+        Args:
+            executive: of another thread.
+            listening: completes with where the MRS is served.
+        """
         settings, over = self._settings, asyncio.Event()
         tls = self._terms.for_provider()
-        served = ServedOperations(self._terms.encoding, executive.ground.hear)
+        served = ServedOperations(self._terms.encoding, executive.ground.hear, self._system)
         gateway = Gateway(executive, asyncio.get_running_loop())
-        fleet = FleetService(served, gateway, settings, self._terms)
+        fleet = FleetService(served, gateway, settings, self._terms, self._system)
         housekeeping = self._housekeeping
         parameters = () if housekeeping is None else housekeeping.parameters
         asset = AssetServices(served, gateway, settings, parameters)
@@ -186,7 +196,9 @@ class MrsLink:
         if self._history is not None:
             HistoryService(served, gateway, self._history)
         serve_authority(served, gateway)
-        files = FileServices(served, executive.files, settings, partial(gateway.ask, _holder))
+        files = FileServices(
+            served, executive.files, settings, partial(gateway.ask, _holder), system=self._system
+        )
         await served.provider.start(*self._address, tls, self._clear_text)
         self._serving = _Serving(gateway, asset, files, over.set)
         listening.set_result(served.provider.uri)

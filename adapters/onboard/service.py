@@ -28,6 +28,7 @@ from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive
 from adapters.recording import BackgroundTape
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
+from adapters.relay.rover.executive_topics import ExecutiveRelayTopics
 from adapters.ros import (
     RosAsset,
     RosMotionRover,
@@ -35,7 +36,6 @@ from adapters.ros import (
     RosVelocityRover,
     Topics,
     declare_sensor_topics,
-    declare_topic,
     declare_topics,
     diagnostic_array,
     ros_node,
@@ -203,12 +203,9 @@ def executive_on(
     rover = rover_kind(settings)(node, topics, clock, settings)
     relay = None
     if relayed:
-        stops, commands = (
-            declare_topic(node, key, "std_msgs/String, MOPS of the relay")
-            for key in ("relay_stop", "relay_command")
-        )
+        relay_topics = ExecutiveRelayTopics(node)
         name = settings.asset.upper()
-        relay = ExecutiveRelayLink(node, stops, commands, ledger, load_dictionary(), name)
+        relay = ExecutiveRelayLink(relay_topics, ledger, load_dictionary(), name)
     with recorded(settings, recordings) as tape:
         make: Callable[..., Executive] = Executive
         if tape is not None:
@@ -239,7 +236,8 @@ def executive_on(
         if relay is not None:
             if housekeeping is not None:
                 housekeeping.tell = relay.housekeeping
-            relay.serve(executive.submit, served, lambda: executive.mode)
+            relay.serve(executive.submit, lambda: executive.mode)
+            relay_topics.serve(relay, served)
         try:
             yield executive
         finally:

@@ -1,11 +1,11 @@
 """What a process takes of the machine that it runs on."""
 
-import os
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from adapters.system import OPERATING_SYSTEM, System
 
 _LEAST_S: Final = 1.0
 """Over which the processor's time is averaged, at least."""
@@ -33,31 +33,24 @@ class ProcessUsage:
 
     Args:
         data: a folder on the disk that it writes to.
+        system: what is looked at.
     """
 
-    def __init__(self, data: Path) -> None:
-        self._data = data
-        self._began_s = self._looked_s = time.monotonic()
-        self._cpu_s = time.process_time()
+    def __init__(self, data: Path, system: System = OPERATING_SYSTEM) -> None:
+        self._data, self._system = data, system
+        self._began_s = self._looked_s = system.now_s()
+        self._cpu_s = system.cpu_s()
         self._cpu_ratio: float | None = None
 
     def look(self) -> Usage:
         """Return what it takes now; on one thread."""
-        now_s = time.monotonic()
+        now_s = self._system.now_s()
         if (passed_s := now_s - self._looked_s) >= _LEAST_S:
-            cpu_s = time.process_time()
+            cpu_s = self._system.cpu_s()
             self._cpu_ratio = (cpu_s - self._cpu_s) / passed_s
             self._looked_s, self._cpu_s = now_s, cpu_s
         free_octets = None
         with suppress(OSError):
-            disk = os.statvfs(self._data)
-            free_octets = disk.f_bavail * disk.f_frsize
-        return Usage(_resident_octets(), self._cpu_ratio, free_octets, now_s - self._began_s)
-
-
-def _resident_octets() -> int | None:
-    try:
-        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
-        return int(pages) * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError, IndexError):  # no Linux
-        return None
+            free_octets = self._system.free_octets(self._data)
+        memory_octets = self._system.memory_octets()
+        return Usage(memory_octets, self._cpu_ratio, free_octets, now_s - self._began_s)

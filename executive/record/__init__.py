@@ -1,7 +1,13 @@
 """Everything durable: the ledger, its retention, recovery after a restart, and plans."""
 
 from executive.record.authority_record import AuthorityRecord, Grant
-from executive.record.database import Database, LedgerError, Synchronous
+from executive.record.database import (
+    Connect,
+    Database,
+    LedgerError,
+    Synchronous,
+    connect_to_file,
+)
 from executive.record.ledger import PRUNED, LatchedFault, Ledger, digest
 from executive.record.plan_store import Outcome, PlanStore
 from executive.record.pose_record import PoseRecord
@@ -13,6 +19,7 @@ __all__ = [
     "PRUNED",
     "UNWRITTEN_LEDGER",
     "AuthorityRecord",
+    "Connect",
     "Database",
     "Grant",
     "LatchedFault",
@@ -26,5 +33,6 @@ __all__ = [
     "Retention",
     "StopLatch",
     "Synchronous",
+    "connect_to_file",
     "digest",
 ]

@@ -18,6 +18,15 @@ class Synchronous(Enum):
     NORMAL = "NORMAL"
 
 
+Connect = Callable[[Path | str], sqlite3.Connection]
+"""Opens an SQLite file without implicit transactions; raises OSError or sqlite3.Error."""
+
+
+def connect_to_file(path: Path | str) -> sqlite3.Connection:
+    """Open a file of this computer."""
+    return sqlite3.connect(path, isolation_level=None)
+
+
 class LedgerError(Exception):
     """A record cannot be read or written; the text says which file and why."""
 
@@ -29,6 +38,7 @@ class Database:
         path: the file, made with its folders if missing; None keeps it in memory.
         schema: makes the tables, unless they are there.
         synchronous: how far a commit goes.
+        connect: opens the file.
 
     Attributes:
         failing: whether the last commit failed, so that what has gathered is still to be written.
@@ -39,7 +49,11 @@ class Database:
     """
 
     def __init__(
-        self, path: Path | None, schema: str, synchronous: Synchronous = Synchronous.FULL
+        self,
+        path: Path | None,
+        schema: str,
+        synchronous: Synchronous = Synchronous.FULL,
+        connect: Connect = connect_to_file,
     ) -> None:
         self.path = path or ":memory:"
         self.failing = False
@@ -48,7 +62,7 @@ class Database:
         try:
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(self.path, isolation_level=None)
+            self._db = connect(self.path)
         except (OSError, sqlite3.Error) as error:
             raise self._error(error) from error
         try:

@@ -12,7 +12,7 @@ from cattrs.preconf.json import make_converter
 from executive.commands import Command, Request, Resume, Setting, Stop
 from executive.faults import Then
 from executive.reasons import Figure, Reason, Refusal
-from executive.record.database import Database, Synchronous
+from executive.record.database import Connect, Database, Synchronous, connect_to_file
 from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
 _SCHEMA = """
@@ -87,13 +87,19 @@ class Ledger(Database):
     Args:
         path: the file, made with its folders if missing.
         synchronous: how far a commit goes.
+        connect: opens the file.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
     """
 
-    def __init__(self, path: Path, synchronous: Synchronous = Synchronous.FULL) -> None:
-        super().__init__(path, _SCHEMA, synchronous)
+    def __init__(
+        self,
+        path: Path,
+        synchronous: Synchronous = Synchronous.FULL,
+        connect: Connect = connect_to_file,
+    ) -> None:
+        super().__init__(path, _SCHEMA, synchronous, connect)
         ((last,),) = self.rows("SELECT max(sequence) FROM reports")
         self.last_sequence: int = last or 0
         self._gathered: dict[Identity, bytes] = {}

@@ -1,6 +1,6 @@
 """What the relay link must not forget, in the ledger's file and its commits."""
 
-import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,6 +32,10 @@ class RelayedCommand:
 class RelayRecord:
     """Which commands came by the relay, and up to where the relay has taken over reports.
 
+    Args:
+        ledger: in whose file it is kept.
+        random_octets: gives as many octets that nobody can guess: the name of a new ledger.
+
     Attributes:
         ledger_name: what tells this ledger's numbers from those of one before or after it.
 
@@ -39,14 +43,14 @@ class RelayRecord:
         LedgerError: from every method, if the file cannot be read.
     """
 
-    def __init__(self, ledger: Ledger) -> None:
+    def __init__(self, ledger: Ledger, random_octets: Callable[[int], bytes]) -> None:
         self._ledger = ledger
         ledger.extend(_SCHEMA, self._forget)
         if not ledger.rows("SELECT sequence FROM relay_kept"):
             self.keep(ledger.last_sequence)
             ledger.commit()
         if not ledger.rows("SELECT name FROM ledger_name"):
-            name = os.urandom(_NAME_OCTETS).hex()
+            name = random_octets(_NAME_OCTETS).hex()
             ledger.write("INSERT INTO ledger_name VALUES (0, ?)", (name,))
             ledger.commit()
         ((self.ledger_name,),) = ledger.rows("SELECT name FROM ledger_name")

@@ -19,6 +19,7 @@ from adapters.bundle.links.contact import (
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
 from tests.bundle.test_faults import check_complete, complete, feed
 from tests.bundle.weather import START_UTC_S, Weather, World
+from tests.support.timed_system import TimedSystem
 
 IONRC = """
 ## begin ionadmin
@@ -162,7 +163,8 @@ class Deployed:
 
     def start(self, utc_s: float) -> list[tuple[float, float]]:
         """Return from when to when contacts are planned."""
-        plan = load_contact_plan(self.settings, "contacts.ionrc", self.data, NODE, lambda: utc_s)
+        system = TimedSystem(lambda: utc_s)
+        plan = load_contact_plan(self.settings, "contacts.ionrc", self.data, NODE, system)
         assert plan is not None
         return [(contact.begin_utc_s, contact.end_utc_s) for contact in plan.contacts]
 

@@ -138,7 +138,7 @@ def test_what_a_commit_returned_from_survives_kill_9(tmp_path: Path, attempt: in
 
 def test_what_came_by_the_relay_is_forgotten_with_its_command(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "ledger.sqlite")
-    record = RelayRecord(ledger)
+    record = RelayRecord(ledger, os.urandom)
     for number in (1, 2):
         command = Command(Identity("MOE", number), Stop(), "relay", counter=number)
         ledger.record(command)

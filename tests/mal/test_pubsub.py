@@ -116,7 +116,7 @@ async def test_a_consumer_deregisters_before_it_hangs_up() -> None:
 
     def answer(connection: Connection, header: Header, _: bytes) -> None:
         stages.put_nowait(header.stage)
-        connection.send(encode_message(header.reply(REPLY[header.stage]), b""))
+        connection.send(encode_message(header.reply(REPLY[header.stage], 0), b""))
 
     server = await asyncio.get_running_loop().create_server(
         lambda: Connection(answer), "127.0.0.1", 0

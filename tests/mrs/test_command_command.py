@@ -226,7 +226,7 @@ def test_a_rover_that_goes_away_cannot_be_reached(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "adapters.mrs.ground.client.Session", lambda *most: Session(*(*most[:-1], 0.1))
+        "adapters.mrs.ground.client.Session", lambda *most: Session(*(*most[:-2], 0.1, most[-1]))
     )
     executive = aboard.do(lambda bench: bench.executive)
     monkeypatch.setattr(executive, "wake", lambda: threading.Thread(target=aboard.hang_up).start())

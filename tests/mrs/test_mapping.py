@@ -37,6 +37,7 @@ from executive import reports
 from executive.commands import Arrival, Command, MoveForward, Request, Stop, declaration_of
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity
+from tests.support.timed_system import TimedSystem
 
 requests = st.one_of(*(st.from_type(kind) for kind in get_args(Request)))
 commands_of_any_kind = st.builds(
@@ -192,9 +193,10 @@ def test_numbers_of_kin_are_equal() -> None:
 
 
 def test_command_numbers_grow_within_and_across_clients() -> None:
-    now_ns = [(EPOCH_MS + 5) * 1_000_000]
-    first = CommandNumbers(lambda: now_ns[0])
+    now_s = [(EPOCH_MS + 5) / 1000]
+    system = TimedSystem(lambda: now_s[0])
+    first = CommandNumbers(system)
     assert [first.take(), first.take(), first.take()] == [5, 6, 7]
-    now_ns[0] += 10_000_000
-    assert [first.take(), CommandNumbers(lambda: now_ns[0]).take()] == [15, 15]
-    assert CommandNumbers(lambda: 0).take() == 1
+    now_s[0] += 0.01
+    assert [first.take(), CommandNumbers(system).take()] == [15, 15]
+    assert CommandNumbers(TimedSystem(lambda: 0.0)).take() == 1

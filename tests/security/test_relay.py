@@ -23,6 +23,7 @@ from tests.relay.orbiter.sky import DICTIONARY, Clock, Sky, eclipse, ground, lan
 from tests.relay.rover.ends import ROVER, Ends, octets, until
 from tests.relay.rover.relayed_bench import RelayedBench, asked
 from tests.support.asked_authority import AskedAuthority
+from tests.support.timed_system import TimedSystem
 
 WAITING = 100
 
@@ -269,12 +270,12 @@ def test_a_stop_of_a_clock_that_is_ahead_holds_later_commands_for_minutes_only(
     clock = ManualClock()
     now_ms = round(clock.utc_s() * 1000) - DTN_EPOCH_UTC_MS
     stop: Made = (now_ms + round(ahead_s * 1000), 0, 0)
-    last = LastStop(tmp_path / "relay.stop", clock.utc_s)
+    last = LastStop(tmp_path / "relay.stop", TimedSystem(clock.utc_s))
     last.take(stop)
     last.keep()
     for waited_s in (0.0, MOST_HELD_S - 1.0, 1.0, 86_400.0):
         clock.advance(waited_s)
-        last = LastStop(tmp_path / "relay.stop", clock.utc_s)
+        last = LastStop(tmp_path / "relay.stop", TimedSystem(clock.utc_s))
         before = (min(stop[0], now_ms) - 1, 0, 0)
         assert last.overtakes(before), "what was made before it, by either clock, never moves"
         assert not last.overtakes((stop[0], 1, 0)), "what the same clock makes after it is taken"
@@ -285,7 +286,7 @@ def test_a_stop_of_a_clock_that_is_ahead_holds_later_commands_for_minutes_only(
 
 def test_a_clock_that_is_set_back_holds_no_longer(tmp_path: Path) -> None:
     utc_s = [2e9]
-    last = LastStop(tmp_path / "relay.stop", lambda: utc_s[0])
+    last = LastStop(tmp_path / "relay.stop", TimedSystem(lambda: utc_s[0]))
     ahead_ms = round(utc_s[0] * 1000) - DTN_EPOCH_UTC_MS + 86_000_000
     last.take((ahead_ms, 0, 0))
     utc_s[0] -= 80_000.0

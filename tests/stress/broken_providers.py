@@ -107,7 +107,7 @@ def serves_nobody() -> None:
     def refuse(take: Callable[[], None], self: Provider, *message: Any) -> None:
         connection, header = message
         if (header.service, header.operation) == GET_STATUS:
-            ReplyPath(connection, header, self._codec).refuse(MalError(7))
+            ReplyPath(connection, header, self._codec, self._system).refuse(MalError(7))
         else:
             take()
 

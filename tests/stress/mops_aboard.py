@@ -4,18 +4,13 @@ The rover knows no place, so that no command whatever may move it.
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, Final, cast
+from typing import Final
 
-from rclpy.node import Node
-from std_msgs.msg import String, UInt64
-
-from adapters.mops import Dictionary, fingerprint
+from adapters.mops import Dictionary, MopsError, fingerprint
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from adapters.ros import MessageError, Topic, declare_topic
 from executive.clock import ManualClock
 from executive.geometry import STANDING
 from executive.record import Ledger, Synchronous
@@ -33,51 +28,33 @@ TICK_EVERY: Final = 20
 
 
 class Wire:
-    """What the link needs of a ROS node: parameters, a topic that somebody listens to, a timer."""
-
-    topic_name = "mops/relay/notification"
+    """The topics of the link, with a subscriber; keeps what is published."""
 
     def __init__(self) -> None:
         self.said: list[str] = []
         self.taken: list[int] = []
 
-    def declare_parameter(self, name: str, *_: object) -> SimpleNamespace:
-        values = {"topic": name, "reliability": "reliable", "depth": 100}
-        return SimpleNamespace(value=values[name.rpartition(".")[2]])
+    def publish(self, text: str) -> None:
+        self.said.append(text)
 
-    def create_publisher(self, *_: object) -> "Wire":
-        return self
+    def confirm(self, mark: int) -> None:
+        self.taken.append(mark)
 
-    def create_timer(self, period_s: float, callback: Callable[[], None], clock: object) -> None:
-        self.look = callback
-
-    def get_subscriptions_info_by_topic(self, name: str) -> list[SimpleNamespace]:
-        return [SimpleNamespace(endpoint_gid=[1])]
-
-    def get_subscription_count(self) -> int:
+    def count_listeners(self) -> int:
         return 1
-
-    def publish(self, message: String | UInt64) -> None:
-        if isinstance(message, String):
-            self.said.append(message.data)
-        else:
-            self.taken.append(message.data)
 
 
 class Aboard:
-    """An executive in simulated time, and its relay link on a topic; the link's `Served`."""
+    """An executive in simulated time, and its relay link."""
 
     def __init__(self, dictionary: Dictionary, settings: Settings, folder: Path) -> None:
         self._asset, self._dictionary = settings.asset.upper().encode(), dictionary
         self._wire, self._rover, self._heard = Wire(), KinematicRover(), Heard()
         self._log = Lines("adapters.relay.rover.executive_link")
         self._refused: list[str] = []
-        self._takers: dict[type, Callable[[Any], None]] = {}
-        node = cast(Node, self._wire)
         ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
-        stops, commands = (declare_topic(node, key, "") for key in ("relay_stop", "relay_command"))
         name = settings.asset.upper()
-        self._link = ExecutiveRelayLink(node, stops, commands, ledger, dictionary, name)
+        self._link = ExecutiveRelayLink(self._wire, ledger, dictionary, name)
         self._clock, self._tick_s, self._turns = ManualClock(), settings.tick_s, count(1)
         self._executive = Executive(
             settings=settings,
@@ -88,23 +65,7 @@ class Aboard:
             downlinks=[self._link, self._heard],
             build_tree=RoverTree,
         )
-        self._link.serve(self._executive.submit, self)
-
-    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        self._takers[kind] = self.contained(callback)
-
-    subscribe_apart = subscribe
-
-    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """Return a callback whose refusals are kept; what else it raises goes up."""
-
-        def call(*arguments: object) -> None:
-            try:
-                callback(*arguments)
-            except MessageError as error:
-                self._refused.append(str(error))
-
-        return call
+        self._link.serve(self._executive.submit)
 
     def take(self, portions: Sequence[bytes], findings: MopsFindings) -> None:
         text = b"".join(portions).decode("utf-8", "replace")
@@ -113,7 +74,10 @@ class Aboard:
         for kept in (self._refused, self._wire.said, self._log.lines, *vars(self._heard).values()):
             kept.clear()
         self._rover.sent.clear()
-        self._takers[String](String(data=text))
+        try:
+            self._link.command(text)
+        except MopsError as error:
+            self._refused.append(str(error))
         self._executive.turn()
         if next(self._turns) % TICK_EVERY == 0:
             self._pass_time()
@@ -136,12 +100,12 @@ class Aboard:
     def _pass_time(self) -> None:
         self._clock.set(self._clock.now_s() + self._tick_s)
         self._executive.tick()
-        self._wire.look()
+        self._link.look()
 
     def _keep(self) -> None:
         """Keep all that was told, and what is told thereupon."""
         for said in self._wire.said:
-            self._takers[UInt64](UInt64(data=fingerprint(said)))
+            self._link.kept(fingerprint(said))
 
 
 def _identity(command: bytes) -> Identity:

@@ -18,7 +18,8 @@ from std_msgs.msg import String
 from adapters.mops import LINK, load_dictionary
 from adapters.mops.codec import END
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from adapters.ros import MessageError, Topic, declare_topic, ros_node, single_threaded
+from adapters.relay.rover.executive_topics import ExecutiveRelayTopics
+from adapters.ros import MessageError, Topic, ros_node, single_threaded
 from executive.commands.catalogue import Command
 from executive.commands.lifecycle import Repeated, SubmitResult
 from executive.record import Ledger, Synchronous
@@ -32,21 +33,17 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class Rover:
-    """Takes commands and tells reports; its link's `Served`."""
+    """Takes commands and tells reports; the `Served` of its topics."""
 
     def __init__(self, node: Node, folder: Path) -> None:
         self._node = node
         self._journal = Journal(folder / TOPIC_JOURNAL)
         self._ledger = Ledger(folder / ROVER_LEDGER, Synchronous.NORMAL)
         self._taken: list[tuple[Command, Callable[[SubmitResult], None]]] = []
-        stops, commands = (
-            declare_topic(node, key, "std_msgs/String, MOPS of the relay")
-            for key in ("relay_stop", "relay_command")
-        )
-        self._link = ExecutiveRelayLink(
-            node, stops, commands, self._ledger, load_dictionary(), NAME
-        )
-        self._link.serve(self._submit, self)
+        topics = ExecutiveRelayTopics(node)
+        self._link = ExecutiveRelayLink(topics, self._ledger, load_dictionary(), NAME)
+        self._link.serve(self._submit)
+        topics.serve(self._link, self)
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Have what takes messages called; a string is written down before."""

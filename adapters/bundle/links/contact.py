@@ -8,7 +8,6 @@ Times are UTC or, with a plus sign, seconds after a reference, which `@ 2026/11/
 
 import logging
 import re
-import time
 from calendar import timegm
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -23,6 +22,7 @@ from typing import Final
 from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import BundleError
 from adapters.bundle.node.settings import NodeSettings
+from adapters.system import OPERATING_SYSTEM, System
 
 _TIME_FORMAT: Final = "%Y/%m/%d-%H:%M:%S"
 _NUMBER: Final = re.compile(r"\d{1,18}", re.ASCII)
@@ -274,7 +274,7 @@ def load_contact_plan(
     name: str | None,
     data: Path,
     node: NodeSettings,
-    utc_s: Callable[[], float] = time.time,
+    system: System = OPERATING_SYSTEM,
 ) -> ContactPlan | None:
     """Return the contact plan that a settings file names; warn of neighbours without contact.
 
@@ -285,7 +285,7 @@ def load_contact_plan(
         name: of the plan; None for none.
         data: the folder where that first start is kept, under the name of the settings.
         node: the agent that is to follow it.
-        utc_s: the time in seconds since 1970.
+        system: the time, and where it is kept.
 
     Raises:
         adapters.bundle.links.contact.PlanError: it cannot be read.
@@ -293,10 +293,10 @@ def load_contact_plan(
     """
     if name is None:
         return None
-    path, now_s = settings_file.parent / name, utc_s()
+    path, now_s = settings_file.parent / name, system.utc_s()
     read_plan(path, now_s)
     kept = data / f"{settings_file.stem}{_FIRST_START}"
-    plan = read_plan(path, _first_start_utc_s(path.read_bytes(), kept, now_s))
+    plan = read_plan(path, _first_start_utc_s(path.read_bytes(), kept, system))
     for sender, receiver in _never_open(plan, node, now_s):
         _LOG.warning(
             "contact plan %s: from node %d to node %d no contact is planned from now on;"
@@ -316,18 +316,17 @@ def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator
             yield from (way for way in ways if not plan.planned(*way, now_s))
 
 
-def _first_start_utc_s(plan: bytes, kept: Path, now_s: float) -> float:
+def _first_start_utc_s(plan: bytes, kept: Path, system: System) -> float:
     """Return when a plan was first used; a file keeps the time, and the plan after it."""
     if kept.is_file():
         first, _, known = kept.read_bytes().partition(b"\n")
         with suppress(ValueError):
             if known == plan:
                 return datetime.fromisoformat(first.decode()).timestamp()
+    now_s = system.utc_s()
     first = datetime.fromtimestamp(now_s, UTC).isoformat().encode()
-    fresh = kept.with_name(f"{kept.name}.new")
     try:
-        fresh.write_bytes(first + b"\n" + plan)
-        fresh.replace(kept)
+        system.replace(kept, first + b"\n" + plan)
     except OSError as error:
         raise BundleError(
             f"{kept.parent} cannot be written: {error.strerror}; make room there, or name another"

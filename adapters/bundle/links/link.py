@@ -10,6 +10,7 @@ from typing import Final
 from adapters.bundle.links.contact import ContactState
 from adapters.bundle.node.node import Node
 from adapters.bundle.node.settings import Address, Neighbour
+from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
 _LONGEST_PAUSE_S: Final = 30.0
@@ -25,11 +26,13 @@ class LinkContext:
         node: whose bundles they move.
         now_s: monotonic time.
         wake: has what was put into the node's transaction committed, and the links pump.
+        system: where they bind sockets.
     """
 
     node: Node
     now_s: Callable[[], float]
     wake: Callable[[], None]
+    system: System = OPERATING_SYSTEM
 
 
 class Link(ABC):

@@ -17,9 +17,10 @@ from adapters.bundle.links.ltp_segment import (
     decode_segment,
     encode_segment,
 )
-from adapters.bundle.links.udp import DatagramEndpoint, SocketAddress
+from adapters.bundle.links.udp import DatagramEndpoint
 from adapters.bundle.node.sending import Outgoing
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, engine_of
+from adapters.system import SocketAddress
 
 _LOG: Final = logging.getLogger(__name__)
 _REFUSED_PAUSE_S: Final = 1.0

@@ -12,6 +12,7 @@ from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.links.contact import ContactState
 from adapters.bundle.links.link import Backoff, Endpoint, Link, LinkContext, Pacer
 from adapters.bundle.node.settings import Address, Neighbour, UdpLink
+from adapters.system import SocketAddress
 
 _LOG: Final = logging.getLogger(__name__)
 LOOKUP_AGAIN_S: Final = 1.0
@@ -21,7 +22,6 @@ _MOST_WAITING_OCTETS: Final = 16 << 20
 _BUFFER_OCTETS: Final = 4 << 20
 _LONGEST_DATAGRAM: Final = 65_536
 _BURST_S: Final = 0.02
-SocketAddress = tuple[str, int]
 
 
 class AddressLookup:
@@ -96,15 +96,7 @@ class DatagramEndpoint(Endpoint):
             listen.host, listen.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE
         )[0]
         self._family = family
-        self._socket = socket.socket(self._family, socket.SOCK_DGRAM)
-        try:
-            for buffer in (socket.SO_RCVBUF, socket.SO_SNDBUF):
-                self._socket.setsockopt(socket.SOL_SOCKET, buffer, _BUFFER_OCTETS)
-            self._socket.setblocking(False)
-            self._socket.bind(where)
-        except OSError:
-            self._socket.close()
-            raise
+        self._socket = context.system.datagrams(where, family, _BUFFER_OCTETS)
         self.address = Address(*self._socket.getsockname()[:2])
 
     @abstractmethod

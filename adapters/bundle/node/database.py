@@ -5,7 +5,6 @@ and, with FULL synchronisation, loss of power.
 """
 
 import logging
-import os
 import sqlite3
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from adapters.bundle.codec.errors import StoreError, StoreFull
+from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
 _SCHEMA: Final = """
@@ -83,6 +83,7 @@ class Database:
 
     Args:
         path: the file, made with its folders if missing.
+        system: the disk.
 
     Attributes:
         full: whether nothing new should be taken in, as of the last look.
@@ -96,13 +97,17 @@ class Database:
     """
 
     def __init__(
-        self, path: Path, limits: Limits | None = None, synchronous: Synchronous = Synchronous.FULL
+        self,
+        path: Path,
+        limits: Limits | None = None,
+        synchronous: Synchronous = Synchronous.FULL,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
-        self.path = path
+        self.path, self._system = path, system
         self._limits = limits or Limits()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._db = _open(path, synchronous)
+            self._db = _opened(system.connect(path), synchronous)
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"bundle store {path}: {error}") from error
         self.full = False
@@ -227,10 +232,9 @@ class Database:
     @property
     def _free_octets(self) -> int:
         try:
-            disk = os.statvfs(self.path.parent)
+            return self._system.free_octets(self.path.parent)
         except OSError:  # its folder is gone: nothing can be kept there
             return 0
-        return disk.f_bavail * disk.f_frsize
 
     @property
     def octets(self) -> int:
@@ -260,8 +264,7 @@ class Database:
         return self._failure
 
 
-def _open(path: Path, synchronous: Synchronous) -> sqlite3.Connection:
-    db = sqlite3.connect(path, isolation_level=None)
+def _opened(db: sqlite3.Connection, synchronous: Synchronous) -> sqlite3.Connection:
     try:
         db.execute("PRAGMA journal_mode = WAL")
         db.execute(f"PRAGMA synchronous = {synchronous.value}")

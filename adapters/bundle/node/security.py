@@ -22,6 +22,7 @@ from adapters.bundle.codec.integrity import (
     sign,
     verify,
 )
+from adapters.system import OPERATING_SYSTEM
 
 _LOG: Final = logging.getLogger(__name__)
 KEY_OCTETS: Final = 32
@@ -213,7 +214,7 @@ def make_key(path: Path) -> None:
         OSError: it cannot be written.
     """
     with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as made:
-        made.write(os.urandom(KEY_OCTETS))
+        made.write(OPERATING_SYSTEM.random_octets(KEY_OCTETS))
 
 
 def _load(path: Path, settings: KeySettings) -> Key:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from adapters.mops import Message, decode, is_last
-from executive.record import Database, LedgerError
+from executive.record import Connect, Database, LedgerError, connect_to_file
 from executive.reports import Stage
 
 KEPT: Final = 10_000
@@ -97,13 +97,14 @@ class BrickRecord(Database):
 
     Args:
         path: the file; None keeps it in memory.
+        connect: opens it.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
     """
 
-    def __init__(self, path: Path | None = None) -> None:
-        super().__init__(path, _SCHEMA)
+    def __init__(self, path: Path | None = None, connect: Connect = connect_to_file) -> None:
+        super().__init__(path, _SCHEMA, connect=connect)
         if not self.rows("SELECT 1 FROM pragma_table_info('asked') WHERE name = 'waits'"):
             self.rows(_WAITS)
 

@@ -1,7 +1,6 @@
 """What becomes of what the brick was asked: its own replies, and what is told in its stead."""
 
 import logging
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -227,7 +226,7 @@ class Router:
         self._may_move = False
         self._silent: set[Link] = set()
         self._overtaken = False
-        self._numbers = count(time.time_ns() // 1000)
+        self._numbers = count(round(clock.utc_s() * 1e6))
         self._said = MopsStream(self._out.refuse)
         self._told = {link: MopsStream(self._out.refuse) for link in Link}
 

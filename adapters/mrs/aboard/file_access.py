@@ -7,12 +7,12 @@ sure that it is still the same, and reads one slice: no file stays open when a t
 import asyncio
 import logging
 import os
-import time
 from typing import Final, Protocol
 from zlib import crc32
 
 from adapters.mal import AttributeType, MalError, NamedValue, Typed
 from adapters.mrs.spec import AreaError, FileInfo, with_text
+from adapters.system import OPERATING_SYSTEM, System, utc_ns
 from executive.reasons import Figure
 from executive.state import LONGEST_PATH, FileEventKind, FileFolder, FileStamp
 
@@ -132,8 +132,8 @@ class Checksums:
     asked, so that the next request is answered sooner.
     """
 
-    def __init__(self, folder: FileFolder) -> None:
-        self._folder = folder
+    def __init__(self, folder: FileFolder, system: System = OPERATING_SYSTEM) -> None:
+        self._folder, self._system = folder, system
         self._known: dict[FileStamp, int] = {}
         self._running: dict[tuple[str, FileStamp], asyncio.Task[int]] = {}
         self._room = asyncio.Semaphore(AT_ONCE)
@@ -169,7 +169,7 @@ class Checksums:
             value = await self.begin_of(path, stamp, stamp.size_octets)
         if await asyncio.to_thread(self._folder.stamp, path) != stamp:
             raise changed(path)
-        if time.time_ns() - stamp.modified_ns > AT_REST_NS:
+        if utc_ns(self._system) - stamp.modified_ns > AT_REST_NS:
             self._known[stamp] = value
             if len(self._known) > KNOWN_CHECKSUMS:
                 del self._known[next(iter(self._known))]
@@ -254,17 +254,17 @@ class FileWatch:
                     self._found(path, stamp, about)
 
     async def _watch(self) -> None:
-        pause_s = self._period_s
+        loop, pause_s = asyncio.get_running_loop(), self._period_s
         while True:
             await asyncio.sleep(pause_s)
-            begin_s = time.monotonic()
+            begin_s = loop.time()
             self._notified.clear()
             try:
                 new, gone = await asyncio.to_thread(self._look)
                 await self._compare(new, gone)
             except Exception:
                 _LOG.exception("the folder of files cannot be looked at")
-            pause_s = max(self._period_s, SHARE * (time.monotonic() - begin_s))
+            pause_s = max(self._period_s, SHARE * (loop.time() - begin_s))
 
     def _look(self) -> tuple[dict[str, FileStamp], list[str]]:
         """Return what is not as known, and what is not there; called in a thread."""

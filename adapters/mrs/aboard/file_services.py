@@ -32,6 +32,7 @@ from adapters.mrs.spec import (
     FileReport,
     with_text,
 )
+from adapters.system import OPERATING_SYSTEM, System
 from executive.settings import Settings
 from executive.state import FileEventKind, FileFolder, FileStamp, check_path
 
@@ -84,6 +85,7 @@ class FileServices:
         holder: returns who holds the authority, who may cancel transfers of others.
         stalled_s: see `STALLED_S`.
         period_s: between two looks at the folder.
+        system: whose time tells whether a file is at rest.
 
     Attributes:
         watch: takes changes of files, and publishes them.
@@ -97,13 +99,14 @@ class FileServices:
         holder: Callable[[], Awaitable[str | None]],
         stalled_s: float = STALLED_S,
         period_s: float = PERIOD_S,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(READERS, "files"))
         self._folder = folder
         self._asset = settings.asset
         self._holder = holder
         self._stalled_s = stalled_s
-        self._checksums = Checksums(folder)
+        self._checksums = Checksums(folder, system)
         self._transfers: set[_Transfer] = set()
         self._tell = served.broadcast(
             "FileManagement", "monitorFiles", settings.asset, settings.domain

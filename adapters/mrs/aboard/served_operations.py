@@ -26,6 +26,7 @@ from adapters.mrs.spec import (
     service_id,
     with_text,
 )
+from adapters.system import OPERATING_SYSTEM, System
 
 MESSAGE_CAP: Final = 1 << 20
 """Octets of the longest message taken aboard.
@@ -56,13 +57,17 @@ class ServedOperations:
     Args:
         encoding: of the bodies of messages.
         hear: called when an operation is called, unless other rovers may have done so.
+        system: the time of messages, and where it listens.
 
     Attributes:
         provider: answers NotSupported to everything that is not registered here.
     """
 
     def __init__(
-        self, encoding: Encoding = Encoding.FIXED, hear: Callable[[], None] = lambda: None
+        self,
+        encoding: Encoding = Encoding.FIXED,
+        hear: Callable[[], None] = lambda: None,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         self._hear = hear
         self._specification = mrs_specification()
@@ -75,6 +80,7 @@ class ServedOperations:
             ),
             limits=LIMITS,
             logged=(AreaError.INVALID.value,),
+            system=system,
         )
         self._working: set[tuple[str, str]] = set()
         self._recognised: deque[Connection] = deque(maxlen=MOST_RECOGNISED)

@@ -36,6 +36,7 @@ from adapters.mrs.spec import (
     with_text,
 )
 from adapters.mrs.terms import Terms
+from adapters.system import OPERATING_SYSTEM, System
 from executive.settings import Settings
 
 _LOG: Final = logging.getLogger(__name__)
@@ -66,23 +67,29 @@ class FleetService:
         gateway: the way to the executive.
         settings: of the asset.
         terms: on which others are spoken to.
+        system: the time of messages.
 
     Attributes:
         housekeeping: returns the last values of this asset that are not the rover's.
     """
 
     def __init__(
-        self, served: ServedOperations, gateway: Gateway, settings: Settings, terms: Terms
+        self,
+        served: ServedOperations,
+        gateway: Gateway,
+        settings: Settings,
+        terms: Terms,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         self.housekeeping: Callable[[], Sequence[ParameterValue]] = tuple
         self._served = served
         self._gateway = gateway
         self._asset = settings.asset
         self._domain = settings.domain
-        self._terms = terms
+        self._terms, self._system = terms, system
         self._known = KnownAssets(settings.asset)
         self._directory = DirectoryService(served, settings.asset, self._known)
-        self._discovery = AssetDiscovery(settings.asset, terms)
+        self._discovery = AssetDiscovery(settings.asset, terms, system)
         self._link: FleetLink | None = None
         named = (settings.asset, settings.domain)
         value, notification = "monitorAssetValue", "monitorAssetNotification"
@@ -108,7 +115,7 @@ class FleetService:
         self._link = FleetLink(
             uri,
             self._gateway,
-            Dialer(self._asset, self._terms, CONNECT_TIMEOUT_S),
+            Dialer(self._asset, self._terms, CONNECT_TIMEOUT_S, self._system),
             self._registration,
             self._directory.list_above,
             publisher,
@@ -223,10 +230,11 @@ class AssetDiscovery:
     Args:
         name: what this end calls itself.
         terms: on which others are spoken to.
+        system: the time of messages.
     """
 
-    def __init__(self, name: str, terms: Terms) -> None:
-        self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S)
+    def __init__(self, name: str, terms: Terms, system: System) -> None:
+        self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S, system)
         self._answers: dict[str, _Answer] = {}
         self._asking: dict[str, asyncio.Task[AssetInfo]] = {}
 

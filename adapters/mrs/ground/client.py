@@ -1,7 +1,6 @@
 """The ground's side of the MRS: commands with their outcome, and what the rover tells."""
 
 import asyncio
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -29,6 +28,7 @@ from adapters.mrs.spec import (
     supplements_of,
 )
 from adapters.mrs.terms import CLEAR, Terms
+from adapters.system import OPERATING_SYSTEM, System, utc_ns
 from executive.commands import Arrival, Command, Request
 from executive.reports import Identity
 
@@ -56,16 +56,16 @@ class CommandNumbers:
     millisecond or the clock was set back.
 
     Args:
-        now_ns: returns the time in ns since 1970 UTC.
+        system: the time.
     """
 
-    def __init__(self, now_ns: Callable[[], int] = time.time_ns) -> None:
-        self._now_ns = now_ns
+    def __init__(self, system: System = OPERATING_SYSTEM) -> None:
+        self._system = system
         self._last = 0
 
     def take(self) -> int:
         """Return a new number."""
-        self._last = max(self._last + 1, self._now_ns() // 1_000_000 - EPOCH_MS)
+        self._last = max(self._last + 1, utc_ns(self._system) // 1_000_000 - EPOCH_MS)
         return self._last
 
 
@@ -83,14 +83,20 @@ class MrsClient(Queries):
     """
 
     def __init__(
-        self, uri: str, source: str, terms: Terms, timeout_s: float, patience_s: float
+        self,
+        uri: str,
+        source: str,
+        terms: Terms,
+        timeout_s: float,
+        patience_s: float,
+        system: System,
     ) -> None:
         """Not to be called; see `connect`."""
         self.source = source
         self.authority = SessionAuthority(self._ask_authority, source)
         address, ends = parse_address(uri), (self._restore, self._give_up)
-        super().__init__(Session(address, source, terms, *ends, timeout_s, patience_s))
-        self._numbers = CommandNumbers()
+        super().__init__(Session(address, source, terms, *ends, timeout_s, patience_s, system))
+        self._system, self._numbers = system, CommandNumbers(system)
         self._watches: list[CommandWatch] = []
         self._notifications: Streams[Notification] = Streams()
         self._feed = NotificationStream(self._deliver, self._on_new_ledger)
@@ -109,6 +115,7 @@ class MrsClient(Queries):
         timeout_s: float = 10.0,
         patience_s: float = 30.0,
         terms: Terms = CLEAR,
+        system: System = OPERATING_SYSTEM,
     ) -> "MrsClient":
         """Connect to a rover.
 
@@ -119,6 +126,7 @@ class MrsClient(Queries):
             timeout_s: how long to wait for each answer.
             patience_s: how long to try to connect again after a loss; 0 for not at all.
             terms: the encoding and the certificates agreed on with the rover.
+            system: the time of messages.
 
         Raises:
             CertificateError: a certificate file cannot be used.
@@ -127,7 +135,7 @@ class MrsClient(Queries):
         """
         if source is None and terms.certificates is not None:
             source = terms.certificates.name()
-        client = cls(to, source or SOURCE, terms, timeout_s, patience_s)
+        client = cls(to, source or SOURCE, terms, timeout_s, patience_s, system)
         await client._session.open()
         client._signing = asyncio.create_task(client._give_signs())
         return client
@@ -179,7 +187,7 @@ class MrsClient(Queries):
             identity=Identity(source or self.source, number),
             request=request,
             link=LINK,
-            created_utc_s=time.time(),
+            created_utc_s=self._system.utc_s(),
             lifetime_s=lifetime_s,
             arrival=arrival,
             authority=self.authority.epoch if authority is None else authority,

@@ -20,6 +20,7 @@ from adapters.mal import (
 )
 from adapters.mrs.spec import AreaError, ServiceDescriptor, find_service, mrs_specification
 from adapters.mrs.terms import Terms
+from adapters.system import OPERATING_SYSTEM, System
 
 DIRECTORY: Final = "ServiceLayer"
 
@@ -102,10 +103,13 @@ class Dialer:
         name: the last part of this end's own URI.
         terms: the encoding, and the certificates of this end, which are read when first needed.
         timeout_s: how long to wait for a connection, and for each reply.
+        system: the time of messages.
     """
 
-    def __init__(self, name: str, terms: Terms, timeout_s: float) -> None:
-        self._name = name
+    def __init__(
+        self, name: str, terms: Terms, timeout_s: float, system: System = OPERATING_SYSTEM
+    ) -> None:
+        self._name, self._system = name, system
         self._terms = terms
         self._timeout_s = timeout_s
         self._tls: ssl.SSLContext | None = None
@@ -122,7 +126,7 @@ class Dialer:
             self._tls = self._terms.for_consumer()
         name, encoding, timeout_s = self._name, self._terms.encoding, self._timeout_s
         return await Consumer.connect(
-            mrs_specification(), uri, name, encoding, timeout_s, is_broker, self._tls
+            mrs_specification(), uri, name, encoding, timeout_s, is_broker, self._tls, self._system
         )
 
 

@@ -11,6 +11,7 @@ from adapters.mal import SCHEME, MalError, MalUri, StandardError
 from adapters.mrs.ground.rover_consumer import Dialer, RoverConsumer
 from adapters.mrs.spec import NAME, PORT, describe_error
 from adapters.mrs.terms import Terms, TermsError
+from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -49,6 +50,7 @@ class Session:
         give_up: called once, when the rover did not come back.
         timeout_s: how long to wait for a connection, and for each reply.
         patience_s: how long to go on trying after a loss; 0 for not at all.
+        system: the time of messages.
     """
 
     def __init__(
@@ -60,12 +62,13 @@ class Session:
         give_up: Callable[[ConnectionError], None] | None,
         timeout_s: float,
         patience_s: float,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         self.uri = uri
         self._name = name
-        self._terms = terms
+        self._terms, self._system = terms, system
         self._timeout_s = timeout_s
-        self._dialer = Dialer(name, terms, timeout_s)
+        self._dialer = Dialer(name, terms, timeout_s, system)
         self._restore = restore
         self._give_up = give_up
         self._patience_s = patience_s
@@ -76,8 +79,8 @@ class Session:
 
     def separate(self) -> "Session":
         """Return a session with the same rover over connections of its own, for one purpose."""
-        times = (self._timeout_s, self._patience_s)
-        return Session(self.uri, self._name, self._terms, None, None, *times)
+        rest = (self._timeout_s, self._patience_s, self._system)
+        return Session(self.uri, self._name, self._terms, None, None, *rest)
 
     async def open(self, *, patiently: bool = False) -> None:
         """Connect for the first time.

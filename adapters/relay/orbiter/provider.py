@@ -1,7 +1,6 @@
 """The MRS provider of one rover behind the relay, with the operations that work over bundles."""
 
 import re
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
@@ -40,6 +39,7 @@ from adapters.relay.orbiter.link_status import (
     aboard_values,
 )
 from adapters.relay.orbiter.rover import RelayedRover
+from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, ExecuteAction
 from executive.record import LedgerError
 from executive.reports import Kind, Report, Severity, Stage
@@ -76,7 +76,7 @@ class RoverProvider:
         usage: returns what the orbiter's process takes.
         silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
         terms: the encoding and the certificates agreed on with the ground.
-        utc_s: the time in seconds since 1970.
+        system: the time, and where it listens.
     """
 
     def __init__(
@@ -87,15 +87,15 @@ class RoverProvider:
         usage: Callable[[], Usage],
         silent_after_s: float,
         terms: Terms,
-        utc_s: Callable[[], float] = time.time,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         self._rover, self._link_status, self._order = rover, link_status, order
         self._usage = usage
-        self._utc_s = utc_s
+        self._utc_s = system.utc_s
         self._silent_after_s = silent_after_s
         self._names_prove_something = True
         self._settings = rover.settings
-        offer = self._offer = ServedOperations(terms.encoding)
+        offer = self._offer = ServedOperations(terms.encoding, system=system)
         serve_commands(offer, self, self._serves)
         named = (self._settings.asset, self._settings.domain)
         self._tell = offer.broadcast("Notification", "monitorNotification", *named)

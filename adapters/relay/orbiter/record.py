@@ -13,6 +13,7 @@ from adapters.bundle import BundleId
 from adapters.mops import HIGHEST_SEQUENCE, UNNUMBERED, MopsError
 from adapters.relay.orbiter.derived_reports import Loss
 from adapters.relay.orbiter.report_ledger import ReportLedger
+from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Stop
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
@@ -375,6 +376,7 @@ class RoverRecord:
         path: the file, made with its folders if missing.
         numbered: whether the rover numbers its reports; else they are numbered here.
         most_reports: how many of them are kept.
+        system: the disk.
 
     Attributes:
         ledger: the commands and the reports.
@@ -382,9 +384,15 @@ class RoverRecord:
         ledgers: in which ledgers the rover numbered its reports.
     """
 
-    def __init__(self, path: Path, numbered: bool = True, most_reports: int = MOST_REPORTS) -> None:
+    def __init__(
+        self,
+        path: Path,
+        numbered: bool = True,
+        most_reports: int = MOST_REPORTS,
+        system: System = OPERATING_SYSTEM,
+    ) -> None:
         self._numbered = numbered
-        self.ledger = ReportLedger(path, _SCHEMA + _LOSSES)
+        self.ledger = ReportLedger(path, _SCHEMA + _LOSSES, system.connect)
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = Retention(self.ledger, most_reports, self.stopped_by)
 

@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import AsyncExitStack, suppress
 from functools import partial
@@ -44,6 +43,7 @@ from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.orbiter.settings import OrbiterSettings
+from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command
 from executive.record import LedgerError
 from executive.reports import Identity, Severity
@@ -66,8 +66,8 @@ class OrbiterRelay:
         folder: where bundles and records are kept.
         read_plan: reads the planned contacts; None for always. Raises BundleError.
         dictionary: spells messages.
-        utc_s: the time in seconds since 1970.
         security: signs and verifies the bundles; None for neither.
+        system: its clock, disk and sockets.
 
     Attributes:
         rovers: the rovers by their nodes.
@@ -85,15 +85,15 @@ class OrbiterRelay:
         folder: Path,
         read_plan: Callable[[], ContactPlan | None],
         dictionary: Dictionary,
-        utc_s: Callable[[], float] = time.time,
         security: Security | None = None,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
-        self._settings, self._dictionary, self._utc_s = settings, dictionary, utc_s
+        self._settings, self._dictionary, self._utc_s = settings, dictionary, system.utc_s
         self._read_plan, store = read_plan, folder / _BUNDLES
         self._node = settings.node().node
         self.agent = make_agent(
-            settings.node(), store, settings.daemon, settings.listen, read_plan(), utc_s,
-            security=security,
+            settings.node(), store, settings.daemon, settings.listen, read_plan(),
+            security=security, system=system,
         )  # fmt: skip
         self.rovers: Mapping[Eid, RelayedRover] = {
             node_of(each.endpoint): RelayedRover(
@@ -101,15 +101,18 @@ class OrbiterRelay:
                 self.agent,
                 dictionary,
                 RoverRecord(
-                    folder / f"{each.asset}.sqlite", each.numbered, settings.history_reports
+                    folder / f"{each.asset}.sqlite",
+                    each.numbered,
+                    settings.history_reports,
+                    system,
                 ),
-                utc_s,
+                system.utc_s,
                 settings.lifetime_s,
                 settings.ask_again_s or GRACE_S,
             )
             for each in settings.rovers
         }
-        self.usage = ProcessUsage(folder)
+        self.usage = ProcessUsage(folder, system)
         self._full = False
         self._planned: dict[Eid, PlannedContacts] = {}
         self._monitors = {
@@ -309,14 +312,29 @@ async def serve(
         StartError: it cannot start.
     """
     asked = termination_event()
+    with exclusive(data, "orbiter.lock"):
+        await run(settings, settings_file, host, data, clear_text, terms, asked)
+
+
+async def run(
+    settings: OrbiterSettings,
+    settings_file: Path,
+    host: str,
+    data: Path,
+    clear_text: bool,
+    terms: Terms,
+    over: asyncio.Event,
+    system: System = OPERATING_SYSTEM,
+) -> None:
+    """Serve until an event is set; the arguments and errors are those of `serve`."""
     try:
         async with AsyncExitStack() as stack:
-            stack.enter_context(exclusive(data, "orbiter.lock"))
             read_plan = partial(
-                load_contact_plan, settings_file, settings.contact_plan, data, settings.node()
+                load_contact_plan,
+                *(settings_file, settings.contact_plan, data, settings.node(), system),
             )
             security = load_security(settings_file, settings.security, settings.node().node)
-            relay = OrbiterRelay(settings, data, read_plan, load_dictionary(), security=security)
+            relay = OrbiterRelay(settings, data, read_plan, load_dictionary(), security, system)
             stack.push_async_callback(relay.close)
             try:
                 await relay.open()
@@ -330,6 +348,7 @@ async def serve(
                     relay.usage.look,
                     settings.silent_after_s,
                     terms,
+                    system,
                 )
                 for node, rover in relay.rovers.items()
             ]
@@ -344,13 +363,13 @@ async def serve(
                     raise StartError(start_fault(error, what, host, elsewhere)) from error
             for provider in providers:
                 print(f"{provider.asset} listens at {provider.uri}", flush=True)
-            await _run_until(asked, relay, providers, settings.health_interval_s)
+            await _run_until(over, relay, providers, settings.health_interval_s)
     except (BundleError, LedgerError, OSError, ValueError) as error:
         raise StartError(str(error)) from error
 
 
 async def _run_until(
-    asked: asyncio.Event,
+    over: asyncio.Event,
     relay: OrbiterRelay,
     providers: Sequence[RoverProvider],
     health_interval_s: float,
@@ -364,7 +383,7 @@ async def _run_until(
     ]
     async with asyncio.TaskGroup() as group:
         tasks = [group.create_task(each) for each in work]
-        await asked.wait()
+        await over.wait()
         for task in tasks:
             task.cancel()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.mops import UNNUMBERED
-from executive.record import Ledger
+from executive.record import Connect, Ledger
 from executive.reports import Identity, Report
 
 _SCHEMA: Final = """
@@ -45,13 +45,14 @@ class ReportLedger(Ledger):
     Args:
         path: the file, made with its folders if missing.
         schema: makes further tables, and brings the reports of an older file up to date.
+        connect: opens the file.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
     """
 
-    def __init__(self, path: Path, schema: str) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, schema: str, connect: Connect) -> None:
+        super().__init__(path, connect=connect)
         self.make_tables(schema + _SCHEMA)
         ((lowest,),) = self.rows("SELECT min(sequence) FROM reports")
         ((cursor,),) = self.rows("SELECT max(cursor) FROM recorded")

@@ -2,9 +2,7 @@
 
 import asyncio
 import logging
-import os
 import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -36,6 +34,7 @@ from adapters.mops import (
     messages_in,
 )
 from adapters.relay.rover.settings import RelaySettings
+from adapters.system import OPERATING_SYSTEM, System
 
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
@@ -105,6 +104,7 @@ class BundleBridge:
         dictionary: how messages are spelled.
         topics: where strings leave.
         security: signs and verifies the bundles; None for neither.
+        system: its clock, disk and sockets.
 
     Attributes:
         health: how the link was doing at the last look, as the ground is told.
@@ -120,16 +120,18 @@ class BundleBridge:
         dictionary: Dictionary,
         topics: RoverTopics,
         security: Security | None = None,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
-        self._settings, self._topics = settings, topics
+        self._settings, self._topics, self._system = settings, topics, system
         self._entry = dictionary.spelling.link
         self._agent = make_agent(
-            settings.node(), path, settings.daemon, settings.listen, plan, security=security
-        )
+            settings.node(), path, settings.daemon, settings.listen, plan,
+            security=security, system=system,
+        )  # fmt: skip
         self._queue = SendQueue(dictionary, settings.telemetry_queue)
         self._filled = asyncio.Event()
         self._dictionary = dictionary
-        self._last_stop = LastStop(path.with_suffix(".stop"))
+        self._last_stop = LastStop(path.with_suffix(".stop"), system)
         self._in_flight = asyncio.Semaphore(STRINGS_IN_FLIGHT)
         # Two bundles may hold the same stop: whoever waits for its string shares one event.
         self._unconfirmed = WeakValueDictionary[int, asyncio.Event]()
@@ -188,14 +190,19 @@ class BundleBridge:
 
     def _run(self, opened: "Future[None]") -> None:
         try:
-            asyncio.run(self._serve(opened))
+            asyncio.run(self.serve(opened))
         except Exception as error:
             if opened.done():
                 _LOG.exception("the relay is down")
             else:
                 opened.set_exception(error)
 
-    async def _serve(self, opened: "Future[None]") -> None:
+    async def serve(self, opened: "Future[None]") -> None:
+        """Open the agent on the running loop, and serve until it is closed.
+
+        Args:
+            opened: completes once it serves.
+        """
         over = asyncio.Event()
         await self._agent.open(lambda _: None)  # what is deleted, the agent logs
         self._loop = asyncio.get_running_loop()
@@ -333,12 +340,12 @@ class BundleBridge:
 
     async def _look(self) -> None:
         """Measure the agent's health each second, and send it at its interval."""
-        next_s = 0.0
+        now_s, next_s = self._system.now_s, 0.0
         while True:
             self._refused_before = self.refused
             self.health = self._measure()
-            if time.monotonic() >= next_s:
-                next_s = time.monotonic() + self._settings.health_interval_s
+            if now_s() >= next_s:
+                next_s = now_s() + self._settings.health_interval_s
                 message = health_message(self.health, self._entry, self._settings.asset)
                 self._queue.put(str(message), self._refuse)
             self._filled.set()
@@ -349,7 +356,7 @@ class BundleBridge:
         (orbiter,) = health.neighbours
         next_utc_s, traffic = orbiter.next_contact_utc_s, orbiter.traffic
         return LinkHealth(
-            utc_s=time.time(),
+            utc_s=self._system.utc_s(),
             queued=health.queued,
             oldest_s=health.oldest_s,
             next_contact_utc_s=next_utc_s if isfinite(next_utc_s) else None,
@@ -375,8 +382,8 @@ class LastStop:
     counts as overtaken for `MOST_HELD_S` only.
     """
 
-    def __init__(self, path: Path, utc_s: Callable[[], float] = time.time) -> None:
-        self._path, self._utc_s = path, utc_s
+    def __init__(self, path: Path, system: System = OPERATING_SYSTEM) -> None:
+        self._path, self._system = path, system
         self._made: Made = (0, 0, 0)
         self._arrived_ms = 0
         with suppress(OSError, ValueError):
@@ -398,18 +405,15 @@ class LastStop:
 
     def keep(self) -> None:
         """Write it down, whole or not at all; where that fails it holds until a restart."""
-        new = self._path.with_suffix(".new")
+        text = " ".join(map(str, (*self._made, self._arrived_ms)))
         try:
-            with new.open("w", encoding="ascii") as file:
-                print(*self._made, self._arrived_ms, file=file, flush=True)
-                os.fsync(file.fileno())
-            new.replace(self._path)
+            self._system.replace(self._path, f"{text}\n".encode("ascii"))
         except OSError as error:
             _LOG.error("the last stop is not written down: %s", error)
 
     @property
     def _now_ms(self) -> int:
-        return round(self._utc_s() * 1000) - DTN_EPOCH_UTC_MS
+        return round(self._system.utc_s() * 1000) - DTN_EPOCH_UTC_MS
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,17 +1,13 @@
 """The executive's end of the relay link: MOPS strings on ROS topics to and from `rover-relay`."""
 
 import logging
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
 from math import inf
-from typing import Any, Final, Protocol, assert_never
-
-from rclpy.node import Node
-from std_msgs.msg import String, UInt64
+from typing import Final, Protocol, assert_never
 
 from adapters.mops import (
     LINK,
@@ -30,7 +26,7 @@ from adapters.mops import (
     telemetry_of,
 )
 from adapters.mrs.spec import reported_uncertainty
-from adapters.ros import MessageError, Topic, declare_topic, steady_timer
+from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Mode, Stop
 from executive.commands.intake import bad_identity
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
@@ -40,6 +36,7 @@ from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
 
 LOOK_S: Final = 0.2
+"""Between two calls of `look`."""
 HOUSEKEEPING_S: Final = 30.0
 """Between two times that the housekeeping is told, at least: the link is narrow."""
 RETRANSMIT_LOOKS: Final = 5
@@ -56,19 +53,19 @@ Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]],
 _LOG: Final = logging.getLogger(__name__)
 
 
-class Served(Protocol):
-    """What subscribes, and contains what callbacks raise: `adapters.ros.node`."""
+class RelayTopics(Protocol):
+    """The topics between this end and `rover-relay`, as the link uses them."""
 
-    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        """Subscribe to a topic."""
+    def publish(self, text: str) -> None:
+        """Publish reports and telemetry, whole messages."""
         ...
 
-    def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        """Subscribe to a topic, with a thread of its own for the callback."""
+    def confirm(self, mark: int) -> None:
+        """Publish the fingerprint of a string of commands that is taken."""
         ...
 
-    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """Return a callback that raises nothing."""
+    def count_listeners(self) -> int:
+        """Return how many subscribe to reports."""
         ...
 
 
@@ -96,34 +93,24 @@ class ExecutiveRelayLink:
     replies.
 
     Args:
-        node: where the topics are made.
-        stops: the topic of stops, which are submitted on a thread of their own.
-        commands: the topic of all other commands.
+        topics: where strings leave.
         ledger: where reports are read that could not be told when they came.
+        dictionary: how messages are spelled.
         asset: name of the rover in messages.
+        system: the time, and the name of a new ledger.
     """
 
     def __init__(
         self,
-        node: Node,
-        stops: Topic,
-        commands: Topic,
+        topics: RelayTopics,
         ledger: Ledger,
         dictionary: Dictionary,
         asset: str,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
-        self._node, self._stops, self._commands = node, stops, commands
-        self._ledger, self._record = ledger, RelayRecord(ledger)
+        self._topics, self._system = topics, system
+        self._ledger, self._record = ledger, RelayRecord(ledger, system.random_octets)
         self._dictionary, self._asset = dictionary, asset
-        told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
-        self._kept_topic = declare_topic(
-            node, "relay_kept", "std_msgs/UInt64, fingerprint of a string of reports that is stored"
-        )
-        taken = declare_topic(
-            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
-        )
-        self._taken = node.create_publisher(UInt64, taken.name, taken.qos)
-        self._publisher = node.create_publisher(String, told.name, told.qos)
         self._submit: Submit = lambda *_: None
         self._mode: Callable[[], Mode | None] = lambda: None
         self._values: dict[Parameter, float | None] = {}
@@ -135,15 +122,9 @@ class ExecutiveRelayLink:
         self._looks = self._listeners = 0
         self._house_s = -inf
 
-    def serve(
-        self, submit: Submit, served: Served, mode: Callable[[], Mode | None] = lambda: None
-    ) -> None:
-        """Subscribe to commands, and hand them to an executive's inbox; report its mode."""
+    def serve(self, submit: Submit, mode: Callable[[], Mode | None] = lambda: None) -> None:
+        """Hand commands to an executive's inbox from now on, and report its mode."""
         self._submit, self._mode = submit, mode
-        served.subscribe_apart(String, self._stops, self._on_command)
-        served.subscribe(String, self._commands, self._on_command)
-        served.subscribe(UInt64, self._kept_topic, self._on_kept)
-        steady_timer(self._node, LOOK_S, served.contained(self._look))
 
     def report(self, reports: Sequence[Report]) -> None:
         """Publish reports, or later where nobody listens or too many are unconfirmed."""
@@ -167,10 +148,10 @@ class ExecutiveRelayLink:
 
     def housekeeping(self, figures: Mapping[str, float | None]) -> None:
         """Publish how the executive is doing, now and then."""
-        now_s = time.monotonic()
+        now_s = self._system.now_s()
         if self._listeners and now_s >= self._house_s:
             self._house_s = now_s + HOUSEKEEPING_S
-            told = Housekeeping(time.time(), figures)
+            told = Housekeeping(self._system.utc_s(), figures)
             self._say(
                 housekeeping_message(told, self._dictionary.spelling.housekeeping, self._asset)
             )
@@ -191,11 +172,11 @@ class ExecutiveRelayLink:
         text = "".join(str(message) for message in map(self._message, reports) if message)
         if text:
             self._unconfirmed[fingerprint(text)] = Told(first, text)
-            self._publisher.publish(String(data=text))
+            self._topics.publish(text)
 
     def _say(self, message: Message) -> None:
         if text := _text_of(message):
-            self._publisher.publish(String(data=text))
+            self._topics.publish(text)
 
     def _message(self, report: Report) -> Message | None:
         name = self._record.ledger_name
@@ -213,22 +194,22 @@ class ExecutiveRelayLink:
             _LOG.error("report %d is not told by the relay: %s", report.sequence, error)
             return None
 
-    def _on_kept(self, mark: UInt64) -> None:
+    def kept(self, mark: int) -> None:
         """Take a string for confirmed; that says nothing of those before it."""
-        if (commands := self._answered.pop(mark.data, None)) is not None:
-            self._taken.publish(UInt64(data=commands))
-        if self._unconfirmed.pop(mark.data, None) is not None:
+        if (commands := self._answered.pop(mark, None)) is not None:
+            self._topics.confirm(commands)
+        if self._unconfirmed.pop(mark, None) is not None:
             self._looks = 0
             self._catch_up()
 
-    def _look(self) -> None:
+    def look(self) -> None:
         """Retransmit unconfirmed reports, and publish those that could not be when they came."""
-        before, self._listeners = self._listeners, self._publisher.get_subscription_count()
+        before, self._listeners = self._listeners, self._topics.count_listeners()
         self._looks = self._looks + 1 if self._unconfirmed else 0
         if self._listeners > before or self._looks > RETRANSMIT_LOOKS:
             self._looks = 0
             for told in self._unconfirmed.values():
-                self._publisher.publish(String(data=told.text))
+                self._topics.publish(told.text)
         self._catch_up()
         first = next((each.first for each in self._unconfirmed.values()), self._sent + 1)
         if first - 1 != self._kept:
@@ -245,9 +226,10 @@ class ExecutiveRelayLink:
             if reports:
                 self._tell(reports)
 
-    def _on_command(self, text: String) -> None:
+    def command(self, text: str) -> None:
+        """Submit a string of commands; raises MopsError for the first that is none."""
         refused: list[str] = []
-        messages = list(messages_in(text.data, refused.append))
+        messages = list(messages_in(text, refused.append))
         answers: list[Message] = []
         numbers = count(1)
 
@@ -255,12 +237,12 @@ class ExecutiveRelayLink:
             if reply is not None:
                 answers.append(reply)
             if next(numbers) == len(messages):
-                self._confirm(fingerprint(text.data), answers)
+                self._confirm(fingerprint(text), answers)
 
         for message in messages:
             self._take(message, refused.append, answer)
         if refused:
-            raise MessageError(f"relay: {refused[0]}")
+            raise MopsError(refused[0])
 
     def _confirm(self, commands: int, answers: Sequence[Message]) -> None:
         """Confirm a string of commands, at once or when the relay has its answers on the disk.
@@ -270,12 +252,12 @@ class ExecutiveRelayLink:
         """
         text = "".join(map(_text_of, answers))
         if not text:
-            self._taken.publish(UInt64(data=commands))
+            self._topics.confirm(commands)
             return
         if len(self._answered) >= MOST_ANSWERED:
             self._answered.clear()
         self._answered[fingerprint(text)] = commands
-        self._publisher.publish(String(data=text))
+        self._topics.publish(text)
 
     def _take(
         self,

@@ -46,6 +46,7 @@ from executive.commands import Mode
 from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.state import Parameter
 from tests.support.ports import free_port
+from tests.support.timed_system import TimedSystem
 
 HERE = "127.0.0.1"
 LIMIT_S = 30.0
@@ -222,14 +223,14 @@ async def orbiting(
     **others: object,
 ) -> AsyncIterator[tuple[OrbiterRelay, Sequence[RoverProvider]]]:
     """Have the orbiter serve for the time of a with; the plan is read again by `again`."""
-    utc_s = (clock or Clock()).utc_s
+    system = TimedSystem((clock or Clock()).utc_s)
     settings = sky.settings(**others)
     plans = [plan]
 
     def read_plan() -> ContactPlan | None:
         return plans.pop() if plans else again()
 
-    relay = OrbiterRelay(settings, sky.folder / "orbiter", read_plan, DICTIONARY, utc_s)
+    relay = OrbiterRelay(settings, sky.folder / "orbiter", read_plan, DICTIONARY, system=system)
     await relay.open()
     stations = [
         RoverProvider(
@@ -239,7 +240,7 @@ async def orbiting(
             relay.usage.look,
             settings.silent_after_s,
             CLEAR,
-            utc_s,
+            system,
         )
         for node, rover in relay.rovers.items()
     ]

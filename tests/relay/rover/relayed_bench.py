@@ -1,15 +1,9 @@
 """An executive in simulated time with its relay link, and what stands where rover-relay does."""
 
-from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, cast
 
-from rclpy.node import Node
-from std_msgs.msg import String, UInt64
-
-from adapters.mops import Message, fingerprint, messages_in
+from adapters.mops import Message, MopsError, fingerprint, messages_in
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from adapters.ros import MessageError, Topic, declare_topic
 from executive.commands.catalogue import Request
 from executive.ports import Downlink
 from executive.reports import Identity
@@ -23,31 +17,18 @@ def asked(request: Request, number: int) -> Message:
 
 
 class RelayedBench(Bench):
-    """An executive that hears the strings of the relay; its link's `Served`."""
+    """An executive that hears the strings of the relay."""
 
     def downlinks(self) -> list[Downlink]:
         self.wire = Wire()
-        node = cast(Node, self.wire)
-        stops, commands = (declare_topic(node, key, "") for key in ("relay_stop", "relay_command"))
-        self.link = ExecutiveRelayLink(node, stops, commands, self.ledger, DICTIONARY, "JACKAL")
+        self.link = ExecutiveRelayLink(self.wire, self.ledger, DICTIONARY, "JACKAL")
         return [*super().downlinks(), self.link]
-
-    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        if kind is String:
-            self.on_string = callback
-        else:
-            self.on_kept = callback
-
-    subscribe_apart = subscribe
-
-    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        return callback
 
     def hear(self, text: str) -> None:
         """Take a string of commands."""
-        self.link.serve(self.executive.submit, self)
-        with suppress(MessageError):
-            self.on_string(String(data=text))
+        self.link.serve(self.executive.submit)
+        with suppress(MopsError):
+            self.link.command(text)
         self.executive.turn()
 
     def keep(self) -> None:
@@ -55,7 +36,7 @@ class RelayedBench(Bench):
         said = list(self.wire.said)
         self.wire.said.clear()
         for text in said:
-            self.on_kept(UInt64(data=fingerprint(text)))
+            self.link.kept(fingerprint(text))
 
     @property
     def told(self) -> list[Message]:

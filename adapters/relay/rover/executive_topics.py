@@ -1,0 +1,83 @@
+"""The ROS topics of the executive's end of the relay link."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from rclpy.node import Node
+from std_msgs.msg import String, UInt64
+
+from adapters.mops import MopsError
+from adapters.relay.rover.executive_link import LOOK_S, ExecutiveRelayLink
+from adapters.ros import MessageError, Topic, declare_topic, steady_timer
+
+
+class Served(Protocol):
+    """What subscribes, and contains what callbacks raise: `adapters.ros.node`."""
+
+    def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Subscribe to a topic."""
+        ...
+
+    def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
+        """Subscribe to a topic, with a thread of its own for the callback."""
+        ...
+
+    def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that raises nothing."""
+        ...
+
+
+class ExecutiveRelayTopics:
+    """Publishes and subscribes; it is the link's `RelayTopics`.
+
+    Args:
+        node: its topics are named by ROS parameters.
+
+    Raises:
+        adapters.ros.parameters.ParameterError: a parameter is missing or wrong.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._stops, self._commands = (
+            declare_topic(node, key, "std_msgs/String, MOPS of the relay")
+            for key in ("relay_stop", "relay_command")
+        )
+        reports = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
+        self._kept = declare_topic(
+            node, "relay_kept", "std_msgs/UInt64, fingerprint of a string of reports that is stored"
+        )
+        taken = declare_topic(
+            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
+        )
+        self._taken = node.create_publisher(UInt64, taken.name, taken.qos)
+        self._reports = node.create_publisher(String, reports.name, reports.qos)
+
+    def serve(self, link: ExecutiveRelayLink, served: Served) -> None:
+        """Hand commands and confirmations to the link from now on; stops on a thread apart."""
+
+        def on_command(text: String) -> None:
+            try:
+                link.command(text.data)
+            except MopsError as error:
+                raise MessageError(f"relay: {error}") from error
+
+        def on_kept(mark: UInt64) -> None:
+            link.kept(mark.data)
+
+        served.subscribe_apart(String, self._stops, on_command)
+        served.subscribe(String, self._commands, on_command)
+        served.subscribe(UInt64, self._kept, on_kept)
+        steady_timer(self._node, LOOK_S, served.contained(link.look))
+
+    def publish(self, text: str) -> None:
+        """Publish reports and telemetry, whole messages."""
+        self._reports.publish(String(data=text))
+
+    def confirm(self, mark: int) -> None:
+        """Publish the fingerprint of a string of commands that is taken."""
+        self._taken.publish(UInt64(data=mark))
+
+    def count_listeners(self) -> int:
+        """Return how many subscribe to reports."""
+        return int(self._reports.get_subscription_count())
