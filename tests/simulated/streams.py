@@ -1,0 +1,525 @@
+"""TCP between simulated processes: setting up, octets in order, flow control, and every end."""
+
+import asyncio
+import errno
+import os
+import socket
+from collections import deque
+from collections.abc import Callable
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Final
+
+from tests.simulated.transport import SimTransport
+
+if TYPE_CHECKING:
+    from tests.simulated.loop import SimLoop
+    from tests.simulated.network import Network
+    from tests.simulated.process import Life
+
+SocketAddress = tuple[str, int]
+_BACKLOG: Final = 128
+_RETRANSMIT_S: Final = 0.2
+"""Until the first retransmission, beyond a way there and back; it doubles each time."""
+_LONGEST_PAUSE_S: Final = 120.0
+_GIVE_UP_S: Final = 924.6
+"""How long Linux retransmits (tcp_retries2)."""
+_ATTEMPTS: Final = 7
+"""How often Linux asks for a connection (tcp_syn_retries): for some two minutes."""
+
+
+class Segment(Enum):
+    """What one end sends to the other."""
+
+    OPEN = "open"
+    OCTETS = "octets"
+    END = "end"
+    RESET = "reset"
+
+
+class StreamSocket:
+    """One end of a TCP connection, as the operating system sees it.
+
+    Args:
+        network: on which.
+        life: of the process that has it.
+        address: its own.
+        peer_address: of the other end.
+
+    Attributes:
+        peer: the other end.
+        transport: what reads and writes for asyncio; None before there is one.
+    """
+
+    def __init__(
+        self, network: "Network", life: "Life", address: SocketAddress, peer_address: SocketAddress
+    ) -> None:
+        self._network, self._world, self.life = network, network.world, life
+        self._address, self._peer_address = address, peer_address
+        self.peer: StreamSocket
+        self.transport: SimTransport | None = None
+        self.family, self.type, self.proto = socket.AF_INET, socket.SOCK_STREAM, 0
+        self.fault: OSError | None = None
+        self.ended = False
+        self._listener: Listener | None = None
+        self._closed = False
+        self._gone = False
+        self._received: deque[bytes] = deque()
+        self._in_flight = 0
+        self._credits: deque[tuple[float, int]] = deque()
+        self._credit_due = False
+        self._unsent: deque[tuple[Segment, list[bytes]]] = deque()
+        self._batch: list[bytes] = []
+        self._batch_s = -1.0
+        self._last_arrival_s = 0.0
+        self._first_failed_s: float | None = None
+        life.resources.append(self)
+
+    # What the product and asyncio call.
+
+    def getsockname(self) -> SocketAddress:
+        """Return its own address."""
+        return self._address
+
+    def getpeername(self) -> SocketAddress:
+        """Return the address of the other end."""
+        return self._peer_address
+
+    def setsockopt(self, *_: object) -> None:
+        """Take any option, and do nothing about it."""
+
+    def setblocking(self, _: bool) -> None:
+        """Never block."""
+
+    def fileno(self) -> int:
+        """Return that it has none."""
+        return -1
+
+    def close(self) -> None:
+        """Close it: what was sent before still arrives; the peer is told of octets not read."""
+        if self._closed:
+            return
+        self._closed = True
+        unread = bool(self._received)
+        self._received.clear()
+        if not self._gone:
+            self.send_segment(Segment.RESET if unread else Segment.END)
+        self._forget()
+
+    # What the transport calls.
+
+    @property
+    def room(self) -> int:
+        """How many octets may be sent now."""
+        credits, now_s = self._credits, self._world.now_s
+        while credits and credits[0][0] <= now_s:
+            self._in_flight -= credits.popleft()[1]
+        return self._network.window_octets - self._in_flight
+
+    def send(self, octets: bytes) -> None:
+        """Send octets, no more than there is room for."""
+        self._in_flight += len(octets)
+        if self._batch_s == self._world.now_s:
+            self._batch.append(octets)
+            return
+        batch = [octets]
+        if self.send_segment(Segment.OCTETS, batch):
+            self._batch, self._batch_s = batch, self._world.now_s
+
+    def finish(self) -> None:
+        """Tell the peer that nothing comes any more; read on."""
+        self.send_segment(Segment.END)
+
+    def await_room(self) -> None:
+        """Have the transport told as soon as there is more room."""
+        if self._credits and not self._credit_due:
+            self._credit_due = True
+            self._world.at(self._credits[0][0], self._credited)
+
+    def take(self, most: int) -> bytes:
+        """Return the next octets that have arrived, which makes room for the peer."""
+        received = self._received
+        if not received:
+            return b""
+        octets = received.popleft()
+        if received and len(octets) < most:
+            parts, count = [octets], len(octets)
+            while received and count + len(received[0]) <= most:
+                parts.append(received.popleft())
+                count += len(parts[-1])
+            octets = b"".join(parts)
+        if len(octets) > most:
+            received.appendleft(octets[most:])
+            octets = octets[:most]
+        split, chance = self._network.split, self._network.stream_chance
+        if split and len(octets) > 1 and chance.random() < split:
+            cut = chance.randrange(1, len(octets))
+            received.appendleft(octets[cut:])
+            octets = octets[:cut]
+        self._read(len(octets))
+        return octets
+
+    @property
+    def readable(self) -> bool:
+        """Whether there is something to read, be it the end."""
+        return bool(self._received) or self.ended or self.fault is not None
+
+    # What the network does.
+
+    def become(self, other: "StreamSocket") -> None:
+        """Be the end of a connection that was set up for it."""
+        resources = self.life.resources
+        if self in resources:
+            resources.remove(self)
+        self.__dict__.update(other.__dict__)
+        other.peer.peer = self
+        self.life.resources[self.life.resources.index(other)] = self
+
+    def opened_by(self, listener: "Listener") -> None:
+        """Know which listener takes it as soon as the other end confirms."""
+        self._listener = listener
+
+    def drop(self, *, silent: bool) -> None:
+        """Have the process gone: the peer gets a reset, or nothing ever."""
+        if not silent and not self._gone:
+            self.send_segment(Segment.RESET)
+        self._closed = self._gone = True
+        self._received.clear()
+
+    def send_segment(self, segment: Segment, octets: list[bytes] | None = None) -> bool:
+        """Send a segment, now or behind those that are sent again; return whether now."""
+        self._batch_s = -1.0
+        if self._unsent:
+            self._unsent.append((segment, octets or []))
+            return False
+        if self._transmit(segment, octets or []):
+            return True
+        self._unsent.append((segment, octets or []))
+        self._first_failed_s = self._world.now_s
+        self._retry_after(_RETRANSMIT_S)
+        return False
+
+    def _transmit(self, segment: Segment, octets: list[bytes]) -> bool:
+        network, world = self._network, self._world
+        way = network.way(self._address[0], self._peer_address[0])
+        if not way.passes(world.now_s, network.stream_chance):
+            return False
+        comes_s = max(self._last_arrival_s, world.now_s + way.takes_s(network.stream_chance))
+        self._last_arrival_s = comes_s
+        world.at(comes_s, self.peer.arrive, segment, octets)
+        return True
+
+    def _retry_after(self, pause_s: float) -> None:
+        network = self._network
+        round_trip_s = 2 * network.way(self._address[0], self._peer_address[0]).delay_s
+        self._world.after(round_trip_s + pause_s, self._retry, pause_s)
+
+    def _retry(self, pause_s: float) -> None:
+        while self._unsent:
+            if not self._transmit(*self._unsent[0]):
+                assert self._first_failed_s is not None
+                if self._world.now_s - self._first_failed_s > _GIVE_UP_S:
+                    self._fail(errno.ETIMEDOUT)
+                else:
+                    self._retry_after(min(2 * pause_s, _LONGEST_PAUSE_S))
+                return
+            self._unsent.popleft()
+
+    def arrive(self, segment: Segment, octets: list[bytes]) -> None:
+        """Handle what the peer sent."""
+        if self._gone or self._closed:
+            if not self._network.hosts[self._address[0]].powered:
+                self.peer.unanswered()
+            elif segment is not Segment.RESET and not (segment is Segment.END and not self._gone):
+                self._refuse()
+            return
+        match segment:
+            case Segment.OPEN:
+                listener = self._listener
+                if listener is None or not listener.complete(self):
+                    self._gone = True
+                    self._refuse()
+                    self._forget()
+            case Segment.OCTETS:
+                self._received.extend(octets)
+                self._tell()
+            case Segment.END:
+                self.ended = True
+                self._tell()
+            case Segment.RESET:
+                self._fail(errno.ECONNRESET)
+
+    def unanswered(self) -> None:
+        """Give up some time after the peer was silent for the first time."""
+        if self._first_failed_s is None:
+            self._first_failed_s = self._world.now_s
+            self._world.after(_GIVE_UP_S, self._fail, errno.ETIMEDOUT)
+
+    def _refuse(self) -> None:
+        """Answer a segment for which there is no connection."""
+        network, world = self._network, self._world
+        way = network.way(self._address[0], self._peer_address[0])
+        if way.passes(world.now_s, network.stream_chance):
+            delay_s = way.takes_s(network.stream_chance)
+            world.after(delay_s, self.peer.arrive, Segment.RESET, [])
+
+    def _fail(self, number: int) -> None:
+        if self._gone:
+            return
+        self._gone = True
+        self.fault = OSError(number, os.strerror(number))
+        self._received.clear()
+        self._unsent.clear()
+        self._tell()
+
+    def _tell(self) -> None:
+        if self.transport is not None:
+            self.transport.readable()
+
+    def _read(self, count: int) -> None:
+        """Let the peer know that so many octets were read, after the way."""
+        peer, world = self.peer, self._world
+        way = self._network.way(self._address[0], self._peer_address[0])
+        peer._credits.append((world.now_s + way.delay_s, count))
+        if peer.transport is not None and peer.transport.waits_for_room:
+            peer.await_room()
+
+    def _credited(self) -> None:
+        self._credit_due = False
+        if self.transport is not None and not self._gone:
+            self.transport.flush()
+
+    def _forget(self) -> None:
+        if self in self.life.resources:
+            self.life.resources.remove(self)
+
+
+class Listener:
+    """A listening TCP socket.
+
+    Args:
+        network: on which.
+        life: of the process that has it.
+        address: where it listens.
+    """
+
+    def __init__(self, network: "Network", life: "Life", address: SocketAddress) -> None:
+        self._network, self.life, self._address = network, life, address
+        self._accepted: deque[StreamSocket] = deque()
+        self._asked: deque[asyncio.Future[StreamSocket]] = deque()
+        self._on_connection: Callable[[StreamSocket], object] | None = None
+        self._loop: SimLoop | None = None
+        self._closed = False
+        self.family, self.type, self.proto = socket.AF_INET, socket.SOCK_STREAM, 0
+
+    def getsockname(self) -> SocketAddress:
+        """Return where it listens."""
+        return self._address
+
+    def setblocking(self, _: bool) -> None:
+        """Never block."""
+
+    def fileno(self) -> int:
+        """Return that it has none."""
+        return -1
+
+    def close(self) -> None:
+        """Listen no more; who was not accepted yet is turned away."""
+        if not self._closed:
+            self.drop(silent=False)
+            if self in self.life.resources:
+                self.life.resources.remove(self)
+            for each in list(self._accepted):
+                each.drop(silent=False)
+            self._accepted.clear()
+
+    def drop(self, *, silent: bool) -> None:
+        """Let go of the address."""
+        self._closed = True
+        self._network.listeners.pop(self._address, None)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether so many wait to be accepted that others are not heard."""
+        return len(self._accepted) >= _BACKLOG
+
+    async def accept(self, loop: "SimLoop") -> StreamSocket:
+        """Return the next connection."""
+        if self._closed:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        if self._accepted:
+            return self._accepted.popleft()
+        asked: asyncio.Future[StreamSocket] = loop.create_future()
+        self._asked.append(asked)
+        return await asked
+
+    def serve(self, loop: "SimLoop", on_connection: Callable[[StreamSocket], object]) -> None:
+        """Have a callback called with each connection."""
+        self._loop, self._on_connection = loop, on_connection
+        while self._accepted:
+            loop.call_soon(on_connection, self._accepted.popleft())
+
+    def complete(self, accepted: StreamSocket) -> bool:
+        """Take a connection that is set up; return whether it still listens."""
+        if self._closed:
+            return False
+        if self._on_connection is not None and self._loop is not None:
+            self._loop.call_soon(self._on_connection, accepted)
+            return True
+        while self._asked:
+            asked = self._asked.popleft()
+            if not asked.done():
+                asked.set_result(accepted)
+                return True
+        self._accepted.append(accepted)
+        return True
+
+
+class Server(asyncio.AbstractServer):
+    """What `create_server` returns."""
+
+    def __init__(
+        self,
+        loop: "SimLoop",
+        protocol_factory: Callable[[], asyncio.BaseProtocol],
+        listener: Listener,
+    ) -> None:
+        self._loop, self._factory, self._listener = loop, protocol_factory, listener
+        self._serving = False
+
+    @property
+    def sockets(self) -> tuple[Any, ...]:
+        """The listening socket, until it is closed."""
+        return () if self._listener._closed else (self._listener,)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._serving = False
+        self._listener.close()
+
+    def get_loop(self) -> asyncio.AbstractEventLoop:
+        """Return whose it is."""
+        return self._loop
+
+    def is_serving(self) -> bool:
+        """Whether it accepts connections."""
+        return self._serving
+
+    async def start_serving(self) -> None:
+        """Accept connections."""
+        self._serving = True
+        self._listener.serve(self._loop, self._begin)
+
+    async def serve_forever(self) -> None:
+        """Accept connections until this is cancelled."""
+        await self.start_serving()
+        try:
+            await self._loop.create_future()
+        finally:
+            self.close()
+
+    async def wait_closed(self) -> None:
+        """Return at once."""
+
+    def _begin(self, accepted: StreamSocket) -> None:
+        SimTransport(self._loop, accepted, self._factory())
+
+
+class _Attempt:
+    """A process that asks for a connection."""
+
+    def __init__(self, loop: "SimLoop", target: SocketAddress) -> None:
+        self._loop, self._life = loop, loop.life
+        self._network = network = network_of(loop.life)
+        self._world = network.world
+        self._own = self._life.process.host, network.free_port(self._life.process.host)
+        self._target = network.target(self._life, target[0]), target[1]
+        self._tries = 0
+        self.done: asyncio.Future[StreamSocket] = loop.create_future()
+        self.ask()
+
+    def ask(self) -> None:
+        """Ask for it, and again if nothing comes back."""
+        if self.done.done() or not self._life.alive:
+            return
+        self._tries += 1
+        if self._tries > _ATTEMPTS:
+            self._refuse(errno.ETIMEDOUT)
+            return
+        network, world = self._network, self._world
+        there = network.way(self._own[0], self._target[0])
+        back = network.way(self._target[0], self._own[0])
+        pause_s = there.delay_s + back.delay_s + 2.0 ** (self._tries - 1)
+        if there.passes(world.now_s, network.stream_chance):
+            world.after(there.takes_s(network.stream_chance), self._asked)
+        world.after(pause_s, self.ask)
+
+    def _asked(self) -> None:
+        """Be heard at the other computer, if there is one that is on, and be answered."""
+        network, world = self._network, self._world
+        process = network.hosts.get(self._target[0])
+        if process is None or not process.powered:
+            return
+        listener = network.listeners.get(self._target)
+        if listener is not None and listener.crowded:
+            return
+        back = network.way(self._target[0], self._own[0])
+        if not back.passes(world.now_s, network.stream_chance):
+            return
+        delay_s = back.takes_s(network.stream_chance)
+        if listener is None:
+            world.after(delay_s, self._refuse, errno.ECONNREFUSED)
+        else:
+            world.after(delay_s, self._answered, listener)
+
+    def _answered(self, listener: Listener) -> None:
+        if self.done.done() or not self._life.alive:
+            return
+        network = self._network
+        own = StreamSocket(network, self._life, self._own, self._target)
+        other = StreamSocket(network, listener.life, self._target, self._own)
+        own.peer, other.peer = other, own
+        if not listener.life.alive:
+            other._gone = True
+        other.opened_by(listener)
+        own.send_segment(Segment.OPEN)
+        self.done.set_result(own)
+
+    def _refuse(self, number: int) -> None:
+        if not self.done.done():
+            self.done.set_exception(OSError(number, os.strerror(number)))
+
+
+async def connect(loop: "SimLoop", target: SocketAddress) -> StreamSocket:
+    """Set up a connection.
+
+    Raises:
+        OSError: nobody listens there, or nothing comes back.
+    """
+    loop.life.require()
+    attempt = _Attempt(loop, target)
+    try:
+        return await asyncio.shield(attempt.done)
+    except asyncio.CancelledError:
+        if attempt.done.done() and not attempt.done.cancelled() and not attempt.done.exception():
+            attempt.done.result().close()
+        attempt.done.cancel()
+        raise
+
+
+async def transport_of(
+    loop: "SimLoop", protocol: asyncio.BaseProtocol, stream: StreamSocket
+) -> tuple[SimTransport, asyncio.BaseProtocol]:
+    """Return a transport for a connection as soon as its protocol knows of it."""
+    begun: asyncio.Future[None] = loop.create_future()
+    transport = SimTransport(loop, stream, protocol, begun)
+    try:
+        await begun
+    except BaseException:
+        transport.close()
+        raise
+    return transport, protocol
+
+
+def network_of(life: "Life") -> "Network":
+    """Return the network of a process."""
+    return life.world.network
