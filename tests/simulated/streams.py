@@ -214,7 +214,9 @@ class StreamSocket:
         self._world.after(round_trip_s + pause_s, self._retry, pause_s)
 
     def _retry(self, pause_s: float) -> None:
+        """Send again what did not get through, and what waits behind it as one segment."""
         while self._unsent:
+            self._gather()
             if not self._transmit(*self._unsent[0]):
                 assert self._first_failed_s is not None
                 if self._world.now_s - self._first_failed_s > _GIVE_UP_S:
@@ -223,6 +225,16 @@ class StreamSocket:
                     self._retry_after(min(2 * pause_s, _LONGEST_PAUSE_S))
                 return
             self._unsent.popleft()
+            pause_s = _RETRANSMIT_S
+            self._first_failed_s = self._world.now_s
+        self._first_failed_s = None
+
+    def _gather(self) -> None:
+        unsent = self._unsent
+        segment, octets = unsent[0]
+        while segment is Segment.OCTETS and len(unsent) > 1 and unsent[1][0] is segment:
+            octets.extend(unsent[1][1])
+            del unsent[1]
 
     def arrive(self, segment: Segment, octets: list[bytes]) -> None:
         """Handle what the peer sent."""
