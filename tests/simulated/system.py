@@ -5,7 +5,7 @@ import sqlite3
 from pathlib import Path
 from typing import cast
 
-from adapters.system import SocketAddress
+from adapters.system import BindAddress, Socket, SocketAddress
 from tests.simulated.process import Life, Process
 
 
@@ -46,14 +46,23 @@ class SimSystem:
         """Return what is free."""
         return self._process.disk.free_octets()
 
-    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> socket.socket:
+    def cpu_s(self) -> float:
+        """Return nothing: what a simulated process does takes no time."""
+        return 0.0
+
+    def memory_octets(self) -> int | None:
+        """Return that it is not known."""
+        return None
+
+    def listen(self, address: SocketAddress, family: socket.AddressFamily) -> Socket:
         """Return a listening socket for the loop's `sock_accept`; not a real one."""
         listener = self._world.network.listen(self._life, address)
-        return cast("socket.socket", listener)
+        return cast("Socket", listener)
 
     def datagrams(
-        self, address: SocketAddress, family: socket.AddressFamily, buffer_octets: int
-    ) -> socket.socket:
+        self, address: BindAddress, family: socket.AddressFamily, buffer_octets: int
+    ) -> Socket:
         """Return a bound socket for the loop's `add_reader`; not a real one."""
-        bound = self._world.network.datagrams(self._life, address, buffer_octets)
-        return cast("socket.socket", bound)
+        where = str(address[0]), int(address[1])
+        bound = self._world.network.datagrams(self._life, where, buffer_octets)
+        return cast("Socket", bound)

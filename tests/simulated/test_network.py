@@ -22,9 +22,9 @@ from adapters.bundle.node.settings import (
 )
 from adapters.mal import Call, Consumer, MalError, Provider
 from tests.mal.wiretest import SERVICE, SPECIFICATION
-from tests.simulated.interposed import interpose
 from tests.simulated.network import Way
 from tests.simulated.process import Process
+from tests.simulated.system import SimSystem
 from tests.simulated.world import World
 
 Main = Callable[[Process], Coroutine[Any, Any, object]]
@@ -33,9 +33,8 @@ PORT = 7000
 
 
 @pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+def world() -> Iterator[World]:
     with World(1) as world:
-        interpose(world, monkeypatch)
         yield world
         assert world.errors == []
 
@@ -243,8 +242,8 @@ def test_mal_lives_through_kills(world: World, caplog: pytest.LogCaptureFixture)
     served: list[str] = []
     outcomes: list[str] = []
 
-    async def provide(_: Process) -> None:
-        provider = Provider(SPECIFICATION, SERVICE)
+    async def provide(process: Process) -> None:
+        provider = Provider(SPECIFICATION, SERVICE, system=SimSystem(process))
 
         def submit(_: Call, name: str, _on: bool) -> None:
             served.append(name)
@@ -253,11 +252,11 @@ def test_mal_lives_through_kills(world: World, caplog: pytest.LogCaptureFixture)
         await provider.start("0.0.0.0", PORT, clear_text=True)
         await asyncio.Event().wait()
 
-    async def consume(_: Process) -> None:
-        numbers = count()
+    async def consume(process: Process) -> None:
+        numbers, system, uri = count(), SimSystem(process), f"maltcp://{B}:{PORT}/{SERVICE}"
         while True:
             try:
-                consumer = await Consumer.connect(SPECIFICATION, f"maltcp://{B}:{PORT}/{SERVICE}")
+                consumer = await Consumer.connect(SPECIFICATION, uri, system=system)
                 while True:
                     name = f"lamp {next(numbers)}"
                     await consumer.submit(SERVICE, "doSubmit", name, True)
@@ -284,9 +283,8 @@ def agent_of(process: Process, number: int, other: int, link: AnyLink) -> Bundle
         Ipn(number, 1), (Ipn(number, 1),), (Neighbour(Ipn(other, 0), link, default=True),)
     )
     here = Address("0.0.0.0", PORT)
-    return BundleAgent(
-        settings, process.folder / "bundles.db", Listen(tcpcl=here, udp=here), utc_s=process.utc_s
-    )
+    listen, path = Listen(tcpcl=here, udp=here), process.folder / "bundles.db"
+    return BundleAgent(settings, path, listen, system=SimSystem(process))
 
 
 @pytest.mark.parametrize("kind", [UdpLink, TcpclLink])

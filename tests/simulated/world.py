@@ -113,6 +113,7 @@ class World:
         self._lines: list[str] = []
         self._past: list[Life] = []
         self._stopped = False
+        gc.freeze()  # what is older than the world need not be looked at at each collection
         self._threads = self.random("threads")
         self.network = Network(self)
         self.topics = Topics(self)
@@ -191,7 +192,9 @@ class World:
             self.now_s = max(self.now_s, until_s)
 
     def _run(self, until_s: float) -> None:
-        heap, hooked = self._heap, None
+        heap = self._heap
+        hooked: asyncio.AbstractEventLoop | None = None
+        active: asyncio.AbstractEventLoop | None = None
         while heap and heap[0][0] <= until_s and not self._stopped:
             when_s, _, life, loop, handle = heapq.heappop(heap)
             if handle._cancelled:
@@ -221,7 +224,9 @@ class World:
                     finalizer=loop._asyncgen_finalizer_hook,  # type: ignore[attr-defined]
                 )
             self.running = life
-            events._set_running_loop(loop)
+            if loop is not active:
+                active = loop
+                events._set_running_loop(loop)
             try:
                 handle._run()
             except SystemExit as end:
@@ -229,7 +234,6 @@ class World:
                     raise
                 life.ended_by(end)
             finally:
-                events._set_running_loop(None)
                 self.running = None
             if self.count % _COLLECT_EVERY == 0:
                 gc.collect(2 if self.count % _COLLECT_ALL_EVERY == 0 else 1)
@@ -260,6 +264,7 @@ class World:
         self._past.clear()
         self._heap.clear()
         gc.collect()
+        gc.unfreeze()
         if self._own_folder:
             shutil.rmtree(self.folder, ignore_errors=True)
 
