@@ -31,16 +31,22 @@ def beside_odometry(context: Context) -> tuple[SourceMotion, ...]:
 def unconfirmed(context: Context, found: tuple[SourceMotion, ...]) -> str:
     """Return by what the rover moves, or may move, for people; nothing where it stands."""
     texts = [str(each) for each in found if not each.stands]
-    if not context.status.odometry_fresh:
+    if not _odometry_shows(context):
         texts.insert(0, "there is no odometry")
     if context.safety.sliding is not None:
         texts.append(context.safety.sliding.refusal.text)
     return "; ".join(texts)
 
 
+def _odometry_shows(context: Context) -> bool:
+    """Return whether odometry is fresh enough to drive by, and to tell of standstill."""
+    shows = (each.source == "odometry" for each in context.status.standstill.by_source())
+    return context.status.odometry_fresh and any(shows)
+
+
 def awaited(context: Context, found: tuple[SourceMotion, ...]) -> bool:
     """Return whether nothing shows that the rover moves, but a source is waited for."""
-    sure = context.status.odometry_fresh and context.safety.sliding is None
+    sure = _odometry_shows(context) and context.safety.sliding is None
     return sure and all(each.stands or each.awaited for each in found)
 
 

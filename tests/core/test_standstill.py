@@ -10,6 +10,7 @@ from executive.commands import DriveFor, Mode, MoveForward, MoveTo, Resume, Stop
 from executive.geometry import GRAVITY_MPS2, STANDING, Pose, Velocity
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
+from executive.settings import load_settings
 from executive.state import ForeignPublishers, Imu, Joints, Odometry, SecondOdometry
 from tests.support.kinematic import STEP_S, Bench, KinematicRover, ignoring
 
@@ -341,3 +342,17 @@ def test_a_motion_whose_wheels_stopped_before_the_rover_did_is_not_executed(ice:
     assert "that its wheels do not show, by its accelerometer" in last.text
     assert {figure.name: figure.value for figure in last.figures}["slid"] > 0.1
     assert ice.true_mps == 0.0
+
+
+def test_a_stop_waits_for_odometry_that_shows_standstill(tmp_path: Path) -> None:
+    settings = load_settings("jackal")
+    late = replace(settings.faults.odometry_stale, beyond=3.0)
+    settings = replace(settings, faults=replace(settings.faults, odometry_stale=late))
+    with Bench(tmp_path, settings) as bench:
+        bench.run(1.0)
+        bench.odometry = False
+        bench.run(0.7)
+        bench.submit(Stop(), 1)
+        bench.run(0.5)
+        bench.odometry = True
+        assert bench.finish(1) is Stage.EXECUTED
