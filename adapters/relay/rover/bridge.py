@@ -39,8 +39,6 @@ from adapters.system import OPERATING_SYSTEM, System
 LOOK_S: Final = 1.0
 PAUSE_S: Final = 0.2
 AGAIN_S: Final = 1.0
-MOST_TIMES: Final = 30
-"""How often commands are published that somebody hears and nobody confirms."""
 BUNDLES_AT_ONCE: Final = 32
 COMMANDS_AT_ONCE: Final = 16
 """So few that the executive, which takes them in one piece of work, is soon there for a stop."""
@@ -256,22 +254,19 @@ class BundleBridge:
 
     async def _hand_over(self, asked: Sequence[Asked], *, stops: bool) -> None:
         """Publish commands until they are confirmed; mark those that a stop has overtaken."""
-        times, told = 0, False
-        while times < MOST_TIMES:
+        told = False
+        while True:
             text = "".join(map(self._text_of, asked))
             if not text:
                 return
             heard = self._topics.has_listener(stops=stops)
             if heard:
-                times += 1
                 self._topics.publish(text, stops=stops)
             elif not told:
                 _LOG.warning("commands wait: %s", NOBODY)
                 told = True
             if await self._is_confirmed(fingerprint(text), AGAIN_S if heard else PAUSE_S):
                 return
-        for each in asked:
-            self._refuse(f"nobody confirmed {each.message}")
 
     async def _is_confirmed(self, mark: int, within_s: float) -> bool:
         confirmed = self._unconfirmed.setdefault(mark, asyncio.Event())
