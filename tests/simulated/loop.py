@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tests.simulated.streams import Listener, StreamSocket
 
 _ANY: Final = "0.0.0.0"
+_MOST_FINALLY: Final = 100
 
 
 class SimLoop(asyncio.BaseEventLoop):
@@ -245,10 +246,20 @@ class SimLoop(asyncio.BaseEventLoop):
 
 
 def _close(coroutine: Any) -> None:
-    try:
-        coroutine.close()
-    except BaseException:  # a finally of the dead may raise or wait
-        return
+    """Close a coroutine and those that it awaits, the innermost first."""
+    chain = []
+    while asyncio.iscoroutine(coroutine):
+        chain.append(coroutine)
+        coroutine = getattr(coroutine, "cr_await", None)
+    for each in reversed(chain):
+        for _ in range(_MOST_FINALLY):
+            try:
+                each.close()
+            except RuntimeError:  # it waits in a finally: once more
+                continue
+            except BaseException:  # a finally of the dead may raise, too
+                break
+            break
 
 
 def _settle(done: asyncio.Future[Any], result: object, fault: Exception | None) -> None:

@@ -1,0 +1,244 @@
+"""What happens in a storm, as data: commands, kills and faults, drawn from a seed."""
+
+from dataclasses import dataclass
+from enum import Enum
+from random import Random
+from typing import Final
+
+from executive.commands import (
+    MoveForward,
+    Request,
+    Resume,
+    RotateBy,
+    SetCameraAngles,
+    SetTravelSpeed,
+    Stop,
+)
+
+RELAY_PROCESSES: Final = ("orbiter", "relay", "executive")
+_FIRST_NUMBER: Final = 1
+_SETTLE_S: Final = 10.0
+_DOWN_S: Final = (0.2, 6.0)
+_ORDER_S: Final = 5.5
+"""Between two moments at which commands are sent, in the mean."""
+_TROUBLE_S: Final = 6.0
+
+
+class Link(Enum):
+    """By which way a command goes: the name of the ground's process."""
+
+    DIRECT = "direct"
+    RELAY = "moe"
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A command is sent, perhaps again."""
+
+    at_s: float
+    link: Link
+    number: int
+    request: Request
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """A process is killed between two events, and is started again."""
+
+    at_s: float
+    process: str
+    down_s: float
+    power: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class KillAtWrite:
+    """A process is killed before or right after one of its next writes to the disk."""
+
+    at_s: float
+    process: str
+    writes: int
+    after: bool
+    down_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class FailWrite:
+    """One of the next writes of a process fails."""
+
+    at_s: float
+    process: str
+    writes: int
+
+
+@dataclass(frozen=True, slots=True)
+class FillDisk:
+    """The disk of a process is full for a while."""
+
+    at_s: float
+    process: str
+    for_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """A process is stopped (SIGSTOP) for a while."""
+
+    at_s: float
+    process: str
+    for_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class StepClock:
+    """The clock of a computer is set."""
+
+    at_s: float
+    process: str
+    step_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class CutWay:
+    """Nothing gets through between two computers for a while; connections stay half open."""
+
+    at_s: float
+    process: str
+    peer: str
+    for_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LoseSamples:
+    """A part of what is published on ROS topics is lost for a while."""
+
+    at_s: float
+    part: float
+    for_s: float
+
+
+Deed = Order | Kill | KillAtWrite | FailWrite | FillDisk | Pause | StepClock | CutWay | LoseSamples
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What stays as it is during a storm.
+
+    Attributes:
+        delay_s: the time of light between orbiter and rover.
+        jitter_s, loss, duplicate: of datagrams there.
+        eclipse_s, contact_s: how long there is no contact, and how long there is; 0 for always.
+        ask_again_s: see `OrbiterSettings`.
+        period_s: how long commands are sent and processes killed.
+    """
+
+    delay_s: float
+    jitter_s: float
+    loss: float
+    duplicate: float
+    eclipse_s: float
+    contact_s: float
+    ask_again_s: float | None
+    period_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Storm:
+    """A whole storm: it is the same whenever it is played.
+
+    Attributes:
+        seed: of what the world draws meanwhile.
+    """
+
+    seed: str
+    situation: Situation
+    deeds: tuple[Deed, ...]
+
+
+def draw_storm(seed: int | str) -> Storm:
+    """Draw a storm: some minutes with a command each few seconds and a kill about as often."""
+    chance = Random(f"storm {seed}")
+    situation = _situation(chance)
+    deeds: list[Deed] = [*_orders(chance, situation), *_troubles(chance, situation)]
+    return Storm(str(seed), situation, tuple(sorted(deeds, key=lambda deed: deed.at_s)))
+
+
+def _situation(chance: Random) -> Situation:
+    far = chance.random() < 0.3
+    eclipsed = chance.random() < 0.3
+    return Situation(
+        delay_s=chance.uniform(0.5, 2.0) if far else chance.uniform(0.005, 0.05),
+        jitter_s=chance.choice((0.0, 0.02, 0.3)),
+        loss=chance.choice((0.0, 0.02, 0.1)),
+        duplicate=chance.choice((0.0, 0.0, 0.05)),
+        eclipse_s=chance.uniform(30.0, 120.0) if eclipsed else 0.0,
+        contact_s=chance.uniform(60.0, 180.0) if eclipsed else 0.0,
+        ask_again_s=chance.choice((None, 120.0)),
+        period_s=chance.choice((440.0, 440.0, 1320.0)),
+    )
+
+
+def _request(chance: Random) -> Request:
+    match chance.randrange(10):
+        case 0:
+            return Stop()
+        case 1 | 2:
+            return Resume()
+        case 3:
+            return SetTravelSpeed(round(chance.uniform(0.1, 0.4), 2))
+        case 4:
+            return SetCameraAngles(round(chance.uniform(-1.0, 1.0), 2), 0.0)
+        case 5:
+            return RotateBy(round(chance.uniform(-1.0, 1.0), 2))
+        case _:
+            return MoveForward(round(chance.uniform(0.1, 0.6), 2))
+
+
+def _orders(chance: Random, situation: Situation) -> list[Order]:
+    orders: list[Order] = []
+    at_s, number = _SETTLE_S, _FIRST_NUMBER
+    while at_s < situation.period_s:
+        at_s += chance.expovariate(1 / _ORDER_S)
+        if orders and chance.random() < 0.25:  # one of the last ones again, by whichever link
+            again = chance.choice(orders[-20:])
+            orders.append(Order(at_s, chance.choice(tuple(Link)), again.number, again.request))
+            continue
+        link = Link.RELAY if chance.random() < 0.7 else Link.DIRECT
+        for _ in range(chance.choice((1, 1, 1, 2, 4))):  # some come in one string
+            orders.append(Order(at_s, link, number, _request(chance)))
+            number += 1
+    return orders
+
+
+def _troubles(chance: Random, situation: Situation) -> list[Deed]:
+    deeds: list[Deed] = []
+    at_s = _SETTLE_S
+    while at_s < situation.period_s:
+        at_s += chance.expovariate(1 / _TROUBLE_S)
+        deeds.append(_trouble(chance, at_s))
+    return deeds
+
+
+def _trouble(chance: Random, at_s: float) -> Deed:
+    process = chance.choice((*RELAY_PROCESSES, *RELAY_PROCESSES, "moe", "direct"))
+    down_s = chance.uniform(*_DOWN_S)
+    if process not in RELAY_PROCESSES:
+        peer = "orbiter" if process == "moe" else "executive"
+        return CutWay(at_s, process, peer, chance.uniform(1.0, 60.0))
+    match chance.randrange(20):
+        case 0 | 1 | 2 | 3 | 4 | 5:
+            return Kill(at_s, process, down_s)
+        case 6 | 7 | 8 | 9 | 10 | 11 | 12:
+            return KillAtWrite(at_s, process, chance.randint(1, 12), chance.random() < 0.5, down_s)
+        case 13 | 14:
+            return FailWrite(at_s, process, chance.randint(1, 12))
+        case 15:
+            return FillDisk(at_s, process, chance.uniform(1.0, 60.0))
+        case 16:
+            return Pause(at_s, process, chance.uniform(0.5, 20.0))
+        case 17:
+            return StepClock(at_s, process, chance.uniform(-900.0, 900.0))
+        case 18:
+            return LoseSamples(at_s, chance.uniform(0.05, 0.5), chance.uniform(1.0, 30.0))
+        case _:
+            return Kill(at_s, process, down_s, power=True)

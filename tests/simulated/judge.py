@@ -1,0 +1,183 @@
+"""What must hold of all stores together, at each kill and in the end."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from adapters.mrs.ground.outcome import TERMINAL as OUTCOMES
+from executive.reports import TERMINAL, Identity, Stage
+from tests.simulated.disk import rows
+from tests.simulated.ground import SOURCE, Journal
+from tests.simulated.world import World
+
+_MESSAGE: Final = re.compile(rb"[0-9A-F]{3}\|([^|#]*)\|[^#]*#")
+_TERMINAL: Final = frozenset(stage.value for stage in TERMINAL)
+_ENDS: Final = ",".join(map(str, sorted(_TERMINAL)))
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A promise that is broken.
+
+    Attributes:
+        at_s: when it was found.
+        what: the promise, the same text for each finding of its kind.
+        detail: which command, and where it was.
+    """
+
+    at_s: float
+    what: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.at_s:.3f} s: {self.what}: {self.detail}"
+
+
+class Stores:
+    """The committed content of all stores of one rover and its relay, as a judge reads it.
+
+    Args:
+        world: with processes orbiter, relay, executive.
+        asset: the rover.
+    """
+
+    def __init__(self, world: World, asset: str) -> None:
+        orbiter, relay, executive = (
+            world.processes[name].stored for name in ("orbiter", "relay", "executive")
+        )
+        self.up = _identities(orbiter / "bundles.sqlite", "outbox", "octets")
+        self.landed = _identities(relay / "relay.sqlite", "inbox", "payload")
+        self.down = _identities(relay / "relay.sqlite", "outbox", "octets")
+        self.returned = _identities(orbiter / "bundles.sqlite", "inbox", "payload")
+        self.aboard = _ledger(executive / "ledger.sqlite")
+        self.kept = _kept(executive / "ledger.sqlite")
+        self.above = _ledger(orbiter / f"{asset}.sqlite")
+
+
+@dataclass(frozen=True, slots=True)
+class LedgerContent:
+    """Commands of a ledger and its reports.
+
+    Attributes:
+        commands: that it knows.
+        reports: number, identity and stage of each report on a command.
+        numbers: of all reports.
+    """
+
+    commands: frozenset[Identity]
+    reports: tuple[tuple[int, Identity, int], ...]
+    numbers: tuple[int, ...]
+
+    @property
+    def ended(self) -> frozenset[Identity]:
+        """Return the commands with a terminal report."""
+        return frozenset(identity for _, identity, stage in self.reports if stage in _TERMINAL)
+
+
+def _identities(path: Path, table: str, column: str) -> frozenset[Identity]:
+    if not _has(path, table):
+        return frozenset()
+    found = set()
+    for (octets,) in rows(path, f"SELECT {column} FROM {table}"):
+        for message in _MESSAGE.finditer(octets):
+            fields = message[0].split(b"|")
+            for source in (fields[1], fields[2]):  # of a command, and of a reply
+                if source == SOURCE.encode() and fields[8].isdigit():
+                    found.add(Identity(SOURCE, int(fields[8])))
+    return frozenset(found)
+
+
+def _has(path: Path, table: str) -> bool:
+    query = "SELECT 1 FROM sqlite_schema WHERE name = ?"
+    return path.exists() and bool(rows(path, query, (table,)))
+
+
+def _ledger(path: Path) -> LedgerContent:
+    if not _has(path, "reports"):
+        return LedgerContent(frozenset(), (), ())
+    commands = rows(path, "SELECT source, command_id FROM commands")
+    reports = rows(path, "SELECT sequence, source, command_id, stage FROM reports")
+    return LedgerContent(
+        frozenset(Identity(*row) for row in commands),
+        tuple((n, Identity(s, i), g) for n, s, i, g in reports if s is not None and g is not None),
+        tuple(sorted(row[0] for row in reports)),
+    )
+
+
+def _kept(path: Path) -> int:
+    if not _has(path, "relay_kept"):
+        return 0
+    found = rows(path, "SELECT sequence FROM relay_kept")
+    return int(found[0][0]) if found else 0
+
+
+def check_stores(world: World, asset: str, relay: Journal) -> Iterator[Finding]:
+    """Check the stores at any moment.
+
+    Args:
+        world: with the stores.
+        asset: the rover.
+        relay: what the orbiter acknowledged.
+    """
+    stores, now_s = Stores(world, asset), world.now_s
+    somewhere = (
+        stores.up | stores.landed | stores.down | stores.returned
+        | stores.aboard.commands | stores.above.ended
+    )  # fmt: skip
+    for identity in relay.acknowledged:
+        if identity not in somewhere:
+            what = "a command that the orbiter acknowledged is in no store"
+            yield Finding(now_s, what, f"{identity}")
+    # What comes again is answered with its end, and is kept at the rover's end until then.
+    told = stores.down | stores.returned | stores.above.ended | stores.up | stores.landed
+    for number, identity, stage in stores.aboard.reports:
+        confirmed = number <= stores.kept and identity in relay.acknowledged
+        if stage in _TERMINAL and confirmed and identity not in told:
+            yield Finding(now_s, "an end that the relay confirmed is in no store", f"{identity}")
+    yield from _check_ledger(now_s, stores.aboard)
+
+
+def _check_ledger(now_s: float, ledger: LedgerContent) -> Iterator[Finding]:
+    numbers = ledger.numbers
+    if numbers and numbers[-1] - numbers[0] + 1 != len(numbers):
+        yield Finding(now_s, "numbers of reports have gaps", f"{numbers[0]} to {numbers[-1]}")
+    counts: dict[tuple[Identity, str], int] = {}
+    for _, identity, stage in ledger.reports:
+        what = "end" if stage in _TERMINAL else Stage(stage).name
+        counts[identity, what] = counts.get((identity, what), 0) + 1
+    for (identity, what), count in counts.items():
+        if count > 1 and what != Stage.PROGRESS.name:
+            yield Finding(now_s, "a command has two reports of one stage", f"{identity} {what}")
+
+
+def check_end(world: World, asset: str, journals: dict[str, Journal]) -> Iterator[Finding]:
+    """Check what the ground knows after all faults are over.
+
+    Args:
+        world: after a quiet time.
+        asset: the rover.
+        journals: of the ground's processes.
+    """
+    yield from check_stores(world, asset, journals["moe"])
+    now_s = world.now_s
+    ends: dict[Identity, set[str]] = {}
+    for name, journal in journals.items():
+        for notification in journal.received:
+            stage, number = notification.stage, notification.commandId
+            if stage in OUTCOMES and number is not None:
+                identity = Identity(str(notification.source), number)
+                ends.setdefault(identity, set()).add(stage.name)
+        for identity in journal.sent:
+            if identity not in journal.refused and identity not in journal.ends:
+                what = "a command has no end for the ground"
+                yield Finding(now_s, what, f"{identity} by {name}")
+        for identity, stages in journal.ends.items():
+            ends.setdefault(identity, set()).update(stages)
+    for identity, stages in ends.items():
+        if len(stages) > 1:
+            yield Finding(now_s, "a command has two ends", f"{identity}: {sorted(stages)}")
+    for error in world.errors:
+        text = f"{error.process}: {error.text}: {error.fault!r}"
+        yield Finding(error.at_s, "a process let an exception go", text)

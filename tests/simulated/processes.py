@@ -1,0 +1,252 @@
+"""The processes of the project in a simulated world: orbiter, relay, executive."""
+
+import asyncio
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final
+
+from adapters.bundle import Address, Listen, LtpLink, Peer
+from adapters.mops import MopsError, load_dictionary
+from adapters.mrs.link import MrsLink
+from adapters.mrs.terms import CLEAR
+from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
+from adapters.relay.orbiter.relay import run
+from adapters.relay.rover import RelaySettings
+from adapters.relay.rover.bridge import BundleBridge
+from adapters.relay.rover.executive_link import LOOK_S, ExecutiveRelayLink
+from executive.record import Ledger
+from executive.runner import Executive
+from executive.settings import Settings
+from executive.state import Battery, Odometry
+from tests.simulated.process import Process
+from tests.simulated.system import SimSystem
+from tests.support.kinematic import KinematicRover
+from trees import RoverTree
+
+TICK_S: Final = 0.05
+REST_S: Final = 1.0
+"""Between two ticks while nothing is commanded."""
+CMD_VEL_TIMEOUT_S: Final = 0.5
+"""After which the base stands if it receives no more velocities."""
+MRS_PORT: Final = 20_000
+LTP_PORT: Final = 1113
+DICTIONARY: Final = load_dictionary()
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """One rover and what it has above it.
+
+    Attributes:
+        asset: its name.
+        node: its number in the Bundle Protocol.
+        orbiter, relay, executive: addresses of the computers.
+        ask_again_s: see `OrbiterSettings`.
+        answer_s: see `LtpLink`.
+    """
+
+    asset: str = "jackal"
+    node: int = 2
+    orbiter: str = "10.0.0.1"
+    relay: str = "10.0.0.2"
+    executive: str = "10.0.0.3"
+    ask_again_s: float | None = 120.0
+    answer_s: float = 0.5
+
+    def _ltp(self, host: str) -> LtpLink:
+        return LtpLink(Address(host, LTP_PORT), answer_s=self.answer_s)
+
+    def orbiter_settings(self) -> OrbiterSettings:
+        """Return the settings of `rover-mops`."""
+        return OrbiterSettings(
+            eid="ipn:1.1",
+            listen=Listen(ltp=Address("0.0.0.0", LTP_PORT)),
+            rovers=(
+                RelayedRoverSettings(
+                    asset=self.asset,
+                    description=f"{self.asset} through the relay",
+                    domain=("meteron", self.asset),
+                    eid=f"ipn:{self.node}.1",
+                    ltp=self._ltp(self.relay),
+                    port=MRS_PORT,
+                ),
+            ),
+            ask_again_s=self.ask_again_s,
+        )
+
+    def relay_settings(self) -> RelaySettings:
+        """Return the settings of `rover-relay`."""
+        return RelaySettings(
+            asset=self.asset.upper(),
+            eid=f"ipn:{self.node}.1",
+            orbiter=Peer(eid="ipn:1.1", ltp=self._ltp(self.orbiter)),
+            listen=Listen(ltp=Address("0.0.0.0", LTP_PORT)),
+        )
+
+
+def start_orbiter(place: Place, process: Process) -> None:
+    """Start `rover-mops`."""
+    settings_file = process.folder / "orbiter.yaml"
+    process.run(
+        run(
+            place.orbiter_settings(),
+            settings_file,
+            "0.0.0.0",
+            process.folder,
+            True,
+            CLEAR,
+            asyncio.Event(),
+            SimSystem(process),
+        )
+    )
+
+
+class BridgeTopics:
+    """The ROS topics of `rover-relay`; its `RoverTopics`."""
+
+    def __init__(self, process: Process, asset: str) -> None:
+        self._topics = process.world.topics
+        self._process, self._asset = process, asset
+        self._loop = process.present.new_loop()
+        self._commands = {
+            stops: self._topics.publisher(process, f"{asset}/{'stop' if stops else 'command'}")
+            for stops in (True, False)
+        }
+        self._kept = self._topics.publisher(process, f"{asset}/kept")
+
+    def serve(self, bridge: BundleBridge) -> None:
+        """Hand reports and confirmations to the bridge."""
+        for name, callback in (("notification", bridge.notify), ("taken", bridge.confirmed)):
+            self._topics.subscribe(self._process, f"{self._asset}/{name}", callback, self._loop)
+
+    def publish(self, text: str, *, stops: bool) -> None:
+        self._commands[stops].publish(text)
+
+    def has_listener(self, *, stops: bool) -> bool:
+        return self._commands[stops].subscriber_count > 0
+
+    def confirm(self, mark: int) -> None:
+        self._kept.publish(mark)
+
+
+def start_relay(place: Place, process: Process) -> None:
+    """Start `rover-relay`."""
+    topics = BridgeTopics(process, place.asset)
+    bridge = BundleBridge(
+        place.relay_settings(),
+        process.folder / "relay.sqlite",
+        None,
+        DICTIONARY,
+        topics,
+        system=SimSystem(process),
+    )
+    topics.serve(bridge)
+    process.run(bridge.serve(Future()))
+
+
+class ExecutiveTopics:
+    """The ROS topics of the executive's end of the relay link; its `RelayTopics`."""
+
+    def __init__(self, process: Process, asset: str) -> None:
+        self._topics = process.world.topics
+        self._process, self._asset = process, asset
+        self._stops_loop = process.present.new_loop()
+        self._reports = self._topics.publisher(process, f"{asset}/notification")
+        self._taken = self._topics.publisher(process, f"{asset}/taken")
+
+    def serve(self, link: ExecutiveRelayLink) -> None:
+        """Hand commands and confirmations to the link; stops on a thread apart."""
+
+        def command(text: str) -> None:
+            try:
+                link.command(text)
+            except MopsError as error:
+                self._process.world.note(f"{self._process.name}: {error}")
+
+        subscribe = partial(self._topics.subscribe, self._process)
+        subscribe(f"{self._asset}/stop", command, self._stops_loop)
+        subscribe(f"{self._asset}/command", command)
+        subscribe(f"{self._asset}/kept", link.kept)
+
+    def publish(self, text: str) -> None:
+        self._reports.publish(text)
+
+    def confirm(self, mark: int) -> None:
+        self._taken.publish(mark)
+
+    def count_listeners(self) -> int:
+        return self._reports.subscriber_count
+
+
+@dataclass
+class RoverBelow:
+    """A rover, which moves on while no executive runs: until its base gets no more velocities.
+
+    Attributes:
+        rover: that moves.
+        started: the commands that moved it, for judges: when, and how fast.
+    """
+
+    rover: KinematicRover = field(default_factory=KinematicRover)
+    at_s: float = 0.0
+
+    def advance(self, now_s: float, fresh: bool) -> None:
+        """Move until now."""
+        step_s, self.at_s = now_s - self.at_s, now_s
+        self.rover.advance(step_s if fresh else min(step_s, CMD_VEL_TIMEOUT_S))
+
+
+def start_executive(place: Place, below: RoverBelow, settings: Settings, process: Process) -> None:
+    """Start `rover-executive --relay` over a kinematic rover."""
+    system = SimSystem(process)
+    ledger = Ledger(process.folder / "ledger.sqlite", connect=system.connect)
+    topics = ExecutiveTopics(process, place.asset)
+    relay = ExecutiveRelayLink(topics, ledger, DICTIONARY, place.asset.upper(), system)
+    direct = MrsLink(settings, "0.0.0.0", MRS_PORT, clear_text=True, system=system)
+    below.rover.sent.clear()
+    executive = Executive(
+        settings=settings,
+        clock=system,
+        rover=below.rover,
+        ledger=ledger,
+        files=process.folder / "files",
+        downlinks=[direct, relay],
+        build_tree=RoverTree,
+    )
+    relay.serve(executive.submit, lambda: executive.mode)
+    topics.serve(relay)
+    link_loop = process.present.new_loop()
+    link_loop.call_soon(lambda: link_loop.create_task(direct.serve(executive, Future())))
+    process.run(_tick(executive, below, relay))
+
+
+async def _tick(executive: Executive, below: RoverBelow, relay: ExecutiveRelayLink) -> None:
+    loop, woken = asyncio.get_running_loop(), asyncio.Event()
+
+    def wake() -> None:
+        loop.call_soon_threadsafe(woken.set)
+
+    executive.wake = wake
+    looked_s = loop.time()
+    while True:
+        now_s = loop.time()
+        below.advance(now_s, fresh=True)
+        executive.observe(Odometry(now_s, below.rover.pose, below.rover.velocity))
+        executive.observe(Battery(26.0))
+        executive.observe(below.rover.angles)
+        executive.tick()
+        if now_s - looked_s >= LOOK_S:
+            looked_s = now_s
+            relay.look()
+        busy = executive.active_command is not None or executive.waiting > 0
+        next_s = now_s + (TICK_S if busy else REST_S)
+        while (left_s := next_s - loop.time()) > 0.0:
+            try:
+                async with asyncio.timeout(left_s):
+                    await woken.wait()
+            except TimeoutError:
+                break
+            woken.clear()
+            executive.turn()
+            next_s = min(next_s, loop.time() + TICK_S)

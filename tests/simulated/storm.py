@@ -1,0 +1,293 @@
+"""Plays a storm: the whole infrastructure in simulated time, killed and judged again and again."""
+
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Final, assert_never
+
+from executive.faults import Then
+from executive.settings import Settings, load_settings
+from tests.simulated.deeds import (
+    CutWay,
+    Deed,
+    FailWrite,
+    FillDisk,
+    Kill,
+    KillAtWrite,
+    LoseSamples,
+    Order,
+    Pause,
+    Situation,
+    StepClock,
+    Storm,
+)
+from tests.simulated.disk import Fate
+from tests.simulated.ground import Ground, Journal
+from tests.simulated.judge import Finding, check_end, check_stores
+from tests.simulated.network import Way
+from tests.simulated.process import Process
+from tests.simulated.processes import (
+    MRS_PORT,
+    Place,
+    RoverBelow,
+    start_executive,
+    start_orbiter,
+    start_relay,
+)
+from tests.simulated.world import World
+from tests.support.patience import UNTIMED
+
+QUIET_S: Final = 700.0
+"""After the last deed: for orbiters that ask again, and the longest pause between two attempts."""
+_LAST_FAULT_S: Final = 61.0
+"""How long the longest fault lasts."""
+_STEP_S: Final = 10.0
+_WATCH_S: Final = 1.0
+_LATE_S, _STALE_S = 30.0, 10.0
+GROUNDS: Final = {"direct": "10.0.1.1", "moe": "10.0.1.2"}
+
+
+def patient_settings(asset: str) -> Settings:
+    """Return the settings of an asset that ticks once a second while it rests."""
+    settings = load_settings(asset)
+    faults = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in UNTIMED}
+    faults["odometry_stale"] = replace(settings.faults.odometry_stale, beyond=_STALE_S)
+    return replace(
+        settings,
+        faults=replace(settings.faults, **faults),
+        safety=replace(settings.safety, watchdog_s=_LATE_S),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """What came of a storm.
+
+    Attributes:
+        findings: broken promises, the first of each kind.
+        kills: how many processes were killed.
+        orders: how many commands were sent, repeats included.
+        events: how many there were.
+        simulated_s: how long it took in simulated time.
+        digest: of all events, of what the ground received, and of all stores.
+    """
+
+    findings: tuple[Finding, ...]
+    kills: int
+    orders: int
+    events: int
+    simulated_s: float
+    digest: str
+
+
+class _WritePlan:
+    """Decides about the writes of a process, as the deeds of a storm want it."""
+
+    def __init__(self, killed: Callable[[float], None]) -> None:
+        self._killed = killed
+        self._waiting: list[tuple[int, Fate, float]] = []
+        self._count = 0
+
+    def add(self, writes: int, then: Fate, down_s: float = 0.0) -> None:
+        self._waiting.append((self._count + writes, then, down_s))
+
+    def fate(self, process: Process, path: Path) -> Fate:
+        self._count += 1
+        for each in self._waiting:
+            number, then, down_s = each
+            if number <= self._count:
+                self._waiting.remove(each)
+                if then is not Fate.FAILED:
+                    self._killed(down_s)
+                return then
+        return Fate.DONE
+
+    def clear(self) -> None:
+        self._waiting.clear()
+
+
+class Player:
+    """Plays one storm.
+
+    Args:
+        storm: to be played.
+        trace: takes a line for each event; None for none.
+    """
+
+    def __init__(self, storm: Storm, trace: list[str] | None = None) -> None:
+        self._storm = storm
+        situation = storm.situation
+        self._place = place = Place(
+            ask_again_s=situation.ask_again_s,
+            answer_s=0.5 + 2.0 * (situation.delay_s + situation.jitter_s),
+        )
+        self.world = world = World(storm.seed, trace=trace)
+        self.findings: dict[str, Finding] = {}
+        self.kills = self.orders = 0
+        self._below = RoverBelow()
+        self._plans: dict[str, _WritePlan] = {}
+        self._due: set[str] = set()
+        self._over = False
+        settings = patient_settings(place.asset)
+        self.grounds = {
+            name: Ground(f"maltcp://{host}:{MRS_PORT}/MRS", Journal())
+            for name, host in (("direct", place.executive), ("moe", place.orbiter))
+        }
+        self._add("orbiter", place.orbiter, partial(start_orbiter, place))
+        self._add("relay", place.relay, partial(start_relay, place))
+        start = partial(start_executive, place, self._below, settings)
+        self._add("executive", place.executive, start)
+        for name, host in GROUNDS.items():
+            self._add(name, host, self.grounds[name].start)
+        world.network.set_way(place.orbiter, place.relay, _way(situation))
+
+    def play(self) -> Played:
+        """Play it to its end."""
+        world = self.world
+        for process in world.processes.values():
+            process.begin()
+        for deed in self._storm.deeds:
+            world.at(deed.at_s, self._do, deed)
+        world.after(_WATCH_S, self._watch)
+        end_s = max((deed.at_s for deed in self._storm.deeds), default=0.0)
+        world.run(end_s + _LAST_FAULT_S)
+        self._calm()
+        quiet_s = end_s + _LAST_FAULT_S + QUIET_S
+        while world.now_s < quiet_s and not self._settled():
+            world.run(world.now_s + _STEP_S)
+        journals = {name: ground.journal for name, ground in self.grounds.items()}
+        self._note(check_end(world, self._place.asset, journals))
+        return Played(
+            tuple(self.findings.values()),
+            self.kills,
+            self.orders,
+            world.count,
+            world.now_s,
+            self._digest(),
+        )
+
+    def _add(self, name: str, host: str, start: Callable[[Process], None]) -> None:
+        process = self.world.process(name, host, start)
+        self._plans[name] = process.disk.plan = _WritePlan(partial(self._killed, process))
+
+    def _do(self, deed: Deed) -> None:
+        world = self.world
+        match deed:
+            case Order(_, link, number, request):
+                self.orders += 1
+                self.grounds[link.value].send(request, number)
+            case Kill(_, name, down_s, power):
+                process = world.processes[name]
+                if process.alive:
+                    if power:
+                        process.cut_power()
+                    else:
+                        process.kill()
+                    self._killed(process, down_s)
+            case KillAtWrite(_, name, writes, after, down_s):
+                fate = Fate.KILLED_AFTER if after else Fate.KILLED_BEFORE
+                self._plans[name].add(writes, fate, down_s)
+            case FailWrite(_, name, writes):
+                self._plans[name].add(writes, Fate.FAILED)
+            case FillDisk(_, name, for_s):
+                disk = world.processes[name].disk
+                disk.full = True
+                world.after(for_s, setattr, disk, "full", False)
+            case Pause(_, name, for_s):
+                world.processes[name].pause()
+                world.after(for_s, world.processes[name].resume)
+            case StepClock(_, name, step_s):
+                world.processes[name].step_clock(step_s)
+            case CutWay(_, name, peer, for_s):
+                hosts = (world.processes[name].host, world.processes[peer].host)
+                opens_s = world.now_s + for_s
+                world.network.set_way(*hosts, Way(open=lambda now_s: now_s >= opens_s))
+            case LoseSamples(_, part, for_s):
+                world.topics.loss = part
+                world.after(for_s, setattr, world.topics, "loss", 0.0)
+            case _:
+                assert_never(deed)
+
+    def _killed(self, process: Process, down_s: float) -> None:
+        """Count a kill that happens within this event; judge after it, and start it again."""
+        self.kills += 1
+        self._due.add(process.name)
+        self.world.after(0.0, self._check)
+        self.world.after(down_s, self._restart, process)
+
+    def _restart(self, process: Process) -> None:
+        self._due.discard(process.name)
+        if not process.alive:
+            process.restart()
+
+    def _check(self) -> None:
+        self._note(check_stores(self.world, self._place.asset, self.grounds["moe"].journal))
+
+    def _watch(self) -> None:
+        """Start what ended by itself, as a supervisor does."""
+        for process in self.world.processes.values():
+            if not process.alive and process.name not in self._due:
+                self._due.add(process.name)
+                self.world.after(_WATCH_S, self._restart, process)
+        self.world.after(_WATCH_S, self._watch)
+
+    def _calm(self) -> None:
+        """End all faults."""
+        self._over = True
+        world = self.world
+        world.topics.loss = 0.0
+        for plan in self._plans.values():
+            plan.clear()
+        for process in world.processes.values():
+            process.disk.full = False
+            process.resume()
+        situation = replace(self._storm.situation, eclipse_s=0.0)
+        world.network.set_way(self._place.orbiter, self._place.relay, _way(situation))
+
+    def _settled(self) -> bool:
+        """Return whether the ground has the end of each command."""
+        return all(
+            journal.ends.keys() | journal.refused.keys() >= journal.sent.keys()
+            for journal in (ground.journal for ground in self.grounds.values())
+        )
+
+    def _note(self, findings: Iterator[Finding]) -> None:
+        for finding in findings:
+            self.findings.setdefault(finding.what, finding)
+
+    def _digest(self) -> str:
+        whole = hashlib.sha256(self.world.digest.encode())
+        for name, ground in self.grounds.items():
+            whole.update(f"{name} {ground.journal}".encode())
+        for process in self.world.processes.values():
+            for path in sorted(process.stored.rglob("*.sqlite")):
+                whole.update(path.name.encode())
+        return whole.hexdigest()
+
+
+def _way(situation: Situation) -> Way:
+    cycle_s = situation.eclipse_s + situation.contact_s
+
+    def contact(now_s: float) -> bool:
+        return not situation.eclipse_s or now_s % cycle_s < situation.contact_s
+
+    return Way(situation.delay_s, situation.jitter_s, situation.loss, situation.duplicate, contact)
+
+
+@contextmanager
+def player(storm: Storm, trace: list[str] | None = None) -> Iterator[Player]:
+    """Yield what plays a storm; its world is closed at the end."""
+    playing = Player(storm, trace)
+    try:
+        yield playing
+    finally:
+        playing.world.close()
+
+
+def play(storm: Storm, trace: list[str] | None = None) -> Played:
+    """Play a storm."""
+    with player(storm, trace) as playing:
+        return playing.play()

@@ -1,0 +1,33 @@
+"""Situations that storms found, or find rarely, each as short as it can be."""
+
+from executive.commands import MoveForward, Resume, Stop
+from tests.simulated.deeds import Deed, FillDisk, Link, Order, Situation, Storm
+from tests.simulated.storm import play
+
+CALM = Situation(
+    delay_s=0.02,
+    jitter_s=0.0,
+    loss=0.0,
+    duplicate=0.0,
+    eclipse_s=0.0,
+    contact_s=0.0,
+    ask_again_s=None,
+    period_s=60.0,
+)
+
+
+def storm(*deeds: Deed) -> Storm:
+    return Storm("situation", CALM, deeds)
+
+
+def test_commands_outlast_a_disk_that_is_full_for_minutes() -> None:
+    played = play(
+        storm(
+            FillDisk(15.0, "executive", 90.0),
+            Order(20.0, Link.RELAY, 1, Stop()),
+            Order(22.0, Link.RELAY, 2, Resume()),
+            Order(23.0, Link.RELAY, 3, MoveForward(0.2)),
+            Order(150.0, Link.RELAY, 4, Resume()),
+        )
+    )
+    assert not played.findings
