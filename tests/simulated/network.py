@@ -8,7 +8,7 @@ from random import Random
 from typing import TYPE_CHECKING, Final
 
 from tests.simulated.datagrams import DatagramSocket
-from tests.simulated.streams import Listener
+from tests.simulated.streams import Listener, StreamSocket
 
 if TYPE_CHECKING:
     from tests.simulated.process import Life, Process
@@ -99,6 +99,14 @@ class Network:
         listener = self.listeners[where] = Listener(self, life, where)
         life.resources.append(listener)
         return listener
+
+    def unconnected(self, life: "Life") -> StreamSocket:
+        """Return a TCP socket of a process for the loop's `sock_connect`."""
+        life.require()
+        host = life.process.host
+        stream = StreamSocket(self, life, (host, 0), ("", 0))
+        stream.gone = True
+        return stream
 
     def datagrams(self, life: "Life", address: SocketAddress, buffer_octets: int) -> DatagramSocket:
         """Return a bound socket of a process for datagrams; raises OSError."""

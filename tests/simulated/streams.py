@@ -48,6 +48,7 @@ class StreamSocket:
     Attributes:
         peer: the other end.
         transport: what reads and writes for asyncio; None before there is one.
+        gone: whether there is no connection any more, or not yet.
     """
 
     def __init__(
@@ -62,7 +63,8 @@ class StreamSocket:
         self.ended = False
         self._listener: Listener | None = None
         self._closed = False
-        self._gone = False
+        self.gone = False
+        self._asking = False
         self._received: deque[bytes] = deque()
         self._in_flight = 0
         self._credits: deque[tuple[float, int]] = deque()
@@ -101,7 +103,7 @@ class StreamSocket:
         self._closed = True
         unread = bool(self._received)
         self._received.clear()
-        if not self._gone:
+        if not self.gone:
             self.send_segment(Segment.RESET if unread else Segment.END)
         self._forget()
 
@@ -180,14 +182,21 @@ class StreamSocket:
 
     def drop(self, *, silent: bool) -> None:
         """Have the process gone: the peer gets a reset, or nothing ever."""
-        if not silent and not self._gone:
+        if not silent and not self.gone:
             self.send_segment(Segment.RESET)
-        self._closed = self._gone = True
+        self._closed = self.gone = True
         self._received.clear()
+        self._unsent.clear()
 
     def send_segment(self, segment: Segment, octets: list[bytes] | None = None) -> bool:
-        """Send a segment, now or behind those that are sent again; return whether now."""
+        """Send a segment, now or behind those that are sent again; return whether now.
+
+        A reset is sent once: if it gets lost, the peer has a connection that is half open.
+        """
         self._batch_s = -1.0
+        if segment is Segment.RESET:
+            self._unsent.clear()
+            return self._transmit(segment, [])
         if self._unsent:
             self._unsent.append((segment, octets or []))
             return False
@@ -238,17 +247,18 @@ class StreamSocket:
 
     def arrive(self, segment: Segment, octets: list[bytes]) -> None:
         """Handle what the peer sent."""
-        if self._gone or self._closed:
+        if self.gone or self._closed:
             if not self._network.hosts[self._address[0]].powered:
-                self.peer.unanswered()
-            elif segment is not Segment.RESET and not (segment is Segment.END and not self._gone):
+                if not self.peer._asking:
+                    self.peer.ask_again(_RETRANSMIT_S, self._world.now_s)
+            elif segment is not Segment.RESET and not (segment is Segment.END and not self.gone):
                 self._refuse()
             return
         match segment:
             case Segment.OPEN:
                 listener = self._listener
                 if listener is None or not listener.complete(self):
-                    self._gone = True
+                    self.gone = True
                     self._refuse()
                     self._forget()
             case Segment.OCTETS:
@@ -260,11 +270,19 @@ class StreamSocket:
             case Segment.RESET:
                 self._fail(errno.ECONNRESET)
 
-    def unanswered(self) -> None:
-        """Give up some time after the peer was silent for the first time."""
-        if self._first_failed_s is None:
-            self._first_failed_s = self._world.now_s
-            self._world.after(_GIVE_UP_S, self._fail, errno.ETIMEDOUT)
+    def ask_again(self, pause_s: float, since_s: float) -> None:
+        """Send again to a computer that is off, until it is on and knows of no connection."""
+        self._asking = True
+        if self.gone:
+            return
+        if self._world.now_s - since_s > _GIVE_UP_S:
+            self._fail(errno.ETIMEDOUT)
+        elif self._network.hosts[self._peer_address[0]].powered:
+            self.peer._refuse()
+            self._asking = False
+        else:
+            longer_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+            self._world.after(pause_s, self.ask_again, longer_s, since_s)
 
     def _refuse(self) -> None:
         """Answer a segment for which there is no connection."""
@@ -275,9 +293,9 @@ class StreamSocket:
             world.after(delay_s, self.peer.arrive, Segment.RESET, [])
 
     def _fail(self, number: int) -> None:
-        if self._gone:
+        if self.gone:
             return
-        self._gone = True
+        self.gone = True
         self.fault = OSError(number, os.strerror(number))
         self._received.clear()
         self._unsent.clear()
@@ -297,7 +315,7 @@ class StreamSocket:
 
     def _credited(self) -> None:
         self._credit_due = False
-        if self.transport is not None and not self._gone:
+        if self.transport is not None and not self.gone:
             self.transport.flush()
 
     def _forget(self) -> None:
@@ -491,7 +509,7 @@ class _Attempt:
         other = StreamSocket(network, listener.life, self._target, self._own)
         own.peer, other.peer = other, own
         if not listener.life.alive:
-            other._gone = True
+            other.gone = True
         other.opened_by(listener)
         own.send_segment(Segment.OPEN)
         self.done.set_result(own)
@@ -510,11 +528,10 @@ async def connect(loop: "SimLoop", target: SocketAddress) -> StreamSocket:
     loop.life.require()
     attempt = _Attempt(loop, target)
     try:
-        return await asyncio.shield(attempt.done)
+        return await attempt.done
     except asyncio.CancelledError:
-        if attempt.done.done() and not attempt.done.cancelled() and not attempt.done.exception():
+        if not attempt.done.cancelled() and not attempt.done.exception():
             attempt.done.result().close()
-        attempt.done.cancel()
         raise
 
 
