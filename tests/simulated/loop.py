@@ -9,6 +9,7 @@ import socket
 from collections.abc import Callable
 from contextvars import Context
 from typing import TYPE_CHECKING, Any, Final, cast
+from weakref import WeakSet
 
 from tests.simulated import streams
 
@@ -32,6 +33,7 @@ class SimLoop(asyncio.BaseEventLoop):
 
     def __init__(self, life: "Life") -> None:
         self.life, self.world = life, life.world
+        self._tasks: WeakSet[asyncio.Task[Any]] = WeakSet()
         self._signals: dict[int, asyncio.Handle] = {}
         super().__init__()
 
@@ -96,6 +98,7 @@ class SimLoop(asyncio.BaseEventLoop):
 
     def create_task(self, coro: Any, **options: Any) -> asyncio.Task[Any]:
         task = super().create_task(coro, **options)
+        self._tasks.add(task)
         if not self.life.alive:
             self.life.kept.append([task])
         return task
@@ -223,7 +226,8 @@ class SimLoop(asyncio.BaseEventLoop):
 
     def unfinished(self) -> list[Any]:
         """Return its tasks and asynchronous generators that have not ended."""
-        return [*asyncio.all_tasks(self), *self._asyncgens]  # type: ignore[attr-defined]
+        tasks = [task for task in self._tasks if not task.done()]
+        return [*tasks, *self._asyncgens]  # type: ignore[attr-defined]
 
     def free(self) -> None:
         """Close the coroutines of a dead process: what they do then reaches nothing."""

@@ -1,6 +1,7 @@
 """aiohttp, server and client, in simulated processes."""
 
 import asyncio
+from typing import Any
 
 import aiohttp
 from aiohttp import web
@@ -35,8 +36,10 @@ def test_pages_and_web_sockets() -> None:
         await asyncio.Event().wait()
 
     async def ask(process: Process) -> None:
-        network, life = process.world.network, process.present
-        connector = aiohttp.TCPConnector(socket_factory=lambda _: network.unconnected(life))
+        def unconnected(_: object) -> Any:
+            return process.world.network.unconnected(process.present)
+
+        connector = aiohttp.TCPConnector(socket_factory=unconnected)
         async with aiohttp.ClientSession(connector=connector) as session:
             async with session.get(f"http://{B}/") as answer:
                 heard.append(await answer.text())
