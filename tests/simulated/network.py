@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 SocketAddress = tuple[str, int]
 _OWN: Final = frozenset({"", "0.0.0.0", "127.0.0.1", "localhost", "::", "::1"})
 _FIRST_FREE_PORT: Final = 49_152
+_LAST_PORT: Final = 65_535
 
 
 def always(_now_s: float) -> bool:
@@ -121,8 +122,9 @@ class Network:
         return life.process.host if host in _OWN else host
 
     def free_port(self, host: str) -> int:
-        """Return a port that was not used before."""
-        port = self._last_port[host] = self._last_port.get(host, _FIRST_FREE_PORT - 1) + 1
+        """Return a port that was not used lately."""
+        last = self._last_port.get(host, _LAST_PORT)
+        port = self._last_port[host] = _FIRST_FREE_PORT if last == _LAST_PORT else last + 1
         return port
 
     def _bind(

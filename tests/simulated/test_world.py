@@ -128,6 +128,25 @@ def test_a_kill_at_a_commit_is_exact(world: World) -> None:
     assert kept == [2, 5, 7]
 
 
+def test_a_kill_between_events_comes_before_the_next(world: World) -> None:
+    done: list[str] = []
+
+    async def main(_: Process) -> None:
+        loop = asyncio.get_running_loop()
+        for name in ("first", "second", "third"):
+            loop.call_soon(done.append, name)
+        await asyncio.Event().wait()
+
+    def before(process: Process, name: str) -> None:
+        if name == "list.append" and len(done) == 1:
+            process.kill()
+
+    world.before_event = before
+    process = running(world, main)
+    world.run(1.0)
+    assert (done, process.status) == (["first"], 137)
+
+
 def test_commits_fail_and_disks_fill(world: World) -> None:
     errors: list[int] = []
     free: list[int] = []
