@@ -73,7 +73,7 @@ class RecordedRun:
         self._reader = RunReader(path, is_wanted)
         self._name = ""
         self._chronicle = ChronicleBuilder()
-        self._tracker = CommandTracker(self._heard)
+        self._tracker = CommandTracker(self._heard, lambda: self._utc_s)
         self._found: list[Written] = []
         self._tree: RecordedTree | None = None
         self._mode: ModeChanged | None = None

@@ -6,7 +6,6 @@ stop claims nothing.
 
 import asyncio
 import logging
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -313,7 +312,8 @@ class Commanding:
 
 def _status(operator: str, posted: Posted, link: RoverLink, command: Command) -> CommandStatus:
     """Return how a command stands that is about to be sent."""
-    now_s = time.time()
+    now_s = command.created_utc_s
+    assert now_s is not None, "MrsClient.command says when"
     return CommandStatus(
         id=posted.id,
         asset=posted.asset,

@@ -1,6 +1,5 @@
 """The requests that submit plans, and find those that were submitted."""
 
-import time
 from collections.abc import Mapping
 from functools import partial
 from http import HTTPStatus
@@ -47,7 +46,7 @@ class Plans:
         posted = Posted(identifier(body.get("id")), asset, SUBMIT, args_of(submit))
         status = await self._commanding.send(operator, posted, lambda: submit)
         revision = PlanRevision(
-            asset, plan.plan_id, 0, status.id, operator, time.time(), plan.content.decode()
+            asset, plan.plan_id, 0, status.id, operator, status.made, plan.content.decode()
         )
         await self._archive.write(partial(keep_plan, revision=revision))
         return answer(status, HTTPStatus.ACCEPTED)
