@@ -1,7 +1,6 @@
 """The console's own housekeeping: how it is doing, as parameters of an asset that is no rover."""
 
 import asyncio
-import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -13,6 +12,7 @@ from adapters.console.rovers import AssetEntry, parameter_entries
 from adapters.console.web import Hub
 from adapters.mrs.spec import CONSOLE, CONSOLE_HOUSEKEEPING, usage_figures
 from adapters.process import ProcessUsage
+from adapters.system import System
 
 ASSET: Final = "rover-console"
 """No rover is called so: it is no name of ROS."""
@@ -27,14 +27,20 @@ class ConsoleHousekeeping:
         hub: which pages are open.
         data: the folder that the console writes to.
         sample: sends a telemetry value to whoever wants it.
+        system: the time, and what is measured.
     """
 
     def __init__(
-        self, archive: Archive, hub: Hub, data: Path, sample: Callable[[Sample], None]
+        self,
+        archive: Archive,
+        hub: Hub,
+        data: Path,
+        sample: Callable[[Sample], None],
+        system: System,
     ) -> None:
         self._archive, self._hub, self._sample = archive, hub, sample
-        self._usage = ProcessUsage(data)
-        self._before = (time.monotonic(), 0)
+        self._utc, self._usage = system.utc_s, ProcessUsage(data, system)
+        self._before = (asyncio.get_running_loop().time(), 0)
         self.entry = AssetEntry(
             asset=ASSET,
             description="This operations console",
@@ -53,13 +59,13 @@ class ConsoleHousekeeping:
             await asyncio.sleep(EVERY_S)
 
     def _tell(self) -> None:
-        utc_s, figures = time.time(), self._measure()
+        utc_s, figures = self._utc(), self._measure()
         for key, value in figures.items():
             quality = Quality.INVALID if value is None else Quality.GOOD
             self._sample(Sample(ASSET, key, Link.CONSOLE, utc_s, utc_s, value, quality))
 
     def _measure(self) -> dict[str, float | None]:
-        now_s, written = time.monotonic(), self._archive.samples
+        now_s, written = asyncio.get_running_loop().time(), self._archive.samples
         before_s, before = self._before
         self._before = (now_s, written)
         passed_s = now_s - before_s

@@ -18,6 +18,7 @@ from adapters.process import (
     log_level_option,
     process,
 )
+from adapters.system import OPERATING_SYSTEM
 from adapters.video import parse_address
 
 FOLDER: Final = "console"
@@ -134,7 +135,7 @@ def main(
     retention = Retention(keep_days, keep_mb)
     folder = data or default_folder(FOLDER)
     options = Options(to, host, port, tokens, tls, folder, archive, retention, video, recordings)
-    asyncio.run(serve(options))
+    asyncio.run(serve(options, OPERATING_SYSTEM))
 
 
 if __name__ == "__main__":

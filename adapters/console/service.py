@@ -55,6 +55,7 @@ from adapters.mrs.cli import Target
 from adapters.mrs.ground import parse_address
 from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
+from adapters.system import System
 
 READ_AGAIN_S: Final = 1.0
 """Between two attempts to read the archive, where nothing goes on without it."""
@@ -93,20 +94,20 @@ class Options:
     recordings: tuple[Path, ...] = ()
 
 
-async def serve(options: Options) -> None:
+async def serve(options: Options, system: System) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Raises:
         StartError: it cannot start.
     """
     ended = termination_event()
-    async with running(options) as address:
+    async with running(options, system) as address:
         click.echo(address)
         await ended.wait()
 
 
 @asynccontextmanager
-async def running(options: Options) -> AsyncIterator[str]:
+async def running(options: Options, system: System) -> AsyncIterator[str]:
     """Serve within the context; gives the address for a browser.
 
     Raises:
@@ -118,9 +119,9 @@ async def running(options: Options) -> AsyncIterator[str]:
         raise StartError(f"--host {options.host}: {error.strerror}") from error
     access, context = _access(options)
     with exclusive(options.data, LOCK):
-        archive = Archive(open_database(options.archive, options.data))
+        archive = Archive(open_database(options.archive, options.data), system.utc_s)
         try:
-            async with _serving(options, archive, access, context) as address:
+            async with _serving(options, archive, access, context, system) as address:
                 yield address
         finally:
             await archive.close()
@@ -128,9 +129,13 @@ async def running(options: Options) -> AsyncIterator[str]:
 
 @asynccontextmanager
 async def _serving(
-    options: Options, archive: Archive, access: Access, context: ssl.SSLContext | None
+    options: Options,
+    archive: Archive,
+    access: Access,
+    context: ssl.SSLContext | None,
+    system: System,
 ) -> AsyncIterator[str]:
-    hub = Hub()
+    hub = Hub(system)
 
     def publish(message: Broadcast) -> None:
         hub.publish(message)
@@ -161,32 +166,32 @@ async def _serving(
                 return None if found is None else Known(*found)
             await asyncio.sleep(READ_AGAIN_S)
 
-    tracker = CommandTracker(publish)
+    tracker = CommandTracker(publish, system.utc_s)
     commands = SharedCommands(archive, tracker)
     await commands.restore(KEPT_COMMANDS)
-    desk = AuthorityDesk(publish, hub.is_present)
+    desk = AuthorityDesk(publish, hub.is_present, system.utc_s)
     uris = [_uri(target) for target in options.to]
     try:
         fleet = Fleet(
             *(uris, options.to[0].terms, publish, sample, tree),
-            *(last_known, tracker, commands, desk),
+            *(last_known, tracker, commands, desk, system),
         )
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
-    housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample)
+    housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample, system)
     alarms = Alarms(archive, publish, limits_of)
     commanding = Commanding(fleet, tracker, commands, desk)
     store = FileStore(options.data / FILES)
-    transfers = Transfers(commanding.file_client, store, hub.transfer)
-    recordings = Recordings(_emptied(options.data / OPENED), publish)
+    transfers = Transfers(commanding.file_client, store, hub.transfer, system)
+    recordings = Recordings(_emptied(options.data / OPENED), publish, system.utc_s)
     objects = Objects(archive, publish)
-    presence = SharedPresence(archive, hub)
+    presence = SharedPresence(archive, hub, asyncio.get_running_loop().time)
     routes = [
         *Operations(commanding, desk).routes(),
         *Plans(commanding, archive).routes(),
         *Explaining(commanding, recordings).routes(),
         *Files(commanding.file_client, store, transfers, recordings, ASSET).routes(),
-        *Video(options.video, fleet.video_of).routes(),
+        *Video(options.video, fleet.video_of, system.utc_s).routes(),
         *recordings.routes(),
         *History(archive, recordings).routes(),
         *Export(archive, recordings).routes(),
@@ -259,7 +264,8 @@ def _access(options: Options) -> tuple[Access, ssl.SSLContext | None]:
         except (OSError, ssl.SSLError) as error:
             raise StartError(f"{certificate} with {key} cannot be used: {error}") from error
     tokens = None if options.tokens is None else read_tokens(options.tokens)
-    return Access(tokens, secure=context is not None), context
+    now_s = asyncio.get_running_loop().time
+    return Access(tokens, context is not None, now_s), context
 
 
 def _emptied(folder: Path) -> Path:

@@ -13,6 +13,7 @@ from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType
 from adapters.console.service import Options, running
 from adapters.mrs.cli import Target
 from adapters.mrs.terms import CLEAR, Terms
+from adapters.system import OPERATING_SYSTEM, System
 
 LIMIT_S = 60.0
 ALL = (
@@ -120,12 +121,16 @@ class Operator:
 
 @asynccontextmanager
 async def served(
-    folder: Path, *uris: str, terms: Terms = CLEAR, **options: Any
+    folder: Path,
+    *uris: str,
+    terms: Terms = CLEAR,
+    system: System = OPERATING_SYSTEM,
+    **options: Any,
 ) -> AsyncIterator[str]:
     """Serve a console of rovers at a free port; gives its address."""
     targets = tuple(Target(uri, terms) for uri in uris)
     at_once = Options(targets, "127.0.0.1", 0, None, None, folder / "console")
-    async with running(replace(at_once, **options)) as address:
+    async with running(replace(at_once, **options), system) as address:
         yield address
 
 

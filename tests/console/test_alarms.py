@@ -24,6 +24,7 @@ from adapters.console.archive import (
 )
 from adapters.console.messages import AlarmStatus
 from adapters.console.requests import Alarms
+from adapters.system import OPERATING_SYSTEM
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console
 from tests.console.postgres import fresh
@@ -132,7 +133,7 @@ async def test_consoles_at_one_database_show_the_same(
 
 
 async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     raised = partial(Raised, "jackal", "fault 1", severity="ALARM", text="low", lasts=True)
 
     async def change(*changes: Change) -> list[AlarmStatus]:
@@ -167,7 +168,7 @@ async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
 
 
 async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     told: list[AlarmStatus] = []
     alarms = Alarms(archive, told.append, lambda *_: (None, None))
 
@@ -185,7 +186,7 @@ async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engin
 
 
 async def test_what_is_heard_at_the_end_is_kept_and_holds_nothing_up(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     alarms = Alarms(archive, lambda _: None, lambda *_: (None, None))
     running = asyncio.create_task(alarms.run())
     await asyncio.sleep(0.1)
@@ -200,7 +201,7 @@ async def test_what_is_heard_at_the_end_is_kept_and_holds_nothing_up(engine: Eng
 
 @pytest.mark.parametrize("page", [Page("no", None, None, 9), Page(None, 5_000_001, None, 9)])
 async def test_alarms_are_found_by_asset_and_time(engine: Engine, page: Page) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     changes = (Raised("jackal", "event 1", 5.0, "WARNING", "dust"),)
     await archive.write(partial(change_alarms, changes=changes))
     assert await archive.read(partial(read_alarms, page=page)) == []

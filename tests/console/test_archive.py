@@ -54,6 +54,7 @@ from adapters.console.messages import (
     encode,
 )
 from adapters.process import StartError
+from adapters.system import OPERATING_SYSTEM
 
 DAY_S = 86_400.0
 
@@ -97,7 +98,7 @@ async def found(
 
 
 async def test_samples_are_found_by_time_and_link_each_once(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     for utc, value in ((3.0, 30.0), (1.0, 10.0), (2.0, None), (3.0, 31.0), (4.5, "Infinity")):
         archive.put(sample(utc, value))
     archive.put(sample(2.0, 21.0, Link.RELAY))
@@ -125,7 +126,7 @@ async def test_samples_are_found_by_time_and_link_each_once(engine: Engine) -> N
 
 
 async def test_a_long_time_is_thinned_out_without_losing_its_extremes(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     for number in range(1000):
         archive.put(sample(float(number), {333: -50.0, 666: 50.0}.get(number, number % 7)))
     await archive.flush()
@@ -140,7 +141,7 @@ async def test_a_long_time_is_thinned_out_without_losing_its_extremes(engine: En
 
 
 async def test_an_outage_is_a_gap_however_long_the_time_is(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     for second in range(20 * 3600):
         if second < 2000 or second % 600 == 0:
             value = None if 500 <= second <= 510 else 24.0 + second % 5
@@ -199,7 +200,7 @@ def test_a_long_time_is_thinned_out_the_same_in_whatever_order_it_was_heard(
         cut: int,
         expected: list[tuple[float, float | str | None]],
     ) -> None:
-        archive = Archive(engine)
+        archive = Archive(engine, OPERATING_SYSTEM.utc_s)
         await delete_old(archive, Retention(days=0.0), 1e9)
         for number, (utc, value) in enumerate(heard):
             quality = Quality.INVALID if value is None else Quality.GOOD
@@ -260,7 +261,7 @@ async def test_samples_of_an_older_archive_are_taken_into_minutes(
     engine: Engine, tmp_path: Path
 ) -> None:
     url = engine.url.render_as_string(hide_password=False)
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     for number in range(300):
         archive.put(sample(number * 7.0, float(number * 37 % 101) if number % 5 else None))
     await archive.close()
@@ -280,7 +281,7 @@ async def test_samples_of_an_older_archive_are_taken_into_minutes(
 
 
 async def test_commands_notifications_and_records_come_back_as_they_were(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     began = command("one", CommandState.SENDING)
     assert await archive.claim(began)
     assert await archive.read(partial(read_command, name="one")) == began
@@ -318,7 +319,7 @@ async def test_commands_notifications_and_records_come_back_as_they_were(engine:
 
 
 async def test_objects_change_by_their_revision_only(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
 
     async def put(value: str, revision: int | None) -> Stored | Conflict:
         return await archive.write(
@@ -339,7 +340,7 @@ async def test_objects_change_by_their_revision_only(engine: Engine) -> None:
 
 
 async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     now_s = 100 * DAY_S
     for day in range(100):
         for number in range(50):
@@ -376,7 +377,7 @@ async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine)
 async def test_what_cannot_be_written_waits(
     engine: Engine, caplog: pytest.LogCaptureFixture
 ) -> None:
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
 
     def rename(old: str, new: str) -> None:
         with engine.begin() as connection:
@@ -410,7 +411,7 @@ async def test_a_link_catches_up_from_the_last_number_of_an_older_archive(
             connection.execute(text(insert), {"n": number, "utc_us": 9 - number})
     url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
     open_database(url, tmp_path).dispose()
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     known = partial(last_notification, asset="jackal", link=Link.DIRECT)
     assert await archive.read(known) == (7, 2)
     await archive.close()
@@ -430,7 +431,7 @@ async def test_commands_of_an_older_archive_are_known_by_number_once_each(
             connection.execute(text(insert), row)
     url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
     open_database(url, tmp_path).dispose()
-    archive = Archive(engine)
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     kept = await archive.read(partial(last_commands, count=9))
     assert kept == [other, posted]
     find = partial(find_command, asset="jackal", source="MOE", number=1)

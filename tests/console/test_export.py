@@ -23,6 +23,7 @@ from adapters.console.messages import (
     TreeState,
     plain,
 )
+from adapters.system import OPERATING_SYSTEM
 from tests.console.consoles import Operator, operator, served
 
 NOBODY = "127.0.0.1:1"
@@ -34,7 +35,7 @@ COUNT = 25_000
 
 async def fill(folder: Path) -> None:
     folder.mkdir()
-    archive = Archive(open_database(None, folder))
+    archive = Archive(open_database(None, folder), OPERATING_SYSTEM.utc_s)
     for number in range(COUNT):
         at_s, value = float(BEGAN_S + number), float(number)
         archive.put(Sample("jackal", "POS_X", Link.DIRECT, at_s, at_s + 1, value, Quality.GOOD))
@@ -126,7 +127,7 @@ PLAN = PlanProgress("jackal", "look", "EXECUTING", BEGAN_S + 4.0, "look/drive", 
 async def test_what_was_told_is_exported_as_the_archive_has_it(tmp_path: Path) -> None:
     folder = tmp_path / "console"
     folder.mkdir()
-    archive = Archive(open_database(None, folder))
+    archive = Archive(open_database(None, folder), OPERATING_SYSTEM.utc_s)
     told: list[Written] = [COMMAND, *REPORTS, TREE, PLAN]
     for message in told:
         archive.put(message)

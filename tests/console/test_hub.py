@@ -14,6 +14,7 @@ from adapters.console.messages import (
     encode,
 )
 from adapters.console.web import KEPT, MOST_SAMPLES, MOST_WAITING, Hub
+from adapters.system import OPERATING_SYSTEM
 
 
 def sample(number: int, value: float | None = None) -> Sample:
@@ -22,7 +23,7 @@ def sample(number: int, value: float | None = None) -> Sample:
 
 
 async def test_of_a_slow_page_the_oldest_telemetry_is_dropped_and_nothing_else() -> None:
-    hub = Hub()
+    hub = Hub(OPERATING_SYSTEM)
     page = hub.open("A", "anna")
     page.subscribe(["tm:*", "dictionary"])
     for number in range(MOST_SAMPLES + 500):
@@ -39,7 +40,7 @@ async def test_of_a_slow_page_the_oldest_telemetry_is_dropped_and_nothing_else()
 
 
 async def test_a_page_that_takes_nothing_is_sent_away_and_can_resume() -> None:
-    hub = Hub()
+    hub = Hub(OPERATING_SYSTEM)
     page = hub.open("A", "anna")
     page.subscribe(["dictionary"])
     began = hub.hello(page, resumed=False).seq
@@ -55,7 +56,7 @@ async def test_a_page_that_takes_nothing_is_sent_away_and_can_resume() -> None:
 
 
 async def test_a_new_page_gets_how_things_stand() -> None:
-    hub = Hub()
+    hub = Hub(OPERATING_SYSTEM)
     for state in (LinkState.CONNECTING, LinkState.UP):
         hub.publish(LinkStatus("jackal", Link.DIRECT, "uri", state, 0.0, None, ""))
     hub.sample(sample(1))
@@ -76,7 +77,7 @@ async def test_a_new_page_gets_how_things_stand() -> None:
 
 
 async def test_a_new_page_gets_last_where_an_asset_was_reached_last() -> None:
-    hub = Hub()
+    hub = Hub(OPERATING_SYSTEM)
     for uri in ("one", "other", "one"):
         for state in (LinkState.UP, LinkState.DOWN):
             hub.publish(LinkStatus("jackal", Link.DIRECT, uri, state, 0.0, None, ""))
@@ -86,7 +87,7 @@ async def test_a_new_page_gets_last_where_an_asset_was_reached_last() -> None:
 
 
 async def test_a_new_page_gets_no_mode_that_was_left() -> None:
-    hub = Hub()
+    hub = Hub(OPERATING_SYSTEM)
     idle = AssetState("jackal", Link.DIRECT, 1.0, "IDLE", None, 0, None)
     for state in (idle, replace(idle, mode="PLAN", plan="look"), idle):
         hub.publish(state)

@@ -14,6 +14,7 @@ from adapters.console.tasks import end
 from adapters.mrs.ground import MrsClient, Stream
 from adapters.mrs.spec import AssetInfo, AssetStatus, Notification
 from adapters.mrs.terms import CLEAR
+from adapters.system import OPERATING_SYSTEM
 from executive.clock import START_UTC_S as LANDED_S
 from executive.commands import MoveForward, Stop
 from executive.state import Parameter, ParameterValue
@@ -133,7 +134,7 @@ class Hung:
 
 async def test_it_ends_also_at_the_moment_at_which_its_connection_is_lost(launch: Launch) -> None:
     hung = Hung()
-    link = RoverLink(launch().uri, CLEAR, cast("Listener", hung))
+    link = RoverLink(launch().uri, CLEAR, cast("Listener", hung), OPERATING_SYSTEM)
     hung.hearing = asyncio.create_task(link.run())
     await asyncio.wait([hung.hearing], timeout=10.0)
     assert hung.hearing.cancelled()
@@ -164,7 +165,9 @@ class Catalogue:
 
 async def test_what_is_not_recorded_any_more_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     catalogue, stream = Catalogue(), Stream[Notification]()
-    link = RoverLink("maltcp://127.0.0.1:1/MRS", CLEAR, cast("Listener", catalogue))
+    link = RoverLink(
+        "maltcp://127.0.0.1:1/MRS", CLEAR, cast("Listener", catalogue), OPERATING_SYSTEM
+    )
     link.info = cast("AssetInfo", SimpleNamespace(asset="jackal"))
     stream.close()
     await link._notifications(cast("MrsClient", catalogue), stream)

@@ -7,6 +7,7 @@ from pathlib import Path
 from adapters.console.archive import Archive, open_database
 from adapters.console.messages import Presence
 from adapters.console.web import GONE_S, Hub, SharedPresence
+from adapters.system import OPERATING_SYSTEM
 from tests.console.conftest import Launch
 from tests.console.consoles import at_console
 from tests.console.postgres import fresh
@@ -17,7 +18,7 @@ class Console:
 
     def __init__(self, archive: Archive) -> None:
         self.now_s = 0.0
-        self.hub = Hub()
+        self.hub = Hub(OPERATING_SYSTEM)
         self.presence = SharedPresence(archive, self.hub, lambda: self.now_s)
 
     @property
@@ -29,7 +30,7 @@ class Console:
 
 @asynccontextmanager
 async def two(folder: Path) -> AsyncIterator[tuple[Console, Console]]:
-    archive = Archive(open_database(None, folder))
+    archive = Archive(open_database(None, folder), OPERATING_SYSTEM.utc_s)
     yield Console(archive), Console(archive)
     await archive.close()
 

@@ -23,6 +23,7 @@ from adapters.console.recordings import Recordings
 from adapters.console.web import answer
 from adapters.recording import RecordingError, complete, frames
 from adapters.recording.commands import replay
+from adapters.system import OPERATING_SYSTEM
 from sim.calibration.commands import calibrate
 from sim.plot.commands import plot
 
@@ -91,7 +92,7 @@ def _completed(path: Path, folder: Path) -> str:
 
 def _console(path: Path, folder: Path) -> str:
     async def look() -> None:
-        recordings = Recordings(folder, lambda _: None)
+        recordings = Recordings(folder, lambda _: None, OPERATING_SYSTEM.utc_s)
         try:
             answer((await recordings.open(path)).entry)
         finally:

@@ -6,11 +6,11 @@ One thread writes, so that the order stays; another reads. The loop waits for ne
 import asyncio
 import json
 import logging
-import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from typing import Any, Final, TypeVar, assert_never
 
 from sqlalchemy import Connection, Engine, Insert, Table, bindparam, func, select
@@ -83,12 +83,13 @@ class Archive:
         utc: the time.
 
     Attributes:
+        utc: the time, which dates what it keeps.
         samples: telemetry values that were written, since the start.
         lost: messages that gave way to later ones while the database could not be written.
     """
 
-    def __init__(self, engine: Engine, utc: Callable[[], float] = time.time) -> None:
-        self._utc = utc
+    def __init__(self, engine: Engine, utc: Callable[[], float]) -> None:
+        self.utc = utc
         self._engine = engine
         self._is_sqlite = engine.dialect.name == SQLITE
         self._writer = ThreadPoolExecutor(1, "archive writer")
@@ -136,7 +137,7 @@ class Archive:
         if not batch:
             return
         try:
-            await self.write(lambda connection: self._write(connection, batch))
+            await self.write(partial(self._write, batch=batch, rx_us=to_us(self.utc())))
         except SQLAlchemyError as error:
             self._parameters.clear()  # those that are new were not written either
             self._waiting.extendleft(reversed(batch))
@@ -192,7 +193,7 @@ class Archive:
         self._reader.shutdown()
         self._engine.dispose()
 
-    def _write(self, connection: Connection, batch: Sequence[Written]) -> None:
+    def _write(self, connection: Connection, batch: Sequence[Written], rx_us: int) -> None:
         samples: Rows = []
         notifications: Rows = []
         records: Rows = []
@@ -216,13 +217,13 @@ class Archive:
                 case CommandStatus():
                     commands[message.id] = message
                 case AssetState() | AuthorityHeld():
-                    self._state(connection, message)
+                    self._state(connection, message, rx_us)
                 case PlanProgress() | TreeState():
-                    records.append(self._record(message, message.utc))
+                    records.append(_record(message, message.utc, rx_us))
                 case LinkStatus():
-                    records.append(self._record(message, message.since))
+                    records.append(_record(message, message.since, rx_us))
                 case FileChanged():
-                    records.append(self._record(message, message.rx))
+                    records.append(_record(message, message.rx, rx_us))
                 case AlarmStatus() | Presence() | DictionaryChanged() | ObjectChanged():
                     pass
                 case _:
@@ -234,18 +235,11 @@ class Archive:
         for command in commands.values():
             self._keep(connection, command)
 
-    def _record(self, message: _Recorded, utc_s: float) -> dict[str, Any]:
-        return {
-            "ty": message.ty,
-            "asset": message.asset,
-            "utc_us": to_us(utc_s),
-            "rx_us": to_us(self._utc()),
-            "body": encode(message),
-        }
-
-    def _state(self, connection: Connection, message: AssetState | AuthorityHeld) -> None:
+    def _state(
+        self, connection: Connection, message: AssetState | AuthorityHeld, rx_us: int
+    ) -> None:
         """Write a state down, unless another console has told that it began, then or just after."""
-        new = self._record(message, message.utc)
+        new = _record(message, message.utc, rx_us)
         this = (RECORD.c.ty == new["ty"], RECORD.c.asset == new["asset"])
         told, utc_us = _what_is_told(new["body"]), RECORD.c.utc_us
         before, after = utc_us <= new["utc_us"], utc_us > new["utc_us"]
@@ -321,6 +315,16 @@ class Archive:
         insert = self._insert_into(COMMAND).values(**_command_row(connection, command))
         new = insert.on_conflict_do_nothing().returning(COMMAND.c.id)
         return connection.execute(new).first() is not None
+
+
+def _record(message: _Recorded, utc_s: float, rx_us: int) -> dict[str, Any]:
+    return {
+        "ty": message.ty,
+        "asset": message.asset,
+        "utc_us": to_us(utc_s),
+        "rx_us": rx_us,
+        "body": encode(message),
+    }
 
 
 def _what_is_told(body: str) -> dict[str, Any]:

@@ -7,7 +7,6 @@ for more.
 
 import asyncio
 import logging
-import time
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -50,7 +49,7 @@ async def retain(archive: Archive, retention: Retention) -> None:
     """Delete what is too old or too much, again and again."""
     while True:
         try:
-            deleted = await delete_old(archive, retention, time.time())
+            deleted = await delete_old(archive, retention, archive.utc())
             if deleted:
                 _LOG.info("%d rows of the archive were too old or too many", deleted)
         except SQLAlchemyError as error:

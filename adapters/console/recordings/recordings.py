@@ -9,7 +9,6 @@ import logging
 import re
 import shutil
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -62,11 +61,16 @@ class Recordings:
     Args:
         folder: where their databases are, and files that browsers sent.
         publish: tells pages that there is another asset, or one less.
+        utc: the time.
     """
 
-    def __init__(self, folder: Path, publish: Callable[[DictionaryChanged], None]) -> None:
-        self._folder = folder
-        self._publish = publish
+    def __init__(
+        self,
+        folder: Path,
+        publish: Callable[[DictionaryChanged], None],
+        utc: Callable[[], float],
+    ) -> None:
+        self._folder, self._publish, self._utc = folder, publish, utc
         self._opened: dict[str, Recording] = {}
         self._opening = asyncio.Lock()
 
@@ -114,8 +118,9 @@ class Recordings:
         return Path(await asyncio.to_thread(tempfile.mkdtemp, dir=self._folder))
 
     async def _read(self, path: Path, folder: Path, is_wanted: Callable[[], bool]) -> Recording:
-        began_s = time.monotonic()
-        archive = Archive(await asyncio.to_thread(open_database, None, folder))
+        now_s = asyncio.get_running_loop().time
+        began_s = now_s()
+        archive = Archive(await asyncio.to_thread(open_database, None, folder), self._utc)
         try:
             run = await asyncio.to_thread(RecordedRun, path, is_wanted)
             stamp = _stamp(path)
@@ -132,7 +137,7 @@ class Recordings:
         opened = Recording(path, stamp, folder, run.entry(), archive, run.chronicle())
         self._opened[name] = opened
         self._publish(DictionaryChanged(name))
-        _LOG.info("%s was read in %.1f s: %s", path, time.monotonic() - began_s, name)
+        _LOG.info("%s was read in %.1f s: %s", path, now_s() - began_s, name)
         return opened
 
     def _name_of(self, rover: str, path: Path) -> str:

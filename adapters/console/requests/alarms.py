@@ -8,7 +8,6 @@ ISA-18.2. What stands is kept in the archive, where several consoles find the sa
 import asyncio
 import logging
 import re
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -192,7 +191,7 @@ class Alarms:
             text = f"alarms: at most {MOST_SEEN} [id, occurrences], as they were seen, are needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="alarms")
         acknowledge = partial(
-            acknowledge_alarms, seen=seen, operator=request[OPERATOR], utc_s=time.time()
+            acknowledge_alarms, seen=seen, operator=request[OPERATOR], utc_s=self._archive.utc()
         )
         try:
             await self._archive.write(acknowledge)

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import re
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -100,10 +99,9 @@ class Objects:
             text = f"value: any JSON of at most {MOST_VALUE} characters is needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="value")
         revision = None if request.headers.get("If-None-Match") == "*" else _if_match(request)
+        operator, utc_s = request[OPERATOR], self._archive.utc()
         done = await self._archive.write(
-            lambda connection: put_object(
-                connection, key, value, revision, request[OPERATOR], time.time()
-            )
+            lambda connection: put_object(connection, key, value, revision, operator, utc_s)
         )
         if isinstance(done, Conflict):
             raise _conflict(key, done)

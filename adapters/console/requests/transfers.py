@@ -7,8 +7,6 @@ whenever one of them is in another state.
 import asyncio
 import json
 import logging
-import secrets
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -22,6 +20,7 @@ from adapters.console.web import RefusedError
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient, TransferError
 from adapters.mrs.spec import AreaError, describe_error
+from adapters.system import System
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -83,6 +82,7 @@ class Transfers:
         client: connects with an asset.
         store: where they are kept.
         tell: called with each transfer whenever it is otherwise.
+        system: the time, and what names them.
     """
 
     def __init__(
@@ -90,8 +90,9 @@ class Transfers:
         client: Connect,
         store: FileStore,
         tell: Callable[[Transfer], None],
+        system: System,
     ) -> None:
-        self._client, self._store, self._tell = client, store, tell
+        self._client, self._store, self._tell, self._system = client, store, tell, system
         self._list = store.staged / _LIST
         self._known: dict[str, _Moving] = {}
         self._room = asyncio.Semaphore(MOST_AT_ONCE)
@@ -137,8 +138,8 @@ class Transfers:
                 if known.transfer.state not in _ENDED:
                     return known.transfer
                 self._forget(known)
-        now_s = time.time()
-        name, state = secrets.token_hex(8), TransferState.WAITING
+        now_s = self._system.utc_s()
+        name, state = self._system.random_octets(8).hex(), TransferState.WAITING
         moving = _Moving(Transfer(name, asset, path, by, state, now_s, now_s))
         self._known[name] = moving
         self._turn(moving, state, "")
@@ -227,13 +228,14 @@ class Transfers:
         (first_s, before), rate = moving.lately[0], None
         if now_s > first_s:
             rate = (done - before) / (now_s - first_s)
-        moving.transfer = replace(moving.transfer, done=done, size=size, rate=rate, utc=time.time())
+        utc_s = self._system.utc_s()
+        moving.transfer = replace(moving.transfer, done=done, size=size, rate=rate, utc=utc_s)
         self._tell(moving.transfer)
 
     def _turn(self, moving: _Moving, state: TransferState, detail: str) -> None:
         """Have a transfer be in a state, and tell of it if that is news."""
-        before = moving.transfer
-        moving.transfer = replace(before, state=state, detail=detail, rate=None, utc=time.time())
+        before, utc_s = moving.transfer, self._system.utc_s()
+        moving.transfer = replace(before, state=state, detail=detail, rate=None, utc=utc_s)
         if state in {TransferState.WAITING, TransferState.RUNNING}:
             moving.stopped.clear()
         else:

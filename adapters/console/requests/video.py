@@ -8,7 +8,6 @@ since 1970 UTC, 8 octets, big-endian float) and a JPEG file.
 import asyncio
 import logging
 import struct
-import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Final
@@ -28,8 +27,8 @@ Address = tuple[str, int]
 class Pictures(asyncio.DatagramProtocol):
     """Puts the pictures of a stream together, and keeps the newest."""
 
-    def __init__(self) -> None:
-        self._stream = JpegStream()
+    def __init__(self, utc: Callable[[], float]) -> None:
+        self._stream, self._utc = JpegStream(), utc
         self._newest = b""
         self._number = 0
         self._more = asyncio.Event()
@@ -40,7 +39,7 @@ class Pictures(asyncio.DatagramProtocol):
         picture = self._stream.add(data)
         if picture is None:
             return
-        self._newest = TIME.pack(time.time()) + picture
+        self._newest = TIME.pack(self._utc()) + picture
         self._number += 1
         more, self._more = self._more, asyncio.Event()
         more.set()
@@ -58,12 +57,16 @@ class Video:
     Args:
         given: where those of some assets arrive.
         of_settings: returns where that of an asset arrives by its settings; None where it has none.
+        utc: the time.
     """
 
     def __init__(
-        self, given: Mapping[str, Address], of_settings: Callable[[str], Address | None]
+        self,
+        given: Mapping[str, Address],
+        of_settings: Callable[[str], Address | None],
+        utc: Callable[[], float],
     ) -> None:
-        self._given, self._of_settings = given, of_settings
+        self._given, self._of_settings, self._utc = given, of_settings, utc
         self._streams: dict[Address, tuple[asyncio.DatagramTransport, Pictures]] = {}
         self._listening = asyncio.Lock()
 
@@ -104,7 +107,7 @@ class Video:
             if address not in self._streams:
                 loop = asyncio.get_running_loop()
                 transport, pictures = await loop.create_datagram_endpoint(
-                    Pictures, local_addr=address
+                    lambda: Pictures(self._utc), local_addr=address
                 )
                 self._streams[address] = transport, pictures
                 _LOG.info("listening for video at %s:%d", *address)

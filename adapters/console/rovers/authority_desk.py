@@ -6,7 +6,6 @@ proves one name for all of them: then the console holds it for one operator at a
 
 import asyncio
 import logging
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -70,7 +69,7 @@ class AuthorityDesk:
         self,
         publish: Callable[[AuthorityHeld], None],
         is_present: Callable[[str], bool],
-        utc: Callable[[], float] = time.time,
+        utc: Callable[[], float],
     ) -> None:
         self._publish = publish
         self._is_present = is_present

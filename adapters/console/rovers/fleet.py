@@ -49,6 +49,7 @@ from adapters.mrs.spec import (
     given_up,
 )
 from adapters.mrs.terms import Terms
+from adapters.system import System
 from executive.reports import Identity
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
 from trees import Snapshot, looks, served
@@ -96,6 +97,7 @@ class Fleet:
         tracker: hears what becomes of commands.
         commands: knows those that other consoles sent.
         desk: hears who may command.
+        system: the time.
     """
 
     def __init__(
@@ -109,14 +111,15 @@ class Fleet:
         tracker: CommandTracker,
         commands: SharedCommands,
         desk: AuthorityDesk,
+        system: System,
     ) -> None:
-        self._terms = terms
+        self._terms, self._system = terms, system
         self._publish = publish
         self._sample = sample
         self._tree = tree
         self._last_known = last_known
         self._tracker, self._commands, self._desk = tracker, commands, desk
-        self._links = [RoverLink(uri, terms, self) for uri in uris]
+        self._links = [RoverLink(uri, terms, self, system) for uri in uris]
         self._running: dict[RoverLink, asyncio.Task[None]] = {}
         self.assets: dict[str, Asset] = {}
         self._newest: dict[tuple[str, str, Link], ParameterValue] = {}
@@ -308,7 +311,7 @@ class Fleet:
             known |= uri in {link.uri for link in self._running}
             if service.name.endswith(_LAYER) and not known:
                 _LOG.info("%s is registered at %s", name, uri)
-                self._run(RoverLink(uri, self._terms, self))
+                self._run(RoverLink(uri, self._terms, self, self._system))
 
     async def last_known(self, link: RoverLink) -> Known | None:
         """Return the last notification that was heard here, or else kept by a former run."""

@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import time
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from adapters.mrs.spec import (
     cursor_of,
 )
 from adapters.mrs.terms import Terms
+from adapters.system import System
 from trees import Snapshot
 
 _LOG: Final = logging.getLogger(__name__)
@@ -114,6 +114,7 @@ class RoverLink:
         uri: the address.
         terms: agreed on with it.
         listener: hears all.
+        system: the time.
 
     Raises:
         CertificateError: the certificate of the terms cannot be used.
@@ -127,16 +128,16 @@ class RoverLink:
         client: the session while it is up.
     """
 
-    def __init__(self, uri: str, terms: Terms, listener: Listener) -> None:
+    def __init__(self, uri: str, terms: Terms, listener: Listener, system: System) -> None:
         self.uri = uri
-        self._terms = terms
+        self._terms, self._system = terms, system
         certificates = terms.certificates
         self.proven_name = None if certificates is None else certificates.name()
         self._listener = listener
         self.info: AssetInfo | None = None
         self.kind = Link.DIRECT
         self.state = LinkState.CONNECTING
-        self.since_s = time.time()
+        self.since_s = system.utc_s()
         self.detail = ""
         self.heard_s: float | None = None
         self.client: MrsClient | None = None
@@ -162,7 +163,7 @@ class RoverLink:
     async def _session(self) -> None:
         self._was_up = False
         client = await MrsClient.connect(
-            self.uri, timeout_s=ANSWER_S, patience_s=0.0, terms=self._terms
+            self.uri, timeout_s=ANSWER_S, patience_s=0.0, terms=self._terms, system=self._system
         )
         async with client:
             notifications = client.notifications()  # before anything else is awaited
@@ -245,12 +246,12 @@ class RoverLink:
             hear(*first, item)
 
     async def _ask_status(self, client: MrsClient) -> None:
-        measured_s = -MEASURED_S
+        now_s, measured_s = asyncio.get_running_loop().time, -MEASURED_S
         while True:
             try:
-                asked_s, began_s = time.time(), time.monotonic()
+                asked_s, began_s = self._system.utc_s(), now_s()
                 status = await client.get_status()
-                round_trip_s = time.monotonic() - began_s
+                round_trip_s = now_s() - began_s
                 self._heard()
                 self._turn(LinkState.UP, "")
                 self._listener.on_status(self, status)
@@ -277,14 +278,14 @@ class RoverLink:
             await asyncio.sleep(DIRECTORY_S)
 
     def _heard(self) -> float:
-        self.heard_s = time.time()
+        self.heard_s = self._system.utc_s()
         return self.heard_s
 
     def _turn(self, state: LinkState, detail: str) -> None:
         if (state, detail) == (self.state, self.detail):
             return
         if state is not self.state:
-            self.since_s = time.time()
+            self.since_s = self._system.utc_s()
             log = _LOG.info if state is LinkState.UP else _LOG.warning
             log("%s %s is %s%s", self.uri, self.asset, state.value, detail and f": {detail}")
         self.state, self.detail = state, detail

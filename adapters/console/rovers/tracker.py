@@ -5,7 +5,6 @@ heard is UNKNOWN, until something is.
 """
 
 import asyncio
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Final
@@ -40,9 +39,7 @@ class CommandTracker:
         utc: the time.
     """
 
-    def __init__(
-        self, publish: Callable[[CommandStatus], None], utc: Callable[[], float] = time.time
-    ) -> None:
+    def __init__(self, publish: Callable[[CommandStatus], None], utc: Callable[[], float]) -> None:
         self._publish = publish
         self._utc = utc
         self._commands: dict[str, CommandStatus] = {}

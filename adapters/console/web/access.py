@@ -7,7 +7,6 @@ a header that a page of another site cannot send.
 
 import asyncio
 import hmac
-import time
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from ipaddress import ip_address
@@ -77,7 +76,7 @@ class TokenGuesses:
     does not wait once it was right from the same address: guesses hold up no operator, and no stop.
     """
 
-    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, now_s: Callable[[], float]) -> None:
         self._now_s = now_s
         self._until_s: dict[str, float] = {}
         self._proven: set[tuple[str, str | None]] = set()
@@ -103,12 +102,15 @@ class Access:
     Args:
         tokens: operators by their tokens; None where whoever reaches it may speak under any name.
         secure: whether it is served by TLS.
+        now_s: the time, which never goes back.
     """
 
-    def __init__(self, tokens: Mapping[str, str] | None, secure: bool) -> None:
+    def __init__(
+        self, tokens: Mapping[str, str] | None, secure: bool, now_s: Callable[[], float]
+    ) -> None:
         self._tokens = tokens
         self._secure = secure
-        self._guesses = TokenGuesses()
+        self._guesses = TokenGuesses(now_s)
 
     @property
     def named(self) -> bool:

@@ -5,10 +5,8 @@ connection. The last message on each thing is kept for pages that are new.
 """
 
 import asyncio
-import secrets
-import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Final, assert_never
 
@@ -40,6 +38,7 @@ from adapters.console.messages import (
     is_wanted,
     topic_of,
 )
+from adapters.system import System
 
 BATCH_S: Final = 0.05
 """Between two batches to a page, at least."""
@@ -60,15 +59,14 @@ class Page:
 
     Args:
         hub: what it is one of.
-        console, operator: its name, and who is at it.
+        present: its name, who is at it, and since when.
 
     Attributes:
         too_slow: whether more waits than may; what waits is gone then.
     """
 
-    def __init__(self, hub: "Hub", console: str, operator: str) -> None:
-        self._hub = hub
-        self.present = Present(console, operator, time.time())
+    def __init__(self, hub: "Hub", present: Present) -> None:
+        self._hub, self.present = hub, present
         self.too_slow = False
         self._topics: frozenset[str] = frozenset()
         self._waiting: deque[str] = deque()
@@ -143,17 +141,17 @@ class Hub:
     """Sends messages to all pages that want them.
 
     Args:
-        utc: the time.
+        system: the time, and what names this run.
 
     Attributes:
         instance: of this run; numbers of messages mean something within it only.
         dropped: telemetry values that were not sent to slow pages.
     """
 
-    def __init__(self, utc: Callable[[], float] = time.time) -> None:
-        self.instance = secrets.token_hex(8)
+    def __init__(self, system: System) -> None:
+        self.instance = system.random_octets(8).hex()
         self.dropped = 0
-        self._utc = utc
+        self._utc = system.utc_s
         self._seq = 0
         self._kept: deque[tuple[str, str]] = deque(maxlen=KEPT)
         self._standing: dict[tuple[object, ...], Message] = {}
@@ -200,7 +198,7 @@ class Hub:
 
     def open(self, console: str, operator: str) -> Page:
         """Return what will wait for a page, which all are told of."""
-        page = Page(self, console, operator)
+        page = Page(self, Present(console, operator, self._utc()))
         self._pages.append(page)
         self._tell_presence()
         return page

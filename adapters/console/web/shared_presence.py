@@ -1,7 +1,6 @@
 """Which pages are open at other consoles, and theirs of ours."""
 
 import asyncio
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -32,9 +31,7 @@ class SharedPresence:
         now_s: the time, which never goes back.
     """
 
-    def __init__(
-        self, archive: Archive, hub: Hub, now_s: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, archive: Archive, hub: Hub, now_s: Callable[[], float]) -> None:
         self._archive, self._hub, self._now_s = archive, hub, now_s
         self._own = ConsolePages(hub.instance, 0, ())
         self._heard: dict[str, tuple[int, float]] = {}
