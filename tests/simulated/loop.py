@@ -7,6 +7,7 @@ import asyncio
 import signal
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from contextvars import Context
 from typing import TYPE_CHECKING, Any, Final, cast
 from weakref import WeakSet
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from tests.simulated.streams import Listener, StreamSocket
 
 _ANY: Final = "0.0.0.0"
-_MOST_FINALLY: Final = 100
+_MOST_WAITS: Final = 1000
+"""How often the end of a coroutine may wait when it is closed."""
 
 
 class SimLoop(asyncio.BaseEventLoop):
@@ -250,20 +252,11 @@ class SimLoop(asyncio.BaseEventLoop):
 
 
 def _close(coroutine: Any) -> None:
-    """Close a coroutine and those that it awaits, the innermost first."""
-    chain = []
-    while asyncio.iscoroutine(coroutine):
-        chain.append(coroutine)
-        coroutine = getattr(coroutine, "cr_await", None)
-    for each in reversed(chain):
-        for _ in range(_MOST_FINALLY):
-            try:
-                each.close()
-            except RuntimeError:  # it waits in a finally: once more
-                continue
-            except BaseException:  # a finally of the dead may raise, too
-                break
-            break
+    for _ in range(_MOST_WAITS):
+        with suppress(BaseException):  # a finally of the dead may raise, or wait
+            coroutine.close()
+        if coroutine.cr_frame is None:
+            return
 
 
 def _settle(done: asyncio.Future[Any], result: object, fault: Exception | None) -> None:

@@ -128,6 +128,25 @@ def test_a_kill_at_a_commit_is_exact(world: World) -> None:
     assert kept == [2, 5, 7]
 
 
+def test_the_dead_are_freed_without_a_word() -> None:
+    ends: list[str] = []
+
+    async def main(_: Process) -> None:
+        try:
+            await asyncio.sleep(100.0)
+        finally:
+            await asyncio.sleep(1.0)
+            ends.append("waited")
+            raise OSError("a file that is closed")
+
+    with World(1) as world:
+        process = running(world, main)
+        world.at(1.0, process.kill)
+        world.run(200.0)
+        assert ends == []
+    assert world.errors == []
+
+
 def test_a_kill_between_events_comes_before_the_next(world: World) -> None:
     done: list[str] = []
 

@@ -259,12 +259,16 @@ class World:
         """End everything, and remove the folders if they were made here."""
         for process in self.processes.values():
             process.vanish()
-        for life in self._past:
-            life.free()
-        self._past.clear()
-        self._heap.clear()
-        gc.collect()
-        gc.unfreeze()
+        hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+        try:  # what the dead still raise concerns nobody
+            for life in self._past:
+                life.free()
+            self._past.clear()
+            self._heap.clear()
+            gc.collect()
+        finally:
+            sys.unraisablehook = hook
+            gc.unfreeze()
         if self._own_folder:
             shutil.rmtree(self.folder, ignore_errors=True)
 
