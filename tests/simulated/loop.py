@@ -12,12 +12,14 @@ from contextvars import Context
 from typing import TYPE_CHECKING, Any, Final, cast
 from weakref import WeakSet
 
-from tests.simulated import streams
+from tests.simulated.connecting import connect, transport_of
+from tests.simulated.listening import Server
 
 if TYPE_CHECKING:
     from tests.simulated.datagrams import DatagramSocket
+    from tests.simulated.listening import Listener
     from tests.simulated.process import Life
-    from tests.simulated.streams import Listener, StreamSocket
+    from tests.simulated.streams import StreamSocket
 
 _ANY: Final = "0.0.0.0"
 _MOST_WAITS: Final = 1000
@@ -177,8 +179,8 @@ class SimLoop(asyncio.BaseEventLoop):
         _no_tls(ssl)
         if sock is None:
             found = await self.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-            sock = await streams.connect(self, found[0][4][:2])
-        return await streams.transport_of(self, protocol_factory(), sock)
+            sock = await connect(self, found[0][4][:2])
+        return await transport_of(self, protocol_factory(), sock)
 
     async def create_server(
         self,
@@ -190,12 +192,12 @@ class SimLoop(asyncio.BaseEventLoop):
         ssl: object = None,
         start_serving: bool = True,
         **_: Any,
-    ) -> "streams.Server":
+    ) -> Server:
         _no_tls(ssl)
         if sock is None:
-            network = streams.network_of(self.life)
+            network = self.life.world.network
             sock = network.listen(self.life, (host or _ANY, port or 0))
-        server = streams.Server(self, protocol_factory, sock)
+        server = Server(self, protocol_factory, sock)
         if start_serving:
             await server.start_serving()
         return server
@@ -207,7 +209,7 @@ class SimLoop(asyncio.BaseEventLoop):
         return accepted, accepted.getpeername()
 
     async def sock_connect(self, sock: "StreamSocket", address: tuple[str, int]) -> None:
-        sock.become(await streams.connect(self, address[:2]))
+        sock.become(await connect(self, address[:2]))
 
     async def connect_accepted_socket(
         self,
@@ -218,7 +220,7 @@ class SimLoop(asyncio.BaseEventLoop):
         **_: Any,
     ) -> tuple[asyncio.Transport, asyncio.BaseProtocol]:
         _no_tls(ssl)
-        return await streams.transport_of(self, protocol_factory(), cast("StreamSocket", sock))
+        return await transport_of(self, protocol_factory(), cast("StreamSocket", sock))
 
     def add_reader(self, fd: Any, callback: Callable[..., object], *args: Any) -> None:
         cast("DatagramSocket", fd).watch(self, callback, args)

@@ -8,7 +8,8 @@ from random import Random
 from typing import TYPE_CHECKING, Final
 
 from tests.simulated.datagrams import DatagramSocket
-from tests.simulated.streams import Listener, StreamSocket
+from tests.simulated.listening import Listener
+from tests.simulated.streams import StreamSocket
 
 if TYPE_CHECKING:
     from tests.simulated.process import Life, Process

@@ -1,30 +1,24 @@
-"""TCP between simulated processes: setting up, octets in order, flow control, and every end."""
+"""One end of a TCP connection: octets in order, flow control, retransmission, resets."""
 
-import asyncio
 import errno
 import os
 import socket
 from collections import deque
-from collections.abc import Callable
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Final
-
-from tests.simulated.transport import SimTransport
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from tests.simulated.loop import SimLoop
+    from tests.simulated.listening import Listener
     from tests.simulated.network import Network
     from tests.simulated.process import Life
+    from tests.simulated.transport import SimTransport
 
 SocketAddress = tuple[str, int]
-_BACKLOG: Final = 128
 _RETRANSMIT_S: Final = 0.2
 """Until the first retransmission, beyond a way there and back; it doubles each time."""
 _LONGEST_PAUSE_S: Final = 120.0
 _GIVE_UP_S: Final = 924.6
 """How long Linux retransmits (tcp_retries2)."""
-_ATTEMPTS: Final = 7
-"""How often Linux asks for a connection (tcp_syn_retries): for some two minutes."""
 
 
 class Segment(Enum):
@@ -321,234 +315,3 @@ class StreamSocket:
     def _forget(self) -> None:
         if self in self.life.resources:
             self.life.resources.remove(self)
-
-
-class Listener:
-    """A listening TCP socket.
-
-    Args:
-        network: on which.
-        life: of the process that has it.
-        address: where it listens.
-    """
-
-    def __init__(self, network: "Network", life: "Life", address: SocketAddress) -> None:
-        self._network, self.life, self._address = network, life, address
-        self._accepted: deque[StreamSocket] = deque()
-        self._asked: deque[asyncio.Future[StreamSocket]] = deque()
-        self._on_connection: Callable[[StreamSocket], object] | None = None
-        self._loop: SimLoop | None = None
-        self._closed = False
-        self.family, self.type, self.proto = socket.AF_INET, socket.SOCK_STREAM, 0
-
-    def getsockname(self) -> SocketAddress:
-        """Return where it listens."""
-        return self._address
-
-    def setblocking(self, _: bool) -> None:
-        """Never block."""
-
-    def fileno(self) -> int:
-        """Return that it has none."""
-        return -1
-
-    def close(self) -> None:
-        """Listen no more; who was not accepted yet is turned away."""
-        if not self._closed:
-            self.drop(silent=False)
-            if self in self.life.resources:
-                self.life.resources.remove(self)
-            for each in list(self._accepted):
-                each.drop(silent=False)
-            self._accepted.clear()
-
-    def drop(self, *, silent: bool) -> None:
-        """Let go of the address."""
-        self._closed = True
-        self._network.listeners.pop(self._address, None)
-
-    @property
-    def crowded(self) -> bool:
-        """Whether so many wait to be accepted that others are not heard."""
-        return len(self._accepted) >= _BACKLOG
-
-    async def accept(self, loop: "SimLoop") -> StreamSocket:
-        """Return the next connection."""
-        if self._closed:
-            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
-        if self._accepted:
-            return self._accepted.popleft()
-        asked: asyncio.Future[StreamSocket] = loop.create_future()
-        self._asked.append(asked)
-        return await asked
-
-    def serve(self, loop: "SimLoop", on_connection: Callable[[StreamSocket], object]) -> None:
-        """Have a callback called with each connection."""
-        self._loop, self._on_connection = loop, on_connection
-        while self._accepted:
-            loop.call_soon(on_connection, self._accepted.popleft())
-
-    def complete(self, accepted: StreamSocket) -> bool:
-        """Take a connection that is set up; return whether it still listens."""
-        if self._closed:
-            return False
-        if self._on_connection is not None and self._loop is not None:
-            self._loop.call_soon(self._on_connection, accepted)
-            return True
-        while self._asked:
-            asked = self._asked.popleft()
-            if not asked.done():
-                asked.set_result(accepted)
-                return True
-        self._accepted.append(accepted)
-        return True
-
-
-class Server(asyncio.AbstractServer):
-    """What `create_server` returns."""
-
-    def __init__(
-        self,
-        loop: "SimLoop",
-        protocol_factory: Callable[[], asyncio.BaseProtocol],
-        listener: Listener,
-    ) -> None:
-        self._loop, self._factory, self._listener = loop, protocol_factory, listener
-        self._serving = False
-
-    @property
-    def sockets(self) -> tuple[Any, ...]:
-        """The listening socket, until it is closed."""
-        return () if self._listener._closed else (self._listener,)
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._serving = False
-        self._listener.close()
-
-    def get_loop(self) -> asyncio.AbstractEventLoop:
-        """Return whose it is."""
-        return self._loop
-
-    def is_serving(self) -> bool:
-        """Whether it accepts connections."""
-        return self._serving
-
-    async def start_serving(self) -> None:
-        """Accept connections."""
-        self._serving = True
-        self._listener.serve(self._loop, self._begin)
-
-    async def serve_forever(self) -> None:
-        """Accept connections until this is cancelled."""
-        await self.start_serving()
-        try:
-            await self._loop.create_future()
-        finally:
-            self.close()
-
-    async def wait_closed(self) -> None:
-        """Return at once."""
-
-    def _begin(self, accepted: StreamSocket) -> None:
-        SimTransport(self._loop, accepted, self._factory())
-
-
-class _Attempt:
-    """A process that asks for a connection."""
-
-    def __init__(self, loop: "SimLoop", target: SocketAddress) -> None:
-        self._loop, self._life = loop, loop.life
-        self._network = network = network_of(loop.life)
-        self._world = network.world
-        self._own = self._life.process.host, network.free_port(self._life.process.host)
-        self._target = network.target(self._life, target[0]), target[1]
-        self._tries = 0
-        self.done: asyncio.Future[StreamSocket] = loop.create_future()
-        self.ask()
-
-    def ask(self) -> None:
-        """Ask for it, and again if nothing comes back."""
-        if self.done.done() or not self._life.alive:
-            return
-        self._tries += 1
-        if self._tries > _ATTEMPTS:
-            self._refuse(errno.ETIMEDOUT)
-            return
-        network, world = self._network, self._world
-        there = network.way(self._own[0], self._target[0])
-        back = network.way(self._target[0], self._own[0])
-        pause_s = there.delay_s + back.delay_s + 2.0 ** (self._tries - 1)
-        if there.passes(world.now_s, network.stream_chance):
-            world.after(there.takes_s(network.stream_chance), self._asked)
-        world.after(pause_s, self.ask)
-
-    def _asked(self) -> None:
-        """Be heard at the other computer, if there is one that is on, and be answered."""
-        network, world = self._network, self._world
-        process = network.hosts.get(self._target[0])
-        if process is None or not process.powered:
-            return
-        listener = network.listeners.get(self._target)
-        if listener is not None and listener.crowded:
-            return
-        back = network.way(self._target[0], self._own[0])
-        if not back.passes(world.now_s, network.stream_chance):
-            return
-        delay_s = back.takes_s(network.stream_chance)
-        if listener is None:
-            world.after(delay_s, self._refuse, errno.ECONNREFUSED)
-        else:
-            world.after(delay_s, self._answered, listener)
-
-    def _answered(self, listener: Listener) -> None:
-        if self.done.done() or not self._life.alive:
-            return
-        network = self._network
-        own = StreamSocket(network, self._life, self._own, self._target)
-        other = StreamSocket(network, listener.life, self._target, self._own)
-        own.peer, other.peer = other, own
-        if not listener.life.alive:
-            other.gone = True
-        other.opened_by(listener)
-        own.send_segment(Segment.OPEN)
-        self.done.set_result(own)
-
-    def _refuse(self, number: int) -> None:
-        if not self.done.done():
-            self.done.set_exception(OSError(number, os.strerror(number)))
-
-
-async def connect(loop: "SimLoop", target: SocketAddress) -> StreamSocket:
-    """Set up a connection.
-
-    Raises:
-        OSError: nobody listens there, or nothing comes back.
-    """
-    loop.life.require()
-    attempt = _Attempt(loop, target)
-    try:
-        return await attempt.done
-    except asyncio.CancelledError:
-        if not attempt.done.cancelled() and not attempt.done.exception():
-            attempt.done.result().close()
-        raise
-
-
-async def transport_of(
-    loop: "SimLoop", protocol: asyncio.BaseProtocol, stream: StreamSocket
-) -> tuple[SimTransport, asyncio.BaseProtocol]:
-    """Return a transport for a connection as soon as its protocol knows of it."""
-    begun: asyncio.Future[None] = loop.create_future()
-    transport = SimTransport(loop, stream, protocol, begun)
-    try:
-        await begun
-    except BaseException:
-        transport.close()
-        raise
-    return transport, protocol
-
-
-def network_of(life: "Life") -> "Network":
-    """Return the network of a process."""
-    return life.world.network
