@@ -5,7 +5,6 @@ loop the same code runs in simulated time.
 """
 
 import os
-import secrets
 import socket
 import sqlite3
 import time
@@ -76,7 +75,7 @@ class OperatingSystem:
 
     now_s = staticmethod(time.monotonic)
     utc_s = staticmethod(time.time)
-    random_octets = staticmethod(secrets.token_bytes)
+    random_octets = staticmethod(os.urandom)
     cpu_s = staticmethod(time.process_time)
 
     def connect(self, database: Path | str) -> sqlite3.Connection:

@@ -1,7 +1,6 @@
 """The link to a neighbour over LTP: blocks of bundles, reported when they are on the disk."""
 
 import logging
-import random
 from collections.abc import Callable
 from typing import Final
 
@@ -56,7 +55,9 @@ class LtpNeighbour(Link):
     ) -> None:
         super().__init__(context, neighbour)
         own, other = engine_of(context.node.settings.node), engine_of(neighbour.next_hop)
-        self.span = LtpSpan(own, other, settings, next_number, context.now_s)
+        self.span = LtpSpan(
+            own, other, settings, next_number, context.now_s, context.system.random_octets
+        )
         self._settings, self._transmit = settings, transmit
         self._pacer = Pacer(context.now_s)
         self._blocks: dict[int, list[Outgoing]] = {}
@@ -193,7 +194,8 @@ class LtpEndpoint(DatagramEndpoint):
         if self._next_session == self._end_of_sessions:
             database = self._context.node.database
             if not database.count(_LAST_SESSION):  # others may remember those of a lost store
-                database.reserve(_LAST_SESSION, random.randrange(_FIRST_SESSIONS))
+                chance = int.from_bytes(self._context.system.random_octets(4), "big")
+                database.reserve(_LAST_SESSION, chance % _FIRST_SESSIONS)
             self._next_session = database.reserve(_LAST_SESSION, _SESSIONS_AT_ONCE)
             self._end_of_sessions = self._next_session + _SESSIONS_AT_ONCE
         self._next_session += 1

@@ -3,7 +3,6 @@
 Checkpoints are repeated without a limit; a block is reported whole only when it is stored.
 """
 
-import random
 import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -25,6 +24,7 @@ from adapters.bundle.links.ltp_segment import (
     SessionId,
 )
 from adapters.bundle.node.settings import LtpLink
+from adapters.system import OPERATING_SYSTEM
 
 BUNDLE_SERVICE: Final = 1
 _MOST_CLAIMS: Final = 100
@@ -340,6 +340,7 @@ class LtpSpan:
         link: sizes and times.
         next_number: gives session numbers, never one twice.
         now_s: monotonic time.
+        random_octets: gives as many octets as asked, for the first serial numbers.
 
     Attributes:
         light_time_s: how long a signal takes one way.
@@ -356,7 +357,9 @@ class LtpSpan:
         link: LtpLink,
         next_number: Callable[[], int],
         now_s: Callable[[], float],
+        random_octets: Callable[[int], bytes] = OPERATING_SYSTEM.random_octets,
     ) -> None:
+        self._random_octets = random_octets
         self.light_time_s = 0.0
         self.round_trip_s: float | None = None
         self._resent = 0
@@ -371,7 +374,7 @@ class LtpSpan:
         self._stored: OrderedDict[int, ImportSession] = OrderedDict()
         self._refused: OrderedDict[int, float] = OrderedDict()
         self._pending_reports: dict[tuple[int, int], _PendingReport] = {}
-        self._serial = random.randrange(1, _SERIALS)
+        self._serial = self._first_serial()
         self.suspended = False
 
     @property
@@ -388,13 +391,19 @@ class LtpSpan:
         """Send a block; return the number of its session."""
         number = self._next_number()
         session = SessionId(self._own, number)
-        serial = random.randrange(1, _SERIALS)
         export = ExportSession(
-            session, block, self._link.segment_octets, serial, self.segments.append
+            session,
+            block,
+            self._link.segment_octets,
+            self._first_serial(),
+            self.segments.append,
         )
         self._exports[number] = export
         self._await_report(export)
         return number
+
+    def _first_serial(self) -> int:
+        return 1 + int.from_bytes(self._random_octets(4), "big") % (_SERIALS - 1)
 
     def owns(self, session: SessionId) -> bool:
         """Return whether this span has begun a session of our engine, not too long ago."""
