@@ -175,9 +175,9 @@ def check_end(world: World, asset: str, journals: dict[str, Journal]) -> Iterato
                 yield Finding(now_s, what, f"{identity} by {name}")
         for identity, stages in journal.ends.items():
             ends.setdefault(identity, set()).update(stages)
-    for identity, stages in ends.items():
-        if len(stages) > 1:
-            yield Finding(now_s, "a command has two ends", f"{identity}: {sorted(stages)}")
+    for identity, known in ends.items():
+        if len(known) > 1:
+            yield Finding(now_s, "a command has two ends", f"{identity}: {sorted(known)}")
     for error in world.errors:
         text = f"{error.process}: {error.text}: {error.fault!r}"
         yield Finding(error.at_s, "a process let an exception go", text)

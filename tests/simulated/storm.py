@@ -1,8 +1,10 @@
 """Plays a storm: the whole infrastructure in simulated time, killed and judged again and again."""
 
 import hashlib
+import shutil
+import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import chdir, closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -37,7 +39,7 @@ from tests.simulated.processes import (
     start_orbiter,
     start_relay,
 )
-from tests.simulated.world import World
+from tests.simulated.world import World, make_folder
 from tests.support.patience import UNTIMED
 
 QUIET_S: Final = 700.0
@@ -124,7 +126,7 @@ class Player:
             ask_again_s=situation.ask_again_s,
             answer_s=0.5 + 2.0 * (situation.delay_s + situation.jitter_s),
         )
-        self.world = world = World(storm.seed, trace=trace)
+        self.world = world = World(storm.seed, Path(), trace)
         self.findings: dict[str, Finding] = {}
         self.kills = self.orders = 0
         self._below = RoverBelow()
@@ -263,9 +265,22 @@ class Player:
         for name, ground in self.grounds.items():
             whole.update(f"{name} {ground.journal}".encode())
         for process in self.world.processes.values():
-            for path in sorted(process.stored.rglob("*.sqlite")):
-                whole.update(path.name.encode())
+            for path in sorted(process.stored.rglob("*")):
+                if path.is_file() and "files" not in path.parts:  # stamps of the real disk
+                    whole.update(f"{process.name}/{path.name}".encode())
+                    whole.update(_content(path))
         return whole.hexdigest()
+
+
+def _content(path: Path) -> bytes:
+    match path.suffix:
+        case ".sqlite":
+            with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+                return "\n".join(database.iterdump()).encode()
+        case ".sqlite-wal" | ".sqlite-shm":
+            return b""
+        case _:
+            return path.read_bytes()
 
 
 def _way(situation: Situation) -> Way:
@@ -279,12 +294,18 @@ def _way(situation: Situation) -> Way:
 
 @contextmanager
 def player(storm: Storm, trace: list[str] | None = None) -> Iterator[Player]:
-    """Yield what plays a storm; its world is closed at the end."""
-    playing = Player(storm, trace)
+    """Yield what plays a storm; its world is closed at the end.
+
+    It plays in a folder of its own, whose name is in no path: errors say the same each time.
+    """
+    folder = make_folder()
     try:
-        yield playing
+        with chdir(folder):
+            playing = Player(storm, trace)
+            with playing.world:
+                yield playing
     finally:
-        playing.world.close()
+        shutil.rmtree(folder)
 
 
 def play(storm: Storm, trace: list[str] | None = None) -> Played:

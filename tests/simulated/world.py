@@ -104,7 +104,7 @@ class World:
         self.running: Life | None = None
         self.count = 0
         self._own_folder = folder is None
-        self.folder = _make_folder() if folder is None else folder
+        self.folder = make_folder() if folder is None else folder
         self._trace = trace
         self._heap: Heap = []
         self._number = self._cancelled = 0
@@ -293,7 +293,8 @@ class World:
         self._lines.clear()
 
 
-def _make_folder() -> Path:
+def make_folder() -> Path:
+    """Return a new folder, in memory if there is room."""
     memory = Path("/dev/shm")
     there = memory.is_dir() and shutil.disk_usage(memory).free >= _LEAST_FREE_OCTETS
     return Path(tempfile.mkdtemp(prefix="world-", dir=memory if there else None))
