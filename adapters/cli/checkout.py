@@ -98,6 +98,8 @@ STRESS: Final = {
     "relay": {"--messages": (10_000, 200), "--kills": (20, 2)},
 }
 """Attacks of `rover bench`, each with how much of it there is in full, and at least."""
+STRESS_HOURS: Final = 24.0, 0.2
+"""Of operations in simulated time, in full and at least."""
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -114,8 +116,24 @@ STRESS: Final = {
     show_default=True,
     help="How much of that.",
 )
+@click.option(
+    "--simulated",
+    "hours",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="HOURS",
+    help="Instead: storms of kills and faults in simulated time, for so many hours of it.",
+)
+@click.option("--seed", default="1", show_default=True, help="Of those storms.")
+@click.option("--trace", is_flag=True, help="Show the timeline of a storm that breaks a promise.")
 @click.argument("pytest_arguments", nargs=-1, type=click.UNPROCESSED)
-def test(stress: bool, percent: int, pytest_arguments: tuple[str, ...]) -> None:
+def test(
+    stress: bool,
+    percent: int,
+    hours: float | None,
+    seed: str,
+    trace: bool,
+    pytest_arguments: tuple[str, ...],
+) -> None:
     """Run all checks of this checkout, or only some tests.
 
     Without arguments: style, types, import contracts, the whole test suite and its coverage. With
@@ -127,8 +145,11 @@ def test(stress: bool, percent: int, pytest_arguments: tuple[str, ...]) -> None:
       rover test tests/mal
       rover test -k duplicate -x
       rover test --stress --stress-percent 10
+      rover test --simulated 0.5 --seed 7
     """
     _require_checkout("rover test")
+    if hours is not None:
+        sys.exit(_run((*_simulated(hours, seed), *(["--trace"] if trace else []))))
     if pytest_arguments:
         sys.exit(_run(_python("pytest", *pytest_arguments)))
     outcomes = list(map(_carry_out, stress_checks(percent)) if stress else _carry_out_all())
@@ -137,7 +158,7 @@ def test(stress: bool, percent: int, pytest_arguments: tuple[str, ...]) -> None:
 
 
 def stress_checks(percent: int) -> list[Check]:
-    """Return the attacks of `rover bench`, with so much of each."""
+    """Return the attacks of `rover bench` and storms of new seeds, with so much of each."""
     rover = str(Path(sys.executable).with_name("rover"))
     checks = []
     for name, options in STRESS.items():
@@ -146,7 +167,13 @@ def stress_checks(percent: int) -> list[Check]:
         }
         arguments = (f"{option}={number}" for option, number in counts.items())
         checks.append(Check(name, ((rover, "bench", name, *arguments),)))
-    return checks
+    full, least = STRESS_HOURS
+    storms = _simulated(max(least, full * percent / 100), seed=str(time.time_ns()))
+    return [*checks, Check("simulated", (storms,))]
+
+
+def _simulated(hours: float, seed: str) -> tuple[str, ...]:
+    return _python("tests.simulated", f"{hours:g}", "--seed", seed)
 
 
 class _Benchmarks(click.Command):

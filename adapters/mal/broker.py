@@ -304,14 +304,14 @@ class Broker:
         """
         if not self._subscribers:
             return
-        event = _Update(self._codec, operation, update, keys, parts, utc_ns(self._system))
-        checked = False
+        names, event = (operation.service_name, operation.name), None
         for connection, subscribers in list(self._subscribers.items()):
             for subscriber in subscribers.values():
-                if own := subscriber.subscriptions.get(event.names):
-                    if not checked:
+                if own := subscriber.subscriptions.get(names):
+                    if event is None:
+                        now_ns = utc_ns(self._system)
+                        event = _Update(self._codec, operation, update, keys, parts, now_ns)
                         event.body(next(iter(own.values())))
-                        checked = True
                     connection.notify(partial(event.messages, subscribers), droppable)
                     break
 

@@ -4,9 +4,10 @@ import hashlib
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import chdir, closing, contextmanager
+from contextlib import chdir, closing, contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from typing import Final, assert_never
 
@@ -300,7 +301,7 @@ def player(storm: Storm, trace: list[str] | None = None) -> Iterator[Player]:
     """
     folder = make_folder()
     try:
-        with chdir(folder):
+        with chdir(folder), redirect_stdout(StringIO()):
             playing = Player(storm, trace)
             with playing.world:
                 yield playing

@@ -1,7 +1,9 @@
 """Situations that storms found, or find rarely, each as short as it can be."""
 
+import pytest
+
 from executive.commands import MoveForward, Resume, Stop
-from tests.simulated.deeds import Deed, FillDisk, Link, Order, Situation, Storm
+from tests.simulated.deeds import Deed, FillDisk, KillAtWrite, Link, Order, Situation, Storm
 from tests.simulated.storm import play
 
 CALM = Situation(
@@ -28,6 +30,19 @@ def test_commands_outlast_a_disk_that_is_full_for_minutes() -> None:
             Order(22.0, Link.RELAY, 2, Resume()),
             Order(23.0, Link.RELAY, 3, MoveForward(0.2)),
             Order(150.0, Link.RELAY, 4, Resume()),
+        )
+    )
+    assert not played.findings
+
+
+@pytest.mark.parametrize("writes", [3, 4])
+def test_a_stop_that_a_full_disk_does_not_record_has_one_end(writes: int) -> None:
+    played = play(
+        storm(
+            FillDisk(15.0, "executive", 40.0),
+            Order(16.0, Link.DIRECT, 1, Resume()),
+            KillAtWrite(20.0, "relay", writes, after=True, down_s=45.0),
+            Order(20.0, Link.RELAY, 2, Stop()),
         )
     )
     assert not played.findings

@@ -281,8 +281,11 @@ class ExecutiveRelayLink:
             command = Command(identity, Stop(), LINK)
 
         def reply(result: SubmitResult) -> None:
-            if not self._has_other_end(command, result):
-                answer(self._answer(message, result))
+            match result:
+                case Refused(refusal) if refusal.reason is Reason.LEDGER_FAILED:
+                    pass  # not confirmed, it comes again, and ends once that can be recorded
+                case _:
+                    answer(self._answer(message, result))
 
         self._submit(command, reply, partial(self._remember, command, message.code))
 
@@ -311,17 +314,6 @@ class ExecutiveRelayLink:
             known = self._ledger.digest_of(command.identity)
             if bad_identity(command) is None and (known is None or known == digest(command)):
                 self._record.remember(command, code)
-
-    def _has_other_end(self, command: Command, admission: SubmitResult) -> bool:
-        """Return whether a ledger that fails now knows a command, so that it is not REJECTED.
-
-        Its reports are published once they are written. Until then the string is not confirmed, so
-        that it comes again.
-        """
-        if isinstance(admission, Refused) and admission.refusal.reason is Reason.LEDGER_FAILED:
-            with suppress(LedgerError):
-                return self._ledger.digest_of(command.identity) == digest(command)
-        return False
 
     def _answer(self, message: Message, admission: SubmitResult) -> Message | None:
         """Return the answer to a command; None where reports that are still to be kept are it."""
