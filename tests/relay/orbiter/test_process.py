@@ -1,7 +1,6 @@
 """`rover-mops` as a process that is killed, and started again on what it left."""
 
 import asyncio
-import random
 import signal
 import socket
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter import load_orbiter
 from executive.commands.catalogue import MoveForward
 from executive.settings import SettingsError
-from tests.relay.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, landed, until
+from tests.relay.orbiter.sky import LIFE, LIMIT_S, Sky, catch_up, landed
 from tests.support.ports import free_port
 from tests.support.processes import Running, running
 
@@ -29,9 +28,6 @@ rovers:
     ltp: {{address: {{host: 127.0.0.1, port: {rover}}}}}
     port: {port}
 """
-
-
-KILLS = 2
 
 
 class Orbiter:
@@ -104,52 +100,6 @@ def test_what_cannot_be_had_is_said_in_one_line(orbiter: Orbiter) -> None:
     with running(orbiter.sky.folder / "third.log", "rover-mops", *taken) as third:
         assert third.ended() == 1
         assert "contacts.ionrc: line 1" in third.text
-
-
-async def test_kills_at_any_moment_lose_and_double_no_report(orbiter: Orbiter) -> None:
-    chance = random.Random(1)
-    async with landed(orbiter.sky, "jackal") as rover:
-        ended, kills = False, 0
-
-        async def kill_again_and_again() -> None:
-            nonlocal kills
-            while not ended:
-                with orbiter.serving() as process:
-                    await asyncio.sleep(chance.uniform(0.1, 0.8))
-                    process.end(signal.SIGKILL)
-                    kills += 1
-
-        killing = asyncio.to_thread(asyncio.run, kill_again_and_again())
-        killer = asyncio.create_task(killing)
-        seen: list[int] = []
-        async with await patient(orbiter) as client:
-            sent = 0
-            while kills < KILLS:
-                sent += 1
-                outcome = await client.run(
-                    client.command(MoveForward(float(sent))),
-                    lambda notification: seen.append(notification.sequence),
-                )
-                assert outcome.refusal is not None or outcome.executed
-        ended = True
-        await killer
-        with orbiter.serving():
-            async with await orbiter.client() as client:
-                past = await catch_up(client, sent * len(LIFE))
-        numbers = [notification.sequence for notification in past]
-        assert numbers == list(range(1, sent * len(LIFE) + 1))
-        assert len(rover.commands) == sent
-        assert len(seen) == len(set(seen))
-        await until(lambda: rover.agent.health().queued == 0)
-
-
-async def patient(orbiter: Orbiter) -> MrsClient:
-    async with asyncio.timeout(LIMIT_S):
-        while True:
-            try:
-                return await orbiter.client()
-            except ConnectionError:
-                await asyncio.sleep(0.1)
 
 
 def test_one_relay_works_in_a_folder_and_it_ends_by_a_signal(orbiter: Orbiter) -> None:

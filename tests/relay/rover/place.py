@@ -3,7 +3,7 @@
 import asyncio
 import sys
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import ExitStack, asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -96,12 +96,6 @@ class Place:
             yield process
         finally:
             process.clean_up()
-
-    @asynccontextmanager
-    async def relay_meanwhile(self) -> AsyncIterator[Running]:
-        """Run rover-relay without keeping the loop from its work."""
-        with ExitStack() as stack:
-            yield await asyncio.to_thread(stack.enter_context, self.relay())
 
     @asynccontextmanager
     async def orbiter(self) -> AsyncIterator[Orbiter]:

@@ -3,14 +3,12 @@
 import asyncio
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from adapters.mops import Message
-from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Notification
 from executive.commands.catalogue import DriveFor, MoveForward, Request, SetTravelSpeed, Stop
 from executive.reasons import Reason
 from executive.reports import Identity, Stage
@@ -19,20 +17,11 @@ from tests.support.processes import LIMIT_S, Running, executive, simulation
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
-KILLED_AFTER = (5, 60)
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 
 
 def asked(request: Request, number: int) -> Message:
     return DICTIONARY.command(request, Identity(SOURCE, number), "JACKAL")
-
-
-def enough(orbiter: Orbiter, reports: int) -> Callable[[], bool]:
-    return lambda: len(orbiter.reports) >= reports
-
-
-def names_of(told: Sequence[Notification], number: int) -> list[str]:
-    return [n.stage.name for n in told if n.commandId == number and n.stage is not None]
 
 
 @pytest.fixture(scope="module")
@@ -78,44 +67,6 @@ async def test_commands_go_down_and_their_lives_come_up(place: Place) -> None:
             )
         assert relay.end() == 0
         assert "Traceback" not in relay.text
-
-
-def test_the_relay_killed_at_any_time_loses_nothing_and_repeats_nothing(place: Place) -> None:
-    numbers = range(1, 41)
-
-    async def send(orbiter: Orbiter) -> None:
-        for number in numbers:
-            await orbiter.ask(asked(SetTravelSpeed(0.1 + number / 1000), number))
-            await asyncio.sleep(0.02)
-
-    async def kill_again_and_again(orbiter: Orbiter) -> None:
-        sending = asyncio.create_task(send(orbiter))
-        for reports in KILLED_AFTER:
-            async with place.relay_meanwhile() as relay:
-                await orbiter.until(enough(orbiter, reports), "reports")
-                relay.send(signal.SIGKILL)
-        await sending
-
-    async def direct_link_works(uri: str) -> None:
-        async with await MrsClient.connect(uri) as client:
-            assert (await client.run(client.command(SetTravelSpeed(0.5)))).executed
-
-    async def session(uri: str) -> None:
-        async with place.orbiter() as orbiter:
-            await kill_again_and_again(orbiter)
-            await direct_link_works(uri)
-            async with place.relay_meanwhile():
-                # The answer to a repeat may come before the reports that it is the end of.
-                await orbiter.until(
-                    lambda: all(orbiter.stages(number) == LIFE for number in numbers), "every life"
-                )
-            async with await MrsClient.connect(uri) as client:
-                told = await client.get_notifications()
-        for number in numbers:
-            assert names_of(told, number) == [stage.name for stage in LIFE]
-
-    with executive(place.folder, "--relay") as (_, uri):
-        asyncio.run(session(uri))
 
 
 async def test_the_executive_killed_ends_nothing_of_the_relay(place: Place) -> None:
