@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import MalError, OnUpdate, Subscription, UpdateHeader
+from adapters.mal import MalError, OnUpdate, StandardError, Subscription, UpdateHeader
 from adapters.mrs.aboard.served_operations import MESSAGE_CAP
 from adapters.mrs.ground import MrsClient, Stream, parse_address
 from adapters.mrs.ground.notification_stream import NotificationStream
@@ -272,6 +272,7 @@ class Connection:
     def __init__(self, *ledger: Notification, meanwhile: tuple[Notification, ...] = ()) -> None:
         self.ledger = ledger
         self.meanwhile = list(meanwhile)
+        self.readable = True
 
     async def subscribe(self, _: str, __: str, ___: Subscription, on_update: OnUpdate) -> None:
         self._on_update = on_update
@@ -279,6 +280,8 @@ class Connection:
     async def request(self, _: str, operation: str, since: int = 0, *__: Any) -> tuple[Any, ...]:
         while self.meanwhile:
             self.send(self.meanwhile.pop(0))
+        if not self.readable:
+            raise MalError(StandardError.INTERNAL)
         if operation == "getLastNotification":
             return (self.ledger[-1] if self.ledger else None,)
         return (tuple(n for n in self.ledger if cursor_of(n) >= since)[:2],)
@@ -332,6 +335,22 @@ def test_what_was_missed_comes_before_what_comes() -> None:
     again = Connection(*map(fact, range(1, 7)), meanwhile=(fact(6), fact(7)))
     listener.on(again).send(fact(8))
     assert listener.heard == [1, 2, 3, 4, 5, 6, 7, 8]
+    assert listener.new_ledgers == 0
+
+
+def test_a_rover_that_cannot_read_its_record_is_caught_up_with_later() -> None:
+    listener = Listener()
+    listener.on(Connection(fact(1))).send(fact(2))
+    again = Connection(*map(fact, range(1, 7)))
+    again.readable = False
+    listener.on(again).send(fact(5))
+    assert (listener.heard, listener.feed.behind) == ([2, 5], True)
+    again.readable = True
+    again.meanwhile = [fact(7)]
+    for _ in range(2):
+        asyncio.run(listener.feed.catch_up(again))  # type: ignore[arg-type]
+    again.send(fact(8))
+    assert (listener.heard, listener.feed.behind) == ([2, 5, 3, 4, 6, 7, 8], False)
     assert listener.new_ledgers == 0
 
 

@@ -335,6 +335,7 @@ class MrsClient(Queries):
                 await asyncio.sleep(SIGN_S)
                 with suppress(MalError):  # an answer that is an error came all the same
                     await self.get_status_interval_s()
+                    await self._feed.catch_up(await self._session.consumer())
 
     async def _ask_authority(self, operation: str, *arguments: Any) -> AuthorityStatus:
         return await self._one(AuthorityStatus, "Authority", operation, *arguments)

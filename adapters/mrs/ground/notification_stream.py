@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, Final, Generic, TypeVar
 
-from adapters.mal import MalError, Subscription, UpdateHeader
+from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
 from adapters.mrs.ground.queries import LOST
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.spec import Notification, cursor_of, given_up
@@ -107,6 +107,9 @@ class NotificationStream:
         deliver: called with each notification.
         on_new_ledger: called when the rover came back with another ledger: its numbers start anew,
             and what it knew of commands is gone.
+
+    Attributes:
+        behind: whether something may have been missed, as the rover could not read its record.
     """
 
     def __init__(
@@ -117,24 +120,43 @@ class NotificationStream:
         self._has_last = False
         self._last: Notification | None = None
         self._held: list[Notification] | None = None
+        self._ahead: set[int] = set()
+        self.behind = True
 
     async def restore(self, consumer: RoverConsumer) -> None:
         """Subscribe on a new connection, and catch up with what was missed since the last one.
 
         Raises:
-            MalError: the rover answers with an error, or the connection is lost again.
+            MalError: the rover does not let subscribe, or the connection is lost again.
         """
+        self.behind = True
         held = self._held = []
+        subscription = Subscription(subscriptionId=SUBSCRIPTION)
+        await consumer.subscribe("Notification", "monitorNotification", subscription, self._take)
+        await self._catch_up(consumer, held)
+
+    async def catch_up(self, consumer: RoverConsumer) -> None:
+        """Catch up on the same connection, if the rover could not read its record before.
+
+        Raises:
+            MalError: the connection is lost.
+        """
+        if self.behind:
+            held = self._held = []
+            await self._catch_up(consumer, held)
+
+    async def _catch_up(self, consumer: RoverConsumer, held: list[Notification]) -> None:
+        missed: list[Notification] = []
         try:
-            await consumer.subscribe(
-                "Notification",
-                "monitorNotification",
-                Subscription(subscriptionId=SUBSCRIPTION),
-                self._take,
-            )
             missed = await self._missed(consumer)
+            self.behind = False
+        except MalError as error:  # a rover that cannot read its record still takes a stop
+            if error.number in LOST:
+                raise
+            self.behind = error.number == StandardError.INTERNAL.value
         finally:
-            self._held = None
+            if self._held is held:
+                self._held = None
         known = {notification.cursor for notification in missed}
         missed.sort(key=lambda each: given_up(each) is not None)  # it may have ended since
         for notification in (*missed, *(n for n in held if n.cursor not in known)):
@@ -147,8 +169,14 @@ class NotificationStream:
             self._held.append(notification)
 
     def _pass_on(self, notification: Notification) -> None:
-        if cursor_of(notification) > cursor_of(self._last):
+        cursor = cursor_of(notification)
+        if self.behind:
+            self._ahead.add(cursor)
+        elif cursor > cursor_of(self._last):
             self._last, self._has_last = notification, True
+            if cursor in self._ahead:
+                self._ahead.remove(cursor)
+                return
         self._deliver(notification)
 
     async def _missed(self, consumer: RoverConsumer) -> list[Notification]:
@@ -165,10 +193,7 @@ class NotificationStream:
             if found[:1] == [self._last]:
                 return found[1:]
             self._on_new_ledger()
-        try:
-            (self._last,) = await consumer.request("Notification", "getLastNotification")
-            self._has_last = True
-        except MalError as error:  # a rover that cannot read its record still takes a stop
-            if error.number in LOST:
-                raise
+        (self._last,) = await consumer.request("Notification", "getLastNotification")
+        self._has_last = True
+        self._ahead.clear()
         return []
