@@ -1,9 +1,21 @@
 """Situations that storms found, or find rarely, each as short as it can be."""
 
+from dataclasses import replace
+
 import pytest
 
 from executive.commands import MoveForward, Resume, Stop
-from tests.simulated.deeds import Deed, FillDisk, KillAtWrite, Link, Order, Situation, Storm
+from tests.simulated.deeds import (
+    CutWay,
+    Deed,
+    FillDisk,
+    Kill,
+    KillAtWrite,
+    Link,
+    Order,
+    Situation,
+    Storm,
+)
 from tests.simulated.storm import play
 
 CALM = Situation(
@@ -45,4 +57,14 @@ def test_a_stop_that_a_full_disk_does_not_record_has_one_end(writes: int) -> Non
             Order(20.0, Link.RELAY, 2, Stop()),
         )
     )
+
+
+def test_a_client_that_only_listens_notices_that_the_orbiter_has_forgotten_its_connection() -> None:
+    far = replace(CALM, delay_s=3.0)  # the reports come when the connection is half open
+    deeds = (
+        Order(20.0, Link.RELAY, 1, MoveForward(0.2)),
+        CutWay(20.5, "moe", "orbiter", 10.0),
+        Kill(21.0, "orbiter", 1.0),
+    )
+    played = play(Storm("situation", far, deeds))
     assert not played.findings

@@ -334,8 +334,15 @@ class MrsClient(Queries):
             while True:
                 await asyncio.sleep(SIGN_S)
                 with suppress(MalError):  # an answer that is an error came all the same
-                    await self.get_status_interval_s()
+                    await self._give_sign()
                     await self._feed.catch_up(await self._session.consumer())
+
+    async def _give_sign(self) -> None:
+        """Ask for something that the other end serves; TCP tells then if nobody is there."""
+        try:
+            await self.get_status_interval_s()
+        except NotServedError:  # as by an orbiter: nothing was sent
+            await self.get_asset()
 
     async def _ask_authority(self, operation: str, *arguments: Any) -> AuthorityStatus:
         return await self._one(AuthorityStatus, "Authority", operation, *arguments)
