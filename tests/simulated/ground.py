@@ -1,11 +1,16 @@
-"""A ground client as a process of the simulated world, and what it came to know."""
+"""A ground client as a process of the simulated world, and what it came to know.
+
+When it is killed, its journal stays, as an operator's notes do. A new client asks for the end of
+each command that was acknowledged to a former one, and sends again what was not.
+"""
 
 import asyncio
 from dataclasses import dataclass, field
 from typing import Final
 
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.spec import Notification
+from adapters.mrs.ground.outcome import TERMINAL
+from adapters.mrs.spec import AreaError, Notification, Stage, given_up
 from executive.commands import Command, Request
 from executive.reports import Identity
 from tests.simulated.process import Process
@@ -18,21 +23,32 @@ AGAIN_S: Final = 1.0
 
 @dataclass
 class Journal:
-    """What one ground client was asked and came to know over one link.
+    """What one ground client, and those before it, were asked and came to know over one link.
 
     Attributes:
         sent: commands, with the times at which they were sent first.
+        requests: what they ask for.
         acknowledged: those that the other end took, with the times.
-        refused: those that it answered with an error.
-        ends: with which stages `MrsClient.run` returned.
+        refused: those that it answered with an error, other than that it knows them already.
+        ends: their stages at the end, as `MrsClient.run` or `getNotifications` told.
         received: notifications.
     """
 
     sent: dict[Identity, float] = field(default_factory=dict)
+    requests: dict[Identity, Request] = field(default_factory=dict)
     acknowledged: dict[Identity, float] = field(default_factory=dict)
     refused: dict[Identity, str] = field(default_factory=dict)
     ends: dict[Identity, list[str]] = field(default_factory=dict)
     received: list[Notification] = field(default_factory=list)
+
+    @property
+    def open(self) -> list[Identity]:
+        """Return the commands of which no end is known, in the order of sending."""
+        return [each for each in self.sent if each not in self.ends and each not in self.refused]
+
+    def end(self, identity: Identity, stage: str) -> None:
+        """Note an end."""
+        self.ends.setdefault(identity, []).append(stage)
 
 
 class Ground:
@@ -51,7 +67,8 @@ class Ground:
     def start(self, process: Process) -> None:
         """Connect, and stay so; the `start` of a process."""
         self._process = process
-        process.run(self._serve(process))
+        self._client = process.loop.create_future()
+        process.run(self._serve(process, self._client))
 
     def send(self, request: Request, number: int) -> None:
         """Send a command and wait for its end; an event of the world."""
@@ -60,13 +77,16 @@ class Ground:
             loop = process.loop
             loop.call_soon(lambda: loop.create_task(self._run(request, number)))
 
-    async def _serve(self, process: Process) -> None:
-        self._client = asyncio.get_running_loop().create_future()
+    async def _serve(self, process: Process, connected: "asyncio.Future[MrsClient]") -> None:
         client = await self._connected(process)
         stream = client.notifications()
-        self._client.set_result(client)
-        async for notification in stream:
-            self.journal.received.append(notification)
+        former = self.journal.open
+        connected.set_result(client)
+        async with asyncio.TaskGroup() as asking:
+            for identity in former:
+                asking.create_task(self._resume(client, identity))
+            async for notification in stream:
+                self.journal.received.append(notification)
 
     async def _connected(self, process: Process) -> "_Client":
         while True:
@@ -86,12 +106,51 @@ class Ground:
         client, journal = await asyncio.shield(self._client), self.journal
         command = client.command(request, command_id=number)
         journal.sent.setdefault(command.identity, asyncio.get_running_loop().time())
-        outcome = await client.run(command)
-        if outcome.refusal is not None:
-            journal.refused[command.identity] = str(outcome.refusal)
+        journal.requests[command.identity] = request
+        await self._command(client, command)
+
+    async def _resume(self, client: MrsClient, identity: Identity) -> None:
+        """Go on with a command of a client that was killed."""
+        if identity in self.journal.acknowledged:
+            await self._learn(client, identity)
         else:
+            request = self.journal.requests[identity]
+            await self._command(client, client.command(request, command_id=identity.command_id))
+
+    async def _command(self, client: MrsClient, command: Command) -> None:
+        outcome = await client.run(command)
+        refusal = outcome.refusal
+        if refusal is None:
             end = "given up" if outcome.stage is None else outcome.stage.name
-            journal.ends.setdefault(command.identity, []).append(end)
+            self.journal.end(command.identity, end)
+        elif refusal.number == AreaError.DUPLICATE.value:
+            await self._learn(client, command.identity)
+        else:
+            self.journal.refused[command.identity] = str(refusal)
+
+    async def _learn(self, client: MrsClient, identity: Identity) -> None:
+        """Ask for the end of a command, and wait for it."""
+        stream = client.notifications()  # first, so that nothing falls between
+        try:
+            for told in await client.get_all_notifications(command_id=identity.command_id):
+                if (end := _end_of(told, identity)) is not None:
+                    return self.journal.end(identity, end)
+            async for told in stream:
+                if (end := _end_of(told, identity)) is not None:
+                    return self.journal.end(identity, end)
+        finally:
+            stream.close()
+
+
+def _end_of(told: Notification, identity: Identity) -> str | None:
+    """Return with which stage a command ended by a notification; None if it tells no end of it."""
+    if given_up(told) == identity:
+        return "given up"
+    ended = told.stage in TERMINAL and (told.source, told.commandId) == (
+        identity.source,
+        identity.command_id,
+    )
+    return Stage(told.stage).name if ended and told.stage is not None else None
 
 
 class _Client(MrsClient):
