@@ -57,6 +57,7 @@ def test_a_stop_that_a_full_disk_does_not_record_has_one_end(writes: int) -> Non
             Order(20.0, Link.RELAY, 2, Stop()),
         )
     )
+    assert not played.findings
 
 
 def test_a_client_that_only_listens_notices_that_the_orbiter_has_forgotten_its_connection() -> None:
