@@ -1,0 +1,53 @@
+"""Watches that a rover that was stopped stands until it is resumed, over restarts too."""
+
+from collections.abc import Sequence
+
+from executive.geometry import STANDING, Velocity
+from executive.reports import Identity, PlanUpdate, Report, Stage
+from executive.state import FileEvent, ParameterValue
+from tests.support.kinematic import KinematicRover
+
+
+class StopWatch(KinematicRover):
+    """A rover that knows from the reports whether it is stopped; a `Downlink` of its executives.
+
+    Attributes:
+        stopped_by: the stop that holds it; None if it may move.
+        moved: stops during which it was commanded to move, each once.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stopped_by: Identity | None = None
+        self.moved: dict[Identity, None] = {}
+        self._resumes: set[Identity] = set()
+        self._last = 0
+
+    def drive(self, velocity: Velocity) -> None:
+        """Move from now on."""
+        super().drive(velocity)
+        if velocity != STANDING and self.stopped_by is not None:
+            self.moved[self.stopped_by] = None
+
+    def report(self, reports: Sequence[Report]) -> None:
+        """Take new reports; what answers a repeat is older."""
+        for report in reports:
+            if report.sequence <= self._last or report.identity is None:
+                continue
+            self._last = report.sequence
+            match report.stage, report.text:
+                case Stage.RECEIVED, "stop":
+                    self.stopped_by = report.identity
+                case Stage.RECEIVED, "resume":
+                    self._resumes.add(report.identity)
+                case Stage.EXECUTED, _ if report.identity in self._resumes:
+                    self.stopped_by = None
+
+    def telemetry(self, values: Sequence[ParameterValue]) -> None:
+        """Do nothing."""
+
+    def file(self, event: FileEvent) -> None:
+        """Do nothing."""
+
+    def plan(self, update: PlanUpdate) -> None:
+        """Do nothing."""
