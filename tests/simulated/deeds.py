@@ -14,6 +14,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
+from tests.simulated.asks import RIVAL, AskAuthority, draw_asks
 
 RELAY_PROCESSES: Final = ("orbiter", "relay", "executive")
 _FIRST_NUMBER: Final = 1
@@ -22,6 +23,8 @@ _DOWN_S: Final = (0.2, 6.0)
 _ORDER_S: Final = 5.5
 """Between two moments at which commands are sent, in the mean."""
 _TROUBLE_S: Final = 6.0
+_ASK_S: Final = 9.0
+"""Between two deeds of operators about the authority, in the mean."""
 
 
 class Link(Enum):
@@ -29,6 +32,7 @@ class Link(Enum):
 
     DIRECT = "direct"
     RELAY = "moe"
+    RIVAL = RIVAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +121,18 @@ class LoseSamples:
     for_s: float
 
 
-Deed = Order | Kill | KillAtWrite | FailWrite | FillDisk | Pause | StepClock | CutWay | LoseSamples
+Deed = (
+    Order
+    | Kill
+    | KillAtWrite
+    | FailWrite
+    | FillDisk
+    | Pause
+    | StepClock
+    | CutWay
+    | LoseSamples
+    | AskAuthority
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +145,8 @@ class Situation:
         eclipse_s, contact_s: how long there is no contact, and how long there is; 0 for always.
         ask_again_s: see `OrbiterSettings`.
         period_s: how long commands are sent and processes killed.
+        authority_needed: whether commands need the authority, which two operators ask for; None
+            for where nobody does.
     """
 
     delay_s: float
@@ -140,6 +157,7 @@ class Situation:
     contact_s: float
     ask_again_s: float | None
     period_s: float
+    authority_needed: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +178,8 @@ def draw_storm(seed: int | str) -> Storm:
     chance = Random(f"storm {seed}")
     situation = _situation(chance)
     deeds: list[Deed] = [*_orders(chance, situation), *_troubles(chance, situation)]
+    if situation.authority_needed is not None:
+        deeds += _operators(Random(f"operators {seed}"), situation)
     return Storm(str(seed), situation, tuple(sorted(deeds, key=lambda deed: deed.at_s)))
 
 
@@ -175,6 +195,7 @@ def _situation(chance: Random) -> Situation:
         contact_s=chance.uniform(60.0, 180.0) if eclipsed else 0.0,
         ask_again_s=chance.choice((None, 120.0)),
         period_s=chance.choice((440.0, 440.0, 1320.0)),
+        authority_needed=chance.choice((None, None, False, True)),
     )
 
 
@@ -201,13 +222,31 @@ def _orders(chance: Random, situation: Situation) -> list[Order]:
         at_s += chance.expovariate(1 / _ORDER_S)
         if orders and chance.random() < 0.25:  # one of the last ones again, by whichever link
             again = chance.choice(orders[-20:])
-            orders.append(Order(at_s, chance.choice(tuple(Link)), again.number, again.request))
+            link = chance.choice((Link.DIRECT, Link.RELAY))
+            orders.append(Order(at_s, link, again.number, again.request))
             continue
         link = Link.RELAY if chance.random() < 0.7 else Link.DIRECT
         for _ in range(chance.choice((1, 1, 1, 2, 4))):  # some come in one string
             orders.append(Order(at_s, link, number, _request(chance)))
             number += 1
     return orders
+
+
+def _operators(chance: Random, situation: Situation) -> list[Deed]:
+    """Draw what two operators do about the authority, and what the second one commands."""
+    deeds: list[Deed] = [*draw_asks(chance, _SETTLE_S, situation.period_s, _ASK_S)]
+    at_s, number = _SETTLE_S, _FIRST_NUMBER
+    while at_s < situation.period_s:
+        at_s += chance.expovariate(1 / _ASK_S)
+        match chance.randrange(8):
+            case 0:
+                deeds.append(Kill(at_s, RIVAL, chance.uniform(*_DOWN_S)))
+            case 1:
+                deeds.append(CutWay(at_s, RIVAL, "executive", chance.uniform(1.0, 60.0)))
+            case _:
+                deeds.append(Order(at_s, Link.RIVAL, number, _request(chance)))
+                number += 1
+    return deeds
 
 
 def _troubles(chance: Random, situation: Situation) -> list[Deed]:

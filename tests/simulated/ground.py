@@ -5,12 +5,15 @@ each command that was acknowledged to a former one, and sends again what was not
 """
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Final
 
+from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
+from adapters.mrs.ground.authority import SessionAuthority
 from adapters.mrs.ground.outcome import TERMINAL
-from adapters.mrs.spec import AreaError, Notification, Stage, given_up
+from adapters.mrs.spec import AreaError, AuthorityStatus, Notification, Stage, given_up
 from executive.commands import Command, Request
 from executive.reports import Identity
 from tests.simulated.process import Process
@@ -18,6 +21,7 @@ from tests.simulated.system import SimSystem
 
 SOURCE: Final = "MOE"
 PATIENCE_S: Final = 1e9
+Ask = Callable[[SessionAuthority], Awaitable[AuthorityStatus]]
 AGAIN_S: Final = 1.0
 
 
@@ -32,6 +36,9 @@ class Journal:
         refused: those that it answered with an error, other than that it knows them already.
         ends: their stages at the end, as `MrsClient.run` or `getNotifications` told.
         received: notifications.
+        claims: under which epochs of the authority commands were sent; None for none.
+        epochs: those that it held by what it was told.
+        denied: with which errors it was refused the authority.
     """
 
     sent: dict[Identity, float] = field(default_factory=dict)
@@ -40,11 +47,25 @@ class Journal:
     refused: dict[Identity, str] = field(default_factory=dict)
     ends: dict[Identity, list[str]] = field(default_factory=dict)
     received: list[Notification] = field(default_factory=list)
+    claims: dict[Identity, list[int | None]] = field(default_factory=dict)
+    epochs: list[int] = field(default_factory=list)
+    denied: list[str] = field(default_factory=list)
 
     @property
     def open(self) -> list[Identity]:
         """Return the commands of which no end is known, in the order of sending."""
         return [each for each in self.sent if each not in self.ends and each not in self.refused]
+
+    def claim(self, identity: Identity, epoch: int | None) -> None:
+        """Note under which epoch a command is sent."""
+        self.claims.setdefault(identity, []).append(epoch)
+        if epoch is not None:
+            self.hold(epoch)
+
+    def hold(self, epoch: int) -> None:
+        """Note that it holds the authority."""
+        if epoch not in self.epochs:
+            self.epochs.append(epoch)
 
     def end(self, identity: Identity, stage: str) -> None:
         """Note an end."""
@@ -57,10 +78,11 @@ class Ground:
     Args:
         uri: the other end of the link.
         journal: takes what it comes to know.
+        source: the name under which it commands.
     """
 
-    def __init__(self, uri: str, journal: Journal) -> None:
-        self._uri, self.journal = uri, journal
+    def __init__(self, uri: str, journal: Journal, source: str = SOURCE) -> None:
+        self._uri, self.journal, self.source = uri, journal, source
         self._process: Process | None = None
         self._client: asyncio.Future[MrsClient] | None = None
 
@@ -77,6 +99,13 @@ class Ground:
             loop = process.loop
             loop.call_soon(lambda: loop.create_task(self._run(request, number)))
 
+    def ask(self, ask: Ask) -> None:
+        """Do something about the authority; an event of the world."""
+        process = self._process
+        if process is not None and process.alive:
+            loop = process.loop
+            loop.call_soon(lambda: loop.create_task(self._ask(ask)))
+
     async def _serve(self, process: Process, connected: "asyncio.Future[MrsClient]") -> None:
         client = await self._connected(process)
         stream = client.notifications()
@@ -92,7 +121,7 @@ class Ground:
         while True:
             try:
                 client = await _Client.connect(
-                    self._uri, SOURCE, patience_s=PATIENCE_S, system=SimSystem(process)
+                    self._uri, self.source, patience_s=PATIENCE_S, system=SimSystem(process)
                 )
             except ConnectionError:
                 await asyncio.sleep(AGAIN_S)
@@ -117,7 +146,19 @@ class Ground:
             request = self.journal.requests[identity]
             await self._command(client, client.command(request, command_id=identity.command_id))
 
+    async def _ask(self, ask: Ask) -> None:
+        assert self._client is not None
+        client = await asyncio.shield(self._client)
+        try:
+            status = await ask(client.authority)
+        except MalError as refusal:
+            self.journal.denied.append(str(refusal))
+        else:
+            if status.holder == self.source:
+                self.journal.hold(status.epoch)
+
     async def _command(self, client: MrsClient, command: Command) -> None:
+        self.journal.claim(command.identity, command.authority)
         outcome = await client.run(command)
         refusal = outcome.refusal
         if refusal is None:

@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Final, assert_never
 
 from executive.faults import Then
-from executive.settings import Settings, load_settings
+from executive.settings import AuthoritySettings, Settings, load_settings
+from tests.simulated.asks import LEASE_S, RIVAL, RIVAL_SOURCE, AskAuthority, do
+from tests.simulated.authority import AuthorityJudge
 from tests.simulated.deeds import (
     CutWay,
     Deed,
@@ -28,7 +30,7 @@ from tests.simulated.deeds import (
     Storm,
 )
 from tests.simulated.disk import Fate
-from tests.simulated.ground import Ground, Journal
+from tests.simulated.ground import SOURCE, Ground, Journal
 from tests.simulated.judge import Finding, check_end, check_stores
 from tests.simulated.network import Way
 from tests.simulated.process import Process
@@ -50,7 +52,7 @@ _LAST_FAULT_S: Final = 61.0
 _STEP_S: Final = 10.0
 _WATCH_S: Final = 1.0
 _LATE_S, _STALE_S = 30.0, 10.0
-GROUNDS: Final = {"direct": "10.0.1.1", "moe": "10.0.1.2"}
+GROUNDS: Final = {"direct": "10.0.1.1", "moe": "10.0.1.2", RIVAL: "10.0.1.3"}
 
 
 def patient_settings(asset: str) -> Settings:
@@ -135,16 +137,25 @@ class Player:
         self._due: set[str] = set()
         self._over = False
         settings = patient_settings(place.asset)
+        ends = {"direct": (place.executive, SOURCE), "moe": (place.orbiter, SOURCE)}
+        needed = situation.authority_needed
+        if needed is not None:
+            ends[RIVAL] = place.executive, RIVAL_SOURCE
+            authority = AuthoritySettings(needed=needed, lease_s=LEASE_S, may_take=(RIVAL_SOURCE,))
+            settings = replace(settings, authority=authority)
         self.grounds = {
-            name: Ground(f"maltcp://{host}:{MRS_PORT}/MRS", Journal())
-            for name, host in (("direct", place.executive), ("moe", place.orbiter))
+            name: Ground(f"maltcp://{host}:{MRS_PORT}/MRS", Journal(), source)
+            for name, (host, source) in ends.items()
         }
+        journals = {name: ground.journal for name, ground in self.grounds.items()}
+        sources = {name: source for name, (_, source) in ends.items()}
+        self._authority = AuthorityJudge(world, bool(needed), journals, sources)
         self._add("orbiter", place.orbiter, partial(start_orbiter, place))
         self._add("relay", place.relay, partial(start_relay, place))
         start = partial(start_executive, place, self._below, settings)
         self._add("executive", place.executive, start)
-        for name, host in GROUNDS.items():
-            self._add(name, host, self.grounds[name].start)
+        for name, ground in self.grounds.items():
+            self._add(name, GROUNDS[name], ground.start)
         world.network.set_way(place.orbiter, place.relay, _way(situation))
 
     def play(self) -> Played:
@@ -163,6 +174,7 @@ class Player:
             world.run(world.now_s + _STEP_S)
         journals = {name: ground.journal for name, ground in self.grounds.items()}
         self._note(check_end(world, self._place.asset, journals))
+        self._note(self._authority.check_end())
         return Played(
             tuple(self.findings.values()),
             self.kills,
@@ -211,6 +223,9 @@ class Player:
             case LoseSamples(_, part, for_s):
                 world.topics.loss = part
                 world.after(for_s, setattr, world.topics, "loss", 0.0)
+            case AskAuthority(_, name, act):
+                other = SOURCE if name == RIVAL else RIVAL_SOURCE
+                self.grounds[name].ask(partial(do, act, other))
             case _:
                 assert_never(deed)
 
@@ -228,6 +243,7 @@ class Player:
 
     def _check(self) -> None:
         self._note(check_stores(self.world, self._place.asset, self.grounds["moe"].journal))
+        self._note(self._authority.check())
 
     def _watch(self) -> None:
         """Start what ended by itself, as a supervisor does."""
