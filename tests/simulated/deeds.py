@@ -15,6 +15,7 @@ from executive.commands import (
     Stop,
 )
 from tests.simulated.asks import RIVAL, AskAuthority, draw_asks
+from tests.simulated.convergence import Convergence
 
 RELAY_PROCESSES: Final = ("orbiter", "relay", "executive")
 _FIRST_NUMBER: Final = 1
@@ -147,6 +148,7 @@ class Situation:
         period_s: how long commands are sent and processes killed.
         authority_needed: whether commands need the authority, which two operators ask for; None
             for where nobody does.
+        convergence: by which layer bundles go between orbiter and rover.
     """
 
     delay_s: float
@@ -158,6 +160,7 @@ class Situation:
     ask_again_s: float | None
     period_s: float
     authority_needed: bool | None = None
+    convergence: Convergence = Convergence.LTP
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +199,7 @@ def _situation(chance: Random) -> Situation:
         ask_again_s=chance.choice((None, 120.0)),
         period_s=chance.choice((440.0, 440.0, 1320.0)),
         authority_needed=chance.choice((None, None, False, True)),
+        convergence=chance.choice((Convergence.LTP, *Convergence)),
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
-from adapters.bundle import Address, Listen, LtpLink, Peer
+from adapters.bundle import Peer
 from adapters.mops import MopsError, load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import CLEAR
@@ -19,6 +19,7 @@ from executive.record import Ledger
 from executive.runner import Executive
 from executive.settings import Settings
 from executive.state import Battery, Odometry
+from tests.simulated.convergence import Convergence, Links, link_to, listen
 from tests.simulated.process import Process
 from tests.simulated.system import SimSystem
 from tests.support.kinematic import KinematicRover
@@ -30,7 +31,6 @@ REST_S: Final = 1.0
 CMD_VEL_TIMEOUT_S: Final = 0.5
 """After which the base stands if it receives no more velocities."""
 MRS_PORT: Final = 20_000
-LTP_PORT: Final = 1113
 DICTIONARY: Final = load_dictionary()
 
 
@@ -44,6 +44,7 @@ class Place:
         orbiter, relay, executive: addresses of the computers.
         ask_again_s: see `OrbiterSettings`.
         answer_s: see `LtpLink`.
+        convergence: by which layer bundles go.
     """
 
     asset: str = "jackal"
@@ -53,23 +54,24 @@ class Place:
     executive: str = "10.0.0.3"
     ask_again_s: float | None = 120.0
     answer_s: float = 0.5
+    convergence: Convergence = Convergence.LTP
 
-    def _ltp(self, host: str) -> LtpLink:
-        return LtpLink(Address(host, LTP_PORT), answer_s=self.answer_s)
+    def _link(self, host: str, *, dials: bool = False) -> Links:
+        return link_to(self.convergence, host, self.answer_s, dials=dials)
 
     def orbiter_settings(self) -> OrbiterSettings:
         """Return the settings of `rover-mops`."""
         return OrbiterSettings(
             eid="ipn:1.1",
-            listen=Listen(ltp=Address("0.0.0.0", LTP_PORT)),
+            listen=listen(self.convergence),
             rovers=(
                 RelayedRoverSettings(
                     asset=self.asset,
                     description=f"{self.asset} through the relay",
                     domain=("meteron", self.asset),
                     eid=f"ipn:{self.node}.1",
-                    ltp=self._ltp(self.relay),
                     port=MRS_PORT,
+                    **self._link(self.relay),
                 ),
             ),
             ask_again_s=self.ask_again_s,
@@ -80,8 +82,8 @@ class Place:
         return RelaySettings(
             asset=self.asset.upper(),
             eid=f"ipn:{self.node}.1",
-            orbiter=Peer(eid="ipn:1.1", ltp=self._ltp(self.orbiter)),
-            listen=Listen(ltp=Address("0.0.0.0", LTP_PORT)),
+            orbiter=Peer(eid="ipn:1.1", **self._link(self.orbiter, dials=True)),
+            listen=listen(self.convergence),
         )
 
 

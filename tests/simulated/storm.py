@@ -128,6 +128,7 @@ class Player:
         self._place = place = Place(
             ask_again_s=situation.ask_again_s,
             answer_s=0.5 + 2.0 * (situation.delay_s + situation.jitter_s),
+            convergence=situation.convergence,
         )
         self.world = world = World(storm.seed, Path(), trace)
         self.findings: dict[str, Finding] = {}
