@@ -7,6 +7,7 @@ import heapq
 import shutil
 import sys
 import tempfile
+import warnings
 from asyncio import events
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -260,12 +261,14 @@ class World:
         for process in self.processes.values():
             process.vanish()
         hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
-        try:  # what the dead still raise concerns nobody
-            for life in self._past:
-                life.free()
-            self._past.clear()
-            self._heap.clear()
-            gc.collect()
+        try:  # what the dead still raise, or begin and do not await, concerns nobody
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)
+                for life in self._past:
+                    life.free()
+                self._past.clear()
+                self._heap.clear()
+                gc.collect()
         finally:
             sys.unraisablehook = hook
             gc.unfreeze()
