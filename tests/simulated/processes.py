@@ -21,8 +21,8 @@ from executive.settings import Settings
 from executive.state import Battery, Odometry
 from tests.simulated.convergence import Convergence, Links, link_to, listen
 from tests.simulated.process import Process
+from tests.simulated.stop_watch import StopWatch
 from tests.simulated.system import SimSystem
-from tests.support.kinematic import KinematicRover
 from trees import RoverTree
 
 TICK_S: Final = 0.05
@@ -187,10 +187,9 @@ class RoverBelow:
 
     Attributes:
         rover: that moves.
-        started: the commands that moved it, for judges: when, and how fast.
     """
 
-    rover: KinematicRover = field(default_factory=KinematicRover)
+    rover: StopWatch = field(default_factory=StopWatch)
     at_s: float = 0.0
 
     def advance(self, now_s: float, fresh: bool) -> None:
@@ -213,7 +212,7 @@ def start_executive(place: Place, below: RoverBelow, settings: Settings, process
         rover=below.rover,
         ledger=ledger,
         files=process.folder / "files",
-        downlinks=[direct, relay],
+        downlinks=[direct, relay, below.rover],
         build_tree=RoverTree,
     )
     relay.serve(executive.submit, lambda: executive.mode)

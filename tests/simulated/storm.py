@@ -176,6 +176,9 @@ class Player:
         journals = {name: ground.journal for name, ground in self.grounds.items()}
         self._note(check_end(world, self._place.asset, journals))
         self._note(self._authority.check_end())
+        for stop in self._below.rover.moved:
+            what = "a stopped rover was commanded to move"
+            self._note(iter([Finding(world.now_s, what, f"stopped by {stop}")]))
         return Played(
             tuple(self.findings.values()),
             self.kills,
