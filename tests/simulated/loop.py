@@ -39,6 +39,7 @@ class SimLoop(asyncio.BaseEventLoop):
         self.life, self.world = life, life.world
         self._tasks: WeakSet[asyncio.Task[Any]] = WeakSet()
         self._signals: dict[int, asyncio.Handle] = {}
+        self._handed_s = 0.0
         super().__init__()
 
     def __del__(self) -> None:
@@ -97,7 +98,10 @@ class SimLoop(asyncio.BaseEventLoop):
         self, callback: Callable[..., object], *args: Any, context: Context | None = None
     ) -> asyncio.Handle:
         handle = asyncio.Handle(callback, args, self, context)
-        self.life.push(self.world.thread_delay_s(), self, handle)
+        # What is handed over keeps its order.
+        now_s = self.world.now_s
+        self._handed_s = max(self._handed_s, now_s + self.world.thread_delay_s())
+        self.life.push(self._handed_s - now_s, self, handle)
         return handle
 
     def create_task(self, coro: Any, **options: Any) -> asyncio.Task[Any]:
