@@ -264,6 +264,20 @@ def previews(count: int, names: Sequence[str], seed: int) -> "list[Figure]":
     return previews.measure(count, dict.fromkeys(names), seed, _settings(), tell)
 
 
+@benchmark(
+    "day --hours 2",
+    click.option(
+        "--hours", type=click.FloatRange(0.1, 24.0), default=24.0, show_default=True, help="Of it."
+    ),
+    SEED,
+)
+def day(hours: float, seed: int) -> "list[Figure]":
+    """A day of operations in simulated time: how fast it passes."""
+    from tests.benchmarks import simulated_day
+
+    return simulated_day.measure(hours, seed)
+
+
 @benchmark("lockstep")
 def lockstep() -> "list[Figure]":
     """Speed and repeatability of the lock step."""
