@@ -78,6 +78,7 @@ class Disk:
         full: whether nothing more can be written.
         room_octets: what is free, unless it is full.
         commits: how many there were.
+        unwritten: how many files could not be written anew.
     """
 
     def __init__(self, process: "Process") -> None:
@@ -86,7 +87,7 @@ class Disk:
         self.plan: Plan = Untroubled()
         self.full = False
         self.room_octets = _ROOM_OCTETS
-        self.commits = 0
+        self.commits = self.unwritten = 0
 
     def connect(self, life: "Life", database: Path | str) -> "SimConnection":
         """Open a file for a life of the process."""
@@ -104,6 +105,7 @@ class Disk:
             self._process.kill()
         life.require()
         if self.full or fate is Fate.FAILED:
+            self.unwritten += 1
             number = errno.ENOSPC if self.full else errno.EIO
             raise OSError(number, os.strerror(number), str(path))
         new = path.with_name(f"{path.name}.new")

@@ -1,12 +1,13 @@
 """What must hold of all stores together, at each kill and in the end."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from adapters.mrs.ground.outcome import TERMINAL as OUTCOMES
+from executive.commands import MoveForward, RotateBy, Stop
 from executive.reports import TERMINAL, Identity, Stage
 from tests.simulated.disk import rows
 from tests.simulated.ground import SOURCE, Journal
@@ -14,7 +15,8 @@ from tests.simulated.world import World
 
 _MESSAGE: Final = re.compile(rb"[0-9A-F]{3}\|([^|#]*)\|[^#]*#")
 _TERMINAL: Final = frozenset(stage.value for stage in TERMINAL)
-_ENDS: Final = ",".join(map(str, sorted(_TERMINAL)))
+_STOP: Final = Stop.__name__
+_MOVING: Final = frozenset({MoveForward.__name__, RotateBy.__name__})
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +63,12 @@ class LedgerContent:
     """Commands of a ledger and its reports.
 
     Attributes:
-        commands: that it knows.
+        commands: that it knows, with what they are.
         reports: number, identity and stage of each report on a command.
         numbers: of all reports.
     """
 
-    commands: frozenset[Identity]
+    commands: Mapping[Identity, str]
     reports: tuple[tuple[int, Identity, int], ...]
     numbers: tuple[int, ...]
 
@@ -96,11 +98,11 @@ def _has(path: Path, table: str) -> bool:
 
 def _ledger(path: Path) -> LedgerContent:
     if not _has(path, "reports"):
-        return LedgerContent(frozenset(), (), ())
-    commands = rows(path, "SELECT source, command_id FROM commands")
+        return LedgerContent({}, (), ())
+    commands = rows(path, "SELECT source, command_id, name FROM commands")
     reports = rows(path, "SELECT sequence, source, command_id, stage FROM reports")
     return LedgerContent(
-        frozenset(Identity(*row) for row in commands),
+        {Identity(source, number): name for source, number, name in commands},
         tuple((n, Identity(s, i), g) for n, s, i, g in reports if s is not None and g is not None),
         tuple(sorted(row[0] for row in reports)),
     )
@@ -113,22 +115,25 @@ def _kept(path: Path) -> int:
     return int(found[0][0]) if found else 0
 
 
-def check_stores(world: World, asset: str, relay: Journal) -> Iterator[Finding]:
+def check_stores(world: World, asset: str, journals: Mapping[str, Journal]) -> Iterator[Finding]:
     """Check the stores at any moment.
 
     Args:
         world: with the stores.
         asset: the rover.
-        relay: what the orbiter acknowledged.
+        journals: of the ground's processes.
     """
-    stores, now_s = Stores(world, asset), world.now_s
+    stores, now_s, relay = Stores(world, asset), world.now_s, journals["moe"]
     somewhere = (
         stores.up | stores.landed | stores.down | stores.returned
-        | stores.aboard.commands | stores.above.ended
+        | stores.aboard.commands.keys() | stores.above.ended
     )  # fmt: skip
     for identity in relay.acknowledged:
         if identity not in somewhere:
             what = "a command that the orbiter acknowledged is in no store"
+            yield Finding(now_s, what, f"{identity}")
+        if identity not in stores.up and identity not in stores.above.commands:
+            what = "a command that the orbiter acknowledged is not in its record"
             yield Finding(now_s, what, f"{identity}")
     # What comes again is answered with its end, and is kept at the rover's end until then.
     told = stores.down | stores.returned | stores.above.ended | stores.up | stores.landed
@@ -137,6 +142,8 @@ def check_stores(world: World, asset: str, relay: Journal) -> Iterator[Finding]:
         if stage in _TERMINAL and confirmed and identity not in told:
             yield Finding(now_s, "an end that the relay confirmed is in no store", f"{identity}")
     yield from _check_ledger(now_s, stores.aboard)
+    if _stops_are_ordered(world):
+        yield from _check_stops(now_s, stores.aboard, relay, journals["direct"])
 
 
 def _check_ledger(now_s: float, ledger: LedgerContent) -> Iterator[Finding]:
@@ -152,7 +159,35 @@ def _check_ledger(now_s: float, ledger: LedgerContent) -> Iterator[Finding]:
             yield Finding(now_s, "a command has two reports of one stage", f"{identity} {what}")
 
 
-def check_end(world: World, asset: str, journals: dict[str, Journal]) -> Iterator[Finding]:
+def _stops_are_ordered(world: World) -> bool:
+    """Return whether the relay can tell what was made before a stop: by one clock, on its disk."""
+    orbiter, relay = world.processes["orbiter"], world.processes["relay"]
+    return not (orbiter.stepped or relay.stepped or relay.disk.unwritten)
+
+
+def _check_stops(
+    now_s: float, ledger: LedgerContent, relay: Journal, direct: Journal
+) -> Iterator[Finding]:
+    """Check that nothing moves the rover after a stop that was asked for later, by the relay.
+
+    What went by the direct link as well is left out: it overtakes what went by the relay.
+    """
+    stops: list[Identity] = []
+    for _, identity, stage in sorted(ledger.reports):
+        if identity in direct.sent or identity not in relay.sent:
+            continue
+        name = ledger.commands.get(identity)
+        if name == _STOP and stage == Stage.RECEIVED.value:
+            stops.append(identity)
+        elif name in _MOVING and stage == Stage.STARTED.value:
+            taken_s = relay.acknowledged.get(identity, now_s)
+            for stop in stops:
+                if taken_s < relay.sent[stop]:
+                    what = "a command started after a stop that was asked for later"
+                    yield Finding(now_s, what, f"{identity}, {stop}")
+
+
+def check_end(world: World, asset: str, journals: Mapping[str, Journal]) -> Iterator[Finding]:
     """Check what the ground knows after all faults are over.
 
     Args:
@@ -160,10 +195,11 @@ def check_end(world: World, asset: str, journals: dict[str, Journal]) -> Iterato
         asset: the rover.
         journals: of the ground's processes.
     """
-    yield from check_stores(world, asset, journals["moe"])
+    yield from check_stores(world, asset, journals)
     now_s = world.now_s
     ends: dict[Identity, set[str]] = {}
     for name, journal in journals.items():
+        yield from _check_numbers(now_s, name, journal)
         for notification in journal.received:
             stage, number = notification.stage, notification.commandId
             if stage in OUTCOMES and number is not None:
@@ -181,3 +217,13 @@ def check_end(world: World, asset: str, journals: dict[str, Journal]) -> Iterato
     for error in world.errors:
         text = f"{error.process}: {error.text}: {error.fault!r}"
         yield Finding(error.at_s, "a process let an exception go", text)
+
+
+def _check_numbers(now_s: float, name: str, journal: Journal) -> Iterator[Finding]:
+    """Check that no report that was published has the number of another."""
+    known: dict[int, tuple[object, ...]] = {}
+    for each in journal.received:
+        said = (each.kind, each.source, each.commandId, each.stage)
+        if each.sequence and known.setdefault(each.sequence, said) != said:
+            what = "two reports were published under one number"
+            yield Finding(now_s, what, f"{each.sequence} by {name}")

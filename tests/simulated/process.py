@@ -137,6 +137,7 @@ class Process:
         life: the present or last one; None before the first.
         paused: whether it is stopped (SIGSTOP).
         powered: whether its computer answers others.
+        stepped: whether its clock was ever set.
         disk: that of its computer.
         start_fault: what its last start raised; it ended with status 1 then.
         on_end: is told of each end, with the status; to be set by a supervisor.
@@ -149,6 +150,7 @@ class Process:
         self.life: Life | None = None
         self.paused = False
         self.powered = True
+        self.stepped = False
         self.on_end: Callable[[Process, int], None] | None = None
         self.start_fault: Exception | None = None
         self.disk = Disk(self)
@@ -257,6 +259,7 @@ class Process:
     def step_clock(self, step_s: float) -> None:
         """Have its UTC step; what is monotonic does not."""
         self._offset_s += step_s
+        self.stepped = True
 
     def set_drift(self, drift: float) -> None:
         """Have its UTC run faster by a part (1e-6: a microsecond a second)."""

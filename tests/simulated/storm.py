@@ -159,8 +159,8 @@ class Player:
             self._add(name, GROUNDS[name], ground.start)
         world.network.set_way(place.orbiter, place.relay, _way(situation))
 
-    def play(self) -> Played:
-        """Play it to its end."""
+    def play(self, *, until_found: bool = False) -> Played:
+        """Play it to its end, or until a promise is broken."""
         world = self.world
         for process in world.processes.values():
             process.begin()
@@ -168,17 +168,15 @@ class Player:
             world.at(deed.at_s, self._do, deed)
         world.after(_WATCH_S, self._watch)
         end_s = max((deed.at_s for deed in self._storm.deeds), default=0.0)
-        world.run(end_s + _LAST_FAULT_S)
+        faults_end_s = end_s + _LAST_FAULT_S
+        while world.now_s < faults_end_s and not (until_found and self.findings):
+            world.run(min(world.now_s + _STEP_S, faults_end_s))
         self._calm()
-        quiet_s = end_s + _LAST_FAULT_S + QUIET_S
+        quiet_s = 0.0 if until_found and self.findings else faults_end_s + QUIET_S
         while world.now_s < quiet_s and not self._settled():
             world.run(world.now_s + _STEP_S)
-        journals = {name: ground.journal for name, ground in self.grounds.items()}
-        self._note(check_end(world, self._place.asset, journals))
-        self._note(self._authority.check_end())
-        for stop in self._below.rover.moved:
-            what = "a stopped rover was commanded to move"
-            self._note(iter([Finding(world.now_s, what, f"stopped by {stop}")]))
+        if not (until_found and self.findings):
+            self._check_end()
         return Played(
             tuple(self.findings.values()),
             self.kills,
@@ -246,7 +244,7 @@ class Player:
             process.restart()
 
     def _check(self) -> None:
-        self._note(check_stores(self.world, self._place.asset, self.grounds["moe"].journal))
+        self._note(check_stores(self.world, self._place.asset, self._journals))
         self._note(self._authority.check())
 
     def _watch(self) -> None:
@@ -269,6 +267,17 @@ class Player:
             process.resume()
         situation = replace(self._storm.situation, eclipse_s=0.0)
         world.network.set_way(self._place.orbiter, self._place.relay, _way(situation))
+
+    @property
+    def _journals(self) -> dict[str, Journal]:
+        return {name: ground.journal for name, ground in self.grounds.items()}
+
+    def _check_end(self) -> None:
+        world, what = self.world, "a stopped rover was commanded to move"
+        moved = [Finding(world.now_s, what, f"stopped by {s}") for s in self._below.rover.moved]
+        self._note(check_end(world, self._place.asset, self._journals))
+        self._note(self._authority.check_end())
+        self._note(iter(moved))
 
     def _settled(self) -> bool:
         """Return whether the ground has the end of each command."""
@@ -329,7 +338,7 @@ def player(storm: Storm, trace: list[str] | None = None) -> Iterator[Player]:
         shutil.rmtree(folder)
 
 
-def play(storm: Storm, trace: list[str] | None = None) -> Played:
-    """Play a storm."""
+def play(storm: Storm, trace: list[str] | None = None, *, until_found: bool = False) -> Played:
+    """Play a storm to its end, or until a promise is broken."""
     with player(storm, trace) as playing:
-        return playing.play()
+        return playing.play(until_found=until_found)

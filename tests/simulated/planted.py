@@ -1,0 +1,443 @@
+"""Faults of the product that storms, or a situation, must find: the test of the tests.
+
+`python -m tests.simulated.planted` plays until each is found, and prints a table.
+"""
+
+import logging
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from itertools import count
+from time import monotonic
+from typing import Any, Final
+from unittest.mock import patch
+from weakref import WeakKeyDictionary
+
+import click
+
+from adapters.bundle import BundleAgent, BundleId
+from adapters.bundle.codec.eid import Eid
+from adapters.bundle.node import database
+from adapters.mops import Message, fingerprint, refusal_of
+from adapters.mrs.ground.notification_stream import NotificationStream
+from adapters.mrs.spec import Notification
+from adapters.relay.orbiter.record import Outstanding
+from adapters.relay.rover import bridge
+from adapters.relay.rover.bridge import Asked, BundleBridge, LastStop
+from adapters.relay.rover.executive_link import ExecutiveRelayLink
+from executive.commands import Command
+from executive.dispatcher import Dispatcher
+from executive.notifications import Notifications
+from executive.reasons import Reason, Refusal
+from executive.record import Ledger, RelayRecord
+from executive.reports import TERMINAL, Identity, Stage
+from executive.runner import Executive
+from tests.simulated import situations
+from tests.simulated.deeds import Storm, draw_storm
+from tests.simulated.storm import play
+
+Plant = Callable[[], AbstractContextManager[object]]
+
+
+@dataclass(frozen=True, slots=True)
+class Planted:
+    """A fault that the product does not have.
+
+    Attributes:
+        name: of it.
+        why: what breaks by it.
+        plant: puts it into the product, for the time of a `with`.
+        situation: finds it at once; None where any storm finds it soon.
+    """
+
+    name: str
+    why: str
+    plant: Plant
+    situation: Storm | None = None
+
+
+def _nothing(*_: object, **__: object) -> None:
+    """Do nothing."""
+
+
+def _report_before_commit() -> AbstractContextManager[object]:
+    commit = database.Transaction.commit
+
+    def tell_first(self: database.Transaction) -> None:
+        waiting, self._waiting = self._waiting, []
+        for tell in waiting:
+            tell(None)
+        commit(self)
+
+    return patch.object(database.Transaction, "commit", tell_first)
+
+
+def _send_before_commit() -> AbstractContextManager[object]:
+    async def send(
+        self: BundleAgent,
+        destination: Eid,
+        payload: bytes,
+        *,
+        lifetime_s: float | None = None,
+        confirm: bool = False,
+        expedited: bool = False,
+    ) -> BundleId:
+        identity = self._opened.node.put(destination, payload, lifetime_s, confirm, expedited)
+        self._wake()
+        return identity
+
+    return patch.object(BundleAgent, "send", send)
+
+
+def _delivered_when_published() -> AbstractContextManager[object]:
+    async def is_confirmed(self: BundleBridge, mark: int, within_s: float) -> bool:
+        return within_s == bridge.AGAIN_S or await original(self, mark, within_s)
+
+    original = BundleBridge._is_confirmed
+    return patch.object(BundleBridge, "_is_confirmed", is_confirmed)
+
+
+def _orbiter_forgets() -> AbstractContextManager[object]:
+    return patch.object(Outstanding, "add", _nothing)
+
+
+def _ledger_forgets() -> AbstractContextManager[object]:
+    reach = Ledger.reach
+
+    def forget(self: Ledger, identity: Identity, stage: Stage) -> None:
+        reach(self, identity, stage)
+        if type(self) is Ledger and stage in TERMINAL and identity.command_id % 5 == 0:
+            self.prune(identity, stage)
+
+    return patch.object(Ledger, "reach", forget)
+
+
+def _relayed_not_remembered() -> AbstractContextManager[object]:
+    return patch.object(RelayRecord, "remember", _nothing)
+
+
+def _relay_refuses_overtaken() -> AbstractContextManager[object]:
+    async def hand_over(self: BundleBridge, asked: Sequence[Asked], *, stops: bool) -> None:
+        while True:
+            late = [] if stops else [each for each in asked if self._last_stop.overtakes(each.made)]
+            for each in late:
+                why = ("a stop has overtaken it", Reason.STOPPED)
+                await self._keep(str(refusal_of(each.message, self._settings.asset, *why)))
+            asked = [each for each in asked if each not in late]
+            text = "".join(str(each.message) for each in asked)
+            if text and self._topics.has_listener(stops=stops):
+                self._topics.publish(text, stops=stops)
+            if not text or await self._is_confirmed(fingerprint(text), bridge.AGAIN_S):
+                return
+
+    return patch.object(BundleBridge, "_hand_over", hand_over)
+
+
+@contextmanager
+def _missed(keep: Callable[[int, Notification], bool]) -> Iterator[None]:
+    """Have clients drop a part of what they catch up with.
+
+    Args:
+        keep: returns whether they take a notification; of the highest number so far, and it.
+    """
+    highest: WeakKeyDictionary[NotificationStream, int] = WeakKeyDictionary()
+    missed, pass_on = NotificationStream._missed, NotificationStream._pass_on
+
+    async def some(self: NotificationStream, consumer: Any) -> list[Notification]:
+        found = await missed(self, consumer)
+        return [each for each in found if keep(highest.get(self, 0), each)]
+
+    def note(self: NotificationStream, notification: Notification) -> None:
+        highest[self] = max(highest.get(self, 0), notification.sequence)
+        pass_on(self, notification)
+
+    with (
+        patch.object(NotificationStream, "_missed", some),
+        patch.object(NotificationStream, "_pass_on", note),
+    ):
+        yield
+
+
+def _from_highest_number() -> AbstractContextManager[object]:
+    return _missed(lambda highest, each: not 0 < each.sequence < highest)
+
+
+def _refusal_published_once() -> AbstractContextManager[object]:
+    return _missed(lambda _, each: each.sequence > 0)
+
+
+def _caught_up_dropped() -> AbstractContextManager[object]:
+    return _missed(lambda *_: False)
+
+
+def _nothing_before_first_report() -> AbstractContextManager[object]:
+    missed = NotificationStream._missed
+
+    async def none_yet(self: NotificationStream, consumer: Any) -> list[Notification]:
+        return await missed(self, consumer) if self._has_last else []
+
+    return patch.object(NotificationStream, "_missed", none_yet)
+
+
+def _event_for_each_hand_over() -> AbstractContextManager[object]:
+    original = BundleBridge._is_confirmed
+
+    async def is_confirmed(self: BundleBridge, mark: int, within_s: float) -> bool:
+        self._unconfirmed.pop(mark, None)
+        try:
+            return await original(self, mark, within_s)
+        finally:
+            del self._unconfirmed[mark]
+
+    return patch.object(BundleBridge, "_is_confirmed", is_confirmed)
+
+
+def _answer_published_once() -> AbstractContextManager[object]:
+    def confirm(self: ExecutiveRelayLink, commands: int, answers: Sequence[Message]) -> None:
+        self._topics.confirm(commands)
+        for each in answers:
+            self._say(each)
+
+    return patch.object(ExecutiveRelayLink, "_confirm", confirm)
+
+
+def _dropped_after_30_times() -> AbstractContextManager[object]:
+    times: WeakKeyDictionary[BundleBridge, Counter[int]] = WeakKeyDictionary()
+    original = BundleBridge._is_confirmed
+
+    async def is_confirmed(self: BundleBridge, mark: int, within_s: float) -> bool:
+        published = times.setdefault(self, Counter())
+        published[mark] += within_s == bridge.AGAIN_S
+        return await original(self, mark, within_s) or published[mark] >= 30
+
+    return patch.object(BundleBridge, "_is_confirmed", is_confirmed)
+
+
+def _last_stop_not_kept() -> AbstractContextManager[object]:
+    return patch.object(LastStop, "keep", _nothing)
+
+
+def _overtaken_executed() -> AbstractContextManager[object]:
+    examine = Dispatcher._examine
+
+    def unmarked(self: Dispatcher, command: Command, overtaken: bool) -> Refusal | None:
+        object.__setattr__(command, "overtaken", False)
+        return examine(self, command, overtaken)
+
+    return patch.object(Dispatcher, "_examine", unmarked)
+
+
+def _published_before_commit() -> AbstractContextManager[object]:
+    flush = Notifications.flush
+
+    def tell_first(self: Notifications) -> None:
+        ledger, told = self._ledger, self._outbox
+        with patch.object(ledger, "commit", _nothing):
+            flush(self)
+        self._outbox = told
+        with patch.object(self, "_downlinks", ()):
+            flush(self)
+
+    return patch.object(Notifications, "flush", tell_first)
+
+
+def _report_confirmed_at_once() -> AbstractContextManager[object]:
+    notified = BundleBridge._on_notification
+
+    def confirm(self: BundleBridge, text: str) -> None:
+        notified(self, text)
+        self._topics.confirm(fingerprint(text))
+
+    return patch.object(BundleBridge, "_on_notification", confirm)
+
+
+def _admitted_without_commit() -> AbstractContextManager[object]:
+    flush = Executive._flush
+
+    def always(self: Executive) -> bool:
+        flush(self)
+        return True
+
+    return patch.object(Executive, "_flush", always)
+
+
+def _commits_not_synced() -> AbstractContextManager[object]:
+    opened = database._opened
+
+    def unsynced(db: Any, _: database.Synchronous) -> Any:
+        return opened(db, database.Synchronous.OFF)
+
+    return patch.object(database, "_opened", unsynced)
+
+
+PLANTED: Final = (
+    Planted(
+        "sent before the commit",
+        "the bundle agent says that payloads are on the disk, commits in the same event, may fail",
+        _report_before_commit,
+    ),
+    Planted(
+        "send returns early",
+        "the bundle agent returns from `send` before its commit",
+        _send_before_commit,
+    ),
+    Planted(
+        "delivered when published",
+        "rover-relay counts commands as delivered that nobody has confirmed",
+        _delivered_when_published,
+    ),
+    Planted(
+        "orbiter forgets commands", "the orbiter does not record what it sent up", _orbiter_forgets
+    ),
+    Planted(
+        "ledger forgets commands",
+        "the ledger aboard forgets every fifth command at its end, which is executed again",
+        _ledger_forgets,
+    ),
+    Planted(
+        "relayed not remembered",
+        "the executive does not publish reports on relayed commands",
+        _relayed_not_remembered,
+    ),
+    Planted(
+        "A: relay refuses overtaken",
+        "rover-relay refuses what a stop overtook, though it may have been executed",
+        _relay_refuses_overtaken,
+    ),
+    Planted(
+        "B: from the highest number",
+        "a client does not catch up with reports that were overtaken by others",
+        _from_highest_number,
+        situations.LATE_REPORT,
+    ),
+    Planted(
+        "C: refusal published once",
+        "a client does not catch up with refusals, which have no number",
+        _refusal_published_once,
+        situations.REFUSED_UNHEARD,
+    ),
+    Planted(
+        "D: the same stop twice",
+        "rover-relay ends when a stop that waits for its confirmation comes again",
+        _event_for_each_hand_over,
+    ),
+    Planted(
+        "E: answer published once",
+        "the last report on a repeat is lost with rover-relay",
+        _answer_published_once,
+        situations.REPEAT_ANSWERED,
+    ),
+    Planted(
+        "F: nothing before a report",
+        "a client that has received no report does not catch up",
+        _nothing_before_first_report,
+        situations.FIRST_REPORT,
+    ),
+    Planted(
+        "G: dropped after 30 times",
+        "rover-relay drops what was published 30 times and not confirmed",
+        _dropped_after_30_times,
+    ),
+    Planted(
+        "H: last stop not kept",
+        "a restarted rover-relay does not know what the last stop overtook",
+        _last_stop_not_kept,
+    ),
+    Planted(
+        "overtaken is executed",
+        "the executive does not heed that a stop has overtaken a command",
+        _overtaken_executed,
+    ),
+    Planted(
+        "published before commit",
+        "the executive publishes reports before its commit, and uses their numbers again",
+        _published_before_commit,
+    ),
+    Planted(
+        "admitted without commit",
+        "the executive admits and begins commands whose commit failed",
+        _admitted_without_commit,
+    ),
+    Planted(
+        "reports confirmed at once",
+        "rover-relay confirms reports before their bundle is on the disk",
+        _report_confirmed_at_once,
+    ),
+    Planted("caught up, dropped", "a client drops what it catches up with", _caught_up_dropped),
+    Planted(
+        "commits are not synced",
+        "the bundle agent's commits do not outlast a loss of power",
+        _commits_not_synced,
+    ),
+)
+"""Those with a letter are faults that the product had."""
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How a planted fault was looked for.
+
+    Attributes:
+        found: the promise that it broke; None if it was not found.
+        kills: how many processes were killed until then.
+        took_s: how long it took.
+    """
+
+    found: str | None
+    kills: int
+    took_s: float
+
+
+def search(planted: Planted, seed: str, most_kills: int) -> Search:
+    """Look for a planted fault: in its situation, or in storms one after another."""
+    began_s, kills = monotonic(), 0
+    with planted.plant():
+        for number in count():
+            again = f"{seed}.{number}" if number else seed
+            storm = planted.situation or draw_storm(again)
+            played = play(storm, until_found=True)
+            kills += played.kills
+            found = played.findings[0].what if played.findings else None
+            if found or planted.situation or kills >= most_kills:
+                return Search(found, kills, monotonic() - began_s)
+    raise AssertionError("count ends")
+
+
+@click.command()
+@click.option("--seeds", default=4, show_default=True, help="From which each is looked for.")
+@click.option("--most-kills", default=400, show_default=True, help="Until each is given up.")
+@click.option("--only", default="", help="Those whose names contain this.")
+def main(seeds: int, most_kills: int, only: str) -> None:
+    """Plant faults in the product, and print after how many kills the storms find each.
+
+    \b
+    Exit status:
+      0  each was found
+      1  one was not
+    """
+    logging.basicConfig(level=logging.CRITICAL)
+    missed = 0
+    for planted in PLANTED:
+        if only not in planted.name:
+            continue
+        chosen = 1 if planted.situation else seeds
+        searches = [search(planted, f"p{seed}", most_kills) for seed in range(1, chosen + 1)]
+        missed += sum(each.found is None for each in searches)
+        click.echo(_line(planted, searches))
+    sys.exit(1 if missed else 0)
+
+
+def _line(planted: Planted, searches: Sequence[Search]) -> str:
+    times = ", ".join(
+        f"{each.kills} ({each.took_s:.0f} s)" if each.found else f"not in {each.kills}"
+        for each in searches
+    )
+    by = "; ".join(sorted({each.found for each in searches if each.found}))
+    how = "situation" if planted.situation else "kills"
+    return f"{planted.name:<28} {how} {times}  {by}"
+
+
+if __name__ == "__main__":
+    main()
