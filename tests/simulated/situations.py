@@ -11,6 +11,7 @@ from tests.simulated.deeds import (
     KillAtWrite,
     Link,
     Order,
+    Pause,
     Situation,
     Storm,
 )
@@ -31,6 +32,8 @@ def _storm(*deeds: Deed) -> Storm:
     return Storm("situation", CALM, deeds)
 
 
+QUIET_S: Final = 30.0
+"""Enough after the last fault here, where no pause between two attempts has grown long."""
 FULL_FOR_MINUTES: Final = _storm(
     FillDisk(15.0, "executive", 90.0),
     Order(20.0, Link.RELAY, 1, Stop()),
@@ -39,20 +42,59 @@ FULL_FOR_MINUTES: Final = _storm(
     Order(150.0, Link.RELAY, 4, Resume()),
 )
 """Commands wait at rover-relay for longer than it takes to publish them 30 times."""
-LATE_REPORT: Final = _storm()
-REFUSED_UNHEARD: Final = _storm(
-    FillDisk(15.0, "executive", 10.0),
-    Order(20.0, Link.RELAY, 1, MoveForward(0.2)),
-    KillAtWrite(20.1, "orbiter", 1, True, 5.0),
-)
-REPEAT_ANSWERED: Final = _storm(
-    Order(20.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
-    Order(25.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
-    KillAtWrite(25.0, "relay", 1, True, 2.0),
-)
-FIRST_REPORT: Final = _storm(
-    Kill(19.0, "executive", 10.0),
+FORGOTTEN_ON_FULL_DISK: Final = _storm(
+    FillDisk(15.0, "executive", 55.0),
     Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
-    Kill(22.0, "orbiter", 15.0),
-    CutWay(22.0, "moe", "orbiter", 30.0),
+    Kill(60.0, "executive", 2.0),
 )
+"""The executive takes a command that it cannot write down, and is killed long after."""
+LATE_REPORT: Final = _storm(
+    *(Order(24.9 + 0.02 * n, Link.RELAY, 1 + n, SetTravelSpeed(0.2)) for n in range(6)),
+    CutWay(25.0, "orbiter", "relay", 0.3),
+    *(Order(25.32 + 0.02 * n, Link.RELAY, 7 + n, SetTravelSpeed(0.2)) for n in range(4)),
+    Kill(25.5, "orbiter", 1.0),
+    CutWay(25.6, "moe", "orbiter", 20.0),
+)
+"""Reports are lost, overtaken by others, and sent again while the ground is not connected."""
+REFUSED_UNHEARD: Final = _storm(
+    FillDisk(15.0, "executive", 30.0),
+    Order(16.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
+    Pause(18.0, "executive", 10.0),
+    Order(20.0, Link.RELAY, 2, SetTravelSpeed(0.3)),
+    Kill(22.0, "orbiter", 2.0),
+    CutWay(22.1, "moe", "orbiter", 20.0),
+)
+"""A refusal without a number comes down while the ground is not connected."""
+STOP_TWICE: Final = _storm(
+    Kill(19.0, "executive", 10.0),
+    Order(20.0, Link.RELAY, 1, Stop()),
+    Order(21.0, Link.RELAY, 1, Stop()),
+)
+"""The same stop waits twice at rover-relay for its confirmation."""
+REPEAT_ANSWERED: Final = tuple(
+    _storm(
+        Order(20.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
+        Order(20.0, Link.DIRECT, 2, SetTravelSpeed(0.3)),
+        Order(25.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
+        Order(25.0, Link.RELAY, 2, SetTravelSpeed(0.3)),
+        KillAtWrite(25.0, "relay", writes, after, 2.0),
+    )
+    for writes, after in ((3, True), (4, False), (4, True), (5, False))
+)
+"""rover-relay is killed about when it stores the answers to repeats."""
+FIRST_REPORT: Final = _storm(
+    CutWay(0.0, "orbiter", "relay", 30.0),
+    Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.3)),
+    Kill(22.0, "orbiter", 1.0),
+    CutWay(22.1, "moe", "orbiter", 20.0),
+)
+"""The ground receives nothing before its connection is lost, and all that comes is missed."""
+ALL: Final = {
+    "full for minutes": FULL_FOR_MINUTES,
+    "forgotten on a full disk": FORGOTTEN_ON_FULL_DISK,
+    "late report": LATE_REPORT,
+    "refused unheard": REFUSED_UNHEARD,
+    "stop twice": STOP_TWICE,
+    **{f"repeat answered {number}": each for number, each in enumerate(REPEAT_ANSWERED, 1)},
+    "first report": FIRST_REPORT,
+}

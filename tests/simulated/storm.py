@@ -159,8 +159,13 @@ class Player:
             self._add(name, GROUNDS[name], ground.start)
         world.network.set_way(place.orbiter, place.relay, _way(situation))
 
-    def play(self, *, until_found: bool = False) -> Played:
-        """Play it to its end, or until a promise is broken."""
+    def play(self, *, until_found: bool = False, quiet_s: float = QUIET_S) -> Played:
+        """Play it to its end, or until a promise is broken.
+
+        Args:
+            until_found: whether a broken promise ends it.
+            quiet_s: how long the ground may wait for ends after the last fault.
+        """
         world = self.world
         for process in world.processes.values():
             process.begin()
@@ -172,8 +177,8 @@ class Player:
         while world.now_s < faults_end_s and not (until_found and self.findings):
             world.run(min(world.now_s + _STEP_S, faults_end_s))
         self._calm()
-        quiet_s = 0.0 if until_found and self.findings else faults_end_s + QUIET_S
-        while world.now_s < quiet_s and not self._settled():
+        over_s = 0.0 if until_found and self.findings else faults_end_s + quiet_s
+        while world.now_s < over_s and not self._settled():
             world.run(world.now_s + _STEP_S)
         if not (until_found and self.findings):
             self._check_end()
@@ -338,7 +343,13 @@ def player(storm: Storm, trace: list[str] | None = None) -> Iterator[Player]:
         shutil.rmtree(folder)
 
 
-def play(storm: Storm, trace: list[str] | None = None, *, until_found: bool = False) -> Played:
-    """Play a storm to its end, or until a promise is broken."""
+def play(
+    storm: Storm,
+    trace: list[str] | None = None,
+    *,
+    until_found: bool = False,
+    quiet_s: float = QUIET_S,
+) -> Played:
+    """Play a storm to its end, or until a promise is broken; see `Player.play`."""
     with player(storm, trace) as playing:
-        return playing.play(until_found=until_found)
+        return playing.play(until_found=until_found, quiet_s=quiet_s)
