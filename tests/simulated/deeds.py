@@ -231,8 +231,14 @@ def _orders(chance: Random, situation: Situation) -> list[Order]:
             continue
         link = Link.RELAY if chance.random() < 0.7 else Link.DIRECT
         for _ in range(chance.choice((1, 1, 1, 2, 4))):  # some come in one string
-            orders.append(Order(at_s, link, number, _request(chance)))
+            request = _request(chance)
+            orders.append(Order(at_s, link, number, request))
             number += 1
+            if isinstance(request, Stop) and link is Link.RELAY and chance.random() < 0.5:
+                # What the stop overtakes then comes to a rover that has been resumed.
+                resumed_s = at_s + chance.uniform(0.5, 10.0)
+                orders.append(Order(resumed_s, Link.DIRECT, number, Resume()))
+                number += 1
     return orders
 
 

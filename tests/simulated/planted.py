@@ -3,6 +3,7 @@
 `python -m tests.simulated.planted` plays until each is found, and prints a table.
 """
 
+import asyncio
 import logging
 import sys
 from collections import Counter
@@ -247,8 +248,8 @@ def _report_confirmed_at_once() -> AbstractContextManager[object]:
     notified = BundleBridge._on_notification
 
     def confirm(self: BundleBridge, text: str) -> None:
-        notified(self, text)
         self._topics.confirm(fingerprint(text))
+        asyncio.get_running_loop().call_later(0.5, notified, self, text)
 
     return patch.object(BundleBridge, "_on_notification", confirm)
 
@@ -345,11 +346,13 @@ PLANTED: Final = (
         "H: last stop not kept",
         "a restarted rover-relay does not know what the last stop overtook",
         _last_stop_not_kept,
+        (situations.STOP_OUTLASTS_RELAY,),
     ),
     Planted(
         "overtaken is executed",
         "the executive does not heed that a stop has overtaken a command",
         _overtaken_executed,
+        (situations.STOP_OUTLASTS_RELAY,),
     ),
     Planted(
         "published before commit",
@@ -360,6 +363,7 @@ PLANTED: Final = (
         "admitted without commit",
         "the executive admits and begins commands whose commit failed",
         _admitted_without_commit,
+        (situations.FORGOTTEN_ON_FULL_DISK,),
     ),
     Planted(
         "reports confirmed at once",
@@ -371,6 +375,7 @@ PLANTED: Final = (
         "commits are not synced",
         "the bundle agent's commits do not outlast a loss of power",
         _commits_not_synced,
+        (situations.POWER_LOST,),
     ),
 )
 """Those with a letter are faults that the product had."""

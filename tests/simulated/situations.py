@@ -89,6 +89,25 @@ FIRST_REPORT: Final = _storm(
     CutWay(22.1, "moe", "orbiter", 20.0),
 )
 """The ground receives nothing before its connection is lost, and all that comes is missed."""
+STOP_OUTLASTS_RELAY: Final = _storm(
+    CutWay(20.0, "orbiter", "relay", 0.3),
+    Order(20.1, Link.RELAY, 1, MoveForward(0.3)),
+    Order(20.35, Link.RELAY, 2, Stop()),
+    Kill(20.5, "relay", 2.0),
+    Order(21.0, Link.DIRECT, 3, Resume()),
+    Kill(40.0, "executive", 1.0),
+)
+"""A stop overtakes a motion, rover-relay is killed, and the rover is resumed before it comes."""
+POWER_LOST: Final = _storm(
+    CutWay(19.0, "orbiter", "relay", 10.0),
+    *(Order(20.0 + n, Link.RELAY, 1 + n, SetTravelSpeed(0.2)) for n in range(4)),
+    Kill(24.0, "orbiter", 2.0, power=True),
+    Order(35.0, Link.RELAY, 5, SetTravelSpeed(0.2)),
+)
+"""The orbiter loses power with commands that it has acknowledged and not sent.
+
+The last command has the ground write, without which it does not notice that its connection is gone.
+"""
 ALL: Final = {
     "full for minutes": FULL_FOR_MINUTES,
     "forgotten on a full disk": FORGOTTEN_ON_FULL_DISK,
@@ -97,4 +116,6 @@ ALL: Final = {
     "stop twice": STOP_TWICE,
     **{f"repeat answered {number}": each for number, each in enumerate(REPEAT_ANSWERED, 1)},
     "first report": FIRST_REPORT,
+    "stop outlasts relay": STOP_OUTLASTS_RELAY,
+    "power lost": POWER_LOST,
 }
