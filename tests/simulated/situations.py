@@ -119,3 +119,18 @@ ALL: Final = {
     "stop outlasts relay": STOP_OUTLASTS_RELAY,
     "power lost": POWER_LOST,
 }
+REFUSED_THEN_EXECUTED: Final = _storm(
+    FillDisk(15.0, "executive", 10.0),
+    Order(16.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
+    Order(20.0, Link.RELAY, 2, Resume()),
+    KillAtWrite(20.0, "relay", 3, True, 8.0),
+)
+"""rover-relay is killed when it has stored a refusal that the ledger aboard knows nothing of."""
+HALF_OPEN: Final = _storm(
+    CutWay(19.0, "orbiter", "relay", 10.0),
+    Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
+    Kill(24.0, "orbiter", 2.0, power=True),
+)
+"""The orbiter loses power while the ground only listens."""
+BROKEN: Final = {"refused, then executed": REFUSED_THEN_EXECUTED, "half open": HALF_OPEN}
+"""In these the product does not keep its promises yet."""
