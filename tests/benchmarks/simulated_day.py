@@ -45,7 +45,9 @@ def measure(hours: float, seed: int) -> list[Figure]:
     return [
         Figure("simulated operations", played.simulated_s / 3600.0, "h"),
         Figure("processor time", cpu_s, "s"),
-        Figure("as fast as time", played.simulated_s / cpu_s, "times", on, Goal(100.0, at_least=True)),
+        Figure(
+            "as fast as time", played.simulated_s / cpu_s, "times", on, Goal(100.0, at_least=True)
+        ),
         Figure("events", played.events / cpu_s, "/s", on),
         Figure("broken promises", len(played.findings), "", "", Goal(0.0)),
     ]

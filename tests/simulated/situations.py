@@ -1,5 +1,6 @@
 """Situations that storms found, or find rarely, each as short as it can be."""
 
+from dataclasses import replace
 from typing import Final
 
 from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
@@ -102,12 +103,38 @@ POWER_LOST: Final = _storm(
     CutWay(19.0, "orbiter", "relay", 10.0),
     *(Order(20.0 + n, Link.RELAY, 1 + n, SetTravelSpeed(0.2)) for n in range(4)),
     Kill(24.0, "orbiter", 2.0, power=True),
-    Order(35.0, Link.RELAY, 5, SetTravelSpeed(0.2)),
 )
-"""The orbiter loses power with commands that it has acknowledged and not sent.
-
-The last command has the ground write, without which it does not notice that its connection is gone.
-"""
+"""The orbiter loses power with commands that it has acknowledged and not sent."""
+REFUSED_THEN_EXECUTED: Final = _storm(
+    FillDisk(15.0, "executive", 10.0),
+    Order(16.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
+    Order(20.0, Link.RELAY, 2, Resume()),
+    KillAtWrite(20.0, "relay", 3, True, 8.0),
+)
+"""rover-relay is killed when it has stored a refusal that the ledger aboard knows nothing of."""
+STOP_REFUSED_THEN_EXECUTED: Final = _storm(
+    FillDisk(15.0, "executive", 40.0),
+    Order(16.0, Link.DIRECT, 1, Resume()),
+    KillAtWrite(20.0, "relay", 3, True, 45.0),
+    Order(20.0, Link.RELAY, 2, Stop()),
+)
+"""The same of a stop, which is accepted in every mode."""
+HALF_OPEN: Final = _storm(
+    CutWay(19.0, "orbiter", "relay", 10.0),
+    Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
+    Kill(24.0, "orbiter", 2.0, power=True),
+)
+"""The orbiter loses power while the ground only listens."""
+FORGOTTEN_CONNECTION: Final = Storm(
+    "situation",
+    replace(CALM, delay_s=3.0),  # the reports come when the connection is half open
+    (
+        Order(20.0, Link.RELAY, 1, MoveForward(0.2)),
+        CutWay(20.5, "moe", "orbiter", 10.0),
+        Kill(21.0, "orbiter", 1.0),
+    ),
+)
+"""The ground only listens, and its orbiter has forgotten the connection."""
 ALL: Final = {
     "full for minutes": FULL_FOR_MINUTES,
     "forgotten on a full disk": FORGOTTEN_ON_FULL_DISK,
@@ -118,19 +145,8 @@ ALL: Final = {
     "first report": FIRST_REPORT,
     "stop outlasts relay": STOP_OUTLASTS_RELAY,
     "power lost": POWER_LOST,
+    "refused, then executed": REFUSED_THEN_EXECUTED,
+    "stop refused, then executed": STOP_REFUSED_THEN_EXECUTED,
+    "half open": HALF_OPEN,
+    "forgotten connection": FORGOTTEN_CONNECTION,
 }
-REFUSED_THEN_EXECUTED: Final = _storm(
-    FillDisk(15.0, "executive", 10.0),
-    Order(16.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
-    Order(20.0, Link.RELAY, 2, Resume()),
-    KillAtWrite(20.0, "relay", 3, True, 8.0),
-)
-"""rover-relay is killed when it has stored a refusal that the ledger aboard knows nothing of."""
-HALF_OPEN: Final = _storm(
-    CutWay(19.0, "orbiter", "relay", 10.0),
-    Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
-    Kill(24.0, "orbiter", 2.0, power=True),
-)
-"""The orbiter loses power while the ground only listens."""
-BROKEN: Final = {"refused, then executed": REFUSED_THEN_EXECUTED, "half open": HALF_OPEN}
-"""In these the product does not keep its promises yet."""
