@@ -1,6 +1,7 @@
 """What happens in a storm, as data: commands, kills and faults, drawn from a seed."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from enum import Enum
 from random import Random
 from typing import Final
@@ -19,11 +20,15 @@ from tests.simulated.convergence import Convergence
 
 RELAY_PROCESSES: Final = ("orbiter", "relay", "executive")
 _FIRST_NUMBER: Final = 1
+_SECOND_NUMBER: Final = 10_000
+"""Added to the numbers of commands for the second rover."""
 _SETTLE_S: Final = 10.0
 _DOWN_S: Final = (0.2, 6.0)
 _ORDER_S: Final = 5.5
 """Between two moments at which commands are sent, in the mean."""
 _TROUBLE_S: Final = 6.0
+_LONG_S: Final = 600.0
+"""Storms that last so long have one rover, since two take twice the time."""
 _ASK_S: Final = 9.0
 """Between two deeds of operators about the authority, in the mean."""
 
@@ -34,6 +39,8 @@ class Link(Enum):
     DIRECT = "direct"
     RELAY = "moe"
     RIVAL = RIVAL
+    DIRECT_2 = "direct2"
+    RELAY_2 = "moe2"
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +156,7 @@ class Situation:
         authority_needed: whether commands need the authority, which two operators ask for; None
             for where nobody does.
         convergence: by which layer bundles go between orbiter and rover.
+        rovers: how many are behind the orbiter.
     """
 
     delay_s: float
@@ -161,6 +169,7 @@ class Situation:
     period_s: float
     authority_needed: bool | None = None
     convergence: Convergence = Convergence.LTP
+    rovers: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,13 +192,34 @@ def draw_storm(seed: int | str) -> Storm:
     deeds: list[Deed] = [*_orders(chance, situation), *_troubles(chance, situation)]
     if situation.authority_needed is not None:
         deeds += _operators(Random(f"operators {seed}"), situation)
+    if situation.rovers > 1:
+        deeds += _second_rover(Random(f"second rover {seed}"), situation)
     return Storm(str(seed), situation, tuple(sorted(deeds, key=lambda deed: deed.at_s)))
+
+
+def _second_rover(chance: Random, situation: Situation) -> Iterator[Deed]:
+    """Draw what happens to a second rover: commands by numbers of their own, and troubles."""
+    links = {Link.DIRECT: Link.DIRECT_2, Link.RELAY: Link.RELAY_2}
+    for order in _orders(chance, situation):
+        number = order.number + _SECOND_NUMBER
+        yield replace(order, link=links[order.link], number=number)
+    for deed in _troubles(chance, situation):
+        match deed:
+            case CutWay(process=process, peer=peer):
+                other = peer if peer == "orbiter" else f"{peer}2"
+                yield replace(deed, process=f"{process}2", peer=other)
+            case LoseSamples() | Order() | AskAuthority():
+                pass
+            case _ if deed.process != "orbiter":
+                yield replace(deed, process=f"{deed.process}2")
+            case _:
+                pass
 
 
 def _situation(chance: Random) -> Situation:
     far = chance.random() < 0.3
     eclipsed = chance.random() < 0.3
-    return Situation(
+    situation = Situation(
         delay_s=chance.uniform(0.5, 2.0) if far else chance.uniform(0.005, 0.05),
         jitter_s=chance.choice((0.0, 0.02, 0.3)),
         loss=chance.choice((0.0, 0.02, 0.1)),
@@ -200,7 +230,10 @@ def _situation(chance: Random) -> Situation:
         period_s=chance.choice((440.0, 440.0, 1320.0)),
         authority_needed=chance.choice((None, None, False, True)),
         convergence=chance.choice((Convergence.LTP, *Convergence)),
+        rovers=chance.choice((1, 1, 1, 2)),
     )
+    short = situation.period_s < _LONG_S
+    return situation if short else replace(situation, rovers=1)
 
 
 def _request(chance: Random) -> Request:

@@ -1,6 +1,7 @@
 """The processes of the project in a simulated world: orbiter, relay, executive."""
 
 import asyncio
+from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
@@ -42,6 +43,8 @@ class Place:
         asset: its name.
         node: its number in the Bundle Protocol.
         orbiter, relay, executive: addresses of the computers.
+        port: at which the orbiter serves the MRS for it.
+        suffix: of the names of its processes.
         ask_again_s: see `OrbiterSettings`.
         answer_s: see `LtpLink`.
         convergence: by which layer bundles go.
@@ -52,6 +55,8 @@ class Place:
     orbiter: str = "10.0.0.1"
     relay: str = "10.0.0.2"
     executive: str = "10.0.0.3"
+    port: int = MRS_PORT
+    suffix: str = ""
     ask_again_s: float | None = 120.0
     answer_s: float = 0.5
     convergence: Convergence = Convergence.LTP
@@ -59,22 +64,15 @@ class Place:
     def _link(self, host: str, *, dials: bool = False) -> Links:
         return link_to(self.convergence, host, self.answer_s, dials=dials)
 
-    def orbiter_settings(self) -> OrbiterSettings:
-        """Return the settings of `rover-mops`."""
-        return OrbiterSettings(
-            eid="ipn:1.1",
-            listen=listen(self.convergence),
-            rovers=(
-                RelayedRoverSettings(
-                    asset=self.asset,
-                    description=f"{self.asset} through the relay",
-                    domain=("meteron", self.asset),
-                    eid=f"ipn:{self.node}.1",
-                    port=MRS_PORT,
-                    **self._link(self.relay),
-                ),
-            ),
-            ask_again_s=self.ask_again_s,
+    def relayed(self) -> RelayedRoverSettings:
+        """Return the settings of the rover for `rover-mops`."""
+        return RelayedRoverSettings(
+            asset=self.asset,
+            description=f"{self.asset} through the relay",
+            domain=("meteron", self.asset),
+            eid=f"ipn:{self.node}.1",
+            port=self.port,
+            **self._link(self.relay),
         )
 
     def relay_settings(self) -> RelaySettings:
@@ -87,12 +85,23 @@ class Place:
         )
 
 
-def start_orbiter(place: Place, process: Process) -> None:
+def orbiter_settings(places: Sequence[Place]) -> OrbiterSettings:
+    """Return the settings of `rover-mops` with rovers behind it."""
+    first = places[0]
+    return OrbiterSettings(
+        eid="ipn:1.1",
+        listen=listen(first.convergence),
+        rovers=tuple(place.relayed() for place in places),
+        ask_again_s=first.ask_again_s,
+    )
+
+
+def start_orbiter(places: Sequence[Place], process: Process) -> None:
     """Start `rover-mops`."""
     settings_file = process.folder / "orbiter.yaml"
     process.run(
         run(
-            place.orbiter_settings(),
+            orbiter_settings(places),
             settings_file,
             "0.0.0.0",
             process.folder,

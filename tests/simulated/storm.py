@@ -42,6 +42,7 @@ from tests.simulated.processes import (
     start_orbiter,
     start_relay,
 )
+from tests.simulated.rovers import check_apart, second, seen
 from tests.simulated.world import World, make_folder
 from tests.support.patience import UNTIMED
 
@@ -53,6 +54,7 @@ _STEP_S: Final = 10.0
 _WATCH_S: Final = 1.0
 _LATE_S, _STALE_S = 30.0, 10.0
 GROUNDS: Final = {"direct": "10.0.1.1", "moe": "10.0.1.2", RIVAL: "10.0.1.3"}
+GROUNDS_2: Final = {"direct2": "10.0.1.4", "moe2": "10.0.1.5"}
 
 
 def patient_settings(asset: str) -> Settings:
@@ -120,12 +122,16 @@ class Player:
     Args:
         storm: to be played.
         trace: takes a line for each event; None for none.
+
+    Attributes:
+        places: of the rovers behind the orbiter.
+        own: by the suffix of a rover's processes, what its own ground clients know.
     """
 
     def __init__(self, storm: Storm, trace: list[str] | None = None) -> None:
         self._storm = storm
         situation = storm.situation
-        self._place = place = Place(
+        place = Place(
             ask_again_s=situation.ask_again_s,
             answer_s=0.5 + 2.0 * (situation.delay_s + situation.jitter_s),
             convergence=situation.convergence,
@@ -133,7 +139,8 @@ class Player:
         self.world = world = World(storm.seed, Path(), trace)
         self.findings: dict[str, Finding] = {}
         self.kills = self.orders = 0
-        self._below = RoverBelow()
+        self.places = [place] if situation.rovers == 1 else [place, second(place)]
+        self._below: list[RoverBelow] = []
         self._plans: dict[str, _WritePlan] = {}
         self._due: set[str] = set()
         self._over = False
@@ -148,16 +155,25 @@ class Player:
             name: Ground(f"maltcp://{host}:{MRS_PORT}/MRS", Journal(), source)
             for name, (host, source) in ends.items()
         }
-        journals = {name: ground.journal for name, ground in self.grounds.items()}
+        own = dict(self.grounds)
+        journals = {name: ground.journal for name, ground in own.items()}
         sources = {name: source for name, (_, source) in ends.items()}
         self._authority = AuthorityJudge(world, bool(needed), journals, sources)
-        self._add("orbiter", place.orbiter, partial(start_orbiter, place))
-        self._add("relay", place.relay, partial(start_relay, place))
-        start = partial(start_executive, place, self._below, settings)
-        self._add("executive", place.executive, start)
+        self.own = {"": journals}
+        self._add("orbiter", place.orbiter, partial(start_orbiter, self.places))
+        self._add_rover(place, settings)
+        for other in self.places[1:]:
+            journals = {"direct": Journal(), "moe": Journal()}
+            self.own[other.suffix] = journals
+            for name, host, port in (
+                ("direct", other.executive, MRS_PORT),
+                ("moe", other.orbiter, other.port),
+            ):
+                uri = f"maltcp://{host}:{port}/MRS"
+                self.grounds[f"{name}{other.suffix}"] = Ground(uri, journals[name])
+            self._add_rover(other, replace(patient_settings(place.asset), asset=other.asset))
         for name, ground in self.grounds.items():
-            self._add(name, GROUNDS[name], ground.start)
-        world.network.set_way(place.orbiter, place.relay, _way(situation))
+            self._add(name, (GROUNDS | GROUNDS_2)[name], ground.start)
 
     def play(self, *, until_found: bool = False, quiet_s: float = QUIET_S) -> Played:
         """Play it to its end, or until a promise is broken.
@@ -190,6 +206,14 @@ class Player:
             world.now_s,
             self._digest(),
         )
+
+    def _add_rover(self, place: Place, settings: Settings) -> None:
+        self._add(f"relay{place.suffix}", place.relay, partial(start_relay, place))
+        self._below.append(below := RoverBelow())
+        start = partial(start_executive, place, below, settings)
+        self._add(f"executive{place.suffix}", place.executive, start)
+        way = _way(self._storm.situation)
+        self.world.network.set_way(place.orbiter, place.relay, way)
 
     def _add(self, name: str, host: str, start: Callable[[Process], None]) -> None:
         process = self.world.process(name, host, start)
@@ -249,7 +273,9 @@ class Player:
             process.restart()
 
     def _check(self) -> None:
-        self._note(check_stores(self.world, self._place.asset, self._journals))
+        for place in self.places:
+            world, journals = seen(self.world, place), self.own[place.suffix]
+            self._note(check_stores(world, place.asset, journals))
         self._note(self._authority.check())
 
     def _watch(self) -> None:
@@ -271,18 +297,18 @@ class Player:
             process.disk.full = False
             process.resume()
         situation = replace(self._storm.situation, eclipse_s=0.0)
-        world.network.set_way(self._place.orbiter, self._place.relay, _way(situation))
-
-    @property
-    def _journals(self) -> dict[str, Journal]:
-        return {name: ground.journal for name, ground in self.grounds.items()}
+        for place in self.places:
+            world.network.set_way(place.orbiter, place.relay, _way(situation))
 
     def _check_end(self) -> None:
         world, what = self.world, "a stopped rover was commanded to move"
-        moved = [Finding(world.now_s, what, f"stopped by {s}") for s in self._below.rover.moved]
-        self._note(check_end(world, self._place.asset, self._journals))
+        for place in self.places:
+            journals = self.own[place.suffix]
+            self._note(check_end(seen(world, place), place.asset, journals))
+            self._note(check_apart(world, place, journals))
+        stops = [stop for below in self._below for stop in below.rover.moved]
+        self._note(Finding(world.now_s, what, f"stopped by {stop}") for stop in stops)
         self._note(self._authority.check_end())
-        self._note(iter(moved))
 
     def _settled(self) -> bool:
         """Return whether the ground has the end of each command."""

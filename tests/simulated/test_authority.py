@@ -9,8 +9,8 @@ from executive.commands import SetTravelSpeed, Stop
 from executive.record import AuthorityRecord
 from tests.simulated.asks import RIVAL, Act, AskAuthority
 from tests.simulated.deeds import Deed, Kill, Link, Order, Storm
+from tests.simulated.situations import CALM
 from tests.simulated.storm import Played, play
-from tests.simulated.test_situations import CALM
 
 
 def played(*deeds: Deed) -> Played:
