@@ -100,6 +100,8 @@ STRESS: Final = {
 """Attacks of `rover bench`, each with how much of it there is in full, and at least."""
 STRESS_HOURS: Final = 24.0, 0.2
 """Of operations in simulated time, in full and at least."""
+PLANTED_SEEDS: Final = 4
+"""From which each planted fault is looked for; with none, only in its situations."""
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -169,7 +171,8 @@ def stress_checks(percent: int) -> list[Check]:
         checks.append(Check(name, ((rover, "bench", name, *arguments),)))
     full, least = STRESS_HOURS
     storms = _simulated(max(least, full * percent / 100), seed=str(time.time_ns()))
-    return [*checks, Check("simulated", (storms,))]
+    planted = _python("tests.simulated.planted", "--seeds", str(PLANTED_SEEDS * percent // 100))
+    return [*checks, Check("simulated", (storms,)), Check("planted", (planted,))]
 
 
 def _simulated(hours: float, seed: str) -> tuple[str, ...]:

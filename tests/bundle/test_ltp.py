@@ -37,7 +37,7 @@ class Engine:
     def __init__(self, own: int = 5, other: int = 1, first: int = 1) -> None:
         self.now_s = 0.0
         numbers = count(first)
-        self.span = LtpSpan(own, other, LINK, lambda: next(numbers), lambda: self.now_s)
+        self.span = LtpSpan(own, other, LINK, lambda: next(numbers), lambda: self.now_s, lambda: 1)
 
     def said(self) -> list[Segment]:
         said, self.span.segments[:] = list(self.span.segments), []

@@ -139,7 +139,7 @@ class Target:
         self.database = Database(folder / "fuzz.db", limits, Synchronous.OFF)
         self.node = Node(settings, self.database, lambda: int(1000 * time.time()), lambda _: None)
         numbers = count(1)
-        self._span = LtpSpan(2, 1, _LINK, lambda: next(numbers), time.monotonic)
+        self._span = LtpSpan(2, 1, _LINK, lambda: next(numbers), time.monotonic, lambda: 1)
 
     def take_bundle(self, octets: bytes) -> None:
         """Take what may be a bundle, alone and as a node."""

@@ -25,6 +25,7 @@ _LOG: Final = logging.getLogger(__name__)
 _REFUSED_PAUSE_S: Final = 1.0
 _LAST_SESSION: Final = "last LTP session"
 _SESSIONS_AT_ONCE: Final = 1 << 16
+_SERIALS: Final = 1 << 28
 _FIRST_SESSIONS: Final = 1 << 30
 _MOST_STRANGERS: Final = 100
 _EXPEDITED_SESSIONS: Final = 4
@@ -55,9 +56,11 @@ class LtpNeighbour(Link):
     ) -> None:
         super().__init__(context, neighbour)
         own, other = engine_of(context.node.settings.node), engine_of(neighbour.next_hop)
-        self.span = LtpSpan(
-            own, other, settings, next_number, context.now_s, context.system.random_octets
-        )
+
+        def first_serial() -> int:
+            return 1 + int.from_bytes(context.system.random_octets(4), "big") % (_SERIALS - 1)
+
+        self.span = LtpSpan(own, other, settings, next_number, context.now_s, first_serial)
         self._settings, self._transmit = settings, transmit
         self._pacer = Pacer(context.now_s)
         self._blocks: dict[int, list[Outgoing]] = {}

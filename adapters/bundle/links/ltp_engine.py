@@ -24,7 +24,6 @@ from adapters.bundle.links.ltp_segment import (
     SessionId,
 )
 from adapters.bundle.node.settings import LtpLink
-from adapters.system import OPERATING_SYSTEM
 
 BUNDLE_SERVICE: Final = 1
 _MOST_CLAIMS: Final = 100
@@ -33,7 +32,6 @@ _MOST_IMPORT_OCTETS: Final = 64 << 20
 _REMEMBERED: Final = 1024
 _REMEMBERED_ROUND_TRIPS: Final = 10
 _MOST_REPEATS: Final = 5
-_SERIALS: Final = 1 << 28
 
 
 class Ranges:
@@ -340,7 +338,7 @@ class LtpSpan:
         link: sizes and times.
         next_number: gives session numbers, never one twice.
         now_s: monotonic time.
-        random_octets: gives as many octets as asked, for the first serial numbers.
+        first_serial: draws the first serial number of a session, below 2^28.
 
     Attributes:
         light_time_s: how long a signal takes one way.
@@ -357,16 +355,15 @@ class LtpSpan:
         link: LtpLink,
         next_number: Callable[[], int],
         now_s: Callable[[], float],
-        random_octets: Callable[[int], bytes] = OPERATING_SYSTEM.random_octets,
+        first_serial: Callable[[], int],
     ) -> None:
-        self._random_octets = random_octets
         self.light_time_s = 0.0
         self.round_trip_s: float | None = None
         self._resent = 0
         self.segments: list[Segment] = []
         self.events: list[Event] = []
         self._own, self._other, self._link = own, other, link
-        self._next_number, self._now_s = next_number, now_s
+        self._next_number, self._now_s, self._first_serial = next_number, now_s, first_serial
         self._exports: dict[int, ExportSession] = {}
         self._ended: OrderedDict[int, None] = OrderedDict()
         self._imports: OrderedDict[int, ImportSession] = OrderedDict()
@@ -374,7 +371,7 @@ class LtpSpan:
         self._stored: OrderedDict[int, ImportSession] = OrderedDict()
         self._refused: OrderedDict[int, float] = OrderedDict()
         self._pending_reports: dict[tuple[int, int], _PendingReport] = {}
-        self._serial = self._first_serial()
+        self._serial = first_serial()
         self.suspended = False
 
     @property
@@ -391,19 +388,13 @@ class LtpSpan:
         """Send a block; return the number of its session."""
         number = self._next_number()
         session = SessionId(self._own, number)
+        serial = self._first_serial()
         export = ExportSession(
-            session,
-            block,
-            self._link.segment_octets,
-            self._first_serial(),
-            self.segments.append,
+            session, block, self._link.segment_octets, serial, self.segments.append
         )
         self._exports[number] = export
         self._await_report(export)
         return number
-
-    def _first_serial(self) -> int:
-        return 1 + int.from_bytes(self._random_octets(4), "big") % (_SERIALS - 1)
 
     def owns(self, session: SessionId) -> bool:
         """Return whether this span has begun a session of our engine, not too long ago."""
