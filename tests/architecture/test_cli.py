@@ -205,11 +205,9 @@ def test_a_share_of_the_stress_is_never_none_of_it() -> None:
     assert kills.commands[0][1:] == ("bench", "kills", "--kills=3")
     assert checkout.stress_checks(100)[0].commands[0][1:] == ("bench", "storm", "--commands=100000")
     for percent, hours in ((1, "0.24"), (100, "24")):
-        assert checkout.stress_checks(percent)[-1].commands[0][1:4] == (
-            "-m",
-            "tests.simulated",
-            hours,
-        )
+        found = {check.name: check.commands[0] for check in checkout.stress_checks(percent)}
+        assert found["simulated"][1:4] == ("-m", "tests.simulated", hours)
+        assert found["planted"][-1] == str(4 * percent // 100)
 
 
 def test_files_of_tests_on_ros_are_found_by_their_mark(tmp_path: Path) -> None:

@@ -58,14 +58,14 @@ LATE_REPORT: Final = _storm(
 )
 """Reports are lost, overtaken by others, and sent again while the ground is not connected."""
 REFUSED_UNHEARD: Final = _storm(
-    FillDisk(15.0, "executive", 30.0),
-    Order(16.0, Link.DIRECT, 1, SetTravelSpeed(0.2)),
+    Order(15.0, Link.DIRECT, 1, Stop()),
+    Order(16.0, Link.DIRECT, 2, MoveForward(0.2)),
     Pause(18.0, "executive", 10.0),
-    Order(20.0, Link.RELAY, 2, SetTravelSpeed(0.3)),
+    Order(20.0, Link.RELAY, 2, MoveForward(0.3)),
     Kill(22.0, "orbiter", 2.0),
     CutWay(22.1, "moe", "orbiter", 20.0),
 )
-"""A refusal without a number comes down while the ground is not connected."""
+"""The refusal of a number that is used has none, and comes down while nobody is connected."""
 STOP_TWICE: Final = _storm(
     Kill(19.0, "executive", 10.0),
     Order(20.0, Link.RELAY, 1, Stop()),
