@@ -302,10 +302,10 @@ def _troubles(chance: Random, situation: Situation) -> list[Deed]:
 
 
 def _trouble(chance: Random, at_s: float) -> Deed:
-    process = chance.choice((*RELAY_PROCESSES, *RELAY_PROCESSES, "moe", "direct"))
+    process = chance.choice((*RELAY_PROCESSES, *RELAY_PROCESSES, "moe", "moe", "direct"))
     down_s = chance.uniform(*_DOWN_S)
     if process not in RELAY_PROCESSES:
-        if chance.random() < 0.5:
+        if chance.random() < 0.25:
             return Kill(at_s, process, down_s)
         peer = "orbiter" if process == "moe" else "executive"
         return CutWay(at_s, process, peer, chance.uniform(1.0, 60.0))
