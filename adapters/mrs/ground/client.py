@@ -342,7 +342,7 @@ class MrsClient(Queries):
         try:
             await self.get_status_interval_s()
         except NotServedError:  # as by an orbiter: nothing was sent
-            await self.get_asset()
+            await self.get_last_notification()
 
     async def _ask_authority(self, operation: str, *arguments: Any) -> AuthorityStatus:
         return await self._one(AuthorityStatus, "Authority", operation, *arguments)
