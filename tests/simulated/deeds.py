@@ -312,9 +312,9 @@ def _trouble(chance: Random, at_s: float) -> Deed:
     match chance.randrange(20):
         case 0 | 1 | 2 | 3 | 4 | 5:
             return Kill(at_s, process, down_s)
-        case 6 | 7 | 8 | 9 | 10 | 11 | 12:
+        case 6 | 7 | 8 | 9 | 10:
             return KillAtWrite(at_s, process, chance.randint(1, 12), chance.random() < 0.5, down_s)
-        case 13 | 14:
+        case 11 | 12 | 13 | 14:
             return FailWrite(at_s, process, chance.randint(1, 12))
         case 15:
             return FillDisk(at_s, process, chance.uniform(1.0, 60.0))

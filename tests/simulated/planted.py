@@ -413,7 +413,12 @@ def search(planted: Planted, seed: str, most_kills: int) -> Search:
 
 
 @click.command()
-@click.option("--seeds", default=4, show_default=True, help="From which each is looked for.")
+@click.option(
+    "--seeds",
+    default=4,
+    show_default=True,
+    help="From which each is looked for; with 0 only those that have a situation are.",
+)
 @click.option("--most-kills", default=400, show_default=True, help="Until each is given up.")
 @click.option("--only", default="", help="Those whose names contain this.")
 def main(seeds: int, most_kills: int, only: str) -> None:
@@ -432,7 +437,8 @@ def main(seeds: int, most_kills: int, only: str) -> None:
         chosen = 1 if planted.situations else seeds
         searches = [search(planted, f"p{seed}", most_kills) for seed in range(1, chosen + 1)]
         missed += sum(each.found is None for each in searches)
-        click.echo(_line(planted, searches))
+        if searches:
+            click.echo(_line(planted, searches))
     sys.exit(1 if missed else 0)
 
 
