@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from executive.geometry import STANDING, Velocity
+from executive.geometry import STANDING
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.state import FileEvent, ParameterValue
 from tests.support.kinematic import KinematicRover
@@ -13,7 +13,7 @@ class StopWatch(KinematicRover):
 
     Attributes:
         stopped_by: the stop that holds it; None if it may move.
-        moved: stops during which it was commanded to move, each once.
+        moved: stops during which it moved, each once.
     """
 
     def __init__(self) -> None:
@@ -23,11 +23,11 @@ class StopWatch(KinematicRover):
         self._resumes: set[Identity] = set()
         self._last = 0
 
-    def drive(self, velocity: Velocity) -> None:
-        """Move from now on."""
-        super().drive(velocity)
-        if velocity != STANDING and self.stopped_by is not None:
+    def advance(self, step_s: float) -> None:
+        """Move for some time; what was commanded within a turn counts when the turn is reported."""
+        if step_s > 0.0 and self.velocity != STANDING and self.stopped_by is not None:
             self.moved[self.stopped_by] = None
+        super().advance(step_s)
 
     def report(self, reports: Sequence[Report]) -> None:
         """Take new reports; what answers a repeat is older."""

@@ -301,7 +301,7 @@ class Player:
             world.network.set_way(place.orbiter, place.relay, _way(situation))
 
     def _check_end(self) -> None:
-        world, what = self.world, "a stopped rover was commanded to move"
+        world, what = self.world, "a stopped rover moved"
         for place in self.places:
             journals = self.own[place.suffix]
             self._note(check_end(seen(world, place), place.asset, journals))
