@@ -39,7 +39,7 @@ def unconfirmed(context: Context, found: tuple[SourceMotion, ...]) -> str:
 
 
 def _odometry_shows(context: Context) -> bool:
-    """Return whether odometry is fresh enough to drive by, and to tell of standstill."""
+    """Return whether odometry is fresh enough to drive by, and to show standstill."""
     shows = (each.source == "odometry" for each in context.status.standstill.by_source())
     return context.status.odometry_fresh and any(shows)
 

@@ -33,7 +33,7 @@ class ProcessUsage:
 
     Args:
         data: a folder on the disk that it writes to.
-        system: what is looked at.
+        system: the computer that measures.
     """
 
     def __init__(self, data: Path, system: System = OPERATING_SYSTEM) -> None:

@@ -215,6 +215,7 @@ def start_executive(place: Place, below: RoverBelow, settings: Settings, process
     relay = ExecutiveRelayLink(topics, ledger, DICTIONARY, place.asset.upper(), system)
     direct = MrsLink(settings, "0.0.0.0", MRS_PORT, clear_text=True, system=system)
     below.rover.sent.clear()
+    below.rover.begin(ledger.last_sequence)
     executive = Executive(
         settings=settings,
         clock=system,

@@ -23,6 +23,10 @@ class StopWatch(KinematicRover):
         self._resumes: set[Identity] = set()
         self._last = 0
 
+    def begin(self, last_sequence: int) -> None:
+        """Take the reports of a new executive: numbers that were not written are given again."""
+        self._last = last_sequence
+
     def advance(self, step_s: float) -> None:
         """Move for some time; what was commanded within a turn counts when the turn is reported."""
         if step_s > 0.0 and self.velocity != STANDING and self.stopped_by is not None:

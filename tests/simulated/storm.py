@@ -143,7 +143,6 @@ class Player:
         self._below: list[RoverBelow] = []
         self._plans: dict[str, _WritePlan] = {}
         self._due: set[str] = set()
-        self._over = False
         settings = patient_settings(place.asset)
         ends = {"direct": (place.executive, SOURCE), "moe": (place.orbiter, SOURCE)}
         needed = situation.authority_needed
@@ -155,8 +154,7 @@ class Player:
             name: Ground(f"maltcp://{host}:{MRS_PORT}/MRS", Journal(), source)
             for name, (host, source) in ends.items()
         }
-        own = dict(self.grounds)
-        journals = {name: ground.journal for name, ground in own.items()}
+        journals = {name: ground.journal for name, ground in self.grounds.items()}
         sources = {name: source for name, (_, source) in ends.items()}
         self._authority = AuthorityJudge(world, bool(needed), journals, sources)
         self.own = {"": journals}
@@ -288,7 +286,6 @@ class Player:
 
     def _calm(self) -> None:
         """End all faults."""
-        self._over = True
         world = self.world
         world.topics.loss = 0.0
         for plan in self._plans.values():

@@ -85,7 +85,7 @@ class FileServices:
         holder: returns who holds the authority, who may cancel transfers of others.
         stalled_s: see `STALLED_S`.
         period_s: between two looks at the folder.
-        system: whose time tells whether a file is at rest.
+        system: whose time decides whether a file is at rest.
 
     Attributes:
         watch: takes changes of files, and publishes them.

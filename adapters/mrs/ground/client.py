@@ -338,7 +338,7 @@ class MrsClient(Queries):
                     await self._feed.catch_up(await self._session.consumer())
 
     async def _give_sign(self) -> None:
-        """Ask for something that the other end serves; TCP tells then if nobody is there."""
+        """Ask for something that the other end serves; so that TCP notices a peer that is gone."""
         try:
             await self.get_status_interval_s()
         except NotServedError:  # as by an orbiter: nothing was sent
