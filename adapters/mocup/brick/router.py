@@ -245,25 +245,29 @@ class Router:
 
         Returns:
             Whether they were taken. After a start the relay's wait, but for stops, until an
-            executive has told who has the authority now, or is gone.
+            executive has told who has the authority now, or is gone. What the relay sent and
+            cannot be recorded is not taken either: it comes again, and a refusal that is not
+            recorded would be followed by a second end.
         """
         if link is Link.RELAY and self._looks_to_wait and not self.is_stop(text):
             return False
         self._silent.discard(link)
         self._overtaken = overtaken
+        taken = True
         stream = self._told[link]
         for message in stream.feed(text.encode("utf-8", "replace")):
             try:
                 self._take(link, message)
             except LedgerError as error:
-                why = f"it cannot be written down: {error}"
-                if message.received:
+                why = f"it cannot be recorded: {error}"
+                taken = taken and link is not Link.RELAY
+                if message.received or link is Link.RELAY:
                     self._out.refuse(f"{link.value} link: {message}: {why}")
                 else:
                     self._out.reject((link,), message, why, Reason.LEDGER_FAILED)
         stream.cut()
         self._count_dropped()
-        return True
+        return taken
 
     def heard(self, octets: bytes) -> None:
         """Take octets from the brick, cut anywhere."""

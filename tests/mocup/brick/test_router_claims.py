@@ -83,18 +83,32 @@ def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: 
     assert forward(7) not in [m for _, m in bench.ports.notified if m.executed]
 
 
-def test_what_cannot_be_written_down_is_refused_but_a_stop_stops(bench: Bench) -> None:
-    bench.command(Link.RELAY, forward(1))
+def test_what_cannot_be_recorded_is_refused_but_a_stop_stops(bench: Bench) -> None:
+    bench.command(Link.DIRECT, forward(1))
     bench.says(executed(forward(1)))
     bench.ports.notified.clear()
     bench.fill_disk(True)
-    bench.command(Link.RELAY, forward(2), stop(3))
+    bench.command(Link.DIRECT, forward(2), stop(3))
     assert bench.ports.brick == [encode(forward(1)), encode(stop(3))]
-    (told,) = [message for link, message in bench.ports.notified if link is Link.RELAY]
-    assert (told.moe_inputs_id, told.outputs[:2]) == (2, ("REJECTED", "LEDGER_FAILED"))
+    ((_, rejected),) = bench.ports.notified
+    assert (rejected.moe_inputs_id, rejected.outputs[:2]) == (2, ("REJECTED", "LEDGER_FAILED"))
     bench.fill_disk(False)
-    bench.command(Link.RELAY, forward(2))
+    bench.command(Link.DIRECT, forward(2))
     assert bench.ports.brick[2:] == [encode(forward(2))]
+
+
+def test_what_the_relay_sent_and_cannot_be_recorded_comes_again_and_has_one_end(
+    bench: Bench,
+) -> None:
+    bench.fill_disk(True)
+    assert not bench.router.command(Link.RELAY, str(forward(2)))
+    assert bench.router.command(Link.RELAY, str(stop(3)))
+    assert bench.ports.brick == [encode(stop(3))]
+    bench.fill_disk(False)
+    assert bench.router.command(Link.RELAY, str(forward(2)))
+    bench.says(executed(forward(2)))
+    replies = [message for link, message in bench.ports.notified if link is Link.RELAY]
+    assert replies == [executed(forward(2))]
 
 
 def refused(command: Message) -> Message:
