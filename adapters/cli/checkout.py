@@ -58,22 +58,19 @@ def ros_files(tests: Path = CHECKOUT / "tests") -> tuple[str, ...]:
     return tuple(sorted(str(path.relative_to(tests.parent)) for path in found))
 
 
-ASIDE: Final = (
-    Check(
-        "pytest, core",
-        (
-            _python("coverage", "erase"),
-            # In one process: to import what is measured takes twice as long, too.
-            _python("coverage", "run", "-m", "pytest", "-m", "not ros", *CORE_TESTS),
-        ),
-    ),
-    Check(
-        "pytest",
-        # Many of these wait for others: clusters, orbiters, ION.
-        (_python(*_pytest("not ros", *(f"--ignore={room}" for room in CORE_TESTS), workers=3)),),
+CORE: Final = Check(
+    "pytest, core",
+    (
+        _python("coverage", "erase"),
+        # In one process: to import what is measured takes twice as long, too.
+        _python("coverage", "run", "-m", "pytest", "-m", "not ros", *CORE_TESTS),
     ),
 )
-"""Take only what time the others leave, and are told when they end."""
+REST: Final = Check(
+    "pytest",
+    # Many of these wait for others: clusters, orbiters, ION, a browser.
+    (_python(*_pytest("not ros", *(f"--ignore={room}" for room in CORE_TESTS), workers=3)),),
+)
 STATIC_CHECKS: Final = (
     Check("ruff check", (_python("ruff", "check", "."),)),
     Check("ruff format", (_python("ruff", "format", "--check", "."),)),
@@ -218,19 +215,18 @@ def environment() -> dict[str, str]:
 
 
 def _carry_out_all() -> Iterator[Outcome]:
-    """Yield outcomes; the checks aside are told after those beside which they ran."""
-    # In real time: all else gives way, and no more than two files at once, else odometry comes too
-    # late to drive by.
+    """Yield outcomes; the core is tested beside the static checks and the rest."""
+    # In real time: no more than two files at once, and nothing beside them, else odometry arrives
+    # too late to drive by.
     ros = Check("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
-    with ThreadPoolExecutor(len(ASIDE)) as pool:
-        aside = [pool.submit(_carry_out_aside, check) for check in ASIDE]
-        yield from map(_carry_out, (*STATIC_CHECKS, ros))
-        for each in aside:
-            outcome, said = each.result()
-            click.secho(_headline(outcome.name), bold=True)
-            click.echo(said, nl=False)
-            yield outcome
-    yield _carry_out(COVERAGE)
+    with ThreadPoolExecutor(1) as pool:
+        beside = pool.submit(_carry_out_beside, CORE)
+        yield from map(_carry_out, (*STATIC_CHECKS, REST))
+        outcome, output = beside.result()
+    click.secho(_headline(outcome.name), bold=True)
+    click.echo(output, nl=False)
+    yield outcome
+    yield from map(_carry_out, (COVERAGE, ros))
 
 
 def _carry_out(check: Check) -> Outcome:
@@ -240,12 +236,12 @@ def _carry_out(check: Check) -> Outcome:
     return Outcome(check.name, passed, time.monotonic() - began_s)
 
 
-def _carry_out_aside(check: Check) -> tuple[Outcome, str]:
-    """Carry out a check that gives way to all others, and return what it said, too."""
+def _carry_out_beside(check: Check) -> tuple[Outcome, str]:
+    """Carry out a check beside others, and return its output, too."""
     began_s = time.monotonic()
     done = [
         subprocess.run(
-            ("nice", "-n", "19", *command),
+            command,
             cwd=CHECKOUT,
             env=environment(),
             check=False,

@@ -12,30 +12,20 @@ LIMIT_S = 240
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "names", [("locomotion", "video"), ("telemetry",), ("camera", "files")], ids="-".join
-)
+@pytest.mark.parametrize("name", ["locomotion", "telemetry", "video", "camera", "files"])
 @pytest.mark.usefixtures("ros_domain")
-def test_hold_over_real_processes(names: tuple[str, ...]) -> None:
-    """Two scenarios are played at once, to save time; one that asks for speeds in time is alone."""
-    playing = [
-        subprocess.Popen(
-            [ROVER, "scenario", name, "--live", "--verbose"],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        for name in names
-    ]
-    try:
-        for scenario in playing:
-            output, _ = scenario.communicate(timeout=LIMIT_S)
-            assert scenario.returncode == 0, output
-            assert "FAILS" not in output
-    finally:
-        for scenario in playing:
-            scenario.kill()
-            scenario.communicate()
+def test_hold_over_real_processes(name: str) -> None:
+    """One at a time: a rover and its processes take most of a core, and are held to times."""
+    played = subprocess.run(
+        [ROVER, "scenario", name, "--live", "--verbose"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert played.returncode == 0, played.stdout
+    assert "FAILS" not in played.stdout
 
 
 FAULTS = """\

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from playwright import async_api, sync_api
 from sqlalchemy import Engine
 
 from adapters.console.archive import open_database
@@ -16,11 +17,15 @@ from sim.scenario.model import PlayMode
 from sim.scenario.reading import load_scenario
 from tests.console.postgres import NEEDED as POSTGRES_NEEDED
 from tests.console.postgres import cluster, fresh
+from tests.console.site import LIMIT_MS
 from tests.mrs.aboard import Aboard
 
 NEEDED = AuthoritySettings(needed=True, lease_s=3600.0)
 
 Launch = Callable[..., Aboard]
+
+async_api.expect.set_options(timeout=LIMIT_MS)
+sync_api.expect.set_options(timeout=LIMIT_MS)
 
 
 @pytest.fixture

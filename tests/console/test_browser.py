@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.conftest import port_of
-from tests.console.site import LIMIT_MS, Site, Visitors, rover, visitors
+from tests.console.site import Site, Visitors, rover, visitors
 from tests.docs.pages import CHECKOUT
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED
 from tests.support.ports import free_udp_ports
@@ -28,8 +28,6 @@ zones:
   keep_out: [{name: crater, corners_m: [[1, -3.2], [3, -3.4], [3.4, -1.6], [1.2, -1.4]]}]
   rocks: [{name: boulder, x_m: -1.2, y_m: 1.4, radius_m: 0.4}]
 """
-
-expect.set_options(timeout=LIMIT_MS)
 
 
 @pytest.fixture(scope="module")

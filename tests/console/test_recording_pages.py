@@ -12,7 +12,7 @@ from playwright.sync_api import Page, expect
 from adapters.recording import RunFile, RunReader, decode
 from executive.recording import ToldParameters
 from tests.conftest import port_of
-from tests.console.site import LIMIT_MS, Site, Visitors, visitors
+from tests.console.site import Site, Visitors, visitors
 from tests.console.test_browser import commands, picture
 from tests.support.browser import BROWSER, REQUIRED
 
@@ -22,8 +22,6 @@ pytestmark = [
 ]
 
 RECORDING = "rover:rovers/rover:jackal%40run/rover:jackal%40run"
-expect.set_options(timeout=LIMIT_MS)
-
 
 @pytest.fixture(scope="module")
 def people() -> Iterator[Visitors]:
