@@ -23,6 +23,7 @@ pytestmark = [
 
 RECORDING = "rover:rovers/rover:jackal%40run/rover:jackal%40run"
 
+
 @pytest.fixture(scope="module")
 def people() -> Iterator[Visitors]:
     """Give browsers; nothing may fail on any page."""

@@ -45,11 +45,13 @@ async def test_the_tree_comes_as_it_changes_and_can_be_looked_up_later(
         assert (idle["asset"], idle["mode"], idle["nodes"][0]["depth"]) == ("jackal", "IDLE", 0)
         await anna.send("drive", "moveForward", distance=3.0)
         rover.run(0.5)
-        moving = await anna.page.until(
-            lambda said: said["ty"] == "tree" and said["mode"] == "MOVING"
+        await anna.page.until(  # the mode is MOVING from the submission on, a tick later the leaf
+            lambda said: (
+                said["ty"] == "tree"
+                and said["mode"] == "MOVING"
+                and any(node["look"] == "running" for node in said["nodes"])
+            )
         )
-        running = [node["name"] for node in moving["nodes"] if node["look"] == "running"]
-        assert running
         rover.run(10.0)
         await anna.page.command("drive", "executed")
         kept = (await anna.get("api/records/tree", asset="jackal"))["records"]

@@ -68,15 +68,14 @@ class Outbox:
 
     def __init__(self, database: Database) -> None:
         self._db = database
-        self._without_expedited: set[str] = set()
+        self._read_to_the_end: dict[tuple[str, bool], int] = {}
 
     def add(
         self, primary: Primary, neighbour: str, octets: bytes, *,
         own: bool, confirm: bool, now_utc_ms: int, expires_utc_ms: int, expedited: bool = False,
     ) -> None:  # fmt: skip
         """Add a bundle within the transaction, by its primary block and its octets."""
-        if expedited:
-            self._without_expedited.discard(neighbour)
+        self._read_to_the_end.pop((neighbour, expedited), None)
         self._db.write(
             "INSERT INTO outbox (key, destination, neighbour, state, confirm, put_utc_ms,"
             " expires_utc_ms, own, expedited, octets) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -94,16 +93,16 @@ class Outbox:
 
         One whose lifetime is over is not among them: the next node would delete it without a word.
         """
-        if expedited and neighbour in self._without_expedited:
-            return []
+        if self._read_to_the_end.get((neighbour, expedited)) == after:
+            return []  # links ask at each segment that they receive
         rows = self._db.read_some(
             "SELECT id, key, own, confirm, put_utc_ms, octets FROM outbox"
             " WHERE neighbour = ? AND state = ? AND id > ? AND expires_utc_ms > ?"
             f" AND {'' if expedited else 'NOT '}expedited ORDER BY id LIMIT ?",
             (neighbour, State.WAITING.value, after, now_utc_ms, count),
         )
-        if expedited and not rows:
-            self._without_expedited.add(neighbour)
+        if not rows:
+            self._read_to_the_end[neighbour, expedited] = after
         return [
             Stored(
                 row_id, neighbour, bundle_id_from_key(key), bool(own), bool(confirm), put_utc_ms,
@@ -170,7 +169,7 @@ class Outbox:
                 "UPDATE outbox SET state = 0, again_utc_ms = NULL WHERE id = ?",
                 [(row_id,) for row_id, _ in found],
             )
-            self._without_expedited.clear()
+            self._read_to_the_end.clear()
         return [neighbour for _, neighbour in found]
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId, bytes]]:

@@ -153,7 +153,9 @@ class BundleBridge:
             OSError: an address cannot be had.
         """
         opened: Future[None] = Future()
-        self._thread = threading.Thread(target=self._run, args=(opened,), name="bundles")
+        self._thread = threading.Thread(
+            target=self._run, args=(opened,), name="bundles", daemon=True
+        )
         self._thread.start()
         opened.result()
 
