@@ -453,10 +453,15 @@ class BundleAgent:
         finally:
             if transaction.pending and not transaction.failing:
                 self._wake()
-            if self._timer is not None:
-                self._timer.cancel()
             next_s = min([self._next_look_s, *(link.next_s for link in session.links.values())])
-            self._timer = asyncio.get_running_loop().call_at(next_s, self._wake)
+            if self._timer is None or self._timer.when() != next_s:
+                if self._timer is not None:
+                    self._timer.cancel()
+                self._timer = asyncio.get_running_loop().call_at(next_s, self._due)
+
+    def _due(self) -> None:
+        self._timer = None
+        self._wake()
 
     def _pass_time(self, session: _Session) -> None:
         now_s = asyncio.get_running_loop().time()

@@ -16,7 +16,7 @@ from sim.scenario.reading import load_scenario
 
 ROVER = Path(sys.executable).with_name("rover")
 LIMIT_S = 240
-LATER_S = 10.0
+LATER_S = 6.0
 """By which all may be later on a slow machine."""
 
 
