@@ -18,14 +18,12 @@ from std_msgs.msg import Float64, String, UInt64
 
 from adapters.mocup.brick.ownership import SILENT_S
 from adapters.mocup.brick.record import BrickRecord, Link
-from adapters.mocup.brick.router import MOST_ARRIVED, RESTARTED, SOURCE, Inbox, Router
+from adapters.mocup.brick.router import MOST_ARRIVED, SOURCE, Router
+from adapters.mocup.brick.service import BrickService
 from adapters.mocup.brick.usb import (
     KEEP_ALIVE_S,
     Brick,
     BrickSession,
-    Found,
-    Heard,
-    Lost,
     UsbAddress,
 )
 from adapters.mops import (
@@ -36,7 +34,6 @@ from adapters.mops import (
     Spelling,
     encode,
     facts_of,
-    fingerprint,
     housekeeping_message,
     load_dictionary,
 )
@@ -184,7 +181,6 @@ class NxtNode:
             dictionary, settings.brick, self, self._refused, record, authority, SystemClock()
         )
         self._refused_since = 0
-        self._why = "no brick yet"
         self._odometry = self._publisher(OdometryMessage, topics.odometry)
         self._battery = self._publisher(BatteryState, topics.battery)
         self._pan = self._publisher(Float64, topics.camera_pan_state)
@@ -194,12 +190,12 @@ class NxtNode:
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
         self._taken = self._publisher(UInt64, settings.taken)
-        self._listeners: dict[Link, frozenset[bytes]] = dict.fromkeys(Link, frozenset())
-        self._inbox = Inbox(self._router.is_stop)
+        self._service = BrickService(self._router, self._confirm)
         self._commands = {
             link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
             for link, topic in settings.commands.items()
         }
+        self._listening: set[Link] = set()
         self._inbox_waits = node.create_guard_condition(self._serve_inbox)
         self._commanders = {
             link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link)) for link in Link
@@ -211,7 +207,6 @@ class NxtNode:
         )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady_timer(node, HEALTH_S, self._look_around)
-        self._router.lost(RESTARTED)
         woken = node.create_guard_condition(self._drain)
         self._session = BrickSession(claim, woken.trigger, keep_alive(spelling, settings.brick))
         steady_timer(node, KEEP_ALIVE_S, self._session.alive)
@@ -267,7 +262,7 @@ class NxtNode:
         return take
 
     def _arrived(self, link: Link, message: String) -> None:
-        if not self._inbox.put(link, message.data):
+        if not self._service.inbox.put(link, message.data):
             self._refused(f"{link.value} link: {MOST_ARRIVED} texts wait")
 
     def _serve_inbox(self) -> None:
@@ -277,39 +272,27 @@ class NxtNode:
             with waiting:
                 while (taken := waiting.take_message(String, False)) is not None:
                     self._arrived(link, taken[0])
-        if (arrived := self._inbox.take()) is not None:
-            self._commanders[arrived.link].command()
-            taken = self._router.command(arrived.link, arrived.text, arrived.overtaken)
-            if taken and arrived.link is Link.RELAY:
-                self._taken.publish(UInt64(data=fingerprint(arrived.text)))
+        if (served := self._service.serve()) is not None:
+            self._commanders[served].command()
             self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
 
+    def _confirm(self, mark: int) -> None:
+        self._taken.publish(UInt64(data=mark))
+
     def _drain(self) -> None:
-        for event in self._session.events():
-            match event:
-                case Heard(octets):
-                    self._router.heard(octets)
-                case Found(visit):
-                    self._why = ""
-                    self._router.found(visit)
-                case Lost(why):
-                    self._why = why
-                    self._router.lost()
+        self._service.drain(self._session.events())
 
     def _look_around(self) -> None:
-        self._router.look()
+        found = {link: subscribers_of(self._node, p) for link, p in self._notifications.items()}
+        self._listening = {link for link, subscribers in found.items() if subscribers}
+        self._service.look(found)
         self._diagnose()
         self._tell_housekeeping()
-        for link, publisher in self._notifications.items():
-            found = subscribers_of(self._node, publisher)
-            if found - self._listeners[link]:
-                self._router.resend_last(link)
-            self._listeners[link] = found
 
     def _tell_housekeeping(self) -> None:
         """Tell by both links how this process is doing."""
         now_s, counts = time.monotonic(), self._router.counts
-        due = [link for link in Link if now_s >= self._house_s[link] and self._listeners[link]]
+        due = [link for link in Link if now_s >= self._house_s[link] and link in self._listening]
         self._house_s |= {link: now_s + HOUSEKEEPING_S[link] for link in due}
         figures = {
             "NXT_CONNECTED": float(self._session.connected),
@@ -326,7 +309,7 @@ class NxtNode:
     def _diagnose(self) -> None:
         """Publish one status: ERROR without the brick, WARN where messages were refused."""
         if not self._session.connected:
-            level, text = DiagnosticStatus.ERROR, f"the brick is not there: {self._why}"
+            level, text = DiagnosticStatus.ERROR, f"the brick is not there: {self._service.why}"
         elif self._refused_since:
             level, text = DiagnosticStatus.WARN, "messages were refused"
         else:
