@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from adapters.mocup.brick.ownership import SILENT_S
 from adapters.mocup.brick.record import Link
-from adapters.mocup.brick.router import MOST_ARRIVED, SOURCE, Inbox
+from adapters.mocup.brick.router import SOURCE
+from adapters.mocup.brick.service import MOST_ARRIVED, Inbox
 from adapters.mocup.brick.usb import Brick, BrickSession
 from adapters.mops import Message, decode, encode
 from adapters.ros import HeartbeatMonitor

@@ -18,8 +18,8 @@ from std_msgs.msg import Float64, String, UInt64
 
 from adapters.mocup.brick.ownership import SILENT_S
 from adapters.mocup.brick.record import BrickRecord, Link
-from adapters.mocup.brick.router import MOST_ARRIVED, SOURCE, Router
-from adapters.mocup.brick.service import BrickService
+from adapters.mocup.brick.router import SOURCE, Router
+from adapters.mocup.brick.service import MOST_ARRIVED, BrickService
 from adapters.mocup.brick.usb import (
     KEEP_ALIVE_S,
     Brick,

@@ -71,8 +71,8 @@ class Ownership:
     def relay_was_first(self, claim: Claim, first: BrickCommand) -> bool:
         """Tell the executive what became of a claimed command that the relay brought first.
 
-        What the brick refused or never had it has not done: the executive may, and the relay hears
-        of it.
+        What the brick refused or never had it has not done: the executive may. The relay receives
+        its reports, unless it had the refusal.
 
         Returns:
             Whether it is the relay's.
@@ -80,7 +80,13 @@ class Ownership:
         if not same(claim.command, first.command):
             text = f"this number is that of another {first.command.command}"
             self._out.reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
-        elif first.refused or first.waits:
+        elif first.refused:
+            if first.command.moe_inputs_counter is not None:  # a part may have that counter
+                plain = replace(first.command, moe_inputs_counter=None)
+                self._record.save(replace(first, command=plain))
+                self._record.forget(first)
+            return False
+        elif first.waits:
             self._record.save_claim(replace(claim, wanted=first.command))
             self._record.forget(first)
             return False
@@ -142,6 +148,7 @@ class WaitingCommands:
 
     Args:
         send: sends the brick a command; returns False where it cannot.
+        reject: refuses a command of a link.
         clock: for their lifetimes.
     """
 
@@ -151,12 +158,13 @@ class WaitingCommands:
         out: RepliesOut,
         ownership: Ownership,
         send: Callable[[Message], bool],
+        reject: Callable[[Link, Message, str, Reason], None],
         clock: Clock,
     ) -> None:
         self._record = record
         self._out = out
         self._ownership = ownership
-        self._send = send
+        self._send, self._reject = send, reject
         self._clock = clock
         self._arrived: dict[_Key, tuple[float, float]] = {}
         self._ending: Cause | None = None
@@ -179,7 +187,7 @@ class WaitingCommands:
         self._end_what_is_to_end()
         if len(self._record.waiting()) >= MOST_WAITING:
             text = f"BUSY: {MOST_WAITING} commands wait for the brick"
-            self._out.reject((Link.RELAY,), command, text, Reason.QUEUE_FULL)
+            self._reject(Link.RELAY, command, text, Reason.QUEUE_FULL)
             return
         received = self._out.reply(command, Stage.RECEIVED)
         try:

@@ -131,12 +131,6 @@ class BrickRecord(Database):
         rows = self.rows(f"{_ASKED} WHERE NOT ended AND NOT waits ORDER BY number")
         return [_asked(row) for row in rows]
 
-    def unanswered_before(self, command: Message) -> Sequence[BrickCommand]:
-        """Return what the brick owes a last reply for since before a command, oldest first."""
-        number = "SELECT number FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
-        where = f"NOT ended AND NOT waits AND number < ({number}) ORDER BY number"
-        return [_asked(row) for row in self.rows(f"{_ASKED} WHERE {where}", _key(command))]
-
     def waiting(self) -> Sequence[BrickCommand]:
         """Return what the brick has not been asked yet, oldest first."""
         rows = self.rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")

@@ -1,9 +1,8 @@
 """What becomes of what the brick was asked: its own replies, and what is told in its stead."""
 
 import logging
-from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from typing import Final
 
@@ -29,6 +28,7 @@ from adapters.mops import (
     encode,
     is_last,
     messages_in,
+    refusal_of,
 )
 from executive.clock import Clock
 from executive.commands.intake import expired, made_in_future
@@ -59,17 +59,26 @@ class BrickReplies:
         self._unsaid: Sequence[Message] = ()
         self._overdue: Sequence[Message] = ()
         self._causes: dict[Message, Cause] = {}
+        self._stopped: Sequence[Message] = ()
+        self._unrecorded: dict[Message, Message] = {}
 
     def take(self, reply: Message) -> None:
         """Take a reply of the brick; one that nobody asked for goes to both links."""
+        if reply.executed and reply.code == self._stop:
+            self.expect(self._stopped)
+            self._stopped = ()
         with self._out.contained(f"reply {reply}"):
             self._take(self._record.asked(command_of(reply)), reply)
 
     def _take(self, asked: BrickCommand | None, reply: Message) -> None:
         if asked is None or asked.command.code != reply.code:
             self._out.counts.unasked += 1
-            for link in Link:
-                self._out.notify(link, reply)
+            for link in (Link.DIRECT,) if reply.code == self._stop else Link:
+                self._out.notify(
+                    link, reply
+                )  # a stop of the relay comes again until it is recorded
+        elif asked.ended and reply.code == self._stop:
+            self._out.counts.replies += 1  # to one that came again
         elif asked.ended or asked.waits:
             when = "after it had ended" if asked.ended else "before it was asked"
             self._out.refuse(f"the brick says {reply} {when}")
@@ -77,14 +86,16 @@ class BrickReplies:
             self._out.counts.replies += 1
             by_relay = Link.RELAY in asked.links
             if reply.executed and by_relay and self._head.keep(asked.command, reply):
-                self._answer(asked, self._out.reply(asked.command, Stage.STARTED))
+                self.answer(asked, self._out.reply(asked.command, Stage.STARTED))
                 return
             if is_last(reply):
                 self._head.forget(asked.command)
-            self._answer(asked, reply)
-            if reply.executed and reply.code == self._stop:
-                owed = self._record.unanswered_before(asked.command)
-                self.expect([each.command for each in owed])
+            self.answer(asked, reply)
+
+    def stopped(self) -> None:
+        """Note what a stop ends that is sent now, or drops on its way to the brick."""
+        with self._out.contained("what a stop ends"):
+            self._stopped = [each.command for each in self._record.unanswered()]
 
     def lost(self, why: str) -> bool:
         """End all that the brick has not answered as failed.
@@ -93,13 +104,14 @@ class BrickReplies:
             Whether there was any, so that the brick may be moving.
         """
         self._causes.clear()
+        self._record_again()
         owed = True
         with self._out.contained("what the brick owes"):
             unanswered = self._record.unanswered()
             owed = not all(self._head.keeps(asked.command) for asked in unanswered)
             for asked in unanswered:
                 reply = self._out.reply(asked.command, Stage.FAILED, why)
-                self._answer(asked, replace(reply, received=asked.replied is not None))
+                self.answer(asked, replace(reply, received=asked.replied is not None))
         self._head.clear()
         return owed
 
@@ -118,7 +130,7 @@ class BrickReplies:
                 reply, why = each.reply, Reason.PAN_TILT_DEADLINE
                 if each.fault:
                     reply = self._out.reply(each.command, Stage.FAILED, each.fault, why)
-                self._answer(asked, reply)
+                self.answer(asked, reply)
 
     def because(self, commands: Sequence[BrickCommand], cause: Cause) -> None:
         """Tell a cause when the brick says that commands were cancelled."""
@@ -126,21 +138,34 @@ class BrickReplies:
 
     def look(self) -> None:
         """End what the brick did not answer for a look or two although it was expected to."""
+        self._record_again()
         overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
         with self._out.contained("what the brick owes"):
             for asked in [self._record.asked(command) for command in overdue]:
                 kept = asked is not None and self._head.keeps(asked.command)
                 if asked is not None and not asked.ended and not kept:
                     text = "the brick was stopped and did not say how this ended"
-                    self._answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
+                    self.answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
         self._end_pointing(self._head.overdue())
 
     def expect(self, commands: Sequence[Message]) -> None:
         """Expect replies soon, as a stop ends all; they may be lost."""
         self._unsaid = (*self._unsaid, *commands)
 
-    def _answer(self, asked: BrickCommand, reply: Message) -> None:
-        """Write a reply down and then pass it on, so that an end is never taken back."""
+    def _record_again(self) -> None:
+        """Answer what could not be recorded."""
+        for command, reply in list(self._unrecorded.items()):
+            with self._out.contained(f"a reply to {command}"):
+                asked = self._record.asked(command)
+                if asked is not None:
+                    self.answer(asked, reply)
+
+    def answer(self, asked: BrickCommand, reply: Message) -> None:
+        """Record a reply and then pass it on, so that an end is never revoked.
+
+        An end of the relay's that cannot be recorded is passed on once it can be.
+        """
+        reply = self._unrecorded.pop(asked.command, reply)
         cause = self._causes.pop(asked.command, None) if is_last(reply) else None
         if cause is not None and reply.outputs[:1] == (Stage.CANCELLED.name,):
             reply = self._out.cancelled(asked.command, cause)
@@ -148,7 +173,10 @@ class BrickReplies:
         try:
             self._record.save(asked)
         except (MopsError, LedgerError) as error:
-            self._out.refuse(f"a reply to {asked.command} is not kept: {error}")
+            self._out.refuse(f"a reply to {asked.command} is not recorded: {error}")
+            if asked.ended and Link.RELAY in asked.links:
+                self._unrecorded[asked.command] = reply
+                return
         for link in asked.links:
             self._out.notify(link, reply)
         if asked.links == (Link.RELAY,):
@@ -221,7 +249,9 @@ class Router:
         self._replies = BrickReplies(
             record, self._out, self._ownership, self._head, self._stop_code
         )
-        self._waiting = WaitingCommands(record, self._out, self._ownership, self._send, clock)
+        self._waiting = WaitingCommands(
+            record, self._out, self._ownership, self._send, self._reject, clock
+        )
         self._visit = _NO_VISIT
         self._may_move = False
         self._silent: set[Link] = set()
@@ -261,7 +291,7 @@ class Router:
             except LedgerError as error:
                 why = f"it cannot be recorded: {error}"
                 taken = taken and link is not Link.RELAY
-                if message.received or link is Link.RELAY:
+                if message.received or link is Link.RELAY or self._stops(message):
                     self._out.refuse(f"{link.value} link: {message}: {why}")
                 else:
                     self._out.reject((link,), message, why, Reason.LEDGER_FAILED)
@@ -407,17 +437,17 @@ class Router:
         try:
             conditions = conditions_of(command)
         except MopsError as error:
-            self._out.reject((Link.RELAY,), command, str(error))
+            self._reject(Link.RELAY, command, str(error))
             return False
         claimed = conditions.authority
         fault = self._authority.fault(command.source, claimed)
         if fault:
-            self._out.reject((Link.RELAY,), command, fault, Reason.NO_AUTHORITY)
+            self._reject(Link.RELAY, command, fault, Reason.NO_AUTHORITY)
             return False
         utc_s = self._clock.utc_s()
         late = made_in_future(conditions, utc_s, MOST_AHEAD_S) or expired(conditions, utc_s, utc_s)
         if late is not None:
-            self._out.reject((Link.RELAY,), command, late.text, late.reason)
+            self._reject(Link.RELAY, command, late.text, late.reason)
             return False
         if claimed is not None and self._granted is not None:
             told = self._granted
@@ -445,10 +475,24 @@ class Router:
 
     def _pass_on(self, link: Link, command: Message) -> None:
         asked = BrickCommand(command, (link,))
-        self.record.save(asked)
-        if not self._send(command):
+        if self._visit != _NO_VISIT:
+            self.record.save(asked)
+            if self._send(command):
+                return
+            if link is Link.RELAY and command.moe_inputs_id is not None:
+                self._replies.answer(asked, refusal_of(command, self.name, ABSENT))
+                return
             self.record.forget(asked)
-            self._out.reject((link,), command, ABSENT)
+        self._reject(link, command, ABSENT)
+
+    def _reject(
+        self, link: Link, command: Message, text: str, reason: Reason | None = None
+    ) -> None:
+        """Refuse a command; the relay's is recorded as ended, since it may come again."""
+        if link is Link.RELAY and command.moe_inputs_id is not None:
+            refusal = refusal_of(command, self.name, text, reason)
+            self.record.save(BrickCommand(command, (link,), refusal))
+        self._out.reject((link,), command, text, reason)
 
     def _send(self, command: Message) -> bool:
         sent = self.ports.to_brick(encode(replace(command, outputs=())), self._visit)
@@ -466,26 +510,32 @@ class Router:
         """Send a stop as plain as it can be, so that no brick's program stumbles over it."""
         sent = self.ports.stop_brick(encode(replace(stop, inputs=(), outputs=(), received=False)))
         self.counts.commands += sent
+        if sent:
+            self._replies.stopped()
         return sent
 
     def _stop(self, link: Link, stop: Message) -> None:
-        if self._sent_stop(stop):
-            self._remember_stop(link, stop)
-            if link is Link.RELAY:
-                with self._out.contained(f"a part may come after {stop}"):
-                    self._ownership.stop(stop)
-        else:
-            self._out.reject((link,), stop, ABSENT)
+        sent = self._sent_stop(stop)
+        if sent and link is Link.RELAY:
+            with self._out.contained(f"a part may come after {stop}"):
+                self._ownership.stop(stop)
         self._ownership.release()
         self._waiting.end(STOPPED)
+        self._record_stop(link, stop, sent)
 
-    def _remember_stop(self, link: Link, stop: Message) -> None:
-        with self._out.contained(f"{link.value} link: {stop}"):
-            known = self._first(stop)
-            if known is None or self._out.is_same(link, known.command, stop):
-                before = self.record.asked(stop) if known else None
-                links: Sequence[Link] = () if before is None else before.links
-                self.record.save(BrickCommand(stop, _with(links, link)))
+    def _record_stop(self, link: Link, stop: Message, sent: bool) -> None:
+        """Record a stop that was sent, or refuse it; one that has ended keeps its end."""
+        known = self._first(stop)
+        if known is not None and not self._out.is_same(link, known.command, stop):
+            return
+        before = self.record.asked(stop) if known else None
+        if before is not None and before.ended:
+            self._repeat(link, before)
+        elif sent:
+            links: Sequence[Link] = () if before is None else before.links
+            self.record.save(BrickCommand(stop, _with(links, link)))
+        else:
+            self._reject(link, stop, ABSENT)
 
     def _first(self, command: Message) -> Claim | BrickCommand | None:
         if command.moe_inputs_id is None:
@@ -498,7 +548,9 @@ class Router:
         claim = self.record.claim(command)
         if link is Link.DIRECT and command.moe_inputs_counter is not None:
             if first is not None:
-                return self._ownership.relay_was_first(claim or Claim(first.command), first)
+                if self._ownership.relay_was_first(claim or Claim(first.command), first):
+                    return True
+                first = None
             family = self.record.asked(command)
         elif link is Link.RELAY and first is None and (claim or (family and family.is_part)):
             self._ownership.add_relay_copy(claim or Claim(command), command)
@@ -507,12 +559,16 @@ class Router:
         if asked is None:
             return False
         if self._out.is_same(link, asked.command, command):
-            if link not in asked.links:
-                asked = replace(asked, links=_with(asked.links, link))
-                self.record.save(asked)
-            if asked.replied is not None:
-                self._out.notify(link, asked.replied)
+            self._repeat(link, asked)
         return True
+
+    def _repeat(self, link: Link, asked: BrickCommand) -> None:
+        """Send a link the last reply again, and from now on also those that follow."""
+        if link not in asked.links:
+            asked = replace(asked, links=_with(asked.links, link))
+            self.record.save(asked)
+        if asked.replied is not None:
+            self._out.notify(link, asked.replied)
 
     def _count_dropped(self) -> None:
         streams = (self._said, *self._told.values())
@@ -522,48 +578,3 @@ class Router:
 
 def _with(links: Sequence[Link], link: Link) -> tuple[Link, ...]:
     return tuple(links) if link in links else (*links, link)
-
-
-@dataclass(frozen=True, slots=True)
-class Arrived:
-    """A text that came by a link.
-
-    Attributes:
-        overtaken: whether a stop that came after it was taken before it.
-    """
-
-    link: Link
-    text: str
-    overtaken: bool
-
-
-MOST_ARRIVED: Final = 1000
-
-
-class Inbox:
-    """Texts in the order in which they arrived, but stops first.
-
-    Args:
-        is_stop: returns whether there is a stop in a text.
-    """
-
-    def __init__(self, is_stop: Callable[[str], bool]) -> None:
-        self._is_stop = is_stop
-        self._stops: deque[Arrived] = deque()
-        self._others: deque[Arrived] = deque()
-
-    def put(self, link: Link, text: str) -> bool:
-        """Let a text arrive; return False where too many wait."""
-        is_stop = self._is_stop(text)
-        lane = self._stops if is_stop else self._others
-        if is_stop:
-            self._others = deque(replace(each, overtaken=True) for each in self._others)
-        if len(lane) < MOST_ARRIVED:
-            lane.append(Arrived(link, text, overtaken=False))
-            return True
-        return False
-
-    def take(self) -> Arrived | None:
-        """Return the next text; None where none waits."""
-        waiting = self._stops or self._others
-        return waiting.popleft() if waiting else None

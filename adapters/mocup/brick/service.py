@@ -1,11 +1,59 @@
 """What `rover-nxt` does with texts, events of the brick and new listeners. No ROS, no USB."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
 
 from adapters.mocup.brick.record import Link
-from adapters.mocup.brick.router import RESTARTED, Inbox, Router
+from adapters.mocup.brick.router import RESTARTED, Router
 from adapters.mocup.brick.usb import Found, Heard, Lost, SessionEvent
 from adapters.mops import fingerprint
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """A text that came by a link.
+
+    Attributes:
+        overtaken: whether a stop that came after it was taken before it.
+    """
+
+    link: Link
+    text: str
+    overtaken: bool
+
+
+MOST_ARRIVED: Final = 1000
+
+
+class Inbox:
+    """Texts in the order in which they arrived, but stops first.
+
+    Args:
+        is_stop: returns whether there is a stop in a text.
+    """
+
+    def __init__(self, is_stop: Callable[[str], bool]) -> None:
+        self._is_stop = is_stop
+        self._stops: deque[Arrived] = deque()
+        self._others: deque[Arrived] = deque()
+
+    def put(self, link: Link, text: str) -> bool:
+        """Let a text arrive; return False where too many wait."""
+        is_stop = self._is_stop(text)
+        lane = self._stops if is_stop else self._others
+        if is_stop:
+            self._others = deque(replace(each, overtaken=True) for each in self._others)
+        if len(lane) < MOST_ARRIVED:
+            lane.append(Arrived(link, text, overtaken=False))
+            return True
+        return False
+
+    def take(self) -> Arrived | None:
+        """Return the next text; None where none waits."""
+        waiting = self._stops or self._others
+        return waiting.popleft() if waiting else None
 
 
 class BrickService:

@@ -71,7 +71,7 @@ def test_a_stop_that_a_brick_away_cannot_have_ends_what_waits_all_the_same(bench
     bench.start(bench.router.record)
     bench.router.lost(RESTARTED)
     bench.command(Link.RELAY, stop(9))
-    assert [stage for _, _, stage in told(bench)] == ["FAILED", "REJECTED", "CANCELLED"]
+    assert [stage for _, _, stage in told(bench)] == ["FAILED", "CANCELLED", "REJECTED"]
     bench.ports.there = True
     bench.router.found(1)
     assert sent(bench) == [1]
@@ -97,7 +97,7 @@ def test_what_a_brick_says_of_what_it_did_after_it_answered_a_stop_counts(bench:
     assert by_relay(bench) == [(9, "EXECUTED"), (1, "EXECUTED")]
 
 
-def test_what_is_too_much_is_refused_and_may_come_again(bench: Bench) -> None:
+def test_what_is_too_much_is_refused_also_when_it_comes_again(bench: Bench) -> None:
     at_work(bench, MOST_WAITING + 1)
     late = forward(99)
     bench.command(Link.RELAY, late)
@@ -107,7 +107,7 @@ def test_what_is_too_much_is_refused_and_may_come_again(bench: Bench) -> None:
     told(bench)
     bench.says(executed(forward(1)))
     bench.command(Link.RELAY, late)
-    assert told(bench)[-1] == (Link.RELAY, 99, "RECEIVED")
+    assert told(bench)[-1] == (Link.RELAY, 99, "REJECTED")
 
 
 def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> None:

@@ -1,0 +1,158 @@
+"""A command of the relay has one end, whatever is not recorded, absent or sent again."""
+
+from dataclasses import replace
+
+import pytest
+
+from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.router import RESTARTED
+from adapters.mops import Conditions, Message, RelayAuthority, encode
+from executive.reports import Identity
+from tests.mocup.brick.routing import (
+    DICTIONARY,
+    Bench,
+    claimed,
+    executed,
+    forward,
+    part,
+    report,
+    stop,
+)
+
+
+def ends(bench: Bench) -> list[str]:
+    """Return the last replies that the relay received, each once."""
+    stages = [each.outputs[0] for to, each in bench.ports.notified if to is Link.RELAY]
+    return [stage for stage in dict.fromkeys(stages) if stage not in ("RECEIVED", "STARTED")]
+
+
+def plug(bench: Bench, there: bool) -> None:
+    bench.ports.there = there
+    if there:
+        bench.router.found(1)
+    else:
+        bench.router.lost()
+
+
+def restart(bench: Bench) -> None:
+    bench.start(bench.router.record)
+    bench.router.lost(RESTARTED)
+    bench.router.found(1)
+
+
+@pytest.mark.parametrize("command", [forward(1), stop(1)])
+def test_what_was_refused_without_a_brick_is_refused_when_it_comes_again(
+    bench: Bench, command: Message
+) -> None:
+    plug(bench, False)
+    assert bench.command(Link.RELAY, command)
+    plug(bench, True)
+    assert bench.command(Link.RELAY, command)
+    bench.says(executed(command))
+    assert ends(bench) == ["REJECTED"]
+    assert encode(forward(1)) not in bench.ports.brick
+
+
+def test_what_was_refused_without_authority_is_refused_also_when_it_has_passed(
+    bench: Bench,
+) -> None:
+    bench.authority = RelayAuthority(needed=True)
+    restart(bench)
+    bench.command(Link.RELAY, forward(1))
+    bench.authority = RelayAuthority(needed=False)
+    restart(bench)
+    bench.command(Link.RELAY, forward(1))
+    assert ends(bench) == ["REJECTED"]
+    assert bench.ports.brick == []
+
+
+def test_what_was_made_ahead_of_the_clock_is_refused_also_later(bench: Bench) -> None:
+    conditions = Conditions(created_utc_s=bench.clock.utc_s() + 60.0, lifetime_s=600.0)
+    request = DICTIONARY.request(forward(1))
+    command = DICTIONARY.command(request, Identity("MOE", 1), "MOCUP", conditions)
+    bench.command(Link.RELAY, command)
+    bench.clock.advance(60.0)
+    bench.command(Link.RELAY, command)
+    assert ends(bench) == ["REJECTED"]
+    assert bench.ports.brick == []
+
+
+def test_a_stop_that_was_executed_stays_so_when_it_comes_again(bench: Bench) -> None:
+    bench.command(Link.RELAY, stop(1))
+    bench.says(executed(stop(1)))
+    bench.command(Link.RELAY, stop(1))
+    assert bench.ports.brick == 2 * [encode(stop(1))], "it stops each time"
+    restart(bench)
+    plug(bench, False)
+    bench.command(Link.RELAY, stop(1))
+    assert ends(bench) == ["EXECUTED"]
+
+
+@pytest.mark.parametrize("is_repeat", [False, True])
+def test_what_a_stop_dropped_ends_although_the_stop_is_not_recorded_anew(
+    bench: Bench, is_repeat: bool
+) -> None:
+    if is_repeat:
+        bench.command(Link.RELAY, stop(1))
+        bench.says(executed(stop(1)))
+    bench.command(Link.RELAY, forward(2))
+    bench.fill_disk(True)
+    bench.command(Link.RELAY, stop(1))
+    bench.fill_disk(False)
+    bench.says(executed(stop(1)))
+    bench.ports.notified.clear()
+    bench.router.look()
+    bench.router.look()
+    assert ends(bench) == ["FAILED"]
+    bench.command(Link.RELAY, forward(3))
+    assert bench.ports.brick[-1] == encode(forward(3)), "what comes then need not wait"
+
+
+@pytest.mark.parametrize(("dies", "end"), [(False, "EXECUTED"), (True, "FAILED")])
+def test_an_end_that_cannot_be_recorded_is_reported_once_it_can_be(
+    bench: Bench, dies: bool, end: str
+) -> None:
+    bench.command(Link.RELAY, forward(1))
+    bench.fill_disk(True)
+    bench.says(executed(forward(1)))
+    bench.router.look()
+    assert ends(bench) == []
+    bench.fill_disk(False)
+    if dies:
+        restart(bench)
+    else:
+        plug(bench, False)
+    assert ends(bench) == [end]
+
+
+def test_what_was_recorded_and_did_not_reach_the_brick_ends(bench: Bench) -> None:
+    bench.ports.there = False  # and the router does not know it yet
+    refuse = bench.ports.to_brick
+
+    def fill_disk(octets: bytes, visit: int) -> bool:
+        bench.fill_disk(True)
+        return refuse(octets, visit)
+
+    bench.ports.to_brick = fill_disk  # type: ignore[method-assign]
+    bench.command(Link.RELAY, forward(1))
+    bench.fill_disk(False)
+    bench.router.look()
+    assert ends(bench) == ["REJECTED"]
+    bench.command(Link.RELAY, forward(1))
+    assert ends(bench) == ["REJECTED"]
+
+
+@pytest.mark.parametrize("counter", [None, 1])
+def test_what_the_relay_had_refused_the_executive_does_once(
+    bench: Bench, counter: int | None
+) -> None:
+    copy = replace(forward(7), moe_inputs_counter=counter)
+    plug(bench, False)
+    bench.command(Link.RELAY, copy)
+    plug(bench, True)
+    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
+    assert bench.ports.brick == [encode(part(7, 1))]
+    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
+    bench.command(Link.RELAY, copy)
+    bench.router.resend_last(Link.RELAY)
+    assert ends(bench) == ["REJECTED"]
