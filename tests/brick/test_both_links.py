@@ -13,9 +13,9 @@ from typing import TypeVar
 import pytest
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from std_msgs.msg import String
+from std_msgs.msg import String, UInt64
 
-from adapters.mops.codec import Message, decode
+from adapters.mops.codec import Message, decode, fingerprint
 from adapters.mops.dictionary import Conditions, load_dictionary
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import Notification, Stage
@@ -67,12 +67,13 @@ def rover_nxt(cable: Path, name: str = "nxt") -> Iterator[Running]:
 
 
 class RelayEnd:
-    """What `rover-relay` is to `rover-nxt`: two topics, and a heartbeat."""
+    """What `rover-relay` is to `rover-nxt`: three topics, and a heartbeat."""
 
     def __init__(self, node: Node) -> None:
         self._commands = node.create_publisher(String, "mops/relay/command", 100)
         publish_heartbeat(node, Topic("mops/relay/command", QoSProfile(depth=1)))  # type: ignore[no-untyped-call]
         self.heard: list[Message] = []
+        self._kept = node.create_publisher(UInt64, "mops/relay/kept", 100)
         node.create_subscription(String, "mops/relay/notification", self._hear, 100)
 
     def send(self, command: Command) -> None:
@@ -110,6 +111,7 @@ class RelayEnd:
 
     def _hear(self, text: String) -> None:
         self.heard.append(decode(text.data.encode()))
+        self._kept.publish(UInt64(data=fingerprint(text.data)))
 
 
 @contextmanager

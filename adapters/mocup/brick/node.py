@@ -43,6 +43,7 @@ from adapters.ros import (
     Topic,
     Topics,
     battery_message,
+    declare_optional_topic,
     declare_topic,
     declare_value,
     diagnostic_array,
@@ -80,6 +81,7 @@ class NxtSettings:
         commands, notifications: topics of each link.
         stops: topic of the relay's stops, which overtake its commands.
         taken: topic on which a string of the relay's commands is confirmed.
+        kept: topic on which `rover-relay` confirms replies; None if it does not.
         relay_telemetry_s: how often telemetry goes to the relay at most.
         relay_needs_authority: whether the relay's commands need the authority until an executive
             has told.
@@ -91,6 +93,7 @@ class NxtSettings:
     notifications: Mapping[Link, Topic]
     stops: Topic
     taken: Topic
+    kept: Topic | None
     relay_telemetry_s: float
     relay_needs_authority: bool
 
@@ -110,6 +113,11 @@ def declare_settings(node: Node) -> NxtSettings:
         declare_topic(node, "relay_stop", "std_msgs/String, MOPS of the relay's stops"),
         declare_topic(
             node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
+        ),
+        declare_optional_topic(
+            node,
+            "relay_kept",
+            "std_msgs/UInt64, fingerprint of a reply that is stored",
         ),
         _period_s(node),
         declare_value(
@@ -190,7 +198,10 @@ class NxtNode:
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
         self._taken = self._publisher(UInt64, settings.taken)
-        self._service = BrickService(self._router, self._confirm)
+        kept = settings.kept
+        self._service = BrickService(self._router, self._confirm, confirmed=kept is not None)
+        if kept is not None:
+            node.create_subscription(UInt64, kept.name, self._on_kept, kept.qos)
         self._commands = {
             link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
             for link, topic in settings.commands.items()
@@ -278,6 +289,9 @@ class NxtNode:
 
     def _confirm(self, mark: int) -> None:
         self._taken.publish(UInt64(data=mark))
+
+    def _on_kept(self, mark: UInt64) -> None:
+        self._service.kept(mark.data)
 
     def _drain(self) -> None:
         self._service.drain(self._session.events())

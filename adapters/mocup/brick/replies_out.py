@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
 
 from adapters.mocup.brick.record import Link
-from adapters.mops import Message, MopsError, encode, refusal_of
+from adapters.mops import Message, MopsError, encode, fingerprint, refusal_of
 from executive.reasons import Reason
 from executive.record import LedgerError
 from executive.reports import Stage
@@ -62,6 +62,8 @@ class RouterCounts:
     dead_man: int = 0
 
 
+MOST_UNCONFIRMED: Final = 1000
+"""Replies that are retransmitted at most; the oldest are dropped."""
 ABSENT: Final = "the brick is not there or does not keep up"
 
 
@@ -82,12 +84,14 @@ class RepliesOut:
         ports: where messages leave.
         tell: called with one line on each message that is not passed on.
         counts: for diagnostics.
+        unconfirmed: by fingerprint, what `rover-relay` has not confirmed to have on its disk.
     """
 
     name: str
     ports: RouterPorts
     tell: Callable[[str], None]
     counts: RouterCounts
+    unconfirmed: dict[int, Message] = field(default_factory=dict)
 
     def notify(self, link: Link, message: Message) -> None:
         """Publish a notification on a link, if it is short enough for a message."""
@@ -96,6 +100,10 @@ class RepliesOut:
         except MopsError as error:
             self.refuse(f"{link.value} link: there is no reply: {error}")
         else:
+            if link is Link.RELAY:
+                self.unconfirmed[fingerprint(str(message))] = message
+                if len(self.unconfirmed) > MOST_UNCONFIRMED:
+                    del self.unconfirmed[next(iter(self.unconfirmed))]
             self.ports.notify(link, message)
 
     def reject(

@@ -1,6 +1,7 @@
 """What becomes of what the brick was asked: its own replies, and what is told in its stead."""
 
 import logging
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count
@@ -174,8 +175,9 @@ class BrickReplies:
             self._record.save(asked)
         except (MopsError, LedgerError) as error:
             self._out.refuse(f"a reply to {asked.command} is not recorded: {error}")
-            if asked.ended and Link.RELAY in asked.links:
+            if asked.ended:
                 self._unrecorded[asked.command] = reply
+            if asked.ended and Link.RELAY in asked.links:
                 return
         for link in asked.links:
             self._out.notify(link, reply)
@@ -196,6 +198,8 @@ SOURCE: Final = "NXT"
 MOST_AHEAD_S: Final = 10.0
 """How far ahead of the clock here a command may have been made."""
 _NO_VISIT: Final = 0
+_MOST_ANNOUNCED: Final = 1000
+"""Claims and reports of the executive that wait to be recorded; the oldest are dropped."""
 _LOOKS_TO_BE_TOLD: Final = 3
 """Within so many looks after a start an executive that lives has told who has the authority."""
 _LOG: Final = logging.getLogger(__name__)
@@ -218,6 +222,7 @@ class Router:
 
     Attributes:
         counts: for diagnostics.
+        unconfirmed: replies to the relay, by fingerprint, that are not confirmed.
     """
 
     def __init__(
@@ -244,6 +249,8 @@ class Router:
         self._authority = authority if self._granted is None else authority_of(self._granted)
         self._looks_to_wait = _LOOKS_TO_BE_TOLD if self._granted and self._authority.needed else 0
         self._out = RepliesOut(name, ports, tell, self.counts)
+        self.unconfirmed = self._out.unconfirmed
+        self._announced = deque[Message](maxlen=_MOST_ANNOUNCED)
         self._ownership = Ownership(record, self._out)
         self._head = HeadWatch(dictionary, clock)
         self._replies = BrickReplies(
@@ -286,18 +293,29 @@ class Router:
         taken = True
         stream = self._told[link]
         for message in stream.feed(text.encode("utf-8", "replace")):
+            if link is Link.DIRECT and message.received:
+                self._announced.append(message)
+                self._take_announced()
+                continue
             try:
                 self._take(link, message)
             except LedgerError as error:
                 why = f"it cannot be recorded: {error}"
                 taken = taken and link is not Link.RELAY
-                if message.received or link is Link.RELAY or self._stops(message):
+                if link is Link.RELAY or self._stops(message):
                     self._out.refuse(f"{link.value} link: {message}: {why}")
                 else:
                     self._out.reject((link,), message, why, Reason.LEDGER_FAILED)
         stream.cut()
         self._count_dropped()
         return taken
+
+    def _take_announced(self) -> None:
+        """Take what the executive claims and reports, in order, as soon as it can be recorded."""
+        with self._out.contained("what the executive has announced"):
+            while self._announced:
+                self._take(Link.DIRECT, self._announced[0])
+                self._announced.popleft()
 
     def heard(self, octets: bytes) -> None:
         """Take octets from the brick, cut anywhere."""
@@ -373,6 +391,7 @@ class Router:
     def look(self) -> None:
         """End what is overdue, and go on with what waits; call about once a second."""
         self._replies.look()
+        self._take_announced()
         self._looks_to_wait = max(self._looks_to_wait - 1, 0)
         self._go_on()
 

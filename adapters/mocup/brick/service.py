@@ -1,7 +1,7 @@
 """What `rover-nxt` does with texts, events of the brick and new listeners. No ROS, no USB."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -62,14 +62,16 @@ class BrickService:
     Args:
         router: whose message goes where.
         confirm: publishes the fingerprint of a string of the relay's commands that was taken.
+        confirmed: whether `rover-relay` confirms replies; else they are sent once.
 
     Attributes:
         inbox: where texts wait that have arrived.
         why: why the brick is not there; empty if it is.
     """
 
-    def __init__(self, router: Router, confirm: Callable[[int], None]) -> None:
-        self._router, self._confirm = router, confirm
+    def __init__(self, router: Router, confirm: Callable[[int], None], *, confirmed: bool) -> None:
+        self._router, self._confirm, self._confirmed = router, confirm, confirmed
+        self._before: Sequence[int] = ()
         self._listeners: Mapping[Link, frozenset[object]] = dict.fromkeys(Link, frozenset())
         self.inbox = Inbox(router.is_stop)
         self.why = "no brick yet"
@@ -97,9 +99,18 @@ class BrickService:
                     self.why = why
                     self._router.lost()
 
+    def kept(self, mark: int) -> None:
+        """Take a reply for confirmed: `rover-relay` has it on its disk."""
+        self._router.unconfirmed.pop(mark, None)
+
     def look(self, listeners: Mapping[Link, frozenset[object]]) -> None:
         """Do what is due, and resend last replies to new listeners; call once a second."""
         self._router.look()
+        unconfirmed = self._router.unconfirmed
+        if self._confirmed and listeners[Link.RELAY]:
+            for mark in [each for each in self._before if each in unconfirmed]:
+                self._router.ports.notify(Link.RELAY, unconfirmed[mark])
+        self._before = tuple(unconfirmed)
         for link, found in listeners.items():
             if found - self._listeners[link]:
                 self._router.resend_last(link)

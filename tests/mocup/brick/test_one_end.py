@@ -6,7 +6,8 @@ import pytest
 
 from adapters.mocup.brick.record import Link
 from adapters.mocup.brick.router import RESTARTED
-from adapters.mops import Conditions, Message, RelayAuthority, encode
+from adapters.mocup.brick.service import BrickService
+from adapters.mops import Conditions, Message, RelayAuthority, encode, fingerprint
 from executive.reports import Identity
 from tests.mocup.brick.routing import (
     DICTIONARY,
@@ -156,3 +157,44 @@ def test_what_the_relay_had_refused_the_executive_does_once(
     bench.command(Link.RELAY, copy)
     bench.router.resend_last(Link.RELAY)
     assert ends(bench) == ["REJECTED"]
+
+
+def test_what_a_part_ended_as_is_recorded_once_it_can_be_so_that_the_relay_need_not_wait(
+    bench: Bench,
+) -> None:
+    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.command(Link.RELAY, forward(8))
+    bench.fill_disk(True)
+    bench.says(executed(part(7, 1)))
+    assert executed(part(7, 1)) in [each for to, each in bench.ports.notified if to is Link.DIRECT]
+    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
+    bench.fill_disk(False)
+    bench.router.look()
+    assert bench.ports.brick[-1] == encode(forward(8))
+
+
+def test_what_the_executive_announced_is_taken_once_it_can_be_recorded(bench: Bench) -> None:
+    bench.fill_disk(True)
+    bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
+    bench.fill_disk(False)
+    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
+    bench.command(Link.RELAY, forward(7))
+    assert ends(bench) == ["EXECUTED"]
+    assert bench.ports.brick == []
+
+
+def test_a_reply_is_sent_again_until_rover_relay_has_stored_it(bench: Bench) -> None:
+    service = BrickService(bench.router, lambda _: None, confirmed=True)
+    listeners: dict[Link, frozenset[object]] = {link: frozenset({1}) for link in Link}
+    bench.router.found(1)
+    bench.command(Link.RELAY, forward(1))
+    bench.says(executed(forward(1)))
+    ((_, reply),) = bench.ports.notified
+    service.look({link: frozenset() for link in Link})
+    service.look(listeners)
+    bench.ports.notified.clear()
+    service.look(listeners)
+    assert bench.ports.notified == [(Link.RELAY, reply)]
+    service.kept(fingerprint(str(reply)))
+    service.look(listeners)
+    assert len(bench.ports.notified) == 1

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float64, String, UInt64
 
 from adapters.mocup.brick.node import declare_settings
 from adapters.mocup.brick.record import Link
@@ -25,6 +25,7 @@ from adapters.mops import (
     MopsStream,
     decode,
     encode,
+    fingerprint,
     housekeeping_of,
     load_dictionary,
 )
@@ -93,6 +94,8 @@ class Bench:
             link: self._node.create_publisher(String, topic.name, topic.qos)
             for link, topic in settings.commands.items()
         }
+        assert settings.kept is not None
+        self._kept = self._node.create_publisher(UInt64, settings.kept.name, settings.kept.qos)
         for topic in settings.commands.values():
             publish_heartbeat(self._node, topic)
         self.until(lambda: all(map(_is_heard, self._commands.values())), "both links are heard")
@@ -140,6 +143,8 @@ class Bench:
 
     def _on_notification(self, link: Link) -> Callable[[String], None]:
         def note(text: String) -> None:
+            if link is Link.RELAY:
+                self._kept.publish(UInt64(data=fingerprint(text.data)))
             message = decode(text.data.encode())
             if message.code == SPELLING.housekeeping.code:
                 self.housekeeping.append(message)
