@@ -8,12 +8,14 @@ from itertools import count
 
 import click
 
-from tests.simulated.deeds import Storm, draw_storm
+from tests.simulated.deeds import Storm, draw_mocup_storm, draw_storm
 from tests.simulated.shrink import shrink
 from tests.simulated.storm import Played, play
 from tests.simulated.timeline import timeline
 
 _HOUR_S = 3600.0
+_MOCUP_EACH = 4
+"""One storm of so many is over MOCUP."""
 
 
 @click.command()
@@ -31,7 +33,8 @@ def main(hours: float, seed: str, trace: bool) -> None:
     logging.basicConfig(level=logging.CRITICAL)
     whole, simulated_s, kills = hashlib.sha256(), 0.0, 0
     for number in count():
-        storm = draw_storm(seed if number == 0 else f"{seed}.{number}")
+        draw = draw_mocup_storm if number % _MOCUP_EACH == _MOCUP_EACH - 1 else draw_storm
+        storm = draw(seed if number == 0 else f"{seed}.{number}")
         played = play(storm)
         simulated_s, kills = simulated_s + played.simulated_s, kills + played.kills
         whole.update(played.digest.encode())
@@ -46,8 +49,9 @@ def main(hours: float, seed: str, trace: bool) -> None:
 
 
 def _line(storm: Storm, played: Played) -> str:
+    rover = "MOCUP, " if storm.situation.mocup else ""
     return (
-        f"seed {storm.seed}: {played.simulated_s:.0f} s, {played.orders} commands,"
+        f"{rover}seed {storm.seed}: {played.simulated_s:.0f} s, {played.orders} commands,"
         f" {played.kills} kills, {played.events} events, digest {played.digest[:16]}"
     )
 

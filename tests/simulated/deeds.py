@@ -19,6 +19,7 @@ from tests.simulated.asks import RIVAL, AskAuthority, draw_asks
 from tests.simulated.convergence import Convergence
 
 RELAY_PROCESSES: Final = ("orbiter", "relay", "executive")
+MOCUP_PROCESSES: Final = ("orbiter", "relay", "nxt", "executive")
 _FIRST_NUMBER: Final = 1
 _SECOND_NUMBER: Final = 10_000
 """Added to the numbers of commands for the second rover."""
@@ -27,6 +28,8 @@ _DOWN_S: Final = (0.2, 6.0)
 _ORDER_S: Final = 5.5
 """Between two moments at which commands are sent, in the mean."""
 _TROUBLE_S: Final = 6.0
+_UNPLUG_S: Final = 50.0
+_RESUME_S: Final = 20
 _LONG_S: Final = 600.0
 """Storms that last so long have one rover, since two take twice the time."""
 _ASK_S: Final = 9.0
@@ -129,6 +132,14 @@ class LoseSamples:
     for_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class Unplug:
+    """The brick's cable is taken off for a while."""
+
+    at_s: float
+    for_s: float
+
+
 Deed = (
     Order
     | Kill
@@ -139,6 +150,7 @@ Deed = (
     | StepClock
     | CutWay
     | LoseSamples
+    | Unplug
     | AskAuthority
 )
 
@@ -157,6 +169,7 @@ class Situation:
             for where nobody does.
         convergence: by which layer bundles go between orbiter and rover.
         rovers: how many are behind the orbiter.
+        mocup: whether the rover is MOCUP, whose brick `rover-nxt` serves.
     """
 
     delay_s: float
@@ -170,6 +183,7 @@ class Situation:
     authority_needed: bool | None = None
     convergence: Convergence = Convergence.LTP
     rovers: int = 1
+    mocup: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +211,40 @@ def draw_storm(seed: int | str) -> Storm:
     return Storm(str(seed), situation, tuple(sorted(deeds, key=lambda deed: deed.at_s)))
 
 
+def draw_mocup_storm(seed: int | str) -> Storm:
+    """Draw a storm over MOCUP: commands by both links, many by each; its brick is unplugged."""
+    chance = Random(f"mocup storm {seed}")
+    drawn = _situation(chance)
+    situation = replace(
+        drawn, period_s=300.0, ask_again_s=60.0, authority_needed=None, rovers=1, mocup=True
+    )
+    deeds: list[Deed] = [*_mocup_orders(chance, situation)]
+    deeds += _troubles(chance, situation, MOCUP_PROCESSES)
+    at_s = _SETTLE_S
+    while (at_s := at_s + chance.expovariate(1 / _UNPLUG_S)) < situation.period_s:
+        deeds.append(Unplug(at_s, chance.uniform(0.1, 8.0)))
+    return Storm(str(seed), situation, tuple(sorted(deeds, key=lambda deed: deed.at_s)))
+
+
+def _mocup_orders(chance: Random, situation: Situation) -> Iterator[Order]:
+    """Draw commands that MOCUP's brick knows; the direct link resumes now and then."""
+    for order in _orders(chance, situation):
+        match order.request:
+            case Resume() if order.link is Link.RELAY:
+                yield replace(order, link=Link.DIRECT)
+                continue
+            case SetTravelSpeed(speed_mps):
+                order = replace(order, request=SetTravelSpeed(speed_mps / 2))
+            case _:
+                pass
+        yield order
+        if chance.random() < 0.25:
+            other = Link.DIRECT if order.link is Link.RELAY else Link.RELAY
+            yield replace(order, at_s=order.at_s + chance.uniform(0.0, 3.0), link=other)
+    for at_s in range(round(_SETTLE_S), round(situation.period_s), _RESUME_S):
+        yield Order(at_s + chance.random(), Link.DIRECT, _SECOND_NUMBER + at_s, Resume())
+
+
 def _second_rover(chance: Random, situation: Situation) -> Iterator[Deed]:
     """Draw what happens to a second rover: commands by numbers of their own, and troubles."""
     links = {Link.DIRECT: Link.DIRECT_2, Link.RELAY: Link.RELAY_2}
@@ -208,7 +256,7 @@ def _second_rover(chance: Random, situation: Situation) -> Iterator[Deed]:
             case CutWay(process=process, peer=peer):
                 other = peer if peer == "orbiter" else f"{peer}2"
                 yield replace(deed, process=f"{process}2", peer=other)
-            case LoseSamples() | Order() | AskAuthority():
+            case LoseSamples() | Order() | AskAuthority() | Unplug():
                 pass
             case _ if deed.process != "orbiter":
                 yield replace(deed, process=f"{deed.process}2")
@@ -292,19 +340,21 @@ def _operators(chance: Random, situation: Situation) -> list[Deed]:
     return deeds
 
 
-def _troubles(chance: Random, situation: Situation) -> list[Deed]:
+def _troubles(
+    chance: Random, situation: Situation, processes: tuple[str, ...] = RELAY_PROCESSES
+) -> list[Deed]:
     deeds: list[Deed] = []
     at_s = _SETTLE_S
     while at_s < situation.period_s:
         at_s += chance.expovariate(1 / _TROUBLE_S)
-        deeds.append(_trouble(chance, at_s))
+        deeds.append(_trouble(chance, at_s, processes))
     return deeds
 
 
-def _trouble(chance: Random, at_s: float) -> Deed:
-    process = chance.choice((*RELAY_PROCESSES, *RELAY_PROCESSES, "moe", "moe", "direct"))
+def _trouble(chance: Random, at_s: float, processes: tuple[str, ...]) -> Deed:
+    process = chance.choice((*processes, *processes, "moe", "moe", "direct"))
     down_s = chance.uniform(*_DOWN_S)
-    if process not in RELAY_PROCESSES:
+    if process not in processes:
         if chance.random() < 0.25:
             return Kill(at_s, process, down_s)
         peer = "orbiter" if process == "moe" else "executive"

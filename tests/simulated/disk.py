@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _ROOM_OCTETS: Final = 1 << 36
 _WAL_HEADER: Final = 32
 _FRAME_HEADER: Final = 24
+_CHANGES: Final = ("INSERT", "UPDATE", "DELETE")
 
 
 class Fate(Enum):
@@ -194,6 +195,15 @@ class SimConnection(sqlite3.Connection):
         if sql.startswith("PRAGMA synchronous ="):
             self.synced = sql.rstrip(" ;").upper().endswith(("FULL", "EXTRA"))
             sql = "PRAGMA synchronous = OFF"
+        if sql.startswith(_CHANGES) and not self.in_transaction:  # commits by itself
+            super().execute("BEGIN")
+            cursor = super().execute(sql, parameters)
+            try:
+                self._disk.commit(self, self._life, self.path)
+            except sqlite3.Error:
+                self.rollback()
+                raise
+            return cursor
         return super().execute(sql, parameters)
 
     def commit(self) -> None:

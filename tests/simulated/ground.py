@@ -173,7 +173,7 @@ class Ground:
         """Ask for the end of a command, and wait for it."""
         stream = client.notifications()  # first, so that nothing falls between
         try:
-            for told in await client.get_all_notifications(command_id=identity.command_id):
+            for told in await self._notifications(client, identity):
                 if (end := _end_of(told, identity)) is not None:
                     return self.journal.end(identity, end)
             async for told in stream:
@@ -181,6 +181,16 @@ class Ground:
                     return self.journal.end(identity, end)
         finally:
             stream.close()
+
+    async def _notifications(
+        self, client: MrsClient, identity: Identity
+    ) -> tuple[Notification, ...]:
+        """Return what is known on a command, as soon as the other end can read its record."""
+        while True:
+            try:
+                return tuple(await client.get_all_notifications(command_id=identity.command_id))
+            except MalError:
+                await asyncio.sleep(AGAIN_S)
 
 
 def _end_of(told: Notification, identity: Identity) -> str | None:

@@ -49,13 +49,13 @@ class Stores:
         orbiter, relay, executive = (
             world.processes[name].stored for name in ("orbiter", "relay", "executive")
         )
-        self.up = _identities(orbiter / "bundles.sqlite", "outbox", "octets")
-        self.landed = _identities(relay / "relay.sqlite", "inbox", "payload")
-        self.down = _identities(relay / "relay.sqlite", "outbox", "octets")
-        self.returned = _identities(orbiter / "bundles.sqlite", "inbox", "payload")
-        self.aboard = _ledger(executive / "ledger.sqlite")
+        self.up = identities(orbiter / "bundles.sqlite", "outbox", "octets")
+        self.landed = identities(relay / "relay.sqlite", "inbox", "payload")
+        self.down = identities(relay / "relay.sqlite", "outbox", "octets")
+        self.returned = identities(orbiter / "bundles.sqlite", "inbox", "payload")
+        self.aboard = ledger_content(executive / "ledger.sqlite")
         self.kept = _kept(executive / "ledger.sqlite")
-        self.above = _ledger(orbiter / f"{asset}.sqlite")
+        self.above = ledger_content(orbiter / f"{asset}.sqlite")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class LedgerContent:
         return frozenset(identity for _, identity, stage in self.reports if stage in _TERMINAL)
 
 
-def _identities(path: Path, table: str, column: str) -> frozenset[Identity]:
+def identities(path: Path, table: str, column: str) -> frozenset[Identity]:
     if not _has(path, table):
         return frozenset()
     found = set()
@@ -96,7 +96,7 @@ def _has(path: Path, table: str) -> bool:
     return path.exists() and bool(rows(path, query, (table,)))
 
 
-def _ledger(path: Path) -> LedgerContent:
+def ledger_content(path: Path) -> LedgerContent:
     if not _has(path, "reports"):
         return LedgerContent({}, (), ())
     commands = rows(path, "SELECT source, command_id, name FROM commands")
@@ -196,6 +196,11 @@ def check_end(world: World, asset: str, journals: Mapping[str, Journal]) -> Iter
         journals: of the ground's processes.
     """
     yield from check_stores(world, asset, journals)
+    yield from check_known(world, journals)
+
+
+def check_known(world: World, journals: Mapping[str, Journal]) -> Iterator[Finding]:
+    """Check that each command has one end for the ground, and that nothing raised."""
     now_s = world.now_s
     ends: dict[Identity, set[str]] = {}
     for name, journal in journals.items():

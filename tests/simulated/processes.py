@@ -1,7 +1,7 @@
 """The processes of the project in a simulated world: orbiter, relay, executive."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
@@ -229,10 +229,26 @@ def start_executive(place: Place, below: RoverBelow, settings: Settings, process
     topics.serve(relay)
     link_loop = process.present.new_loop()
     link_loop.call_soon(lambda: link_loop.create_task(direct.serve(executive, Future())))
-    process.run(_tick(executive, below, relay))
+
+    def sense(now_s: float) -> None:
+        below.advance(now_s, fresh=True)
+        executive.observe(Odometry(now_s, below.rover.pose, below.rover.velocity))
+        executive.observe(Battery(26.0))
+        executive.observe(below.rover.angles)
+
+    process.run(tick(executive, sense, relay.look))
 
 
-async def _tick(executive: Executive, below: RoverBelow, relay: ExecutiveRelayLink) -> None:
+async def tick(
+    executive: Executive, sense: Callable[[float], None], look: Callable[[], None]
+) -> None:
+    """Run an executive for ever.
+
+    Args:
+        executive: that is run.
+        sense: called before each tick, with the time.
+        look: called every `LOOK_S`, at ticks.
+    """
     loop, woken = asyncio.get_running_loop(), asyncio.Event()
 
     def wake() -> None:
@@ -242,14 +258,11 @@ async def _tick(executive: Executive, below: RoverBelow, relay: ExecutiveRelayLi
     looked_s = loop.time()
     while True:
         now_s = loop.time()
-        below.advance(now_s, fresh=True)
-        executive.observe(Odometry(now_s, below.rover.pose, below.rover.velocity))
-        executive.observe(Battery(26.0))
-        executive.observe(below.rover.angles)
+        sense(now_s)
         executive.tick()
         if now_s - looked_s >= LOOK_S:
             looked_s = now_s
-            relay.look()
+            look()
         busy = executive.active_command is not None or executive.waiting > 0
         next_s = now_s + (TICK_S if busy else REST_S)
         while (left_s := next_s - loop.time()) > 0.0:

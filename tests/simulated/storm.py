@@ -15,6 +15,7 @@ from executive.faults import Then
 from executive.settings import AuthoritySettings, Settings, load_settings
 from tests.simulated.asks import LEASE_S, RIVAL, RIVAL_SOURCE, AskAuthority, do
 from tests.simulated.authority import AuthorityJudge
+from tests.simulated.brick import SimBrick
 from tests.simulated.deeds import (
     CutWay,
     Deed,
@@ -28,10 +29,13 @@ from tests.simulated.deeds import (
     Situation,
     StepClock,
     Storm,
+    Unplug,
 )
 from tests.simulated.disk import Fate
 from tests.simulated.ground import SOURCE, Ground, Journal
 from tests.simulated.judge import Finding, check_end, check_stores
+from tests.simulated.mocup import MocupPlace, start_mocup_executive, start_nxt
+from tests.simulated.mocup_judge import MocupJudge
 from tests.simulated.network import Way
 from tests.simulated.process import Process
 from tests.simulated.processes import (
@@ -44,7 +48,7 @@ from tests.simulated.processes import (
 )
 from tests.simulated.rovers import check_apart, second, seen
 from tests.simulated.world import World, make_folder
-from tests.support.patience import UNTIMED
+from tests.support.patience import BY_ARRIVAL, UNTIMED
 
 QUIET_S: Final = 700.0
 """After the last deed: for orbiters that ask again, and the longest pause between two attempts."""
@@ -60,7 +64,8 @@ GROUNDS_2: Final = {"direct2": "10.0.1.4", "moe2": "10.0.1.5"}
 def patient_settings(asset: str) -> Settings:
     """Return the settings of an asset that ticks once a second while it rests."""
     settings = load_settings(asset)
-    faults = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in UNTIMED}
+    names = (*UNTIMED, *BY_ARRIVAL.get(asset, ()))
+    faults = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in names}
     faults["odometry_stale"] = replace(settings.faults.odometry_stale, beyond=_STALE_S)
     return replace(
         settings,
@@ -131,7 +136,7 @@ class Player:
     def __init__(self, storm: Storm, trace: list[str] | None = None) -> None:
         self._storm = storm
         situation = storm.situation
-        place = Place(
+        place = (MocupPlace if situation.mocup else Place)(
             ask_again_s=situation.ask_again_s,
             answer_s=0.5 + 2.0 * (situation.delay_s + situation.jitter_s),
             convergence=situation.convergence,
@@ -144,6 +149,7 @@ class Player:
         self._plans: dict[str, _WritePlan] = {}
         self._due: set[str] = set()
         settings = patient_settings(place.asset)
+        self.brick: SimBrick | None = None
         ends = {"direct": (place.executive, SOURCE), "moe": (place.orbiter, SOURCE)}
         needed = situation.authority_needed
         if needed is not None:
@@ -159,7 +165,12 @@ class Player:
         self._authority = AuthorityJudge(world, bool(needed), journals, sources)
         self.own = {"": journals}
         self._add("orbiter", place.orbiter, partial(start_orbiter, self.places))
-        self._add_rover(place, settings)
+        if situation.mocup:
+            self.brick = SimBrick(world)
+            self._mocup = MocupJudge(world, place.asset, self.brick, journals)
+            self._add_mocup(place, settings)
+        else:
+            self._add_rover(place, settings)
         for other in self.places[1:]:
             journals = {"direct": Journal(), "moe": Journal()}
             self.own[other.suffix] = journals
@@ -204,6 +215,15 @@ class Player:
             world.now_s,
             self._digest(),
         )
+
+    def _add_mocup(self, place: Place, settings: Settings) -> None:
+        assert self.brick is not None
+        self._add("relay", place.relay, partial(start_relay, place))
+        self._add("nxt", "10.0.0.4", partial(start_nxt, place, self.brick))
+        start = partial(start_mocup_executive, place, settings)
+        self._add("executive", place.executive, start)
+        way = _way(self._storm.situation)
+        self.world.network.set_way(place.orbiter, place.relay, way)
 
     def _add_rover(self, place: Place, settings: Settings) -> None:
         self._add(f"relay{place.suffix}", place.relay, partial(start_relay, place))
@@ -252,6 +272,10 @@ class Player:
             case LoseSamples(_, part, for_s):
                 world.topics.loss = part
                 world.after(for_s, setattr, world.topics, "loss", 0.0)
+            case Unplug(_, for_s):
+                assert self.brick is not None
+                self.brick.plug(False)
+                world.after(for_s, self.brick.plug, True)
             case AskAuthority(_, name, act):
                 other = SOURCE if name == RIVAL else RIVAL_SOURCE
                 self.grounds[name].ask(partial(do, act, other))
@@ -271,6 +295,9 @@ class Player:
             process.restart()
 
     def _check(self) -> None:
+        if self.brick is not None:
+            self._note(self._mocup.check())
+            return
         for place in self.places:
             world, journals = seen(self.world, place), self.own[place.suffix]
             self._note(check_stores(world, place.asset, journals))
@@ -290,6 +317,8 @@ class Player:
         world.topics.loss = 0.0
         for plan in self._plans.values():
             plan.clear()
+        if self.brick is not None:
+            self.brick.plug(True)
         for process in world.processes.values():
             process.disk.full = False
             process.resume()
@@ -299,6 +328,9 @@ class Player:
 
     def _check_end(self) -> None:
         world, what = self.world, "a stopped rover moved"
+        if self.brick is not None:
+            self._note(self._mocup.check_end())
+            return
         for place in self.places:
             journals = self.own[place.suffix]
             self._note(check_end(seen(world, place), place.asset, journals))

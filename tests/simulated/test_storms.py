@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.simulated.deeds import draw_storm
+from tests.simulated.deeds import draw_mocup_storm, draw_storm
 from tests.simulated.storm import play
 
 SEEDS = (2, 3, 5, 7, 9)
@@ -22,6 +22,15 @@ def test_no_promise_is_broken(seed: int) -> None:
     assert not played.findings
     assert played.kills > 20
     assert played.orders > 100
+
+
+@pytest.mark.slow
+def test_no_promise_is_broken_over_mocup() -> None:
+    storm = draw_mocup_storm(2)
+    played = play(storm)
+    assert not played.findings
+    assert played.kills > 15
+    assert play(storm).digest == played.digest
 
 
 @pytest.mark.slow

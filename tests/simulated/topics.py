@@ -54,6 +54,11 @@ class Publisher:
         """How many subscribers it has discovered and not lost."""
         return len(self._matched)
 
+    @property
+    def subscribers(self) -> frozenset[object]:
+        """Those that it has discovered and not lost."""
+        return frozenset(self._matched)
+
     def discover(self, subscription: Subscription) -> None:
         """Know a subscriber from now on."""
         if self._life.alive and subscription.life.alive:
