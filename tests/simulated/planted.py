@@ -21,6 +21,10 @@ import click
 from adapters.bundle import BundleAgent, BundleId
 from adapters.bundle.codec.eid import Eid
 from adapters.bundle.node import database
+from adapters.mocup.brick.record import BrickCommand
+from adapters.mocup.brick.record import Link as BrickLink
+from adapters.mocup.brick.router import BrickReplies, Router
+from adapters.mocup.brick.service import BrickService
 from adapters.mops import Message, fingerprint, refusal_of
 from adapters.mrs.ground.notification_stream import NotificationStream
 from adapters.mrs.spec import Notification
@@ -36,7 +40,7 @@ from executive.record import Ledger, RelayRecord
 from executive.reports import TERMINAL, Identity, Stage
 from executive.runner import Executive
 from tests.simulated import situations
-from tests.simulated.deeds import Storm, draw_storm
+from tests.simulated.deeds import Storm, draw_mocup_storm, draw_storm
 from tests.simulated.storm import QUIET_S, play
 
 Plant = Callable[[], AbstractContextManager[object]]
@@ -51,12 +55,14 @@ class Planted:
         why: what breaks by it.
         plant: puts it into the product, for the time of a `with`.
         situations: one of them finds it at once; none where any storm finds it soon.
+        draw: draws the storms.
     """
 
     name: str
     why: str
     plant: Plant
     situations: tuple[Storm, ...] = ()
+    draw: Callable[[int | str], Storm] = draw_storm
 
 
 def _nothing(*_: object, **__: object) -> None:
@@ -273,6 +279,40 @@ def _commits_not_synced() -> AbstractContextManager[object]:
     return patch.object(database, "_opened", unsynced)
 
 
+def _refusal_not_recorded() -> AbstractContextManager[object]:
+    def reject(
+        self: Router, link: BrickLink, command: Message, text: str, reason: Reason | None = None
+    ) -> None:
+        self._out.reject((link,), command, text, reason)
+
+    return patch.object(Router, "_reject", reject)
+
+
+def _repeat_passed_on() -> AbstractContextManager[object]:
+    return patch.object(Router, "_known", lambda *_: False)
+
+
+def _reply_sent_once() -> AbstractContextManager[object]:
+    init = BrickService.__init__
+
+    def unconfirmed(self: BrickService, router: Router, confirm: Any, **_: bool) -> None:
+        init(self, router, confirm, confirmed=False)
+
+    return patch.object(BrickService, "__init__", unconfirmed)
+
+
+def _end_not_recorded() -> AbstractContextManager[object]:
+    answer = BrickReplies.answer
+
+    def always(self: BrickReplies, asked: BrickCommand, reply: Message) -> None:
+        answer(self, asked, reply)
+        if self._unrecorded.pop(asked.command, None) is not None:
+            for link in asked.links:
+                self._out.notify(link, reply)
+
+    return patch.object(BrickReplies, "answer", always)
+
+
 PLANTED: Final = (
     Planted(
         "sent before the commit",
@@ -377,6 +417,30 @@ PLANTED: Final = (
         _commits_not_synced,
         (situations.POWER_LOST,),
     ),
+    Planted(
+        "nxt: I: refusal not recorded",
+        "rover-nxt carries a command of the relay out that it has refused",
+        _refusal_not_recorded,
+        situations.REFUSED_THEN_PLUGGED,
+    ),
+    Planted(
+        "nxt: J: end not recorded",
+        "rover-nxt sends an end that it could not record",
+        _end_not_recorded,
+        (situations.END_UNRECORDED,),
+    ),
+    Planted(
+        "nxt: K: reply sent once",
+        "rover-nxt does not send a reply again that rover-relay did not store",
+        _reply_sent_once,
+        (situations.REPLY_LOST,),
+    ),
+    Planted(
+        "nxt: repeat passed on",
+        "rover-nxt gives the brick a command that comes again",
+        _repeat_passed_on,
+        draw=draw_mocup_storm,
+    ),
 )
 """Those with a letter are faults that the product had."""
 
@@ -399,7 +463,7 @@ class Search:
 def search(planted: Planted, seed: str, most_kills: int) -> Search:
     """Look for a planted fault: in its situations, or in storms one after another."""
     began_s, kills, found = monotonic(), 0, None
-    storms = (draw_storm(f"{seed}.{number}" if number else seed) for number in count())
+    storms = (planted.draw(f"{seed}.{number}" if number else seed) for number in count())
     quiet_s = situations.QUIET_S if planted.situations else QUIET_S
     with planted.plant():
         for storm in planted.situations or storms:

@@ -11,10 +11,12 @@ from tests.simulated.deeds import (
     Kill,
     KillAtWrite,
     Link,
+    LoseSamples,
     Order,
     Pause,
     Situation,
     Storm,
+    Unplug,
 )
 
 CALM: Final = Situation(
@@ -135,6 +137,52 @@ FORGOTTEN_CONNECTION: Final = Storm(
     ),
 )
 """The ground only listens, and its orbiter has forgotten the connection."""
+MOCUP: Final = replace(CALM, ask_again_s=60.0, mocup=True)
+REFUSED_THEN_PLUGGED: Final = tuple(
+    Storm(
+        "situation",
+        MOCUP,
+        (
+            Unplug(15.0, 8.0),
+            Order(20.0, Link.RELAY, 1, MoveForward(0.2)),
+            KillAtWrite(20.0, "relay", 3, after, 4.0),
+        ),
+    )
+    for after in (False, True)
+)
+"""rover-relay is killed before it stores that a command was delivered; it was refused meanwhile."""
+END_UNRECORDED: Final = Storm(
+    "situation",
+    MOCUP,
+    (
+        Order(20.0, Link.RELAY, 1, MoveForward(0.4)),
+        FillDisk(21.0, "nxt", 4.5),
+        Kill(25.0, "nxt", 2.0),
+    ),
+)
+"""The brick ends a command while the disk of rover-nxt is full, which is killed then."""
+REPLY_LOST: Final = Storm(
+    "situation",
+    MOCUP,
+    (
+        Order(20.0, Link.RELAY, 1, MoveForward(0.4)),
+        LoseSamples(21.0, 1.0, 2.0),
+        Order(24.0, Link.RELAY, 2, Stop()),
+    ),
+)
+"""The brick's reply is lost, and a stop keeps the orbiter from asking for it again."""
+STOP_UNRECORDED: Final = Storm(
+    "situation",
+    MOCUP,
+    (
+        Order(20.0, Link.RELAY, 1, Stop()),
+        FillDisk(22.0, "nxt", 5.0),
+        Order(23.0, Link.RELAY, 2, Stop()),
+        KillAtWrite(23.0, "relay", 4, False, 2.0),
+        Kill(23.5, "nxt", 1.0),
+    ),
+)
+"""A stop comes while the disk of rover-nxt is full, which is killed."""
 ALL: Final = {
     "full for minutes": FULL_FOR_MINUTES,
     "forgotten on a full disk": FORGOTTEN_ON_FULL_DISK,
@@ -149,4 +197,8 @@ ALL: Final = {
     "stop refused, then executed": STOP_REFUSED_THEN_EXECUTED,
     "half open": HALF_OPEN,
     "forgotten connection": FORGOTTEN_CONNECTION,
+    **{f"refused, then plugged {n}": each for n, each in enumerate(REFUSED_THEN_PLUGGED, 1)},
+    "end unrecorded": END_UNRECORDED,
+    "reply lost": REPLY_LOST,
+    "stop unrecorded": STOP_UNRECORDED,
 }
