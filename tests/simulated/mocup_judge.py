@@ -68,6 +68,8 @@ class MocupJudge:
         executed = {_identity(each) for each in self._brick.executed}
         executed |= {_identity(each) for _, each in self._brick.stops}
         for identity, stages in self._journals["moe"].ends.items():
+            if identity in self._journals["direct"].sent:
+                continue  # the executive may execute it without the brick
             request = self._journals["moe"].requests[identity]
             moves = isinstance(request, MoveForward | RotateBy | Stop)
             if moves and Stage.EXECUTED.name in stages and identity not in executed:
