@@ -23,7 +23,8 @@ from adapters.bundle.codec.eid import Eid
 from adapters.bundle.node import database
 from adapters.mocup.brick.record import BrickCommand
 from adapters.mocup.brick.record import Link as BrickLink
-from adapters.mocup.brick.router import BrickReplies, Router
+from adapters.mocup.brick.replies import BrickReplies
+from adapters.mocup.brick.router import Router
 from adapters.mocup.brick.service import BrickService
 from adapters.mops import Message, fingerprint, refusal_of
 from adapters.mrs.ground.notification_stream import NotificationStream

@@ -1,4 +1,4 @@
-"""What becomes of what the brick was asked: its own replies, and what is told in its stead."""
+"""Where messages of both links and of the brick go: checked, recorded, passed on or refused."""
 
 import logging
 from collections import deque
@@ -7,16 +7,15 @@ from dataclasses import replace
 from itertools import count
 from typing import Final
 
-from adapters.mocup.brick.head_watch import HeadWatch, Pointed
+from adapters.mocup.brick.head_watch import HeadWatch
 from adapters.mocup.brick.ownership import GONE, SILENT, STOPPED, Ownership, WaitingCommands
 from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
+from adapters.mocup.brick.replies import BrickReplies
 from adapters.mocup.brick.replies_out import (
     ABSENT,
-    Cause,
     RepliesOut,
     RouterCounts,
     RouterPorts,
-    command_of,
 )
 from adapters.mops import (
     Dictionary,
@@ -35,158 +34,6 @@ from executive.clock import Clock
 from executive.commands.intake import expired, made_in_future
 from executive.reasons import Reason
 from executive.record import LedgerError
-from executive.reports import Stage
-
-
-class BrickReplies:
-    """Writes replies down, and gives them to every link that sent the command.
-
-    That the head of the camera has been pointed is told the relay once telemetry shows it.
-    """
-
-    def __init__(
-        self,
-        record: BrickRecord,
-        out: RepliesOut,
-        ownership: Ownership,
-        head: HeadWatch,
-        stop: int,
-    ) -> None:
-        self._record = record
-        self._out = out
-        self._ownership = ownership
-        self._head = head
-        self._stop = stop
-        self._unsaid: Sequence[Message] = ()
-        self._overdue: Sequence[Message] = ()
-        self._causes: dict[Message, Cause] = {}
-        self._stopped: Sequence[Message] = ()
-        self._unrecorded: dict[Message, Message] = {}
-
-    def take(self, reply: Message) -> None:
-        """Take a reply of the brick; one that nobody asked for goes to both links."""
-        if reply.executed and reply.code == self._stop:
-            self.expect(self._stopped)
-            self._stopped = ()
-        with self._out.contained(f"reply {reply}"):
-            self._take(self._record.asked(command_of(reply)), reply)
-
-    def _take(self, asked: BrickCommand | None, reply: Message) -> None:
-        if asked is None or asked.command.code != reply.code:
-            self._out.counts.unasked += 1
-            for link in (Link.DIRECT,) if reply.code == self._stop else Link:
-                self._out.notify(
-                    link, reply
-                )  # a stop of the relay comes again until it is recorded
-        elif asked.ended and reply.code == self._stop:
-            self._out.counts.replies += 1  # to one that came again
-        elif asked.ended or asked.waits:
-            when = "after it had ended" if asked.ended else "before it was asked"
-            self._out.refuse(f"the brick says {reply} {when}")
-        else:
-            self._out.counts.replies += 1
-            by_relay = Link.RELAY in asked.links
-            if reply.executed and by_relay and self._head.keep(asked.command, reply):
-                self.answer(asked, self._out.reply(asked.command, Stage.STARTED))
-                return
-            if is_last(reply):
-                self._head.forget(asked.command)
-            self.answer(asked, reply)
-
-    def stopped(self) -> None:
-        """Note what a stop ends that is sent now, or drops on its way to the brick."""
-        with self._out.contained("what a stop ends"):
-            self._stopped = [each.command for each in self._record.unanswered()]
-
-    def lost(self, why: str) -> bool:
-        """End all that the brick has not answered as failed.
-
-        Returns:
-            Whether there was any, so that the brick may be moving.
-        """
-        self._causes.clear()
-        self._record_again()
-        owed = True
-        with self._out.contained("what the brick owes"):
-            unanswered = self._record.unanswered()
-            owed = not all(self._head.keeps(asked.command) for asked in unanswered)
-            for asked in unanswered:
-                reply = self._out.reply(asked.command, Stage.FAILED, why)
-                self.answer(asked, replace(reply, received=asked.replied is not None))
-        self._head.clear()
-        return owed
-
-    def see(self, telemetry: Message) -> bool:
-        """Take telemetry; return whether it shows that a command is executed."""
-        pointed = self._head.see(telemetry)
-        self._end_pointing(pointed)
-        return bool(pointed)
-
-    def _end_pointing(self, pointed: Sequence[Pointed]) -> None:
-        for each in pointed:
-            with self._out.contained(f"how {each.command} ended"):
-                asked = self._record.asked(each.command)
-                if asked is None or asked.ended:
-                    continue
-                reply, why = each.reply, Reason.PAN_TILT_DEADLINE
-                if each.fault:
-                    reply = self._out.reply(each.command, Stage.FAILED, each.fault, why)
-                self.answer(asked, reply)
-
-    def because(self, commands: Sequence[BrickCommand], cause: Cause) -> None:
-        """Tell a cause when the brick says that commands were cancelled."""
-        self._causes |= {asked.command: cause for asked in commands}
-
-    def look(self) -> None:
-        """End what the brick did not answer for a look or two although it was expected to."""
-        self._record_again()
-        overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
-        with self._out.contained("what the brick owes"):
-            for asked in [self._record.asked(command) for command in overdue]:
-                kept = asked is not None and self._head.keeps(asked.command)
-                if asked is not None and not asked.ended and not kept:
-                    text = "the brick was stopped and did not say how this ended"
-                    self.answer(asked, self._out.reply(asked.command, Stage.FAILED, text))
-        self._end_pointing(self._head.overdue())
-
-    def expect(self, commands: Sequence[Message]) -> None:
-        """Expect replies soon, as a stop ends all; they may be lost."""
-        self._unsaid = (*self._unsaid, *commands)
-
-    def _record_again(self) -> None:
-        """Answer what could not be recorded."""
-        for command, reply in list(self._unrecorded.items()):
-            with self._out.contained(f"a reply to {command}"):
-                asked = self._record.asked(command)
-                if asked is not None:
-                    self.answer(asked, reply)
-
-    def answer(self, asked: BrickCommand, reply: Message) -> None:
-        """Record a reply and then pass it on, so that an end is never revoked.
-
-        An end of the relay's that cannot be recorded is passed on once it can be.
-        """
-        reply = self._unrecorded.pop(asked.command, reply)
-        cause = self._causes.pop(asked.command, None) if is_last(reply) else None
-        if cause is not None and reply.outputs[:1] == (Stage.CANCELLED.name,):
-            reply = self._out.cancelled(asked.command, cause)
-        asked = replace(asked, replied=reply)
-        try:
-            self._record.save(asked)
-        except (MopsError, LedgerError) as error:
-            self._out.refuse(f"a reply to {asked.command} is not recorded: {error}")
-            if asked.ended:
-                self._unrecorded[asked.command] = reply
-            if asked.ended and Link.RELAY in asked.links:
-                return
-        for link in asked.links:
-            self._out.notify(link, reply)
-        if asked.links == (Link.RELAY,):
-            with self._out.contained(f"a reply to {asked.command} is not told"):
-                claim = self._record.claim(asked.command)
-                if claim is not None:
-                    self._ownership.relay_was_first(claim, asked)
-
 
 AWAY: Final = "the brick is gone"
 RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"
