@@ -144,6 +144,17 @@ def test_what_is_to_be_confirmed_stays_until_it_is(pair: Pair, clock: Clock) -> 
     assert carry(one, two) == 0
 
 
+def test_what_was_lost_often_does_not_wait_for_hours(pair: Pair, clock: Clock) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"x", confirm=True)
+    for _ in range(10):
+        carry(one, two, change=nothing)
+        clock.utc_ms += 32 * 60_000
+        one.tick()
+    carry(one, two)
+    assert two.take() == [b"x"]
+
+
 def test_what_was_not_confirmed_is_sent_again_with_longer_pauses_and_confirmed_again(
     pair: Pair, clock: Clock
 ) -> None:

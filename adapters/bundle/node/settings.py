@@ -82,7 +82,7 @@ class LtpLink:
         sessions: how many blocks may be on their way at once.
         answer_s: what the other side may take to answer, beside the light time of the plan.
         confirm_after_s: when what should have been confirmed is first sent again; the pause
-            doubles each time.
+            doubles each time, up to 32 times that.
     """
 
     address: Address

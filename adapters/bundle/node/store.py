@@ -18,6 +18,8 @@ from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid
 from adapters.bundle.node.database import Database
 
 _GREATEST: Final = 2**62
+_MOST_DOUBLINGS: Final = 5
+"""Of the pause before a bundle is sent again: a link that lost many may have been back for long."""
 
 
 class State(IntEnum):
@@ -119,11 +121,13 @@ class Outbox:
         Args:
             bundles: which.
             now_utc_ms: the time now.
-            pause_ms: after which one that is not confirmed is to be sent again; it doubles.
+            pause_ms: after which one that is not confirmed is to be sent again; it doubles, up to
+                32 times that.
         """
         self.remove(stored.id for stored in bundles if not stored.confirm)
         self._db.write_all(
-            "UPDATE outbox SET state = ?, again_utc_ms = ? + ? * (1 << min(tries, 10)),"
+            "UPDATE outbox SET state = ?,"
+            f" again_utc_ms = ? + ? * (1 << min(tries, {_MOST_DOUBLINGS})),"
             " tries = tries + 1 WHERE id = ?",
             [
                 (State.HANDED_ON.value, now_utc_ms, pause_ms(stored), stored.id)
