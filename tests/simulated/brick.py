@@ -154,7 +154,7 @@ class SimBrick:
         self.rover.velocity = STANDING
         task, self._task = self._task, None
         if task is not None:
-            self._tell_measured()
+            self._send_telemetry()
             self._reply(task, stage, reason)
 
     def _move(self) -> None:
@@ -187,11 +187,11 @@ class SimBrick:
 
     def _measure(self) -> None:
         self._move()
-        self._tell_measured()
+        self._send_telemetry()
         standing = self.rover.velocity == STANDING
         self._world.after(_REST_S if standing else _MOVING_S, self._measure)
 
-    def _tell_measured(self) -> None:
+    def _send_telemetry(self) -> None:
         pose, velocity, angles = self.rover.pose, self.rover.velocity, self.rover.angles
         measured = {
             Parameter.POS_X: pose.x_m,
@@ -248,7 +248,7 @@ class SimSession:
 
     @property
     def keeps_alive(self) -> bool:
-        """Whether the brick is told that its host lives."""
+        """Whether the brick receives keep-alives of its host."""
         return self.connected and not self._process.paused
 
     def on_plug(self, plugged: bool) -> None:

@@ -206,7 +206,6 @@ class NxtNode:
             link: node.create_subscription(String, topic.name, self._taker(link), topic.qos)
             for link, topic in settings.commands.items()
         }
-        self._listening: set[Link] = set()
         self._inbox_waits = node.create_guard_condition(self._serve_inbox)
         self._commanders = {
             link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link)) for link in Link
@@ -298,7 +297,6 @@ class NxtNode:
 
     def _look_around(self) -> None:
         found = {link: subscribers_of(self._node, p) for link, p in self._notifications.items()}
-        self._listening = {link for link, subscribers in found.items() if subscribers}
         self._service.look(found)
         self._diagnose()
         self._tell_housekeeping()
@@ -306,7 +304,8 @@ class NxtNode:
     def _tell_housekeeping(self) -> None:
         """Tell by both links how this process is doing."""
         now_s, counts = time.monotonic(), self._router.counts
-        due = [link for link in Link if now_s >= self._house_s[link] and link in self._listening]
+        listeners = self._service.listeners
+        due = [link for link in Link if now_s >= self._house_s[link] and listeners[link]]
         self._house_s |= {link: now_s + HOUSEKEEPING_S[link] for link in due}
         figures = {
             "NXT_CONNECTED": float(self._session.connected),

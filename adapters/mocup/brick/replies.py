@@ -32,14 +32,14 @@ class BrickReplies:
         self._ownership = ownership
         self._head = head
         self._stop = stop
-        self._unsaid: Sequence[Message] = ()
+        self._expected: Sequence[Message] = ()
         self._overdue: Sequence[Message] = ()
         self._causes: dict[Message, Cause] = {}
         self._stopped: Sequence[Message] = ()
         self._unrecorded: dict[Message, Message] = {}
 
     def take(self, reply: Message) -> None:
-        """Take a reply of the brick; one that nobody asked for goes to both links."""
+        """Take a reply of the brick; one that answers no command goes to both links."""
         if reply.executed and reply.code == self._stop:
             self.expect(self._stopped)
             self._stopped = ()
@@ -55,7 +55,7 @@ class BrickReplies:
         elif asked.ended and reply.code == self._stop:
             self._out.counts.replies += 1  # to one that came again
         elif asked.ended or asked.waits:
-            when = "after it had ended" if asked.ended else "before it was asked"
+            when = "after it had ended" if asked.ended else "before it was sent"
             self._out.refuse(f"the brick says {reply} {when}")
         else:
             self._out.counts.replies += 1
@@ -108,13 +108,13 @@ class BrickReplies:
                 self.answer(asked, reply)
 
     def because(self, commands: Sequence[BrickCommand], cause: Cause) -> None:
-        """Tell a cause when the brick says that commands were cancelled."""
+        """Give a cause where the brick reports that commands were cancelled."""
         self._causes |= {asked.command: cause for asked in commands}
 
     def look(self) -> None:
         """End what the brick did not answer for a look or two although it was expected to."""
         self._record_again()
-        overdue, self._overdue, self._unsaid = self._overdue, self._unsaid, ()
+        overdue, self._overdue, self._expected = self._overdue, self._expected, ()
         with self._out.contained("what the brick owes"):
             for asked in [self._record.asked(command) for command in overdue]:
                 kept = asked is not None and self._head.keeps(asked.command)
@@ -125,7 +125,7 @@ class BrickReplies:
 
     def expect(self, commands: Sequence[Message]) -> None:
         """Expect replies soon, as a stop ends all; they may be lost."""
-        self._unsaid = (*self._unsaid, *commands)
+        self._expected = (*self._expected, *commands)
 
     def _record_again(self) -> None:
         """Answer what could not be recorded."""
@@ -156,7 +156,7 @@ class BrickReplies:
         for link in asked.links:
             self._out.notify(link, reply)
         if asked.links == (Link.RELAY,):
-            with self._out.contained(f"a reply to {asked.command} is not told"):
+            with self._out.contained(f"a reply to {asked.command} is not reported"):
                 claim = self._record.claim(asked.command)
                 if claim is not None:
                     self._ownership.relay_was_first(claim, asked)

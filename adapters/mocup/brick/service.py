@@ -66,13 +66,14 @@ class BrickService:
 
     Attributes:
         inbox: where texts wait that have arrived.
+        listeners: who subscribes to the notifications of each link, as of the last look.
         why: why the brick is not there; empty if it is.
     """
 
     def __init__(self, router: Router, confirm: Callable[[int], None], *, confirmed: bool) -> None:
         self._router, self._confirm, self._confirmed = router, confirm, confirmed
         self._before: Sequence[int] = ()
-        self._listeners: Mapping[Link, frozenset[object]] = dict.fromkeys(Link, frozenset())
+        self.listeners: Mapping[Link, frozenset[object]] = dict.fromkeys(Link, frozenset())
         self.inbox = Inbox(router.is_stop)
         self.why = "no brick yet"
         router.lost(RESTARTED)
@@ -112,6 +113,6 @@ class BrickService:
                 self._router.ports.notify(Link.RELAY, unconfirmed[mark])
         self._before = tuple(unconfirmed)
         for link, found in listeners.items():
-            if found - self._listeners[link]:
+            if found - self.listeners[link]:
                 self._router.resend_last(link)
-        self._listeners = listeners
+        self.listeners = listeners
