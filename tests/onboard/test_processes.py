@@ -77,7 +77,7 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
     process, uri = aboard
     until_located(uri)
     drive = start(uri, LONG_DRIVE)
-    probe.moving()
+    probe.advanced(0.75)
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     probe.standing()
     stood = probe.fresh_truth().pose.pose.position
@@ -95,7 +95,7 @@ def test_a_killed_executive_leaves_a_standing_rover_and_a_successor_that_says_so
     killed, ended = (replay(path) for path in sorted((tmp_path / "data/recordings").iterdir()))
     assert (killed.difference, ended.difference) == (None, None), "both decide as they did"
     assert (killed.whole, ended.whole) == (False, True)
-    assert killed.decisions > 5, "what was done before the kill is there, but for a second"
+    assert killed.decisions > 5, "what was done before the kill is there, but for its last second"
 
 
 def test_a_stall_of_the_executive_is_taken_for_no_fault(

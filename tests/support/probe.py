@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import dist
 
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
@@ -52,6 +53,16 @@ class Probe:
 
     def moving(self) -> None:
         self.until(lambda: abs(self.fresh_truth().twist.twist.linear.x) > 0.1, "it moves")
+
+    def advanced(self, distance_m: float) -> None:
+        """Wait until it is that far from where it is now."""
+
+        def place() -> tuple[float, float]:
+            position = self.fresh_truth().pose.pose.position
+            return position.x, position.y
+
+        begun = place()
+        self.until(lambda: dist(begun, place()) > distance_m, "it advances")
 
     def standing(self) -> None:
         self.until(lambda: abs(self.fresh_truth().twist.twist.linear.x) < 0.01, "it stands")
