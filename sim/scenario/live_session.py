@@ -16,6 +16,7 @@ from typing import Any, Final, TypeVar
 from adapters.mal import MalError
 from adapters.mrs.ground import FileNews, MrsClient, Stream, TransferError
 from adapters.mrs.spec import Notification, ParameterValue, PlanUpdate, describe_error
+from adapters.system import OPERATING_SYSTEM, System
 from adapters.video import JpegStream
 from executive.commands import Command
 from executive.state import FileEvent, FileEventKind
@@ -70,6 +71,7 @@ class LiveSession:
         record: filled with all but the true poses.
         brief: whether the play ends as soon as all is played, and all that was admitted has ended.
         speed: seconds of the scenario per second, as far as the simulation keeps up.
+        system: the time.
     """
 
     def __init__(
@@ -82,7 +84,9 @@ class LiveSession:
         record: Record,
         brief: bool = False,
         speed: float = 1.0,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
+        self._system = system
         self._uri, self._mode, self._load, self._brief = uri, mode, load, brief
         self._speed = speed
         self._entries = len(scenario.timeline)
@@ -111,13 +115,13 @@ class LiveSession:
         finally:
             await self._hang_up()
         self._record.simulated_s = self._now_s()
-        self._record.wall_s = time.time() - self._record.start_utc_s
+        self._record.wall_s = self._system.utc_s() - self._record.start_utc_s
 
     def _now_s(self) -> float:
-        return self._record.since_start_s(time.time())
+        return self._record.since_start_s(self._system.utc_s())
 
     async def _connect(self) -> "Listening":
-        self._client = await MrsClient.connect(self._uri)
+        self._client = await MrsClient.connect(self._uri, system=self._system)
         self._listening = Listening(self._client, self._record, self._mode, self._news.set)
         await self._listening.begin()
         return self._listening
@@ -156,7 +160,7 @@ class LiveSession:
     async def _carry_out(self, entry: Entry) -> None:
         match entry:
             case Send() | Repeat():
-                label, command = self._ground.command(entry, time.time())
+                label, command = self._ground.command(entry, self._system.utc_s())
                 sent_s = self._now_s()
                 answer = await self._submit(command)
                 self._record.sendings.append(Sending(label, command.identity, sent_s, answer))

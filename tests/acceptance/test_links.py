@@ -12,8 +12,6 @@ import pytest
 
 from adapters.mrs.ground.client import MrsClient
 from executive.commands.catalogue import SetTravelSpeed
-from executive.reasons import Reason
-from executive.reports import Stage
 from sim.processes.children import Child
 from sim.scenario.live import Scene, play_in, ready, scene_of
 from sim.scenario.lockstep_run import run_in_lock_step
@@ -21,10 +19,10 @@ from sim.scenario.model import PlayMode, Scenario, Send
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Record
+from tests.support.lives import Lives, lives
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.usefixtures("ros_domain")]
 
-Lives = dict[str, list[tuple[Stage | None, Reason | None]]]
 UNDER_WAY_M = 0.03
 PATIENCE_S = 120.0
 SHORT = """
@@ -38,14 +36,6 @@ timeline:
 expect:
   - {command: turn, ends: EXECUTED}
 """
-
-
-def lives(record: Record) -> Lives:
-    """Return what was reported of each command."""
-    labels = dict.fromkeys(sent.label for sent in record.sendings)
-    return {
-        label: [(report.stage, report.reason) for report in record.life(label)] for label in labels
-    }
 
 
 def told_by(source: str, scenario: Scenario) -> Scenario:

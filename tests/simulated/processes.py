@@ -1,11 +1,11 @@
 """The processes of the project in a simulated world: orbiter, relay, executive."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
+from typing import Final, Protocol
 
 from adapters.bundle import Peer
 from adapters.mops import MopsError, load_dictionary
@@ -16,10 +16,11 @@ from adapters.relay.orbiter.relay import run
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.executive_link import LOOK_S, ExecutiveRelayLink
+from executive.ports import Downlink, VelocityRover
 from executive.record import Ledger
 from executive.runner import Executive
 from executive.settings import Settings
-from executive.state import Battery, Odometry
+from executive.state import Battery, Fact, Odometry
 from tests.simulated.convergence import Convergence, Links, link_to, listen
 from tests.simulated.process import Process
 from tests.simulated.stop_watch import StopWatch
@@ -28,7 +29,7 @@ from trees import RoverTree
 
 TICK_S: Final = 0.05
 REST_S: Final = 1.0
-"""Between two ticks while nothing is commanded."""
+"""Between two ticks while nothing is commanded, where nothing is watched more closely."""
 CMD_VEL_TIMEOUT_S: Final = 0.5
 """After which the base stands if it receives no more velocities."""
 MRS_PORT: Final = 20_000
@@ -190,39 +191,74 @@ class ExecutiveTopics:
         return self._reports.subscriber_count
 
 
+class Below(Protocol):
+    """A rover, which moves on while no executive runs: until its base gets no more velocities."""
+
+    @property
+    def rover(self) -> VelocityRover:
+        """What executives command."""
+        ...
+
+    @property
+    def downlinks(self) -> Sequence[Downlink]:
+        """What else is given the reports."""
+        ...
+
+    @property
+    def rest_s(self) -> float:
+        """How long its executives rest between two ticks while nothing is commanded."""
+        ...
+
+    def begin(self, last_sequence: int) -> None:
+        """Get another executive, after a report with a number."""
+
+    def sense(self, now_s: float) -> Iterable[Fact]:
+        """Move until now, and return what was sensed."""
+        ...
+
+
 @dataclass
 class RoverBelow:
-    """A rover, which moves on while no executive runs: until its base gets no more velocities.
-
-    Attributes:
-        rover: that moves.
-    """
+    """A kinematic one."""
 
     rover: StopWatch = field(default_factory=StopWatch)
     at_s: float = 0.0
+    rest_s: float = REST_S
+
+    @property
+    def downlinks(self) -> Sequence[Downlink]:
+        return (self.rover,)
+
+    def begin(self, last_sequence: int) -> None:
+        self.rover.sent.clear()
+        self.rover.begin(last_sequence)
 
     def advance(self, now_s: float, fresh: bool) -> None:
         """Move until now."""
         step_s, self.at_s = now_s - self.at_s, now_s
         self.rover.advance(step_s if fresh else min(step_s, CMD_VEL_TIMEOUT_S))
 
+    def sense(self, now_s: float) -> Iterable[Fact]:
+        self.advance(now_s, fresh=True)
+        rover = self.rover
+        return Odometry(now_s, rover.pose, rover.velocity), Battery(26.0), rover.angles
 
-def start_executive(place: Place, below: RoverBelow, settings: Settings, process: Process) -> None:
-    """Start `rover-executive --relay` over a kinematic rover."""
+
+def start_executive(place: Place, below: Below, settings: Settings, process: Process) -> None:
+    """Start `rover-executive --relay` over a rover."""
     system = SimSystem(process)
     ledger = Ledger(process.folder / "ledger.sqlite", connect=system.connect)
     topics = ExecutiveTopics(process, place.asset)
     relay = ExecutiveRelayLink(topics, ledger, DICTIONARY, place.asset.upper(), system)
     direct = MrsLink(settings, "0.0.0.0", MRS_PORT, clear_text=True, system=system)
-    below.rover.sent.clear()
-    below.rover.begin(ledger.last_sequence)
+    below.begin(ledger.last_sequence)
     executive = Executive(
         settings=settings,
         clock=system,
         rover=below.rover,
         ledger=ledger,
         files=process.folder / "files",
-        downlinks=[direct, relay, below.rover],
+        downlinks=[direct, relay, *below.downlinks],
         build_tree=RoverTree,
     )
     relay.serve(executive.submit, lambda: executive.mode)
@@ -231,16 +267,17 @@ def start_executive(place: Place, below: RoverBelow, settings: Settings, process
     link_loop.call_soon(lambda: link_loop.create_task(direct.serve(executive, Future())))
 
     def sense(now_s: float) -> None:
-        below.advance(now_s, fresh=True)
-        executive.observe(Odometry(now_s, below.rover.pose, below.rover.velocity))
-        executive.observe(Battery(26.0))
-        executive.observe(below.rover.angles)
+        for fact in below.sense(now_s):
+            executive.observe(fact)
 
-    process.run(tick(executive, sense, relay.look))
+    process.run(tick(executive, sense, relay.look, below.rest_s))
 
 
 async def tick(
-    executive: Executive, sense: Callable[[float], None], look: Callable[[], None]
+    executive: Executive,
+    sense: Callable[[float], None],
+    look: Callable[[], None],
+    rest_s: float = REST_S,
 ) -> None:
     """Run an executive for ever.
 
@@ -248,6 +285,7 @@ async def tick(
         executive: that is run.
         sense: called before each tick, with the time.
         look: called every `LOOK_S`, at ticks.
+        rest_s: between two ticks while nothing is commanded.
     """
     loop, woken = asyncio.get_running_loop(), asyncio.Event()
 
@@ -264,7 +302,7 @@ async def tick(
             looked_s = now_s
             look()
         busy = executive.active_command is not None or executive.waiting > 0
-        next_s = now_s + (TICK_S if busy else REST_S)
+        next_s = now_s + (TICK_S if busy else rest_s)
         while (left_s := next_s - loop.time()) > 0.0:
             try:
                 async with asyncio.timeout(left_s):

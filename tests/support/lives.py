@@ -1,0 +1,15 @@
+"""What was reported of the commands of a scenario, to compare links and runs."""
+
+from executive.reasons import Reason
+from executive.reports import Stage
+from sim.scenario.record import Record
+
+Lives = dict[str, list[tuple[Stage | None, Reason | None]]]
+
+
+def lives(record: Record) -> Lives:
+    """Return what was reported of each command."""
+    labels = dict.fromkeys(sent.label for sent in record.sendings)
+    return {
+        label: [(report.stage, report.reason) for report in record.life(label)] for label in labels
+    }
