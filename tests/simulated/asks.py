@@ -7,12 +7,16 @@ from typing import Final, assert_never
 
 from adapters.mrs.ground.authority import SessionAuthority
 from adapters.mrs.spec import AuthorityStatus
+from executive.settings import AuthoritySettings
 
 RIVAL: Final = "rival"
 """The process of the second operator, on the direct link."""
 RIVAL_SOURCE: Final = "OPS"
 LEASE_S: Final = 10.0
+LENT_S: Final = 60.0
 OPERATORS: Final = ("direct", RIVAL)
+ORBITER: Final = AuthoritySettings().relay
+"""Who holds the authority for the commands of the relay."""
 
 
 class Act(Enum):
@@ -22,6 +26,7 @@ class Act(Enum):
     TAKE = "take"
     HAND_OVER = "hand over"
     RELEASE = "release"
+    LEND = "hand over to the orbiter"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +44,7 @@ def draw_asks(chance: Random, begin_s: float, end_s: float, pause_s: float) -> l
     at_s = begin_s
     while at_s < end_s:
         at_s += chance.expovariate(1 / pause_s)
-        act = chance.choice((Act.REQUEST, Act.REQUEST, Act.REQUEST, *Act))
+        act = chance.choice((*[Act.REQUEST] * 3, *Act, Act.LEND))
         asks.append(AskAuthority(at_s, chance.choice(OPERATORS), act))
     return asks
 
@@ -61,5 +66,7 @@ async def do(act: Act, other: str, authority: SessionAuthority) -> AuthorityStat
             return await authority.hand_over(other)
         case Act.RELEASE:
             return await authority.release()
+        case Act.LEND:
+            return await authority.hand_over(ORBITER, LENT_S)
         case _:
             assert_never(act)

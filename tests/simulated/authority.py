@@ -7,12 +7,13 @@ from typing import Any, Final
 
 from executive.commands import Stop
 from executive.reports import Identity, Stage
+from tests.simulated.asks import ORBITER
 from tests.simulated.disk import rows
 from tests.simulated.ground import Journal
 from tests.simulated.judge import Finding
 from tests.simulated.world import World
 
-_EPOCH: Final = re.compile(r"\(epoch (\d+)\)$")
+_GRANT: Final = re.compile(r"(\S+) .* (\S+) \(epoch (\d+)\)$")
 
 
 class AuthorityJudge:
@@ -71,8 +72,10 @@ class AuthorityJudge:
         present = 0
         for _, text, source, number, stage in self._rows(query, "reports"):
             if number is None:
-                if (granted := _EPOCH.search(text)) is not None:
-                    present = int(granted[1])
+                if (granted := _GRANT.search(text)) is not None:
+                    present = int(granted[3])
+                    if granted[2] == ORBITER:
+                        holders[present] = granted[1]  # which commands by it
                 continue
             identity = Identity(source, number)
             if stage != Stage.ACCEPTED.value or identity in free:
@@ -94,7 +97,7 @@ class AuthorityJudge:
         if None in claims and not self._needed:
             return True
         claimed = [each for each in claims if each is not None and each >= present]
-        return any(holders[each] == source for each in claimed)
+        return any(holders.get(each) == source for each in claimed)
 
     def _told(self) -> Iterator[tuple[int, str]]:
         """Yield the epochs that operators hold by what they were told, each with whose it is."""

@@ -56,12 +56,6 @@ class Journal:
         """Return the commands of which no end is known, in the order of sending."""
         return [each for each in self.sent if each not in self.ends and each not in self.refused]
 
-    def claim(self, identity: Identity, epoch: int | None) -> None:
-        """Note under which epoch a command is sent."""
-        self.claims.setdefault(identity, []).append(epoch)
-        if epoch is not None:
-            self.hold(epoch)
-
     def hold(self, epoch: int) -> None:
         """Note that it holds the authority."""
         if epoch not in self.epochs:
@@ -79,10 +73,14 @@ class Ground:
         uri: the other end of the link.
         journal: takes what it comes to know.
         source: the name under which it commands.
+
+    Attributes:
+        lent: the epoch under which the orbiter holds the authority for it, as far as it knows.
     """
 
     def __init__(self, uri: str, journal: Journal, source: str = SOURCE) -> None:
         self._uri, self.journal, self.source = uri, journal, source
+        self.lent: int | None = None
         self._process: Process | None = None
         self._client: asyncio.Future[MrsClient] | None = None
 
@@ -99,12 +97,17 @@ class Ground:
             loop = process.loop
             loop.call_soon(lambda: loop.create_task(self._run(request, number)))
 
-    def ask(self, ask: Ask) -> None:
-        """Do something about the authority; an event of the world."""
+    def ask(self, ask: Ask, relay: "Ground") -> None:
+        """Do something about the authority; an event of the world.
+
+        Args:
+            ask: what.
+            relay: commands by the relay, under the epoch that the orbiter gets for it.
+        """
         process = self._process
         if process is not None and process.alive:
             loop = process.loop
-            loop.call_soon(lambda: loop.create_task(self._ask(ask)))
+            loop.call_soon(lambda: loop.create_task(self._ask(ask, relay)))
 
     async def _serve(self, process: Process, connected: "asyncio.Future[MrsClient]") -> None:
         client = await self._connected(process)
@@ -133,6 +136,8 @@ class Ground:
     async def _run(self, request: Request, number: int) -> None:
         assert self._client is not None
         client, journal = await asyncio.shield(self._client), self.journal
+        if self.lent is not None:
+            client.authority.epoch = self.lent
         command = client.command(request, command_id=number)
         journal.sent.setdefault(command.identity, asyncio.get_running_loop().time())
         journal.requests[command.identity] = request
@@ -146,7 +151,7 @@ class Ground:
             request = self.journal.requests[identity]
             await self._command(client, client.command(request, command_id=identity.command_id))
 
-    async def _ask(self, ask: Ask) -> None:
+    async def _ask(self, ask: Ask, relay: "Ground") -> None:
         assert self._client is not None
         client = await asyncio.shield(self._client)
         try:
@@ -156,9 +161,14 @@ class Ground:
         else:
             if status.holder == self.source:
                 self.journal.hold(status.epoch)
+            elif relay.source == self.source:
+                relay.lent = status.epoch
 
     async def _command(self, client: MrsClient, command: Command) -> None:
-        self.journal.claim(command.identity, command.authority)
+        epoch = command.authority
+        self.journal.claims.setdefault(command.identity, []).append(epoch)
+        if epoch is not None and epoch != self.lent:
+            self.journal.hold(epoch)
         outcome = await client.run(command)
         refusal = outcome.refusal
         if refusal is None:

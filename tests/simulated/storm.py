@@ -280,7 +280,7 @@ class Player:
                 world.after(for_s, self.brick.plug, True)
             case AskAuthority(_, name, act):
                 other = SOURCE if name == RIVAL else RIVAL_SOURCE
-                self.grounds[name].ask(partial(do, act, other))
+                self.grounds[name].ask(partial(do, act, other), self.grounds["moe"])
             case _:
                 assert_never(deed)
 

@@ -10,7 +10,7 @@ from executive.record import AuthorityRecord
 from tests.simulated.asks import RIVAL, Act, AskAuthority
 from tests.simulated.deeds import Deed, Kill, Link, Order, Storm
 from tests.simulated.situations import CALM
-from tests.simulated.storm import Played, play
+from tests.simulated.storm import Played, play, player
 
 
 def played(*deeds: Deed) -> Played:
@@ -38,6 +38,30 @@ PASSED_ON: tuple[Deed, ...] = (
 
 def test_the_authority_passes_on_over_kills() -> None:
     assert not played(*PASSED_ON).findings
+
+
+LENT: tuple[Deed, ...] = (
+    AskAuthority(15.0, "direct", Act.REQUEST),
+    Order(16.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
+    AskAuthority(17.0, "direct", Act.LEND),
+    Order(18.0, Link.RELAY, 2, SetTravelSpeed(0.3)),
+    Kill(19.0, "executive", 1.0),
+    Order(22.0, Link.RELAY, 3, SetTravelSpeed(0.4)),
+    AskAuthority(25.0, RIVAL, Act.TAKE),
+    Order(26.0, Link.RELAY, 4, SetTravelSpeed(0.2)),
+)
+
+
+def test_the_relay_commands_while_the_orbiter_holds_it() -> None:
+    with player(Storm("lent", replace(CALM, authority_needed=True), LENT)) as playing:
+        assert not playing.play().findings
+        ends = playing.grounds["moe"].journal.ends
+    assert [each for end in ends.values() for each in end] == [
+        "REJECTED",
+        "EXECUTED",
+        "EXECUTED",
+        "REJECTED",
+    ]
 
 
 def test_a_command_without_it_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
