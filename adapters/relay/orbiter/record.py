@@ -127,6 +127,7 @@ class Outstanding:
             utc_s: when.
             loss: why its command may be lost; recorded as a report if there is none on it yet.
         """
+        self._ledger.commit()  # what has only gathered is in no row yet
         key = (str(bundle),)
         rows = self._ledger.rows("SELECT source, command_id FROM underway WHERE bundle = ?", key)
         if not rows:

@@ -2,7 +2,8 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final, Protocol
 
@@ -141,12 +142,10 @@ class RelayedRover:
     def _record(
         self, command: Command, octets: bytes, bundle: BundleId, until_utc_s: float
     ) -> None:
-        try:
+        with _as_internal():
             self.record.outstanding.add(
                 replace(command, link=LINK), octets, bundle, self._utc_s(), until_utc_s
             )
-        except LedgerError as error:
-            raise with_text(StandardError.INTERNAL, str(error)) from error
 
     async def _stop(self, command: Command) -> None:
         """Send a stop up before anything else, then look whether it is as it should be.
@@ -193,6 +192,8 @@ class RelayedRover:
             raise refused(refusal, identity)
         known = self.record.ledger.digest_of(identity)
         if known is not None:
+            with _as_internal():
+                self.record.ledger.commit()  # what has only gathered is lost when this is killed
             self._remind(command, known)
             raise duplicate(identity)
         if refusal := expired(command, now_s, now_s):
@@ -389,6 +390,15 @@ class RelayedRover:
             self._report(each.report, each.cursor)
         if not last:
             self.tell(Severity.INFORMATIONAL, f"{identity}: nothing came down yet")
+
+
+@contextmanager
+def _as_internal() -> Iterator[None]:
+    """Raise MalError where the record cannot be read or written."""
+    try:
+        yield
+    except LedgerError as error:
+        raise with_text(StandardError.INTERNAL, str(error)) from error
 
 
 class RoverListener(Protocol):
