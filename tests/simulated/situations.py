@@ -7,6 +7,7 @@ from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
 from tests.simulated.deeds import (
     CutWay,
     Deed,
+    FailWrite,
     FillDisk,
     Kill,
     KillAtWrite,
@@ -183,6 +184,28 @@ STOP_UNRECORDED: Final = Storm(
     ),
 )
 """A stop comes while the disk of rover-nxt is full, which is killed."""
+CLAIMED_WHILE_WAITING: Final = Storm(
+    "situation",
+    MOCUP,
+    (
+        Order(20.0, Link.RELAY, 1, MoveForward(0.4)),
+        Order(20.5, Link.RELAY, 2, MoveForward(0.2)),
+        KillAtWrite(21.0, "nxt", 2, True, 2.0),
+        Order(21.0, Link.DIRECT, 2, MoveForward(0.2)),
+        Kill(21.1, "executive", 9.0),
+        Unplug(21.2, 8.0),
+        Order(22.0, Link.RELAY, 3, Stop()),
+    ),
+)
+"""rover-nxt is killed when it has stored that the executive has what waits for the relay."""
+RECOVERED_UNRECORDED: Final = _storm(
+    Kill(15.0, "executive", 20.0),
+    Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.3)),
+    KillAtWrite(20.0, "orbiter", 2, False, 2.0),
+    FailWrite(21.0, "orbiter", 1),
+    Kill(22.1, "relay", 1.0),
+)
+"""The orbiter cannot record what it finds in its outbox; the ground sends it again meanwhile."""
 ALL: Final = {
     "full for minutes": FULL_FOR_MINUTES,
     "forgotten on a full disk": FORGOTTEN_ON_FULL_DISK,
@@ -201,4 +224,6 @@ ALL: Final = {
     "end unrecorded": END_UNRECORDED,
     "reply lost": REPLY_LOST,
     "stop unrecorded": STOP_UNRECORDED,
+    "recovered, unrecorded": RECOVERED_UNRECORDED,
+    "claimed while waiting": CLAIMED_WHILE_WAITING,
 }

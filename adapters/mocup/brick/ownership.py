@@ -83,12 +83,10 @@ class Ownership:
         elif first.refused:
             if first.command.moe_inputs_counter is not None:  # a part may have that counter
                 plain = replace(first.command, moe_inputs_counter=None)
-                self._record.save(replace(first, command=plain))
-                self._record.forget(first)
+                self._record.save(replace(first, command=plain), instead=first)
             return False
         elif first.waits:
-            self._record.save_claim(replace(claim, wanted=first.command))
-            self._record.forget(first)
+            self._record.save_claim(replace(claim, wanted=first.command), instead=first)
             return False
         elif first.replied is not None:
             self._out.notify(Link.DIRECT, replace(first.replied, moe_inputs_counter=None))

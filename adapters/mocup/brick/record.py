@@ -18,6 +18,7 @@ _MAY_BE_OPEN: Final = 1000
 _WAITS: Final = "ALTER TABLE asked ADD COLUMN waits INTEGER NOT NULL DEFAULT 0"
 """Brings a file of an older version up to date."""
 _ASKED: Final = "SELECT command, links, replied, waits FROM asked"
+_FORGET: Final = "DELETE FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS asked (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
@@ -136,8 +137,13 @@ class BrickRecord(Database):
         rows = self.rows(f"{_ASKED} WHERE NOT ended AND waits ORDER BY number")
         return [_asked(row) for row in rows]
 
-    def save(self, asked: BrickCommand) -> None:
-        """Write a command down, or what has become of it, before the brick is told."""
+    def save(self, asked: BrickCommand, instead: BrickCommand | None = None) -> None:
+        """Write a command down, or what has become of it, before the brick is told.
+
+        Args:
+            asked: the command.
+            instead: what is deleted with it, both or neither.
+        """
         self._keep(
             "INSERT INTO asked (source, moe_id, counter, command, links, replied, ended, waits)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO UPDATE SET command = excluded.command,"
@@ -152,12 +158,12 @@ class BrickRecord(Database):
                 asked.waits,
             ),
             "DELETE FROM asked WHERE number <= (SELECT max(number) - ? FROM asked) AND NOT waits",
+            instead,
         )
 
     def forget(self, asked: BrickCommand) -> None:
         """Delete a command that did not reach the brick."""
-        where = "source = ? AND moe_id = ? AND counter = ?"
-        self.rows(f"DELETE FROM asked WHERE {where}", _key(asked.command))
+        self.rows(_FORGET, _key(asked.command))
 
     def claim(self, command: Message) -> Claim | None:
         """Return the executive's claim on a message's source and number."""
@@ -180,8 +186,8 @@ class BrickRecord(Database):
         rows = self.rows(query, (_MAY_BE_OPEN,))
         return [claim for claim in map(_claim, rows) if not claim.ended]
 
-    def save_claim(self, claim: Claim) -> None:
-        """Write a claim down, or what has become of it."""
+    def save_claim(self, claim: Claim, instead: BrickCommand | None = None) -> None:
+        """Write a claim down, or what has become of it; with `instead` as in `save`."""
         texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
         self._keep(
             "INSERT INTO claims (source, moe_id, command, reported, wanted) VALUES (?, ?, ?, ?, ?)"
@@ -189,6 +195,7 @@ class BrickRecord(Database):
             " reported = excluded.reported, wanted = excluded.wanted",
             (*_name(claim.command), str(claim.command), *texts),
             "DELETE FROM claims WHERE number <= (SELECT max(number) - ? FROM claims)",
+            instead,
         )
 
     def authority(self) -> Message | None:
@@ -204,9 +211,17 @@ class BrickRecord(Database):
         rows = self.rows(f"{_ASKED} WHERE {where}", values)
         return _asked(rows[0]) if rows else None
 
-    def _keep(self, statement: str, values: tuple[object, ...], forget: str) -> None:
+    def _keep(
+        self,
+        statement: str,
+        values: tuple[object, ...],
+        prune: str,
+        instead: BrickCommand | None,
+    ) -> None:
         self.write(statement, values)
-        self.write(forget, (KEPT,))
+        self.write(prune, (KEPT,))
+        if instead is not None:
+            self.write(_FORGET, _key(instead.command))
         try:
             self.commit()
         except LedgerError:

@@ -41,9 +41,9 @@ class Fused:
         self._record, self._fuse = record, fuse
 
     def __getattr__(self, name: str) -> Any:
-        def call(*arguments: Any) -> Any:
+        def call(*arguments: Any, **named: Any) -> Any:
             self._fuse()
-            returned = getattr(self._record, name)(*arguments)
+            returned = getattr(self._record, name)(*arguments, **named)
             self._fuse()
             return returned
 
