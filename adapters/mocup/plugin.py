@@ -21,6 +21,7 @@ from adapters.mops import (
     authority_message,
     authority_of,
     encode,
+    fingerprint,
     is_last,
     reply_of,
 )
@@ -59,6 +60,8 @@ ANSWER_TIMEOUT_S: Final = 3.0
 """After this the answer to a command that is no motion is waited for no longer."""
 MOST_ASKED: Final = 64
 """Commands whose answers are remembered."""
+MOST_UNCONFIRMED: Final = 200
+"""Commands whose last report is published until `rover-nxt` confirms it."""
 MocupFact = MotionStarted | MotionEnded | CommandEnded | CommandUnderWay | Stopped | AuthorityUsed
 """Facts that the plugin reports to the executive."""
 _OF_CAMERA: Final = (SetCameraRotateSpeed, SetCameraAngles)
@@ -342,7 +345,8 @@ class ClaimAnnouncer:
     `rover-nxt` stands where both links meet (thesis 6.2). It has to know the commands that come to
     the brick in parts, or not yet, or not at all, to know the relay's copy of one; and what is
     reported on them, to tell the relay. A claim is the command as a MOPS message with RECEIVED set,
-    a report a reply.
+    a report a reply. Both go in one string, so that of several only the last has to arrive: it is
+    published again until `rover-nxt` confirms it.
 
     What the executive refused is not claimed: there is nothing that could be done twice. Nor is
     what no message can ask for.
@@ -352,7 +356,7 @@ class ClaimAnnouncer:
     Args:
         request_of: returns what a command asked for, if it is known.
         authority: returns which commands of the relay have the authority.
-        send: takes each message on its way.
+        publish: takes each string on its way.
         source: the name under which the authority is told.
         brick: name of the brick, and of who reports.
     """
@@ -362,7 +366,7 @@ class ClaimAnnouncer:
         dictionary: Dictionary,
         request_of: Callable[[Identity], Request | None],
         authority: Callable[[], RelayAuthority],
-        send: Callable[[Message], None],
+        publish: Callable[[str], None],
         source: str,
         brick: str,
     ) -> None:
@@ -370,52 +374,74 @@ class ClaimAnnouncer:
         self._request_of = request_of
         self._authority = authority
         self._told_authority: RelayAuthority | None = None
-        self._send = send
+        self._publish = publish
         self._source = source
         self._brick = brick
+        self._unconfirmed: dict[Identity | None, str] = {}
+        """The last string on each command, and on the authority."""
+        self._before: dict[Identity | None, str] = {}
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Claim accepted commands; tell what else becomes of them, and of the authority."""
+        """Tell what becomes of commands, and of the authority."""
         for report in reports:
             if report.identity is None:
                 self._tell_authority()
-            self._tell(report, report.stage is Stage.ACCEPTED)
+            else:
+                self._tell(report, report.identity)
 
     def again(self, reports: Iterable[Report]) -> None:
-        """Claim the commands of reports, and tell the last one on each: they may be news.
-
-        The authority is told before.
-        """
+        """Tell the authority, and the last of reports on each command: they may be news."""
         self._told_authority = None
         self._tell_authority()
         last = {each.identity: each for each in reports if each.stage in _TOLD}
-        for report in last.values():
-            self._tell(report, claimed=True)
+        for identity, report in last.items():
+            if identity is not None:
+                self._tell(report, identity)
+
+    def taken(self, mark: int) -> None:
+        """Take a string for confirmed, by its fingerprint."""
+        for key, text in self._unconfirmed.items():
+            if fingerprint(text) == mark:
+                del self._unconfirmed[key]
+                return
+
+    def look(self) -> None:
+        """Publish again what was not confirmed at the last call either."""
+        for key, text in self._unconfirmed.items():
+            if self._before.get(key) == text:
+                self._publish(text)
+        self._before = dict(self._unconfirmed)
 
     def _tell_authority(self) -> None:
         authority = self._authority()
         if authority != self._told_authority:
             self._told_authority = authority
             entry = self._dictionary.spelling.authority
-            self._send(authority_message(authority, entry, self._source, self._brick))
+            self._send(None, authority_message(authority, entry, self._source, self._brick))
 
-    def _tell(self, report: Report, claimed: bool) -> None:
-        if report.identity is None or report.stage not in _TOLD:
+    def _tell(self, report: Report, identity: Identity) -> None:
+        if report.stage not in _TOLD:
             return
-        request = self._request_of(report.identity)
+        request = self._request_of(identity)
         if request is None:
             return
         try:
-            command = self._dictionary.command(request, report.identity, self._brick)
+            command = self._dictionary.command(request, identity, self._brick)
             told = reply_of(report, self._dictionary.entry(command), self._brick)
-            messages = [replace(command, received=True), told] if claimed else [told]
-            for message in messages:
+            for message in (claim := replace(command, received=True), told):
                 encode(message)
         except MopsError as error:
-            _LOG.debug("%s has no message: %s", report.identity, error)
+            _LOG.debug("%s has no message: %s", identity, error)
             return
-        for message in messages:
-            self._send(message)
+        self._send(identity, claim, told)
+
+    def _send(self, key: Identity | None, *messages: Message) -> None:
+        text = "".join(map(str, messages))
+        self._unconfirmed.pop(key, None)
+        self._unconfirmed[key] = text
+        if len(self._unconfirmed) > MOST_UNCONFIRMED:
+            del self._unconfirmed[next(iter(self._unconfirmed))]
+        self._publish(text)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Tell nothing: the brick measures."""

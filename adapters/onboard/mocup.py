@@ -7,7 +7,7 @@ from typing import Final
 
 from rclpy.duration import Duration
 from rclpy.node import Node
-from std_msgs.msg import String
+from std_msgs.msg import String, UInt64
 
 from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover, relay_authority
 from adapters.mops import (
@@ -61,6 +61,9 @@ class MocupOnRos(RosFrames):
         self._replies = declare_topic(
             node, "mops_notification", "std_msgs/String, MOPS replies of the brick"
         )
+        self._taken = declare_topic(
+            node, "mops_taken", "std_msgs/UInt64, fingerprint of a string that rover-nxt took"
+        )
         self._commands = node.create_publisher(String, command.name, command.qos)
         publish_heartbeat(node, command)
         self._observe: Callable[[Fact], None] = lambda _: None
@@ -69,6 +72,7 @@ class MocupOnRos(RosFrames):
         self._rover = MocupRover(
             self._dictionary, clock, self._send, self._tell, SOURCE, self._brick
         )
+        self._claims: ClaimAnnouncer | None = None
         self._claim_again: Callable[[], None] = lambda: None
         self._told: Housekeeping | None = None
         self._listeners = 0
@@ -78,6 +82,7 @@ class MocupOnRos(RosFrames):
         """Subscribe to the brick's replies."""
         self._observe = observe
         subscribe(String, self._replies, self._on_reply)
+        subscribe(UInt64, self._taken, self._on_taken)
 
     def downlinks(self, ledger: Ledger) -> Sequence[Downlink]:
         """Tell `rover-nxt` what is carried out, what is reported on it, and who may command.
@@ -89,7 +94,7 @@ class MocupOnRos(RosFrames):
             self._dictionary,
             ledger.request,
             lambda: relay_authority(self._authority, grants.read()),
-            self._send,
+            self._publish,
             SOURCE,
             self._brick,
         )
@@ -98,7 +103,7 @@ class MocupOnRos(RosFrames):
             with suppress(LedgerError):  # the core sees that too, and says so
                 claims.again(ledger.reports(ledger.last_sequence - TOLD_AGAIN + 1))
 
-        self._claim_again = again
+        self._claims, self._claim_again = claims, again
         return (claims,)
 
     def carry_out(self, motion: WholeMotion) -> None:
@@ -136,10 +141,19 @@ class MocupOnRos(RosFrames):
         if listeners > self._listeners:
             self._claim_again()
         self._listeners = listeners
+        if self._claims is not None and listeners:
+            self._claims.look()
         self._rover.remind()
 
     def _send(self, message: Message) -> None:
-        self._commands.publish(String(data=str(message)))
+        self._publish(str(message))
+
+    def _publish(self, text: str) -> None:
+        self._commands.publish(String(data=text))
+
+    def _on_taken(self, mark: UInt64) -> None:
+        if self._claims is not None:
+            self._claims.taken(mark.data)
 
     def _tell(self, fact: MocupFact) -> None:
         self._observe(fact)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mocup import ClaimAnnouncer
-from adapters.mops import Message, RelayAuthority, encode, load_dictionary
+from adapters.mops import Message, RelayAuthority, fingerprint, load_dictionary, messages_in
 from executive.commands.catalogue import Command, FollowPath, MoveForward, SetTravelSpeed, Waypoint
 from executive.reports import Identity
 from tests.support.self_moving import SelfMovingBench
@@ -19,32 +19,34 @@ def bench(tmp_path: Path) -> Iterator[SelfMovingBench]:
         yield bench
 
 
-def claims_of(bench: SelfMovingBench, sent: list[Message]) -> ClaimAnnouncer:
-    def send(message: Message) -> None:
-        encode(message)
-        sent.append(message)
-
+def claims_of(bench: SelfMovingBench, texts: list[str]) -> ClaimAnnouncer:
     authority = RelayAuthority(needed=False)
     return ClaimAnnouncer(
-        load_dictionary(), bench.ledger.request, lambda: authority, send, "EXEC", "MOCUP"
+        load_dictionary(), bench.ledger.request, lambda: authority, texts.append, "EXEC", "MOCUP"
     )
 
 
+def messages(texts: list[str]) -> list[Message]:
+    refused: list[str] = []
+    found = [each for text in texts for each in messages_in(text, refused.append)]
+    assert not refused
+    return found
+
+
 def heard(bench: SelfMovingBench) -> list[Message]:
-    sent: list[Message] = []
-    claims = claims_of(bench, sent)
-    claims.report(bench.heard.reports)
-    return sent
+    texts: list[str] = []
+    claims_of(bench, texts).report(bench.heard.reports)
+    return messages(texts)
 
 
-def test_a_command_is_claimed_when_it_is_accepted_and_then_reported_on(
-    bench: SelfMovingBench,
-) -> None:
+def test_a_command_is_claimed_with_each_report_on_it(bench: SelfMovingBench) -> None:
     bench.execute(MoveForward(1.5), 7)
-    claim, *told = heard(bench)
-    assert str(claim).split("|")[1:9] == [
-        "MOE", "MOCUP", "MOVE_FORWARD", "1.5", "", "True", "False", "7",
-    ]  # fmt: skip
+    spelled = heard(bench)
+    claims, told = spelled[::2], spelled[1::2]
+    for claim in claims:
+        assert str(claim).split("|")[1:9] == [
+            "MOE", "MOCUP", "MOVE_FORWARD", "1.5", "", "True", "False", "7",
+        ]  # fmt: skip
     assert [m.outputs[0] for m in told] == ["ACCEPTED", "STARTED", "EXECUTED"]
     assert all((m.source, m.dest, m.moe_inputs_id) == ("MOCUP", "MOE", 7) for m in told)
 
@@ -65,9 +67,9 @@ def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(
 ) -> None:
     bench.submit(SetTravelSpeed(0.2), 6)
     bench.execute(MoveForward(1.5), 7)
-    sent: list[Message] = []
-    claims_of(bench, sent).again(bench.executive.reports())
-    authority, *claims = sent
+    texts: list[str] = []
+    claims_of(bench, texts).again(bench.executive.reports())
+    authority, *claims = messages(texts)
     assert authority.inputs == ("False", "", "", "")
     said = [(m.moe_inputs_id, m.outputs[:1], m.received) for m in claims]
     assert said == [
@@ -76,3 +78,22 @@ def test_who_was_not_there_is_told_the_last_on_each_command_with_its_claim(
         (7, (), True),
         (7, ("EXECUTED",), True),
     ]
+
+
+def test_the_last_on_each_command_is_published_until_it_is_confirmed(
+    bench: SelfMovingBench,
+) -> None:
+    bench.execute(SetTravelSpeed(0.2), 6)
+    bench.execute(MoveForward(1.5), 7)
+    texts: list[str] = []
+    claims = claims_of(bench, texts)
+    claims.report(bench.heard.reports)
+    ends = [text for text in texts if "EXECUTED" in text]
+    texts.clear()
+    claims.look()
+    assert texts == []
+    claims.look()
+    assert texts == ends
+    claims.taken(fingerprint(ends[0]))
+    claims.look()
+    assert texts == [*ends, ends[1]]

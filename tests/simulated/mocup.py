@@ -68,14 +68,16 @@ class NxtPorts:
             link: topics.publisher(process, f"{name}/notification")
             for link, name in self._names.items()
         }
-        self._taken = topics.publisher(process, f"{asset}/taken")
+        self._taken = {
+            link: topics.publisher(process, f"{name}/taken") for link, name in self._names.items()
+        }
         self._facts = topics.publisher(process, f"{asset}/facts")
         self._telemetry_s = 0.0
         record = BrickRecord(process.folder / "nxt.sqlite", self._system.connect)
         refuse = partial(self._note, "refuses")
         free = RelayAuthority(needed=False)
         self._router = Router(DICTIONARY, NAME, self, refuse, record, free, self._system)
-        self._service = BrickService(self._router, self._taken.publish, confirmed=True)
+        self._service = BrickService(self._router, self._confirm, confirmed=True)
         self._session = SimSession(process, brick, self._drain)
         self._commanders = {
             link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link)) for link in Link
@@ -127,6 +129,9 @@ class NxtPorts:
         if (link := self._service.serve()) is not None:
             self._commanders[link].command()
 
+    def _confirm(self, link: Link, mark: int) -> None:
+        self._taken[link].publish(mark)
+
     def _drain(self) -> None:
         self._service.drain(self._session.events())
 
@@ -155,7 +160,7 @@ class MocupTopics:
             DICTIONARY,
             ledger.request,
             lambda: relay_authority(settings.authority, grants.read()),
-            self._send,
+            self._commands.publish,
             _SOURCE,
             NAME,
         )
@@ -175,6 +180,7 @@ class MocupTopics:
             self.flush(executive)
 
         subscribe(f"{name}/notification", reply)
+        subscribe(f"{name}/taken", self.claims.taken)
         subscribe(f"{name.partition('/')[0]}/facts", executive.observe)
 
     def flush(self, executive: Executive) -> None:
@@ -189,6 +195,8 @@ class MocupTopics:
             with suppress(LedgerError):
                 first = self._ledger.last_sequence - _CLAIMED_AGAIN + 1
                 self.claims.again(self._ledger.reports(first))
+        if self._listeners:
+            self.claims.look()
         self._rover.remind()
 
     def request_frame(self) -> None:

@@ -218,8 +218,6 @@ class Player:
 
     def _add_mocup(self, place: Place, settings: Settings) -> None:
         assert self.brick is not None
-        # The executive's claims and reports are not confirmed: rover-nxt would not miss them.
-        self.world.topics.spared = frozenset({f"{place.asset}/direct/command"})
         self._add("relay", place.relay, partial(start_relay, place))
         self._add("nxt", "10.0.0.4", partial(start_nxt, place, self.brick))
         start = partial(start_mocup_executive, place, settings)

@@ -41,8 +41,7 @@ class Publisher:
             return
         topics, now_s = self._topics, self._topics.world.now_s
         for subscription, last_s in self._matched.items():
-            spared = self.name in topics.spared
-            if topics.loss and not spared and topics.chance.random() < topics.loss:
+            if topics.loss and topics.chance.random() < topics.loss:
                 continue
             comes_s = max(last_s, now_s + _DELIVERY_S * topics.chance.random())
             self._matched[subscription] = comes_s
@@ -95,7 +94,6 @@ class Topics:
 
     Attributes:
         loss: the part of samples that is lost.
-        spared: topics that lose none.
         discovery_s: within which times publishers discover subscribers.
         publishers, subscriptions: of processes that are alive.
     """
@@ -104,7 +102,6 @@ class Topics:
         self.world = world
         self.chance = world.random("topics")
         self.loss = 0.0
-        self.spared: frozenset[str] = frozenset()
         self.discovery_s = _DISCOVERY_S
         self.publishers: list[Publisher] = []
         self.subscriptions: list[Subscription] = []

@@ -13,7 +13,7 @@ from typing import Final
 
 from adapters.mocup import ClaimAnnouncer, relay_authority
 from adapters.mocup.brick.record import Link
-from adapters.mops import Conditions, Message, authority_of, decode
+from adapters.mops import Conditions, authority_of, decode, messages_in
 from executive.authority import AuthorityState
 from executive.commands import RELAY_LINK, Command, Mode, Resume, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted
@@ -234,8 +234,8 @@ class BrickBench(Bench):
         self.claims.again(())
         return [*super().downlinks(), self.claims]
 
-    def _tell(self, message: Message) -> None:
-        self.nxt.command(Link.DIRECT, message)
+    def _tell(self, text: str) -> None:
+        self.nxt.command(Link.DIRECT, *messages_in(text, list[str]().append))
 
     def relayed(self, command: Command) -> bool:
         """Have a command come by the relay; return whether the brick was asked for it."""

@@ -62,6 +62,7 @@ HOUSEKEEPING_S: Final = {Link.DIRECT: 5.0, Link.RELAY: 30.0}
 """Between two times that this process tells of itself; the relay's link is narrow."""
 _LOG: Final = logging.getLogger(__name__)
 HIGHEST_PERIOD_S: Final = 3600.0
+_TAKEN: Final = "std_msgs/UInt64, fingerprint of a string that was taken"
 _USB: Final = {
     "vendor_id": ("the brick's vendor id", 0xFFFF),
     "product_id": ("the brick's product id", 0xFFFF),
@@ -80,7 +81,7 @@ class NxtSettings:
         address: where it is on USB.
         commands, notifications: topics of each link.
         stops: topic of the relay's stops, which overtake its commands.
-        taken: topic on which a string of the relay's commands is confirmed.
+        taken: topic of each link on which a string that came by it is confirmed.
         kept: topic on which `rover-relay` confirms replies; None if it does not.
         relay_telemetry_s: how often telemetry goes to the relay at most.
         relay_needs_authority: whether the relay's commands need the authority until an executive
@@ -92,7 +93,7 @@ class NxtSettings:
     commands: Mapping[Link, Topic]
     notifications: Mapping[Link, Topic]
     stops: Topic
-    taken: Topic
+    taken: Mapping[Link, Topic]
     kept: Topic | None
     relay_telemetry_s: float
     relay_needs_authority: bool
@@ -111,9 +112,7 @@ def declare_settings(node: Node) -> NxtSettings:
         {link: _strings(node, link, "command") for link in Link},
         {link: _strings(node, link, "notification") for link in Link},
         declare_topic(node, "relay_stop", "std_msgs/String, MOPS of the relay's stops"),
-        declare_topic(
-            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
-        ),
+        {link: declare_topic(node, f"{link.value}_taken", _TAKEN) for link in Link},
         declare_optional_topic(
             node,
             "relay_kept",
@@ -197,7 +196,9 @@ class NxtNode:
         self._notifications = {
             link: self._publisher(String, topic) for link, topic in settings.notifications.items()
         }
-        self._taken = self._publisher(UInt64, settings.taken)
+        self._taken = {
+            link: self._publisher(UInt64, topic) for link, topic in settings.taken.items()
+        }
         kept = settings.kept
         self._service = BrickService(self._router, self._confirm, confirmed=kept is not None)
         if kept is not None:
@@ -286,8 +287,8 @@ class NxtNode:
             self._commanders[served].command()
             self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
 
-    def _confirm(self, mark: int) -> None:
-        self._taken.publish(UInt64(data=mark))
+    def _confirm(self, link: Link, mark: int) -> None:
+        self._taken[link].publish(UInt64(data=mark))
 
     def _on_kept(self, mark: UInt64) -> None:
         self._service.kept(mark.data)

@@ -1,7 +1,6 @@
 """Where messages of both links and of the brick go: checked, recorded, passed on or refused."""
 
 import logging
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count
@@ -45,7 +44,6 @@ SOURCE: Final = "NXT"
 MOST_AHEAD_S: Final = 10.0
 """How far ahead of the clock here a command may have been made."""
 _NO_VISIT: Final = 0
-_MOST_ANNOUNCED: Final = 1000
 """Claims and reports of the executive that wait to be recorded; the oldest are dropped."""
 _LOOKS_TO_BE_TOLD: Final = 3
 """Within so many looks after a start an executive that lives has told who has the authority."""
@@ -97,7 +95,6 @@ class Router:
         self._looks_to_wait = _LOOKS_TO_BE_TOLD if self._granted and self._authority.needed else 0
         self._out = RepliesOut(name, ports, tell, self.counts)
         self.unconfirmed = self._out.unconfirmed
-        self._announced = deque[Message](maxlen=_MOST_ANNOUNCED)
         self._ownership = Ownership(record, self._out)
         self._head = HeadWatch(dictionary, clock)
         self._replies = BrickReplies(
@@ -129,9 +126,9 @@ class Router:
 
         Returns:
             Whether they were taken. After a start the relay's wait, but for stops, until an
-            executive has told who has the authority now, or is gone. What the relay sent and
-            cannot be recorded is not taken either: it comes again, and a refusal that is not
-            recorded would be followed by a second end.
+            executive has told who has the authority now, or is gone. What cannot be recorded is not
+            taken either: what the relay sent, or the executive announced, comes again, and a
+            refusal that is not recorded would be followed by a second end.
         """
         if link is Link.RELAY and self._looks_to_wait and not self.is_stop(text):
             return False
@@ -140,29 +137,17 @@ class Router:
         taken = True
         stream = self._told[link]
         for message in stream.feed(text.encode("utf-8", "replace")):
-            if link is Link.DIRECT and message.received:
-                self._announced.append(message)
-                self._take_announced()
-                continue
             try:
                 self._take(link, message)
             except LedgerError as error:
-                why = f"it cannot be recorded: {error}"
-                taken = taken and link is not Link.RELAY
-                if link is Link.RELAY or self._stops(message):
+                why, taken = f"it cannot be recorded: {error}", False
+                if link is Link.RELAY or message.received or self._stops(message):
                     self._out.refuse(f"{link.value} link: {message}: {why}")
                 else:
                     self._out.reject((link,), message, why, Reason.LEDGER_FAILED)
         stream.cut()
         self._count_dropped()
         return taken
-
-    def _take_announced(self) -> None:
-        """Take what the executive claims and reports, in order, as soon as it can be recorded."""
-        with self._out.contained("what the executive has announced"):
-            while self._announced:
-                self._take(Link.DIRECT, self._announced[0])
-                self._announced.popleft()
 
     def heard(self, octets: bytes) -> None:
         """Take octets from the brick, cut anywhere."""
@@ -238,7 +223,6 @@ class Router:
     def look(self) -> None:
         """End what is overdue, and go on with what waits; call about once a second."""
         self._replies.look()
-        self._take_announced()
         self._looks_to_wait = max(self._looks_to_wait - 1, 0)
         self._go_on()
 

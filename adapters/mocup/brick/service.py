@@ -61,7 +61,7 @@ class BrickService:
 
     Args:
         router: whose message goes where.
-        confirm: publishes the fingerprint of a string of the relay's commands that was taken.
+        confirm: publishes, for a link, the fingerprint of a string that was taken.
         confirmed: whether `rover-relay` confirms replies; else they are sent once.
 
     Attributes:
@@ -70,7 +70,9 @@ class BrickService:
         why: why the brick is not there; empty if it is.
     """
 
-    def __init__(self, router: Router, confirm: Callable[[int], None], *, confirmed: bool) -> None:
+    def __init__(
+        self, router: Router, confirm: Callable[[Link, int], None], *, confirmed: bool
+    ) -> None:
         self._router, self._confirm, self._confirmed = router, confirm, confirmed
         self._before: Sequence[int] = ()
         self.listeners: Mapping[Link, frozenset[object]] = dict.fromkeys(Link, frozenset())
@@ -82,9 +84,8 @@ class BrickService:
         """Take one text, a stop first; return its link, None where none waits."""
         if (arrived := self.inbox.take()) is None:
             return None
-        taken = self._router.command(arrived.link, arrived.text, arrived.overtaken)
-        if taken and arrived.link is Link.RELAY:
-            self._confirm(fingerprint(arrived.text))
+        if self._router.command(arrived.link, arrived.text, arrived.overtaken):
+            self._confirm(arrived.link, fingerprint(arrived.text))
         return arrived.link
 
     def drain(self, events: Iterable[SessionEvent]) -> None:

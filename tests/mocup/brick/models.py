@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import replace
 
 from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
-from adapters.mops import Message, RelayAuthority, load_dictionary
+from adapters.mops import Message, RelayAuthority, load_dictionary, messages_in
 from executive.clock import ManualClock
 from executive.commands.catalogue import MoveForward, MoveTo, Request, Stop, Waypoint
 from executive.ports import Advance, TurnBy, WholeMotion
@@ -86,7 +86,7 @@ class Executive:
             DICTIONARY,
             lambda identity: request(identity.command_id),
             lambda: RelayAuthority(needed=False),
-            self.out.append,
+            lambda text: self.out.extend(messages_in(text, list[str]().append)),
             "EXEC",
             "MOCUP",
         )

@@ -173,18 +173,22 @@ def test_what_a_part_ended_as_is_recorded_once_it_can_be_so_that_the_relay_need_
     assert bench.ports.brick[-1] == encode(forward(8))
 
 
-def test_what_the_executive_announced_is_taken_once_it_can_be_recorded(bench: Bench) -> None:
-    bench.fill_disk(True)
-    bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
-    bench.fill_disk(False)
-    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
+def test_what_the_executive_announced_is_confirmed_once_it_is_recorded(bench: Bench) -> None:
+    marks: list[tuple[Link, int]] = []
+    service = BrickService(bench.router, lambda *mark: marks.append(mark), confirmed=True)
+    text = f"{claimed(forward(7))}{report(forward(7), 'EXECUTED')}"
+    for full in (True, False):
+        bench.fill_disk(full)
+        assert service.inbox.put(Link.DIRECT, text)
+        service.serve()
+        assert marks == ([] if full else [(Link.DIRECT, fingerprint(text))])
     bench.command(Link.RELAY, forward(7))
     assert ends(bench) == ["EXECUTED"]
     assert bench.ports.brick == []
 
 
 def test_a_reply_is_sent_again_until_rover_relay_has_stored_it(bench: Bench) -> None:
-    service = BrickService(bench.router, lambda _: None, confirmed=True)
+    service = BrickService(bench.router, lambda *_: None, confirmed=True)
     listeners: dict[Link, frozenset[object]] = {link: frozenset({1}) for link in Link}
     bench.router.found(1)
     bench.command(Link.RELAY, forward(1))
