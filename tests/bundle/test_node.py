@@ -155,6 +155,19 @@ def test_what_was_lost_often_does_not_wait_for_hours(pair: Pair, clock: Clock) -
     assert two.take() == [b"x"]
 
 
+def test_a_clock_that_is_set_back_makes_no_pause_longer(pair: Pair, clock: Clock) -> None:
+    one, two = pair
+    one.put(Ipn(2, 1), b"x", confirm=True)
+    one.tick()
+    carry(one, two, change=nothing)
+    clock.utc_ms -= 3_600_000
+    one.tick()
+    clock.utc_ms += 60_000
+    one.tick()
+    carry(one, two)
+    assert two.take() == [b"x"]
+
+
 def test_what_was_not_confirmed_is_sent_again_with_longer_pauses_and_confirmed_again(
     pair: Pair, clock: Clock
 ) -> None:

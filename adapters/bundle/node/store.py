@@ -71,6 +71,7 @@ class Outbox:
     def __init__(self, database: Database) -> None:
         self._db = database
         self._read_to_the_end: dict[tuple[str, bool], int] = {}
+        self._looked_utc_ms = 0
 
     def add(
         self, primary: Primary, neighbour: str, octets: bytes, *,
@@ -161,9 +162,15 @@ class Outbox:
     def unconfirmed(self, now_utc_ms: int) -> list[str]:
         """Requeue what was handed on and should have been confirmed by now.
 
+        A clock that was set back since the last call makes no pause longer.
+
         Returns:
             The neighbour of each.
         """
+        back_ms = self._looked_utc_ms - now_utc_ms
+        self._looked_utc_ms = now_utc_ms
+        if back_ms > 0:
+            self._db.write("UPDATE outbox SET again_utc_ms = again_utc_ms - ?", (back_ms,))
         found = self._db.read(
             "SELECT id, neighbour FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
             (now_utc_ms, State.HANDED_ON.value),
