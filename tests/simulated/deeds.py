@@ -215,10 +215,10 @@ def draw_mocup_storm(seed: int | str) -> Storm:
     """Draw a storm over MOCUP: commands by both links, many by each; its brick is unplugged."""
     chance = Random(f"mocup storm {seed}")
     drawn = _situation(chance)
-    situation = replace(
-        drawn, period_s=300.0, ask_again_s=60.0, authority_needed=None, rovers=1, mocup=True
-    )
+    situation = replace(drawn, period_s=300.0, ask_again_s=60.0, rovers=1, mocup=True)
     deeds: list[Deed] = [*_mocup_orders(chance, situation)]
+    if situation.authority_needed is not None:
+        deeds += _operators(Random(f"operators {seed}"), situation)
     deeds += _troubles(chance, situation, MOCUP_PROCESSES)
     at_s = _SETTLE_S
     while (at_s := at_s + chance.expovariate(1 / _UNPLUG_S)) < situation.period_s:

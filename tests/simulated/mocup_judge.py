@@ -27,13 +27,19 @@ class MocupJudge:
         asset: the rover.
         brick: what did the commands.
         journals: of the ground's processes.
+        needed: whether commands need the authority.
     """
 
     def __init__(
-        self, world: World, asset: str, brick: SimBrick, journals: Mapping[str, Journal]
+        self,
+        world: World,
+        asset: str,
+        brick: SimBrick,
+        journals: Mapping[str, Journal],
+        needed: bool,
     ) -> None:
         self._world, self._asset, self._brick = world, asset, brick
-        self._journals = journals
+        self._journals, self._needed = journals, needed
 
     def check(self) -> Iterator[Finding]:
         """Check at any moment that no acknowledged command is lost, and none is done twice."""
@@ -85,6 +91,13 @@ class MocupJudge:
                 if count > 1:
                     promise = "the brick was given a command twice"
                     yield Finding(self._world.now_s, promise, f"{what}: {count} times")
+        for identity in motions if self._needed else ():
+            claims = [
+                epoch for each in self._journals.values() for epoch in each.claims.get(identity, ())
+            ]
+            if not any(claims):
+                promise = "the brick was given a command without the authority"
+                yield Finding(self._world.now_s, promise, f"{identity}")
 
     @property
     def _stops_are_ordered(self) -> bool:

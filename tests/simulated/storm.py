@@ -50,8 +50,8 @@ from tests.simulated.rovers import check_apart, second, seen
 from tests.simulated.world import World, make_folder
 from tests.support.patience import BY_ARRIVAL, UNTIMED
 
-QUIET_S: Final = 700.0
-"""After the last deed: for orbiters that ask again, and the longest pause between two attempts."""
+QUIET_S: Final = 1600.0
+"""After the last deed: for orbiters that ask again, although a clock was set back by 900 s."""
 _LAST_FAULT_S: Final = 61.0
 """How long the longest fault lasts."""
 _STEP_S: Final = 10.0
@@ -167,7 +167,7 @@ class Player:
         self._add("orbiter", place.orbiter, partial(start_orbiter, self.places))
         if situation.mocup:
             self.brick = SimBrick(world)
-            self._mocup = MocupJudge(world, place.asset, self.brick, journals)
+            self._mocup = MocupJudge(world, place.asset, self.brick, journals, bool(needed))
             self._add_mocup(place, settings)
         else:
             self._add_rover(place, settings)
@@ -295,13 +295,13 @@ class Player:
             process.restart()
 
     def _check(self) -> None:
+        self._note(self._authority.check())
         if self.brick is not None:
             self._note(self._mocup.check())
             return
         for place in self.places:
             world, journals = seen(self.world, place), self.own[place.suffix]
             self._note(check_stores(world, place.asset, journals))
-        self._note(self._authority.check())
 
     def _watch(self) -> None:
         """Start what ended by itself, as a supervisor does."""
@@ -328,6 +328,7 @@ class Player:
 
     def _check_end(self) -> None:
         world, what = self.world, "a stopped rover moved"
+        self._note(self._authority.check_end())
         if self.brick is not None:
             self._note(self._mocup.check_end())
             return
@@ -337,7 +338,6 @@ class Player:
             self._note(check_apart(world, place, journals))
         stops = [stop for below in self._below for stop in below.rover.moved]
         self._note(Finding(world.now_s, what, f"stopped by {stop}") for stop in stops)
-        self._note(self._authority.check_end())
 
     def _settled(self) -> bool:
         """Return whether the ground has the end of each command."""

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import pytest
 
+from adapters.mops import RelayAuthority
 from executive.authority import Authority
-from executive.commands import SetTravelSpeed, Stop
+from executive.commands import MoveForward, SetTravelSpeed, Stop
 from executive.record import AuthorityRecord
 from tests.simulated.asks import RIVAL, Act, AskAuthority
 from tests.simulated.deeds import Deed, Kill, Link, Order, Storm
-from tests.simulated.situations import CALM
+from tests.simulated.situations import CALM, MOCUP
 from tests.simulated.storm import Played, play, player
 
 
@@ -71,6 +72,23 @@ def test_a_command_without_it_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Authority, "judge", judge)
     found = {finding.what for finding in played(*PASSED_ON).findings}
     assert found == {"a command was accepted without the authority"}
+
+
+MOCUP_WITHOUT: tuple[Deed, ...] = (
+    AskAuthority(15.0, "direct", Act.REQUEST),
+    Order(16.0, Link.RELAY, 1, MoveForward(0.2)),
+)
+
+
+@pytest.mark.parametrize("planted", [False, True])
+def test_a_command_to_the_brick_without_it_is_found(
+    planted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if planted:
+        monkeypatch.setattr(RelayAuthority, "fault", lambda *_: "")
+    storm = Storm("authority", replace(MOCUP, authority_needed=True), MOCUP_WITHOUT)
+    found = {finding.what for finding in play(storm).findings}
+    assert found == ({"the brick was given a command without the authority"} if planted else set())
 
 
 def test_a_grant_that_is_told_and_not_written_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
