@@ -34,8 +34,11 @@ class System(Protocol):
         """Return octets that nobody can guess."""
         ...
 
-    def connect(self, database: Path | str) -> sqlite3.Connection:
-        """Open an SQLite file without implicit transactions; raises OSError or sqlite3.Error."""
+    def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
+        """Open an SQLite file without implicit transactions; raises OSError or sqlite3.Error.
+
+        With `any_thread` other threads may use it, too, one at a time.
+        """
         ...
 
     def replace(self, path: Path, content: bytes) -> None:
@@ -78,9 +81,9 @@ class OperatingSystem:
     random_octets = staticmethod(os.urandom)
     cpu_s = staticmethod(time.process_time)
 
-    def connect(self, database: Path | str) -> sqlite3.Connection:
+    def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
         """Open an SQLite file without implicit transactions."""
-        return sqlite3.connect(database, isolation_level=None)
+        return sqlite3.connect(database, isolation_level=None, check_same_thread=not any_thread)
 
     def replace(self, path: Path, content: bytes) -> None:
         """Write a file anew, durably, whole or not at all."""

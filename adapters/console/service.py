@@ -119,7 +119,8 @@ async def running(options: Options, system: System) -> AsyncIterator[str]:
         raise StartError(f"--host {options.host}: {error.strerror}") from error
     access, context = _access(options)
     with exclusive(options.data, LOCK):
-        archive = Archive(open_database(options.archive, options.data), system.utc_s)
+        engine = open_database(options.archive, options.data, system)
+        archive = Archive(engine, system.utc_s)
         try:
             async with _serving(options, archive, access, context, system) as address:
                 yield address

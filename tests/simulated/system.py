@@ -34,7 +34,7 @@ class SimSystem:
         """Return octets of the process's own stream."""
         return self._random.randbytes(count)
 
-    def connect(self, database: Path | str) -> sqlite3.Connection:
+    def connect(self, database: Path | str, *, any_thread: bool = False) -> sqlite3.Connection:
         """Open an SQLite file, whose commits go by the plan of the disk."""
         return self._process.disk.connect(self._life, database)
 

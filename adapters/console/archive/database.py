@@ -13,6 +13,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, func, make_url,
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from adapters.process import StartError, require
+from adapters.system import OPERATING_SYSTEM, System
 
 MIGRATIONS: Final = Path(__file__).parent / "migrations"
 FILE: Final = "archive.sqlite"
@@ -51,12 +52,13 @@ def begin_writing(connection: Connection) -> None:
         connection.execute(select(func.pg_advisory_xact_lock(_WRITING)))
 
 
-def open_database(url: str | None, folder: Path) -> Engine:
+def open_database(url: str | None, folder: Path, system: System = OPERATING_SYSTEM) -> Engine:
     """Return the engine of a database whose tables are as this version has them.
 
     Args:
         url: where it is; None for a file in the folder.
         folder: the data folder.
+        system: opens the file of SQLite.
 
     Raises:
         StartError: it cannot be opened, or is of a newer version.
@@ -73,6 +75,10 @@ def open_database(url: str | None, folder: Path) -> Engine:
         silent = {name: value for name, value in _SILENT.items() if name not in parsed.query}
     url_of_driver = parsed.set(drivername=driver)
     engine = create_engine(url_of_driver, pool_pre_ping=True, connect_args=silent)
+    if driver == SQLITE:
+        event.listen(
+            engine, "do_connect", lambda _, __, file, ___: system.connect(*file, any_thread=True)
+        )
     event.listen(engine, "connect", _prepare if driver == SQLITE else _bound)
     try:
         _migrate(engine)
