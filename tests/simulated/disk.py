@@ -94,7 +94,7 @@ class Disk:
         """Open a file for a life of the process."""
         life.require()
         connection = sqlite3.connect(database, isolation_level=None, factory=SimConnection)
-        connection.belong(self, life, Path(database))
+        connection.belong(self, life, Path(database).absolute())
         life.databases.append(connection)
         return connection
 
@@ -144,11 +144,12 @@ class Disk:
         Only such that do not sync each commit lose any, and only what was not moved from the log to
         the file yet: the log is cut somewhere behind that.
         """
+        folder = self._process.folder.absolute()
         for connection in self._process.present.databases:
             path = connection.path
-            if connection.synced or not path.is_relative_to(self._process.folder):
+            if connection.synced or not path.is_relative_to(folder):
                 continue
-            log = saved / path.relative_to(self._process.folder).with_name(f"{path.name}-wal")
+            log = saved / path.relative_to(folder).with_name(f"{path.name}-wal")
             index = path.with_name(f"{path.name}-shm")
             if log.exists() and index.exists():
                 self._cut(log, index)
@@ -192,7 +193,7 @@ class SimConnection(sqlite3.Connection):
         """Run a statement."""
         if sql == "COMMIT":
             return self._disk.commit(self, self._life, self.path)
-        if sql.startswith("PRAGMA synchronous ="):
+        if sql.startswith("PRAGMA synchronous"):
             self.synced = sql.rstrip(" ;").upper().endswith(("FULL", "EXTRA"))
             sql = "PRAGMA synchronous = OFF"
         if sql.startswith(_CHANGES) and not self.in_transaction:  # commits by itself

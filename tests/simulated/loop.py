@@ -40,6 +40,7 @@ class SimLoop(asyncio.BaseEventLoop):
         self._tasks: WeakSet[asyncio.Task[Any]] = WeakSet()
         self._signals: dict[int, asyncio.Handle] = {}
         self._handed_s = 0.0
+        self._working_s: dict[Any, float] = {}
         super().__init__()
 
     def __del__(self) -> None:
@@ -124,8 +125,12 @@ class SimLoop(asyncio.BaseEventLoop):
             else:
                 self.call_soon_threadsafe(_settle, done, result, None)
 
-        # In a thread of its own, which has no loop.
-        self.life.push(self.world.thread_delay_s(), None, asyncio.Handle(work, (), self))
+        # In a thread of its own, which has no loop; a given executor has one, and a queue.
+        at_s = self.world.now_s + self.world.thread_delay_s()
+        if executor is not None:
+            at_s = self._working_s[executor] = max(at_s, self._working_s.get(executor, 0.0))
+        if self.life.alive:
+            self.world.push(at_s, self.life, None, asyncio.Handle(work, (), self))
         return done
 
     async def shutdown_default_executor(self, timeout: float | None = None) -> None:
