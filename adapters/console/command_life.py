@@ -47,7 +47,8 @@ def reach(command: CommandStatus, reached: StageReached) -> CommandStatus:
     if alike and (alike[0].sequence is not None or reached.sequence is None):
         return command  # by another link, or because the command came again
     history = tuple(each for each in history if each not in alike)
-    state = _later(command.state, _STATES.get(reached.stage, command.state))
+    before = CommandState.RECEIVED if _disproves_refusal(command, reached) else command.state
+    state = _later(before, _STATES.get(reached.stage, before))
     waits = state in {CommandState.SENDING, CommandState.TAKEN}
     kept = waits and not (state is CommandState.TAKEN and reached.node == ORBITER)
     return replace(
@@ -84,6 +85,19 @@ def merge(kept: CommandStatus, heard: CommandStatus) -> CommandStatus:
     for reached in history:
         merged = reach(merged, reached)
     return merged
+
+
+def _disproves_refusal(command: CommandStatus, reached: StageReached) -> bool:
+    """Whether a command that was answered by an error goes on all the same.
+
+    As one does that was refused because the ledger could not be written.
+    """
+    return (
+        command.state is CommandState.REJECTED
+        and all(each.stage != REJECTED or each.sequence is None for each in command.history)
+        and reached.sequence is not None
+        and _STATES.get(reached.stage) in LIFE - {CommandState.RECEIVED}
+    )
 
 
 def _heard_at(reached: StageReached) -> tuple[float, int, float]:

@@ -77,3 +77,16 @@ def test_a_relay_that_has_it_lets_it_wait() -> None:
     taken = replace(TAKEN, node="orbiter")
     assert merge(SENT, after(SENT, taken)).deadline is None
     assert merge(SENT, after(SENT, TAKEN)).deadline == 10.0
+
+
+def test_what_the_asset_did_outweighs_that_it_refused() -> None:
+    refusal = StageReached("REJECTED", "jackal", 0.5, 0.5, "the ledger cannot be written")
+    answered = after(SENT, refusal)
+    assert (answered.state, answered.ended) == (CommandState.REJECTED, True)
+    assert after(answered, ABOARD[0]).state is CommandState.REJECTED
+    started = after(answered, *ABOARD[:3])
+    assert (started.state, started.ended) == (CommandState.STARTED, False)
+    assert after(answered, *ABOARD).state is CommandState.EXECUTED
+    assert merge(answered, after(HEARD, *ABOARD)).state is CommandState.EXECUTED
+    notified = after(answered, replace(refusal, sequence=1))
+    assert after(notified, *ABOARD).state is CommandState.REJECTED
