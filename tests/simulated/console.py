@@ -14,6 +14,7 @@ from adapters.console.rovers import args_of
 from adapters.console.service import Options, running
 from adapters.mrs.cli import Target
 from adapters.mrs.terms import CLEAR
+from adapters.process import StartError
 from executive.commands import Request, Stop, declaration_of
 from executive.reports import Identity
 from tests.simulated.process import Process
@@ -22,6 +23,7 @@ from tests.simulated.system import SimSystem
 
 OPERATOR: Final = "CAPCOM"
 HOST: Final = "10.0.1.6"
+BROWSER_HOST: Final = "10.0.1.7"
 PORT: Final = 8400
 TOPICS: Final = ("tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm", "ntf")
 _BASE: Final = f"http://localhost:{PORT}"
@@ -38,8 +40,11 @@ def start_console(place: Place, process: Process) -> None:
     options = Options(rovers, "127.0.0.1", PORT, tokens=None, tls=None, data=process.folder)
 
     async def serve() -> None:
-        async with running(options, SimSystem(process)):
-            await asyncio.Event().wait()
+        try:
+            async with running(options, SimSystem(process)):
+                await asyncio.Event().wait()
+        except StartError as error:
+            raise SystemExit(1) from error
 
     process.run(serve())
 
@@ -117,11 +122,7 @@ class Browser:
         hello = {"op": "hello", "console": "page", "operator": OPERATOR, "topics": TOPICS}
         await socket.send_json(hello | {"resume": resume})
         while True:
-            try:
-                message = await socket.receive(_SILENCE_S)
-            except TimeoutError:
-                await self._ask("GET", "/healthz")
-                continue
+            message = await socket.receive(_SILENCE_S)
             if message.type is not aiohttp.WSMsgType.TEXT:
                 return
             for told in json.loads(message.data):
@@ -167,6 +168,8 @@ class Browser:
         found = body.get("command") if status == HTTPStatus.CONFLICT else body
         if found and status in {HTTPStatus.ACCEPTED, HTTPStatus.CONFLICT}:
             self.journal.acknowledged[name] = Identity(found["source"], found["number"])
+        with suppress(aiohttp.ClientError, OSError, TimeoutError):
+            await self._ask("GET", f"/api/commands?asset={self._asset}&limit=20")
 
     async def _stop(self) -> int:
         """Stop, and again while the console cannot be reached; return the last status."""

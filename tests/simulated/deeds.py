@@ -28,10 +28,12 @@ _DOWN_S: Final = (0.2, 6.0)
 _ORDER_S: Final = 5.5
 """Between two moments at which commands are sent, in the mean."""
 _TROUBLE_S: Final = 6.0
+_CONSOLE_TROUBLE_S: Final = 4.0
 _UNPLUG_S: Final = 50.0
 _RESUME_S: Final = 20
 _LONG_S: Final = 600.0
 """Storms that last so long have one rover, since two take twice the time."""
+
 _ASK_S: Final = 9.0
 """Between two deeds of operators about the authority, in the mean."""
 
@@ -42,6 +44,7 @@ class Link(Enum):
     DIRECT = "direct"
     RELAY = "moe"
     RIVAL = RIVAL
+    CONSOLE = "browser"
     DIRECT_2 = "direct2"
     RELAY_2 = "moe2"
 
@@ -170,6 +173,7 @@ class Situation:
         convergence: by which layer bundles go between orbiter and rover.
         rovers: how many are behind the orbiter.
         mocup: whether the rover is MOCUP, whose brick `rover-nxt` serves.
+        console: whether an operator has a page of `rover-console` open.
     """
 
     delay_s: float
@@ -184,6 +188,7 @@ class Situation:
     convergence: Convergence = Convergence.LTP
     rovers: int = 1
     mocup: bool = False
+    console: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,6 +248,52 @@ def _mocup_orders(chance: Random, situation: Situation) -> Iterator[Order]:
             yield replace(order, at_s=order.at_s + chance.uniform(0.0, 3.0), link=other)
     for at_s in range(round(_SETTLE_S), round(situation.period_s), _RESUME_S):
         yield Order(at_s + chance.random(), Link.DIRECT, _SECOND_NUMBER + at_s, Resume())
+
+
+def draw_console_storm(seed: int | str) -> Storm:
+    """Draw a storm over a console: most commands are posted there, some by another operator."""
+    chance = Random(f"console storm {seed}")
+    drawn = _situation(chance)
+    situation = replace(
+        drawn, period_s=200.0, ask_again_s=60.0, authority_needed=None, rovers=1, console=True
+    )
+    deeds: list[Deed] = []
+    for order in _orders(chance, situation):
+        posted = chance.random() < 0.7
+        deeds.append(replace(order, link=Link.CONSOLE) if posted else order)
+        if posted and chance.random() < 0.15:  # about when it is written down and answered
+            after, down_s = chance.random() < 0.5, chance.uniform(*_DOWN_S)
+            deeds.append(KillAtWrite(order.at_s, "console", chance.randint(1, 3), after, down_s))
+    deeds += _troubles(chance, situation)[::2]
+    at_s = _SETTLE_S
+    while (at_s := at_s + chance.expovariate(1 / _CONSOLE_TROUBLE_S)) < situation.period_s:
+        deeds.append(_console_trouble(chance, at_s))
+    return Storm(str(seed), situation, tuple(sorted(deeds, key=lambda deed: deed.at_s)))
+
+
+def _console_trouble(chance: Random, at_s: float) -> Deed:
+    down_s, cut_s = chance.uniform(*_DOWN_S), chance.uniform(0.2, 20.0)
+    match chance.randrange(16):
+        case 0 | 1 | 2:
+            return Kill(at_s, "console", down_s)
+        case 3 | 4:
+            return KillAtWrite(at_s, "console", chance.randint(1, 6), chance.random() < 0.5, down_s)
+        case 5 | 6 | 7 | 8:
+            return FailWrite(at_s, "console", chance.randint(1, 4))
+        case 9:
+            return FillDisk(at_s, "console", cut_s)
+        case 10:
+            return Kill(at_s, "console", down_s, power=True)
+        case 11:
+            return Pause(at_s, "console", chance.uniform(0.5, 20.0))
+        case 12:
+            return CutWay(at_s, "console", chance.choice(("executive", "orbiter")), cut_s)
+        case 13:
+            return CutWay(at_s, "browser", "console", cut_s)
+        case 14:
+            return Kill(at_s, "browser", down_s)
+        case _:
+            return CutWay(at_s, "console", "executive", chance.uniform(0.2, 2.0))
 
 
 def _second_rover(chance: Random, situation: Situation) -> Iterator[Deed]:

@@ -79,7 +79,7 @@ class LedgerContent:
 
 
 def identities(path: Path, table: str, column: str) -> frozenset[Identity]:
-    if not _has(path, table):
+    if not has_table(path, table):
         return frozenset()
     found = set()
     for (octets,) in rows(path, f"SELECT {column} FROM {table}"):
@@ -91,13 +91,14 @@ def identities(path: Path, table: str, column: str) -> frozenset[Identity]:
     return frozenset(found)
 
 
-def _has(path: Path, table: str) -> bool:
+def has_table(path: Path, table: str) -> bool:
+    """Return whether a file of SQLite is there and has a table."""
     query = "SELECT 1 FROM sqlite_schema WHERE name = ?"
     return path.exists() and bool(rows(path, query, (table,)))
 
 
 def ledger_content(path: Path) -> LedgerContent:
-    if not _has(path, "reports"):
+    if not has_table(path, "reports"):
         return LedgerContent({}, (), ())
     commands = rows(path, "SELECT source, command_id, name FROM commands")
     reports = rows(path, "SELECT sequence, source, command_id, stage FROM reports")
@@ -109,7 +110,7 @@ def ledger_content(path: Path) -> LedgerContent:
 
 
 def _kept(path: Path) -> int:
-    if not _has(path, "relay_kept"):
+    if not has_table(path, "relay_kept"):
         return 0
     found = rows(path, "SELECT sequence FROM relay_kept")
     return int(found[0][0]) if found else 0

@@ -206,6 +206,13 @@ RECOVERED_UNRECORDED: Final = _storm(
     Kill(22.1, "relay", 1.0),
 )
 """The orbiter cannot record what it finds in its outbox; the ground sends it again meanwhile."""
+CONSOLE: Final = replace(CALM, console=True)
+REFUSED_UNWRITTEN: Final = Storm(
+    "situation",
+    CONSOLE,
+    (FailWrite(18.0, "executive", 1), Order(20.0, Link.CONSOLE, 1, Stop())),
+)
+"""The executive cannot write a stop down at once, and refuses it; the rover stops all the same."""
 ALL: Final = {
     "full for minutes": FULL_FOR_MINUTES,
     "forgotten on a full disk": FORGOTTEN_ON_FULL_DISK,
@@ -226,4 +233,5 @@ ALL: Final = {
     "stop unrecorded": STOP_UNRECORDED,
     "recovered, unrecorded": RECOVERED_UNRECORDED,
     "claimed while waiting": CLAIMED_WHILE_WAITING,
+    "console: refused, unwritten": REFUSED_UNWRITTEN,
 }

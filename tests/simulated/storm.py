@@ -16,6 +16,8 @@ from executive.settings import AuthoritySettings, Settings, load_settings
 from tests.simulated.asks import LEASE_S, RIVAL, RIVAL_SOURCE, AskAuthority, do
 from tests.simulated.authority import AuthorityJudge
 from tests.simulated.brick import SimBrick
+from tests.simulated.console import BROWSER_HOST, HOST, Browser, PageJournal, start_console
+from tests.simulated.console_judge import ConsoleJudge
 from tests.simulated.deeds import (
     CutWay,
     Deed,
@@ -23,6 +25,7 @@ from tests.simulated.deeds import (
     FillDisk,
     Kill,
     KillAtWrite,
+    Link,
     LoseSamples,
     Order,
     Pause,
@@ -181,6 +184,12 @@ class Player:
                 uri = f"maltcp://{host}:{port}/MRS"
                 self.grounds[f"{name}{other.suffix}"] = Ground(uri, journals[name])
             self._add_rover(other, replace(patient_settings(place.asset), asset=other.asset))
+        self.page: Browser | None = None
+        if situation.console:
+            self.page = Browser(place.asset, PageJournal())
+            self._console = ConsoleJudge(world, place.asset, self.page.journal)
+            self._add("console", HOST, partial(start_console, place))
+            self._add("browser", BROWSER_HOST, self.page.start)
         for name, ground in self.grounds.items():
             self._add(name, (GROUNDS | GROUNDS_2)[name], ground.start)
 
@@ -242,7 +251,9 @@ class Player:
         match deed:
             case Order(_, link, number, request):
                 self.orders += 1
-                self.grounds[link.value].send(request, number)
+                sender = self.page if link is Link.CONSOLE else self.grounds[link.value]
+                assert sender is not None
+                sender.send(request, number)
             case Kill(_, name, down_s, power):
                 process = world.processes[name]
                 if process.alive:
@@ -285,6 +296,8 @@ class Player:
     def _killed(self, process: Process, down_s: float) -> None:
         """Count a kill that happens within this event; judge after it, and start it again."""
         self.kills += 1
+        if process.name == "console":
+            self._console.killed()
         self._due.add(process.name)
         self.world.after(0.0, self._check)
         self.world.after(down_s, self._restart, process)
@@ -302,6 +315,8 @@ class Player:
         for place in self.places:
             world, journals = seen(self.world, place), self.own[place.suffix]
             self._note(check_stores(world, place.asset, journals))
+        if self.page is not None:
+            self._note(self._console.check())
 
     def _watch(self) -> None:
         """Start what ended by itself, as a supervisor does."""
@@ -328,20 +343,24 @@ class Player:
 
     def _check_end(self) -> None:
         world, what = self.world, "a stopped rover moved"
-        self._note(self._authority.check_end())
+        if self.page is None:  # whose commands have no journal, and which asks for no authority
+            self._note(self._authority.check_end())
         if self.brick is not None:
             self._note(self._mocup.check_end())
             return
         for place in self.places:
             journals = self.own[place.suffix]
             self._note(check_end(seen(world, place), place.asset, journals))
-            self._note(check_apart(world, place, journals))
+            if self.page is None:  # which is another sender
+                self._note(check_apart(world, place, journals))
         stops = [stop for below in self._below for stop in below.rover.moved]
         self._note(Finding(world.now_s, what, f"stopped by {stop}") for stop in stops)
+        if self.page is not None:
+            self._note(self._console.check_end())
 
     def _settled(self) -> bool:
         """Return whether the ground has the end of each command."""
-        return all(
+        return (self.page is None or self._console.settled) and all(
             journal.ends.keys() | journal.refused.keys() >= journal.sent.keys()
             for journal in (ground.journal for ground in self.grounds.values())
         )
@@ -354,12 +373,19 @@ class Player:
         whole = hashlib.sha256(self.world.digest.encode())
         for name, ground in self.grounds.items():
             whole.update(f"{name} {ground.journal}".encode())
+        if self.page is not None:
+            whole.update(f"{self.page.journal}".encode())
         for process in self.world.processes.values():
             for path in sorted(process.stored.rglob("*")):
-                if path.is_file() and "files" not in path.parts:  # stamps of the real disk
+                if path.is_file() and _is_repeated(path):
                     whole.update(f"{process.name}/{path.name}".encode())
                     whole.update(_content(path))
         return whole.hexdigest()
+
+
+def _is_repeated(path: Path) -> bool:
+    """Whether a file is the same each time: without stamps of the real disk, and real processes."""
+    return "files" not in path.parts and path.suffix != ".lock"
 
 
 def _content(path: Path) -> bytes:

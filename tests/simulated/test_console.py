@@ -3,7 +3,7 @@
 from functools import partial
 
 from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
-from tests.simulated.console import HOST, Browser, PageJournal, start_console
+from tests.simulated.console import BROWSER_HOST, HOST, Browser, PageJournal, start_console
 from tests.simulated.processes import (
     Place,
     RoverBelow,
@@ -25,7 +25,7 @@ def test_a_page_commands_and_learns_the_ends() -> None:
             ("relay", place.relay, partial(start_relay, place)),
             ("executive", place.executive, partial(start_executive, place, below, settings)),
             ("console", HOST, partial(start_console, place)),
-            ("browser", "10.0.1.7", browser.start),
+            ("browser", BROWSER_HOST, browser.start),
         ):
             world.process(name, host, start).begin()
         requests = (SetTravelSpeed(0.2), MoveForward(0.2), SetTravelSpeed(0.3), SetTravelSpeed(0.4))
