@@ -207,6 +207,16 @@ RECOVERED_UNRECORDED: Final = _storm(
 )
 """The orbiter cannot record what it finds in its outbox; the ground sends it again meanwhile."""
 CONSOLE: Final = replace(CALM, console=True)
+CONSOLE_POWER_LOST: Final = Storm(
+    "situation",
+    CONSOLE,
+    (
+        Order(20.0, Link.CONSOLE, 1, SetTravelSpeed(0.2)),
+        Kill(20.1, "console", 2.0, power=True),
+        Order(25.0, Link.CONSOLE, 1, SetTravelSpeed(0.2)),
+    ),
+)
+"""The console loses power just after a command, which the page posts again."""
 REFUSED_UNWRITTEN: Final = Storm(
     "situation",
     CONSOLE,
@@ -233,5 +243,6 @@ ALL: Final = {
     "stop unrecorded": STOP_UNRECORDED,
     "recovered, unrecorded": RECOVERED_UNRECORDED,
     "claimed while waiting": CLAIMED_WHILE_WAITING,
+    "console: power lost": CONSOLE_POWER_LOST,
     "console: refused, unwritten": REFUSED_UNWRITTEN,
 }

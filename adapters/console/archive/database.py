@@ -94,7 +94,8 @@ def open_database(url: str | None, folder: Path, system: System = OPERATING_SYST
 
 def _prepare(connection: Any, _: object) -> None:
     assert isinstance(connection, sqlite3.Connection)
-    for pragma in ("auto_vacuum=INCREMENTAL", "journal_mode=WAL", "synchronous=NORMAL"):
+    # FULL: a command that was sent is known after a loss of power, too, and not sent again.
+    for pragma in ("auto_vacuum=INCREMENTAL", "journal_mode=WAL", "synchronous=FULL"):
         connection.execute(f"PRAGMA {pragma}").close()
     connection.execute("PRAGMA busy_timeout=5000").close()
 
