@@ -52,7 +52,7 @@ from adapters.console.tasks import begin, end
 from adapters.console.web import KEPT_COMMANDS, Access, Hub, SharedPresence, read_tokens
 from adapters.mal import CertificateError, address_to_listen, is_loopback
 from adapters.mrs.cli import Target
-from adapters.mrs.ground import parse_address
+from adapters.mrs.ground import CommandNumbers, parse_address
 from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
 from adapters.system import System
@@ -181,7 +181,7 @@ async def _serving(
         raise StartError(f"TLS: {error}") from error
     housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample, system)
     alarms = Alarms(archive, publish, limits_of)
-    commanding = Commanding(fleet, tracker, commands, desk)
+    commanding = Commanding(fleet, tracker, commands, desk, CommandNumbers(system))
     store = FileStore(options.data / FILES)
     transfers = Transfers(commanding.file_client, store, hub.transfer, system)
     recordings = Recordings(_emptied(options.data / OPENED), publish, system.utc_s)

@@ -217,6 +217,15 @@ CONSOLE_POWER_LOST: Final = Storm(
     ),
 )
 """The console loses power just after a command, which the page posts again."""
+SAME_MILLISECOND: Final = Storm(
+    "situation",
+    CONSOLE,
+    (
+        *(Order(20.0, Link.CONSOLE, 3 + 4 * n, MoveForward(0.2)) for n in range(3)),
+        *(Order(20.0, Link.CONSOLE, 12 + n, Stop()) for n in range(3)),
+    ),
+)
+"""The page posts commands by the relay, and stops, at once."""
 REFUSED_UNWRITTEN: Final = Storm(
     "situation",
     CONSOLE,
@@ -244,5 +253,6 @@ ALL: Final = {
     "recovered, unrecorded": RECOVERED_UNRECORDED,
     "claimed while waiting": CLAIMED_WHILE_WAITING,
     "console: power lost": CONSOLE_POWER_LOST,
+    "console: same millisecond": SAME_MILLISECOND,
     "console: refused, unwritten": REFUSED_UNWRITTEN,
 }

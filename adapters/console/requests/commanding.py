@@ -29,7 +29,7 @@ from adapters.console.rovers import (
 from adapters.console.tasks import begin
 from adapters.console.web import one_of, refused
 from adapters.mal import MalError
-from adapters.mrs.ground import MrsClient
+from adapters.mrs.ground import CommandNumbers, MrsClient
 from adapters.mrs.spec import AreaError, Preview, describe_error
 from executive.commands import Arrival, Command, Family, Motion, Request, Stop
 
@@ -85,6 +85,7 @@ class Commanding:
         tracker: hears what becomes of commands.
         commands: those of all consoles.
         desk: who holds the authority.
+        numbers: those of commands: one sequence, as links of an asset do not know of each other.
     """
 
     def __init__(
@@ -93,9 +94,10 @@ class Commanding:
         tracker: CommandTracker,
         commands: SharedCommands,
         desk: AuthorityDesk,
+        numbers: CommandNumbers,
     ) -> None:
         self._fleet, self._tracker, self._desk = fleet, tracker, desk
-        self._commands = commands
+        self._commands, self._numbers = commands, numbers
         self._sending: set[asyncio.Task[None]] = set()
 
     async def post(self, operator: str, posted: Posted) -> CommandStatus:
@@ -135,6 +137,7 @@ class Commanding:
             command = client.command(
                 request,
                 source=self._desk.source(link, operator),
+                command_id=self._numbers.take(),
                 lifetime_s=posted.lifetime_s,
                 arrival=posted.arrival,
                 authority=self._desk.claim(link, operator),
@@ -166,7 +169,8 @@ class Commanding:
         if not found:
             raise _unreachable(asset)
         link, client = found[0]
-        command = client.command(Stop(), source=self._desk.source(link, operator))
+        source = self._desk.source(link, operator)
+        command = client.command(Stop(), source=source, command_id=self._numbers.take())
         _LOG.warning("%s stops %s: %s", operator, asset, command.identity)
         name = f"{asset}:{command.identity}"  # so others call it, too: it is not claimed first
         status = _status(operator, Posted(name, asset, STOP, {}), link, command)

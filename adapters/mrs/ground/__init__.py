@@ -1,7 +1,7 @@
 """The client of the MRS: commands a rover and hears what it reports."""
 
 from adapters.mrs.ground.blocking import BlockingClient
-from adapters.mrs.ground.client import SOURCE, MrsClient
+from adapters.mrs.ground.client import SOURCE, CommandNumbers, MrsClient
 from adapters.mrs.ground.file_retrieval import FileNews, TransferError
 from adapters.mrs.ground.notification_stream import Stream
 from adapters.mrs.ground.outcome import (
@@ -27,6 +27,7 @@ __all__ = [
     "SOURCE",
     "TERMINAL",
     "BlockingClient",
+    "CommandNumbers",
     "Dialer",
     "FileNews",
     "MrsClient",
