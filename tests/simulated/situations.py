@@ -226,6 +226,15 @@ SAME_MILLISECOND: Final = Storm(
     ),
 )
 """The page posts commands by the relay, and stops, at once."""
+CONSOLE_FORGETS: Final = Storm(
+    "situation",
+    CONSOLE,
+    (
+        Kill(20.0, "console", 2.0, power=True),
+        *(Order(25.0 + n, Link.CONSOLE, 1 + n, SetTravelSpeed(0.2)) for n in range(2)),
+    ),
+)
+"""The console loses power, and is back before the page misses it."""
 REFUSED_UNWRITTEN: Final = Storm(
     "situation",
     CONSOLE,
@@ -254,5 +263,6 @@ ALL: Final = {
     "claimed while waiting": CLAIMED_WHILE_WAITING,
     "console: power lost": CONSOLE_POWER_LOST,
     "console: same millisecond": SAME_MILLISECOND,
+    "console: forgets a page": CONSOLE_FORGETS,
     "console: refused, unwritten": REFUSED_UNWRITTEN,
 }
