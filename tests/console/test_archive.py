@@ -14,7 +14,8 @@ from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sqlalchemy import Connection, Engine, select, text
+from sqlalchemy import Connection, Engine, event, select, text
+from sqlalchemy.exc import OperationalError
 
 from adapters.console.archive import (
     METADATA,
@@ -95,6 +96,24 @@ async def found(
     wanted = Wanted("jackal", "POS_X", link, to_us(start), to_us(end), strategy, size)
     answer = json.loads(await archive.read(partial(read_samples, wanted=wanted)))
     return [(each["utc"], each["value"], each["q"]) for each in answer]
+
+
+async def test_what_could_not_be_written_is_written_before_what_came_later(engine: Engine) -> None:
+    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
+
+    def fail(_: Connection) -> None:
+        raise OperationalError("COMMIT", None, Exception("disk I/O error"))
+
+    event.listen(engine, "commit", fail, once=True)
+    archive.put(notified(1))
+    first = asyncio.create_task(archive.flush())
+    await asyncio.sleep(0)
+    archive.put(notified(2))
+    await asyncio.gather(first, archive.flush())
+    await archive.flush()
+    last = partial(last_notification, asset="jackal", link=Link.DIRECT)
+    assert await archive.read(last) == (2, to_us(100.0))
+    await archive.close()
 
 
 async def test_samples_are_found_by_time_and_link_each_once(engine: Engine) -> None:

@@ -98,6 +98,7 @@ class Archive:
         self._looks: dict[str, tuple[tuple[str | None, ...], ...]] = {}
         self._parameters: dict[tuple[str, str, str], int] = {}
         self._failing = False
+        self._flushing = asyncio.Lock()
         self.samples = self.lost = 0
 
     @property
@@ -132,6 +133,10 @@ class Archive:
 
     async def flush(self) -> None:
         """Write what waits; where that fails, it goes on waiting, and the log says so."""
+        async with self._flushing:  # or what came later would be written before what has to wait
+            await self._flush()
+
+    async def _flush(self) -> None:
         batch = tuple(self._waiting)
         self._waiting.clear()
         if not batch:
