@@ -8,14 +8,17 @@ from itertools import count
 
 import click
 
-from tests.simulated.deeds import Storm, draw_mocup_storm, draw_storm
+from tests.simulated.deeds import Storm, draw_console_storm, draw_mocup_storm, draw_storm
 from tests.simulated.shrink import shrink
 from tests.simulated.storm import Played, play
 from tests.simulated.timeline import timeline
 
 _HOUR_S = 3600.0
-_MOCUP_EACH = 4
-"""One storm of so many is over MOCUP."""
+_KINDS = (
+    *(draw_storm, draw_storm, draw_storm, draw_mocup_storm),
+    *(draw_storm, draw_console_storm, draw_storm, draw_mocup_storm),
+)
+"""One storm of four is over MOCUP, one of eight over a console."""
 
 
 @click.command()
@@ -33,8 +36,7 @@ def main(hours: float, seed: str, trace: bool) -> None:
     logging.basicConfig(level=logging.CRITICAL)
     whole, simulated_s, kills = hashlib.sha256(), 0.0, 0
     for number in count():
-        draw = draw_mocup_storm if number % _MOCUP_EACH == _MOCUP_EACH - 1 else draw_storm
-        storm = draw(seed if number == 0 else f"{seed}.{number}")
+        storm = _KINDS[number % len(_KINDS)](seed if number == 0 else f"{seed}.{number}")
         played = play(storm)
         simulated_s, kills = simulated_s + played.simulated_s, kills + played.kills
         whole.update(played.digest.encode())
@@ -49,9 +51,10 @@ def main(hours: float, seed: str, trace: bool) -> None:
 
 
 def _line(storm: Storm, played: Played) -> str:
-    rover = "MOCUP, " if storm.situation.mocup else ""
+    situation = storm.situation
+    kind = "MOCUP, " if situation.mocup else "console, " if situation.console else ""
     return (
-        f"{rover}seed {storm.seed}: {played.simulated_s:.0f} s, {played.orders} commands,"
+        f"{kind}seed {storm.seed}: {played.simulated_s:.0f} s, {played.orders} commands,"
         f" {played.kills} kills, {played.events} events, digest {played.digest[:16]}"
     )
 

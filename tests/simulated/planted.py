@@ -40,8 +40,8 @@ from executive.reasons import Reason, Refusal
 from executive.record import Ledger, RelayRecord
 from executive.reports import TERMINAL, Identity, Stage
 from executive.runner import Executive
-from tests.simulated import situations
-from tests.simulated.deeds import Storm, draw_mocup_storm, draw_storm
+from tests.simulated import console_faults, situations
+from tests.simulated.deeds import Storm, draw_console_storm, draw_mocup_storm, draw_storm
 from tests.simulated.storm import QUIET_S, play
 
 Plant = Callable[[], AbstractContextManager[object]]
@@ -441,6 +441,42 @@ PLANTED: Final = (
         "rover-nxt gives the brick a command that comes again",
         _repeat_passed_on,
         draw=draw_mocup_storm,
+    ),
+    Planted(
+        "console: acknowledged early",
+        "rover-console acknowledges and sends commands before they are committed to its archive",
+        console_faults.acknowledged_before_commit,
+        draw=draw_console_storm,
+    ),
+    Planted(
+        "console: other link's cursor",
+        "rover-console catches up by one link from the cursor of the other",
+        console_faults.cursor_of_other_link,
+        draw=draw_console_storm,
+    ),
+    Planted(
+        "console: failed batch dropped",
+        "the archive drops what it could not write",
+        console_faults.failed_batch_dropped,
+        draw=draw_console_storm,
+    ),
+    Planted(
+        "console: L: not synced",
+        "the archive's commits do not outlast a loss of power, and commands are sent again",
+        console_faults.commits_not_synced,
+        (situations.CONSOLE_POWER_LOST,),
+    ),
+    Planted(
+        "console: M: one number twice",
+        "rover-console gives a command and a stop of one millisecond the same number",
+        console_faults.numbers_of_the_clock,
+        (situations.SAME_MILLISECOND,),
+    ),
+    Planted(
+        "console: N: refused for good",
+        "a stop that was answered by an error stays REJECTED, though the rover carried it out",
+        console_faults.refusal_outweighs_life,
+        (situations.REFUSED_UNWRITTEN,),
     ),
 )
 """Those with a letter are faults that the product had."""

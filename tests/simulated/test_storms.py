@@ -3,12 +3,13 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tests.simulated.deeds import draw_mocup_storm, draw_storm
-from tests.simulated.situations import END_UNRECORDED, QUIET_S
+from tests.simulated.deeds import draw_console_storm, draw_mocup_storm, draw_storm
+from tests.simulated.situations import CONSOLE_POWER_LOST, END_UNRECORDED, QUIET_S
 from tests.simulated.storm import play
 
 SEEDS = (7, 9, 21)
@@ -31,6 +32,16 @@ def test_no_promise_is_broken_over_mocup() -> None:
     assert not played.findings
     assert played.kills > 15
     again = {play(END_UNRECORDED, quiet_s=QUIET_S).digest for _ in range(2)}
+    assert len(again) == 1
+
+
+@pytest.mark.slow
+def test_no_promise_is_broken_over_a_console() -> None:
+    storm = draw_console_storm(9)
+    played = play(replace(storm, deeds=tuple(deed for deed in storm.deeds if deed.at_s < 90.0)))
+    assert not played.findings
+    assert played.kills > 5
+    again = {play(CONSOLE_POWER_LOST, quiet_s=QUIET_S).digest for _ in range(2)}
     assert len(again) == 1
 
 
