@@ -11,7 +11,7 @@ import aiohttp
 from aiohttp.abc import AbstractResolver, ResolveResult
 
 from adapters.console.rovers import args_of
-from adapters.console.service import Options, running
+from adapters.console.service import Options, serve
 from adapters.mrs.cli import Target
 from adapters.mrs.terms import CLEAR
 from adapters.process import StartError
@@ -39,14 +39,13 @@ def start_console(place: Place, process: Process) -> None:
     rovers = tuple(Target(f"maltcp://{host}:{MRS_PORT}/MRS", CLEAR) for host in hosts)
     options = Options(rovers, "127.0.0.1", PORT, tokens=None, tls=None, data=process.folder)
 
-    async def serve() -> None:
+    async def begin() -> None:
         try:
-            async with running(options, SimSystem(process)):
-                await asyncio.Event().wait()
+            await serve(options, SimSystem(process))
         except StartError as error:
             raise SystemExit(1) from error
 
-    process.run(serve())
+    process.run(begin())
 
 
 @dataclass

@@ -81,6 +81,14 @@ class KillAtWrite:
 
 
 @dataclass(frozen=True, slots=True)
+class Terminate:
+    """A process is asked to end (SIGTERM), and is started again."""
+
+    at_s: float
+    process: str
+
+
+@dataclass(frozen=True, slots=True)
 class FailWrite:
     """One of the next writes of a process fails."""
 
@@ -147,6 +155,7 @@ Deed = (
     Order
     | Kill
     | KillAtWrite
+    | Terminate
     | FailWrite
     | FillDisk
     | Pause
@@ -273,7 +282,7 @@ def draw_console_storm(seed: int | str) -> Storm:
 
 def _console_trouble(chance: Random, at_s: float) -> Deed:
     down_s, cut_s = chance.uniform(*_DOWN_S), chance.uniform(0.2, 20.0)
-    match chance.randrange(16):
+    match chance.randrange(18):
         case 0 | 1 | 2:
             return Kill(at_s, "console", down_s)
         case 3 | 4:
@@ -292,6 +301,8 @@ def _console_trouble(chance: Random, at_s: float) -> Deed:
             return CutWay(at_s, "browser", "console", cut_s)
         case 14:
             return Kill(at_s, "browser", down_s)
+        case 15 | 16:
+            return Terminate(at_s, "console")
         case _:
             return CutWay(at_s, "console", "executive", chance.uniform(0.2, 2.0))
 

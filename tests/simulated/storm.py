@@ -32,6 +32,7 @@ from tests.simulated.deeds import (
     Situation,
     StepClock,
     Storm,
+    Terminate,
     Unplug,
 )
 from tests.simulated.disk import Fate
@@ -265,6 +266,8 @@ class Player:
             case KillAtWrite(_, name, writes, after, down_s):
                 fate = Fate.KILLED_AFTER if after else Fate.KILLED_BEFORE
                 self._plans[name].add(writes, fate, down_s)
+            case Terminate(_, name):
+                world.processes[name].terminate()
             case FailWrite(_, name, writes):
                 self._plans[name].add(writes, Fate.FAILED)
             case FillDisk(_, name, for_s):
