@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
+from threading import Event
 
 import pytest
 from alembic.autogenerate import compare_metadata
@@ -113,6 +114,25 @@ async def test_what_could_not_be_written_is_written_before_what_came_later(engin
     await archive.flush()
     last = partial(last_notification, asset="jackal", link=Link.DIRECT)
     assert await archive.read(last) == (2, to_us(100.0))
+    await archive.close()
+
+
+async def test_what_waits_when_writing_is_cancelled_is_written_at_the_end(engine: Engine) -> None:
+    archive, go_on = Archive(engine, OPERATING_SYSTEM.utc_s), Event()
+    before = asyncio.create_task(archive.write(lambda _: go_on.wait()))
+    await asyncio.sleep(0)
+    archive.put(notified(1))
+    writing = asyncio.create_task(archive.flush())
+    await asyncio.sleep(0)
+    writing.cancel()
+    await asyncio.wait((writing,))
+    go_on.set()
+    await before
+    archive.put(notified(2))
+    await archive.flush()
+    everything = Page(None, None, None, 10)
+    kept = json.loads(await archive.read(partial(read_notifications, page=everything)))
+    assert sorted(each["cursor"] for each in kept) == [1, 2]
     await archive.close()
 
 

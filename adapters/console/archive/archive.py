@@ -143,6 +143,9 @@ class Archive:
             return
         try:
             await self.write(partial(self._write, batch=batch, rx_us=to_us(self.utc())))
+        except asyncio.CancelledError:  # it may be written all the same: once more does no harm
+            self._waiting.extendleft(reversed(batch))
+            raise
         except SQLAlchemyError as error:
             self._parameters.clear()  # those that are new were not written either
             self._waiting.extendleft(reversed(batch))
