@@ -30,4 +30,4 @@ def test_the_campaign_is_played_and_its_data_set_is_read(
         desk.run(line)
     (script,) = blocks(PAGE, "python")
     ran = run_to_end(sys.executable, "-c", script)
-    assert ran.stdout.startswith("6 runs, "), ran.stderr
+    assert ran.stdout.startswith("3 runs, "), ran.stderr
