@@ -26,7 +26,7 @@ from executive.settings import moved
 
 T = TypeVar("T")
 
-_UNIT: Final = re.compile(r"_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
+_UNIT: Final = re.compile(r"(?<!_per)_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 _WORDS: Final = {str: "a text", int: "a whole number", bool: "true or false"}

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import pytest
 
 from executive.commands import MoveForward, RotateBy
-from executive.settings import SecondOdometrySettings, Sensor, SettingsError
+from executive.settings import SecondOdometrySettings, Sensor, SettingsError, load_settings
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
 from sim.scenario.changes import Change
@@ -110,6 +111,12 @@ def test_a_crash_is_added_with_its_time(tmp_path: Path) -> None:
     first, second = (each for each in scenario.timeline if isinstance(each, Crash))
     assert (first.at_s, first.crash_s) == (2.5, 1.0)
     assert (str(second.after), second.crash_s) == ("a STARTED", 0.0)
+
+
+def test_a_change_of_one_setting_changes_no_other(tmp_path: Path) -> None:
+    jackal = load_settings("jackal")
+    slower = replace(jackal, drive=replace(jackal.drive, travel_speed_mps=0.7))
+    assert load(tmp_path, "settings.drive.travel_speed=0.7").settings == slower
 
 
 def test_no_change_changes_nothing(tmp_path: Path) -> None:
