@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection
 from dataclasses import fields
 from enum import Enum, EnumMeta
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -111,13 +111,16 @@ def load_yaml(path: Path) -> object:
     Raises:
         SettingsError: the file cannot be read, or is no YAML.
     """
+    return parse_yaml(_text(path), str(path))
+
+
+def _text(path: Path) -> str:
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from error
     except ValueError as error:
         raise _not_yaml(str(path), error) from error
-    return parse_yaml(text, str(path))
 
 
 def parse_yaml(text: str, origin: str) -> object:
@@ -178,7 +181,15 @@ def read_yaml(path: Path, kind: type[T]) -> T:
     Raises:
         SettingsError: the file cannot be read, is no YAML, or does not fit.
     """
-    return structure(load_yaml(path), kind, str(path))
+    hashable: Any = kind
+    value: T = _structured(_text(path), hashable, str(path))
+    return value
+
+
+@lru_cache(maxsize=16)
+def _structured(text: str, kind: Any, origin: str) -> Any:
+    """Return the value of a text; a campaign reads the same asset hundreds of times."""
+    return structure(parse_yaml(text, origin), kind, origin)
 
 
 def config_folder() -> Path:

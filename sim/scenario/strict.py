@@ -97,6 +97,8 @@ class StrictReader:
         Raises:
             FormatError: the data does not fit the type.
         """
+        if raw == {}:
+            return base
         return self.read(_merged(self.plain(base), raw), type(base), path)
 
     def plain(self, value: object) -> dict[str, Any]:
