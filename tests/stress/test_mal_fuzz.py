@@ -15,7 +15,7 @@ from tests.stress import broken_providers as broken
 from tests.stress import mal_fuzz
 
 FEW = 2500
-SOME = 3000
+SOME = 1500
 HELD, FREE = (Encoding.FIXED, True), (Encoding.FIXED, False)
 
 

@@ -12,7 +12,7 @@ from tests.stress.recording_fuzz import read_portion
 from tests.stress.recording_mutants import MIB, Mutants, originals
 from tests.stress.recording_readers import Reader, ReaderFault
 
-FEW = 20
+FEW = 8
 SEED = "1"
 OPENS = re.compile(
     r"from adapters\.recording import .*\b(History|RunReader|frames|read_chronicle|read_timed)\b"

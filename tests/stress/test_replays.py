@@ -8,6 +8,11 @@ from tests.stress import replays
 FAULT = "replays: recordings that decide otherwise"
 
 
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replays, "LONGEST_S", 10.0)
+
+
 def test_runs_of_all_kinds_are_replayed_equally() -> None:
     figures = replays.measure(2, 1, print)
     assert [figure.name for figure in figures if figure.met is False] == []
