@@ -55,16 +55,6 @@ def test_true_error_and_first_motion_are_told(ran: Ran) -> None:
     assert re.search(r"first motion\s+\d+\.\d s after the start", ran.output)
 
 
-def test_a_console_shows_the_rover_meanwhile(demo: Demo) -> None:
-    (address,) = re.findall(r"http://127.0.0.1:\d+/", demo.wait_for("In a browser"))
-    names: set[str] = set()
-    deadline_s = time.monotonic() + END_S
-    while "moveTo" not in names:
-        assert time.monotonic() < deadline_s, names
-        with urlopen(f"{address}api/commands") as answer:
-            names = {each["name"] for each in json.load(answer)["commands"]}
-
-
 def test_every_file_that_is_told_exists(ran: Ran) -> None:
     told = ran.output[ran.output.index(f"Files in {ran.folder}") :].partition("\n\n")[0]
     names = [
@@ -127,7 +117,14 @@ def test_nothing_is_left_when_it_is_killed(demo: Demo) -> None:
     assert alive == []
 
 
-def test_ctrl_c_ends_all(demo: Demo) -> None:
+def test_a_console_shows_the_rover_until_ctrl_c_ends_all(demo: Demo) -> None:
+    (address,) = re.findall(r"http://127.0.0.1:\d+/", demo.wait_for("In a browser"))
+    names: set[str] = set()
+    deadline_s = time.monotonic() + END_S
+    while "moveTo" not in names:
+        assert time.monotonic() < deadline_s, names
+        with urlopen(f"{address}api/commands") as answer:
+            names = {each["name"] for each in json.load(answer)["commands"]}
     demo.process.send_signal(signal.SIGINT)
     status, output = demo.end()
     assert status == 130
