@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from random import Random
@@ -306,10 +307,15 @@ def message(batch: bytes) -> bytes:
 
 def bomb(mib: int, claimed: int) -> bytes:
     """Return a recording whose one chunk unpacks to MiB of zeros, and claims another size."""
-    packer = zstandard.ZstdCompressor().compressobj(size=mib * MIB)
-    packed = b"".join(packer.compress(bytes(MIB)) for _ in range(mib)) + packer.flush()
+    packed = _packed_zeros(mib)
     head = pack("<QQQI", 0, 0, claimed, 0) + text("zstd") + pack("<Q", len(packed)) + packed
     return container(record(6, head))
+
+
+@cache
+def _packed_zeros(mib: int) -> bytes:
+    packer = zstandard.ZstdCompressor().compressobj(size=mib * MIB)
+    return b"".join(packer.compress(bytes(MIB)) for _ in range(mib)) + packer.flush()
 
 
 def hostile(batches: list[bytes]) -> Iterator[tuple[str, Callable[[], bytes]]]:
