@@ -9,8 +9,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
-from scipy.optimize import least_squares, minimize_scalar
-from scipy.signal import lfilter
 
 from adapters.calibration.drive_log import Commands, DriveLog, Poses, Series
 from executive.settings import Slip, YawResponse
@@ -159,6 +157,8 @@ class _Commanded:
 
 def _lagging(signal: Series, step_s: float, lag_s: float) -> Series:
     """Return what follows a signal with a time constant."""
+    from scipy.signal import lfilter  # slow to import, as is scipy.optimize
+
     if lag_s <= 0.0:
         return signal
     share = 1.0 - np.exp(-step_s / lag_s)
@@ -231,6 +231,8 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
         1 + _FITTED.index("lag_s"): (0.02, 1.0),
     }.items():
         lowest[at], highest[at] = ((bound - start[at]) / scales[at] for bound in (low, high))
+    from scipy.optimize import least_squares
+
     found = least_squares(residuals, np.zeros(len(start)), bounds=(lowest, highest))
     figures = start + found.x * scales
     delay_s, yaw = _rounded(figures[0]), yaw_of(figures)
@@ -277,6 +279,8 @@ def _slip(
 
     lag_s = 0.0
     if not settled:
+        from scipy.optimize import minimize_scalar
+
         bounds = (0.0, LONGEST_LAG_S)
         lag_s = float(minimize_scalar(cost, bounds=bounds, method="bounded").x)
     figures, left = solved(lag_s)

@@ -18,10 +18,13 @@ NEAR_M, NEAR_RAD = 0.15, 0.1
 """The tolerance of a motion, but for its share of the distance."""
 
 
+load = cache(load_campaign)
+
+
 @cache
 def alternatives(key: str) -> dict[str, str]:
     """Return names and values of a grid of the campaign."""
-    varied = {each.key: each.distribution for each in load_campaign(CAMPAIGNS[0]).vary}
+    varied = {each.key: each.distribution for each in load(CAMPAIGNS[0]).vary}
     grid = varied[key]
     assert isinstance(grid, Grid)
     named = [each for each in grid.grid if isinstance(each, Named)]
@@ -72,7 +75,7 @@ def test_a_fault_that_leaves_the_pose_right_leaves_motions_as_they_are(tmp_path:
 def test_each_fault_is_in_one_of_the_campaigns() -> None:
     drawn = {
         fault.name
-        for campaign in map(load_campaign, CAMPAIGNS)
+        for campaign in map(load, CAMPAIGNS)
         for each in campaign.vary
         if isinstance(each.distribution, Grid)
         for fault in each.distribution.grid
