@@ -72,10 +72,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         raise pytest.UsageError(f"not found by `rover test`: say mark.ros in {unmarked}")
 
 
+def _covers_more(test: pytest.Item) -> bool:
+    """Return whether a test runs lines of the core that no other runs, as far as its marks say."""
+    cases = getattr(test, "callspec", None)
+    repeats = cases is not None and any(cases.indices.values())
+    alike = test.get_closest_marker("alike") is not None and repeats
+    return not (alike or test.get_closest_marker("at_length"))
+
+
 @pytest.fixture(autouse=True)
-def _at_length_without_coverage(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Let a test that is marked so run at full speed: what it covers, others cover."""
-    measured = Coverage.current() if request.node.get_closest_marker("at_length") else None
+def _repeats_without_coverage(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Let a test at full speed where what it covers, others cover."""
+    measured = None if _covers_more(request.node) else Coverage.current()
     if measured is not None:
         measured.stop()
     yield

@@ -28,6 +28,8 @@ from tests.support.kinematic import Bench, ignoring
 from tests.support.laser import Disc, LookingRover
 from trees.motion import MOST_EVADED
 
+pytestmark = pytest.mark.alike
+
 WATCHED = ignoring("odometry_off_twist", "odometry_drifts")
 SEEING = replace(WATCHED, sensors=replace(WATCHED.sensors, laser=LaserSettings(rate_hz=10)))
 ROCK = Disc(2.0, 0.1, 0.3)

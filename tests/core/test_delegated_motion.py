@@ -32,6 +32,8 @@ from executive.state import CommandEnded, CommandUnderWay, Status, Stopped
 from tests.support.kinematic import WHOLE_LIFE, KinematicRover
 from tests.support.self_moving import SelfMovingBench, settings
 
+pytestmark = pytest.mark.alike
+
 
 def near(value: float) -> Any:
     return pytest.approx(value)

@@ -35,6 +35,8 @@ from executive.settings import Profile, load_settings
 from executive.state import Battery, CameraAngles
 from tests.support.kinematic import PICTURE, STEP_S, WHOLE_LIFE, Bench, ignoring
 
+pytestmark = pytest.mark.alike
+
 
 @pytest.mark.parametrize(
     "target",

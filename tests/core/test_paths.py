@@ -16,6 +16,8 @@ from executive.reports import Stage
 from executive.settings import Controller, Mpc, Settings, load_settings
 from tests.support.kinematic import STEP_S, Bench, KinematicRover
 
+pytestmark = pytest.mark.alike
+
 JACKAL = load_settings("jackal")
 STEPPED = Mpc(steps=10, command_delay_s=STEP_S / 2, odometry_age_s=0.0)
 SMOOTH = replace(JACKAL, controller=Controller.MPC, mpc=STEPPED)

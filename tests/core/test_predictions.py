@@ -28,6 +28,8 @@ from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, KinematicRover
 from tests.support.plans import AHEAD, BACK, plan
 from trees import RoverTree
 
+pytestmark = pytest.mark.alike
+
 ROUND = MoveTo(Waypoint(3.0, 2.0, pi / 2))
 
 

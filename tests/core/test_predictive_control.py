@@ -28,6 +28,8 @@ from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep
 from tests.support.kinematic import KinematicRover
 
+pytestmark = pytest.mark.alike
+
 JACKAL = replace(load_settings("jackal"), controller=Controller.MPC)
 AHEAD_M = JACKAL.turn_drive.control_point_m
 ASIDE = Waypoint(1.0, 1.0, pi / 2)

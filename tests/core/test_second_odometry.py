@@ -18,6 +18,8 @@ from executive.state import Odometry, SecondOdometry
 from executive.state.fusion import STEP_M, Fusion
 from tests.support.kinematic import STEP_S, Bench, KinematicRover
 
+pytestmark = pytest.mark.alike
+
 LATE_S = 0.4
 PERIOD_S = 0.5
 TURNED_RAD = 0.7

@@ -23,6 +23,8 @@ from executive.settings import (
 from tests.support.kinematic import Bench
 from tests.support.self_moving import SelfMovingRover
 
+pytestmark = pytest.mark.alike
+
 MODES = {Then.PAUSE: Mode.PAUSED, Then.STOP: Mode.STOPPED, Then.SAFE: Mode.SAFE}
 LATCHED = [name for name, each in DECLARED.items() if each.row.clears is Clears.ON_RESUME]
 ENDED = [name for name, each in DECLARED.items() if each.row.clears is Clears.ITSELF]

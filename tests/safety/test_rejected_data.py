@@ -21,6 +21,8 @@ from executive.state import (
 from tests.support.kinematic import STEP_S, Bench
 from trees import snapshot_of
 
+pytestmark = pytest.mark.alike
+
 NO_ROTATION = "orientation (0.0, 0.0, 0.0, 0.0) is not a rotation"
 WHY = f"odometry arrives at 50 Hz and is rejected: {NO_ROTATION}"
 ODOMETRY = RejectedData(Source.ODOMETRY, NO_ROTATION, 50.0, 50.0)

@@ -21,6 +21,8 @@ from executive.state import Imu, Joints, SecondOdometry
 from tests.support.kinematic import Bench, ignoring
 from tests.support.sensed_drive import SensedDrive, SensedRover
 
+pytestmark = pytest.mark.alike
+
 AHEAD = Velocity(0.8, 0.0)
 SPIN = Velocity(0.0, 1.2)
 ARC = Velocity(0.6, 0.8)

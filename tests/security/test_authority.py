@@ -39,6 +39,8 @@ from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 
+pytestmark = pytest.mark.alike
+
 RULES = AuthoritySettings(needed=True, lease_s=5.0, may_take=("DIRECTOR",))
 SETTINGS = replace(load_settings("jackal"), authority=RULES)
 
