@@ -24,7 +24,7 @@ from sim.campaign.model import Campaign
 from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.runs import Run, Runs
-from sim.campaign.session import Session
+from sim.campaign.session import Play, Session
 from sim.campaign.worker import Job, Played, Software, fingerprint, play_job
 from tests.campaign.conftest import Write
 from tests.support.certificates import certified
@@ -51,9 +51,9 @@ class Watcher:
             self._act()
 
 
-def play(client: Client, campaign: Campaign, out: str, watcher: Watcher | None = None) -> Runs:
+def play(campaign: Campaign, out: str, jobs: Play, watcher: Watcher) -> Runs:
     runs = open_output(Path(out), campaign, Path("mine.yaml"), resume=True)
-    Session(campaign, runs, partial(results, client, play_job), watcher or Watcher()).to_the_end()
+    Session(campaign, runs, jobs, watcher).to_the_end()
     return runs
 
 
@@ -66,7 +66,7 @@ def pids(client: Client) -> list[int]:
     return list(client.run(os.getpid).values())
 
 
-def test_runs_are_alike_however_many_workers_there_are_and_die(
+def test_runs_are_alike_without_workers_and_on_some_that_die(
     write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scratch = tmp_path / "scratch"
@@ -75,23 +75,17 @@ def test_runs_are_alike_however_many_workers_there_are_and_die(
     monkeypatch.setattr(tempfile, "tempdir", None)
     campaign = load_campaign(write())
     processes = psutil.Process().children(recursive=True)
-    with local_cluster(1) as client:
-        one = timeless(play(client, campaign, "one"))
+    here = timeless(play(campaign, "here", lambda jobs: map(play_job, jobs), Watcher()))
     with local_cluster(2) as client:
         victim, other = pids(client)
         for pid in (victim, other, os.getpid()):
             sockets = psutil.Process(pid).net_connections()
             assert {each.laddr.ip for each in sockets if each.status == "LISTEN"} == {"127.0.0.1"}
         killed = Watcher(2, lambda: os.kill(victim, signal.SIGKILL))
-        two = timeless(play(client, campaign, "two", killed))
-    assert two == one
-    assert [run.run for run in one] == list(range(12))
-    assert {run.holds for run in one} == {True, False}
-
-    given = draw(campaign, 0)
-    here = play_job(Job(0, given.scenario, given.changes, fingerprint(given.scenario)))
-    assert isinstance(here, Played)
-    assert here.digest == one[0].digest
+        two = timeless(play(campaign, "two", partial(results, client, play_job), killed))
+    assert two == here
+    assert [run.run for run in here] == list(range(12))
+    assert {run.holds for run in here} == {True, False}
 
     assert list(scratch.iterdir()) == []
     left = [child for child in psutil.Process().children(recursive=True) if child not in processes]
