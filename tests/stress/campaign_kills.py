@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 import psutil
+from distributed import Client
 
 from sim.campaign.cluster import local_cluster, results
 from sim.campaign.draws import quantities
@@ -92,8 +93,9 @@ def measure(kills: int, seed: int, tell: Tell, scenario: str = "to_a_goal") -> l
     spared = Killer(0, Random(seed))
     found = Findings(tell)
     with TemporaryDirectory() as folder:
-        disturbed = _play(campaign, Path(folder, "disturbed"), killer)
-        calm = _play(campaign, Path(folder, "calm"), spared)
+        with local_cluster(WORKERS) as client:
+            disturbed = _play(client, campaign, Path(folder, "disturbed"), killer)
+            calm = _play(client, campaign, Path(folder, "calm"), spared)
         counts = Counter(disturbed.numbers())
         digests = dict(zip(calm.numbers(), calm.column("digest"), strict=True))
         for run in calm.numbers():
@@ -110,8 +112,7 @@ def measure(kills: int, seed: int, tell: Tell, scenario: str = "to_a_goal") -> l
     ]
 
 
-def _play(campaign: Campaign, folder: Path, killer: Killer) -> Runs:
+def _play(client: Client, campaign: Campaign, folder: Path, killer: Killer) -> Runs:
     runs = Runs(folder, quantities(campaign))
-    with local_cluster(WORKERS) as client:
-        Session(campaign, runs, partial(results, client, play_job), killer).to_the_end()
+    Session(campaign, runs, partial(results, client, play_job), killer).to_the_end()
     return runs
