@@ -13,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import Enum, unique
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from random import Random
@@ -125,7 +126,7 @@ def measure(count: int, seed: int, tell: Tell, keep: Path | None = None) -> list
 
 def _runs(seed: int) -> Iterator[tuple[Scenario, Kind]]:
     """Yield runs without end, each by the seed alone."""
-    campaigns = [load_campaign(name) for name in names_in(campaign_folder())]
+    campaigns = _campaigns()
     faulty = [each for each in campaigns if _injects(each)]
     others = [each for each in campaigns if not _injects(each)]
     names = list(_playable())
@@ -146,6 +147,11 @@ def _runs(seed: int) -> Iterator[tuple[Scenario, Kind]]:
         if random.random() < CRASHES:
             scenario = _with(scenario, _crash(random, scenario.lasts_s))
         yield scenario, Kind(name, scenario.settings.asset, fault, visitor)
+
+
+@cache
+def _campaigns() -> tuple[Campaign, ...]:
+    return tuple(load_campaign(name) for name in names_in(campaign_folder()))
 
 
 def _injects(campaign: Campaign) -> bool:
