@@ -21,11 +21,7 @@ import click
 from adapters.bundle import BundleAgent, BundleId
 from adapters.bundle.codec.eid import Eid
 from adapters.bundle.node import database
-from adapters.mocup.brick.record import BrickCommand
-from adapters.mocup.brick.record import Link as BrickLink
-from adapters.mocup.brick.replies import BrickReplies
-from adapters.mocup.brick.router import Router
-from adapters.mocup.brick.service import BrickService
+from adapters.bundle.node.store import Outbox
 from adapters.mops import Message, fingerprint, refusal_of
 from adapters.mrs.ground.notification_stream import NotificationStream
 from adapters.mrs.spec import Notification
@@ -40,7 +36,7 @@ from executive.reasons import Reason, Refusal
 from executive.record import Ledger, RelayRecord
 from executive.reports import TERMINAL, Identity, Stage
 from executive.runner import Executive
-from tests.simulated import console_faults, situations
+from tests.simulated import console_faults, mocup_faults, situations
 from tests.simulated.deeds import Storm, draw_console_storm, draw_mocup_storm, draw_storm
 from tests.simulated.storm import QUIET_S, play
 
@@ -280,38 +276,14 @@ def _commits_not_synced() -> AbstractContextManager[object]:
     return patch.object(database, "_opened", unsynced)
 
 
-def _refusal_not_recorded() -> AbstractContextManager[object]:
-    def reject(
-        self: Router, link: BrickLink, command: Message, text: str, reason: Reason | None = None
-    ) -> None:
-        self._out.reject((link,), command, text, reason)
+def _later_by_a_step_back() -> AbstractContextManager[object]:
+    unconfirmed = Outbox.unconfirmed
 
-    return patch.object(Router, "_reject", reject)
+    def forgetful(self: Outbox, now_utc_ms: int) -> list[str]:
+        self._looked_utc_ms = 0
+        return unconfirmed(self, now_utc_ms)
 
-
-def _repeat_passed_on() -> AbstractContextManager[object]:
-    return patch.object(Router, "_known", lambda *_: False)
-
-
-def _reply_sent_once() -> AbstractContextManager[object]:
-    init = BrickService.__init__
-
-    def unconfirmed(self: BrickService, router: Router, confirm: Any, **_: bool) -> None:
-        init(self, router, confirm, confirmed=False)
-
-    return patch.object(BrickService, "__init__", unconfirmed)
-
-
-def _end_not_recorded() -> AbstractContextManager[object]:
-    answer = BrickReplies.answer
-
-    def always(self: BrickReplies, asked: BrickCommand, reply: Message) -> None:
-        answer(self, asked, reply)
-        if self._unrecorded.pop(asked.command, None) is not None:
-            for link in asked.links:
-                self._out.notify(link, reply)
-
-    return patch.object(BrickReplies, "answer", always)
+    return patch.object(Outbox, "unconfirmed", forgetful)
 
 
 PLANTED: Final = (
@@ -421,26 +393,44 @@ PLANTED: Final = (
     Planted(
         "nxt: I: refusal not recorded",
         "rover-nxt carries a command of the relay out that it has refused",
-        _refusal_not_recorded,
+        mocup_faults.refusal_not_recorded,
         situations.REFUSED_THEN_PLUGGED,
     ),
     Planted(
         "nxt: J: end not recorded",
         "rover-nxt sends an end that it could not record",
-        _end_not_recorded,
+        mocup_faults.end_not_recorded,
         (situations.END_UNRECORDED,),
     ),
     Planted(
         "nxt: K: reply sent once",
         "rover-nxt does not send a reply again that rover-relay did not store",
-        _reply_sent_once,
+        mocup_faults.reply_sent_once,
         (situations.REPLY_LOST,),
     ),
     Planted(
         "nxt: repeat passed on",
         "rover-nxt gives the brick a command that comes again",
-        _repeat_passed_on,
+        mocup_faults.repeat_passed_on,
         draw=draw_mocup_storm,
+    ),
+    Planted(
+        "nxt: O: two commits",
+        "rover-nxt is killed between a claim and what it replaces, and the relay gets two ends",
+        mocup_faults.claimed_in_two_commits,
+        (situations.CLAIMED_WHILE_WAITING,),
+    ),
+    Planted(
+        "nxt: P: announced once",
+        "what the executive reports to rover-nxt is lost, and the relay gets no end",
+        mocup_faults.announced_once,
+        (situations.ANNOUNCEMENT_LOST,),
+    ),
+    Planted(
+        "Q: later by a step back",
+        "what is to be sent again waits longer by the step of a clock that is set back",
+        _later_by_a_step_back,
+        (situations.CLOCK_SET_BACK,),
     ),
     Planted(
         "console: acknowledged early",

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Final
 
 from executive.commands import MoveForward, Resume, SetTravelSpeed, Stop
+from tests.simulated.convergence import Convergence
 from tests.simulated.deeds import (
     CutWay,
     Deed,
@@ -16,6 +17,7 @@ from tests.simulated.deeds import (
     Order,
     Pause,
     Situation,
+    StepClock,
     Storm,
     Unplug,
 )
@@ -206,6 +208,26 @@ RECOVERED_UNRECORDED: Final = _storm(
     Kill(22.1, "relay", 1.0),
 )
 """The orbiter cannot record what it finds in its outbox; the ground sends it again meanwhile."""
+ANNOUNCEMENT_LOST: Final = Storm(
+    "situation",
+    MOCUP,
+    (
+        Order(20.0, Link.DIRECT, 1, MoveForward(0.2)),
+        Order(20.5, Link.RELAY, 1, MoveForward(0.2)),
+        LoseSamples(21.45, 1.0, 0.2),
+    ),
+)
+"""What the executive reports at the end of a command, of which the relay has a copy, is lost."""
+CLOCK_SET_BACK: Final = Storm(
+    "situation",
+    replace(CALM, convergence=Convergence.UDP),
+    (
+        CutWay(19.0, "orbiter", "relay", 3.0),
+        Order(20.0, Link.RELAY, 1, SetTravelSpeed(0.2)),
+        StepClock(21.0, "orbiter", -900.0),
+    ),
+)
+"""A bundle is lost, and the orbiter's clock is set back before it is sent again."""
 CONSOLE: Final = replace(CALM, console=True)
 CONSOLE_POWER_LOST: Final = Storm(
     "situation",
@@ -261,6 +283,8 @@ ALL: Final = {
     "stop unrecorded": STOP_UNRECORDED,
     "recovered, unrecorded": RECOVERED_UNRECORDED,
     "claimed while waiting": CLAIMED_WHILE_WAITING,
+    "announcement lost": ANNOUNCEMENT_LOST,
+    "clock set back": CLOCK_SET_BACK,
     "console: power lost": CONSOLE_POWER_LOST,
     "console: same millisecond": SAME_MILLISECOND,
     "console: forgets a page": CONSOLE_FORGETS,
