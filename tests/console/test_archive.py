@@ -4,23 +4,19 @@ import asyncio
 import json
 from dataclasses import replace
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from threading import Event
 
 import pytest
 from alembic.autogenerate import compare_metadata
-from alembic.command import upgrade
-from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sqlalchemy import Connection, Engine, event, select, text
+from sqlalchemy import Connection, Engine, event, text
 from sqlalchemy.exc import OperationalError
 
 from adapters.console.archive import (
     METADATA,
-    SAMPLE_MINUTE,
     Archive,
     Conflict,
     Page,
@@ -28,10 +24,8 @@ from adapters.console.archive import (
     Stored,
     Strategy,
     Wanted,
-    changed_commands,
     delete_object,
     delete_old,
-    find_command,
     get_object,
     last_commands,
     last_notification,
@@ -53,7 +47,6 @@ from adapters.console.messages import (
     Quality,
     Sample,
     StageReached,
-    encode,
 )
 from adapters.process import StartError
 from adapters.system import OPERATING_SYSTEM
@@ -285,40 +278,6 @@ def thinned(
     return [(utc, samples[utc]) for utc in sorted(extremes | set(gaps.values()))]
 
 
-def make_older(connection: Connection) -> None:
-    """Make the tables of revision 0002 in place of those that are there, empty."""
-    config = Config()
-    migrations = files("adapters.console.archive") / "migrations"
-    config.set_main_option("script_location", str(migrations))
-    config.attributes["connection"] = connection
-    METADATA.drop_all(connection)
-    connection.execute(text("DROP TABLE alembic_version"))
-    upgrade(config, "0002")
-
-
-async def test_samples_of_an_older_archive_are_taken_into_minutes(
-    engine: Engine, tmp_path: Path
-) -> None:
-    url = engine.url.render_as_string(hide_password=False)
-    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    for number in range(300):
-        archive.put(sample(number * 7.0, float(number * 37 % 101) if number % 5 else None))
-    await archive.close()
-    every = select(SAMPLE_MINUTE).order_by(SAMPLE_MINUTE.c.parameter, SAMPLE_MINUTE.c.minute)
-    with engine.begin() as connection:
-        written = connection.execute(every).all()
-        tables = [METADATA.tables[name] for name in ("parameter", "sample")]
-        kept = [connection.execute(select(each)).mappings().all() for each in tables]
-        make_older(connection)
-        for table, rows in zip(tables, kept, strict=True):
-            connection.execute(table.insert(), [dict(row) for row in rows])
-    assert len(written) == 35
-    again = open_database(url, tmp_path)
-    with again.connect() as connection:
-        assert connection.execute(every).all() == written
-    again.dispose()
-
-
 async def test_commands_notifications_and_records_come_back_as_they_were(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     began = command("one", CommandState.SENDING)
@@ -438,45 +397,6 @@ def test_the_migrations_make_the_tables(engine: Engine) -> None:
     with engine.connect() as connection:
         context = MigrationContext.configure(connection)
         assert compare_metadata(context, METADATA) == []
-
-
-async def test_a_link_catches_up_from_the_last_number_of_an_older_archive(
-    engine: Engine, tmp_path: Path
-) -> None:
-    with engine.begin() as connection:
-        make_older(connection)
-        insert = "INSERT INTO notification VALUES (:n, 'jackal', 'direct', :n, :utc_us, 1, '{}')"
-        for number in (0, 7):
-            connection.execute(text(insert), {"n": number, "utc_us": 9 - number})
-    url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
-    open_database(url, tmp_path).dispose()
-    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    known = partial(last_notification, asset="jackal", link=Link.DIRECT)
-    assert await archive.read(known) == (7, 2)
-    await archive.close()
-
-
-async def test_commands_of_an_older_archive_are_known_by_number_once_each(
-    engine: Engine, tmp_path: Path
-) -> None:
-    posted = command("drive", CommandState.EXECUTED)
-    doubled = replace(posted, id=f"anna:{posted.number}", args=None, made=4.0)
-    other = replace(doubled, id="MOE:1", source="MOE", number=1)
-    with engine.begin() as connection:
-        make_older(connection)
-        insert = "INSERT INTO command VALUES (:id, 'jackal', :made_us, 1, :body)"
-        for each in (doubled, posted, other):
-            row = {"id": each.id, "made_us": to_us(each.made), "body": encode(each)}
-            connection.execute(text(insert), row)
-    url = engine.url.render_as_string(hide_password=False).replace("+psycopg", "")
-    open_database(url, tmp_path).dispose()
-    archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    kept = await archive.read(partial(last_commands, count=9))
-    assert kept == [other, posted]
-    find = partial(find_command, asset="jackal", source="MOE", number=1)
-    assert await archive.read(find) == other
-    assert await archive.read(partial(changed_commands, since=0)) == ([posted, other], 2)
-    await archive.close()
 
 
 def test_an_archive_is_opened_again_and_a_newer_one_is_refused(
