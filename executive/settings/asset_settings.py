@@ -1,11 +1,10 @@
 """What one asset may do and how it is driven, read from its YAML in `config/`."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum, unique
 from itertools import pairwise
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
 from executive.faults import FaultTable
 from executive.settings.controller import Controller
@@ -103,16 +102,6 @@ class Safety:
             this pauses motion. Longer than what a busy computer or disk delays a tick by; not
             longer than the rover may drive blindly.
     """
-
-    MOVED: ClassVar[Mapping[str, str]] = {
-        "odometry_stale": "faults.odometry_stale.beyond",
-        "odometry_jump_m": "faults.odometry_jumped.beyond",
-        "odometry_jump": "faults.odometry_jumped.beyond",
-        "odometry_jump_rad": "faults.odometry_turned.beyond",
-        "tilt": "faults.tilted.beyond",
-        "battery_low": "faults.battery_low.below",
-    }
-    """Where keys of this section went."""
 
     watchdog_s: float = 0.5
 

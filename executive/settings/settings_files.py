@@ -2,7 +2,6 @@
 
 import os
 import re
-from collections.abc import Collection
 from dataclasses import fields
 from enum import Enum, EnumMeta
 from functools import cache, lru_cache
@@ -227,24 +226,10 @@ def _fault(error: BaseException, kind: type | None) -> str:
     if isinstance(error, ForbiddenExtraKeysError):
         wrong = ", ".join(map(repr, sorted(error.extra_fields)))
         known = ", ".join(field.name for field in fields(error.cl))
-        gone = moved(error.cl, error.extra_fields)
-        return f"unknown key {wrong}; known are {known}{gone}"
+        return f"unknown key {wrong}; known are {known}"
     if type(error) is ValueError and kind is not int:
         return str(error)
     return format_exception(error, kind)
-
-
-def moved(kind: type, unknown: Collection[str]) -> str:
-    """Return where keys went that a section no longer knows, for the end of an error.
-
-    Args:
-        kind: the section's dataclass; its `MOVED` has the keys' new places.
-        unknown: keys, with their units or without.
-    """
-    known = getattr(kind, "MOVED", {})
-    places = {each: known.get(each, known.get(each.rpartition("_")[0])) for each in unknown}
-    said = ", ".join(f"{each} is now {place}" for each, place in sorted(places.items()) if place)
-    return f"; {said}" if said else ""
 
 
 def _choice(raw: object, kind: type[Enum]) -> Enum:

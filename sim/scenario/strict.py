@@ -22,8 +22,6 @@ from cattrs import (
 )
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
-from executive.settings import moved
-
 T = TypeVar("T")
 
 _UNIT: Final = re.compile(r"(?<!_per)_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
@@ -150,8 +148,7 @@ def _faults(error: BaseException, path: str) -> Iterator[tuple[str, str]]:
         case ForbiddenExtraKeysError():
             known = ", ".join(_key(each.name) for each in fields(error.cl)) or "none"
             unknown = ", ".join(map(shown, error.extra_fields))
-            gone = moved(error.cl, error.extra_fields)
-            yield path, f"unknown key {unknown}; known are {known}{gone}"
+            yield path, f"unknown key {unknown}; known are {known}"
         case ClassValidationError() | IterableValidationError():
             noted, bare = error.group_exceptions()
             for inner, note in noted:

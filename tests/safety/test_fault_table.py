@@ -69,12 +69,6 @@ def test_an_angle_may_be_written_in_degrees() -> None:
     )
 
 
-def test_a_key_of_an_old_file_is_named_with_its_new_place() -> None:
-    error = refused(safety={"tilt_rad": 0.49, "battery_low_v": 22.0})
-    assert "tilt_rad is now faults.tilted.beyond" in error
-    assert "battery_low_v is now faults.battery_low.below" in error
-
-
 def test_scenarios_change_rows_as_strictly() -> None:
     def with_bound(value: str) -> Settings:
         change = Change("settings.faults.tilted.beyond", value)
