@@ -1,6 +1,5 @@
 """Expedited bundles go before all others, at every queue, and into room that is kept for them."""
 
-import sqlite3
 from contextlib import suppress
 from pathlib import Path
 
@@ -123,17 +122,3 @@ async def test_a_task_of_its_own_takes_it_while_others_are_held(tmp_path: Path) 
                 await one.agent.send(TWO, STOP, expedited=True)
                 async with two.agent.receive(only_expedited=True) as stop:
                     assert (held.payload, stop.payload) == (b"x", STOP)
-
-
-def test_a_store_of_an_earlier_version_is_taken_over(tmp_path: Path, clock: Clock) -> None:
-    one = TestedNode(tmp_path, settings_of(1, 2), clock)
-    one.put(Ipn(2, 1), b"x")
-    one.database.close()
-    with sqlite3.connect(one.path) as old:
-        for table in ("outbox", "inbox"):
-            old.execute(f"DROP INDEX {table}_expedited")
-            old.execute(f"ALTER TABLE {table} DROP COLUMN expedited")
-    old.close()
-    one.start()
-    one.put(Ipn(2, 1), STOP, expedited=True)
-    assert one.node.outbox.depth() == 2

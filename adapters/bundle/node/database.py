@@ -23,17 +23,20 @@ CREATE TABLE IF NOT EXISTS outbox (
     id INTEGER PRIMARY KEY AUTOINCREMENT, key BLOB NOT NULL, destination BLOB NOT NULL,
     neighbour TEXT NOT NULL, state INTEGER NOT NULL, confirm INTEGER NOT NULL,
     put_utc_ms INTEGER NOT NULL, expires_utc_ms INTEGER NOT NULL, again_utc_ms INTEGER,
-    tries INTEGER NOT NULL DEFAULT 0, own INTEGER NOT NULL, octets BLOB NOT NULL
+    tries INTEGER NOT NULL DEFAULT 0, own INTEGER NOT NULL, octets BLOB NOT NULL,
+    expedited INTEGER NOT NULL DEFAULT 0
 );
 CREATE INDEX IF NOT EXISTS outbox_to_send ON outbox (neighbour, state, id);
 CREATE INDEX IF NOT EXISTS outbox_by_key ON outbox (key);
 CREATE INDEX IF NOT EXISTS outbox_by_end ON outbox (expires_utc_ms);
+CREATE INDEX IF NOT EXISTS outbox_expedited ON outbox (neighbour, id) WHERE expedited;
 CREATE INDEX IF NOT EXISTS outbox_again ON outbox (again_utc_ms) WHERE again_utc_ms IS NOT NULL;
 CREATE TABLE IF NOT EXISTS inbox (
     id INTEGER PRIMARY KEY AUTOINCREMENT, key BLOB NOT NULL, endpoint BLOB NOT NULL,
     report_to BLOB NOT NULL, flags INTEGER NOT NULL, expires_utc_ms INTEGER NOT NULL,
-    payload BLOB NOT NULL
+    payload BLOB NOT NULL, expedited INTEGER NOT NULL DEFAULT 0
 );
+CREATE INDEX IF NOT EXISTS inbox_expedited ON inbox (id) WHERE expedited;
 CREATE INDEX IF NOT EXISTS inbox_by_key ON inbox (key);
 CREATE INDEX IF NOT EXISTS inbox_by_end ON inbox (expires_utc_ms);
 CREATE TABLE IF NOT EXISTS seen (
@@ -46,10 +49,6 @@ CREATE TABLE IF NOT EXISTS fragments (
     PRIMARY KEY (key, total, offset, length)
 );
 CREATE INDEX IF NOT EXISTS fragments_by_end ON fragments (expires_utc_ms);
-"""
-_LATER: Final = """
-CREATE INDEX IF NOT EXISTS outbox_expedited ON outbox (neighbour, id) WHERE expedited;
-CREATE INDEX IF NOT EXISTS inbox_expedited ON inbox (id) WHERE expedited;
 """
 _MB: Final = 1_000_000
 _FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
@@ -271,10 +270,6 @@ def _opened(db: sqlite3.Connection, synchronous: Synchronous) -> sqlite3.Connect
         db.execute("PRAGMA journal_size_limit = 4194304")
         db.execute("PRAGMA cache_size = -1000")
         db.executescript(_SCHEMA)
-        for table in ("outbox", "inbox"):
-            if "expedited" not in {row[1] for row in db.execute(f"PRAGMA table_info({table})")}:
-                db.execute(f"ALTER TABLE {table} ADD COLUMN expedited INTEGER NOT NULL DEFAULT 0")
-        db.executescript(_LATER)
     except sqlite3.Error:
         db.close()
         raise

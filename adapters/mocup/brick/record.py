@@ -15,7 +15,6 @@ KEPT: Final = 10_000
 _NONE: Final = -1
 _MAY_BE_OPEN: Final = 1000
 """The latest claims: the executive queues far fewer."""
-_WAITS: Final = "ALTER TABLE asked ADD COLUMN waits INTEGER NOT NULL DEFAULT 0"
 """Brings a file of an older version up to date."""
 _ASKED: Final = "SELECT command, links, replied, waits FROM asked"
 _FORGET: Final = "DELETE FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
@@ -106,8 +105,6 @@ class BrickRecord(Database):
 
     def __init__(self, path: Path | None = None, connect: Connect = connect_to_file) -> None:
         super().__init__(path, _SCHEMA, connect=connect)
-        if not self.rows("SELECT 1 FROM pragma_table_info('asked') WHERE name = 'waits'"):
-            self.rows(_WAITS)
 
     def asked(self, command: Message) -> BrickCommand | None:
         """Return what is known under a message's source, number and counter."""

@@ -15,7 +15,7 @@ from adapters.relay.orbiter.derived_reports import Loss
 from adapters.relay.orbiter.report_ledger import ReportLedger
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Stop
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.reports import Identity, Report, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS underway (
@@ -34,23 +34,10 @@ CREATE TABLE IF NOT EXISTS heard (unit TEXT PRIMARY KEY, number INTEGER NOT NULL
 CREATE TABLE IF NOT EXISTS telemetry (
     one INTEGER PRIMARY KEY CHECK (one = 1), utc_s REAL NOT NULL, message BLOB NOT NULL
 );
-DROP TABLE IF EXISTS orbiter_authority;
 CREATE TABLE IF NOT EXISTS authorities (
     number INTEGER PRIMARY KEY, source TEXT NOT NULL UNIQUE, epoch INTEGER NOT NULL
 );
 """
-_LOSSES: Final = f"""
-INSERT INTO reports (sequence, utc_s, kind, severity, text, source, command_id, figures)
-    SELECT (SELECT min(coalesce(min(sequence), 0), 0) FROM reports)
-        - row_number() OVER (ORDER BY asked_utc_s), asked_utc_s,
-        {Kind.LINK.value}, {Severity.ALARM.value}, source || ':' || command_id || ' '
-        || iif(ended = 2, '{Loss.FORGOTTEN.value}', '{Loss.GIVEN_UP.value}'),
-        source, command_id, '[]'
-    FROM asked LEFT JOIN stages USING (source, command_id) WHERE ended = 2 OR ended = 1
-        AND stage IS NULL AND (source, command_id) NOT IN (SELECT source, command_id FROM reports);
-UPDATE asked SET ended = 1 WHERE ended = 2;
-"""
-"""Losses are reports. A file of an older version has them only in how a command ended."""
 MOST_AUTHORITIES: Final = 100
 """Sources whose authority is known; the oldest are forgotten."""
 _ENDED: Final = 1
@@ -393,7 +380,7 @@ class RoverRecord:
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._numbered = numbered
-        self.ledger = ReportLedger(path, _SCHEMA + _LOSSES, system.connect)
+        self.ledger = ReportLedger(path, _SCHEMA, system.connect)
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
         self._history = Retention(self.ledger, most_reports, self.stopped_by)
 

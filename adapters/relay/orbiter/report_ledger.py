@@ -18,12 +18,7 @@ _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS recorded (
     cursor INTEGER PRIMARY KEY, number INTEGER NOT NULL UNIQUE
 );
-INSERT INTO recorded SELECT sequence, sequence FROM reports
-    WHERE sequence > 0 AND NOT EXISTS (SELECT 1 FROM recorded);
-INSERT INTO recorded (number) SELECT sequence FROM reports
-    WHERE sequence NOT IN (SELECT number FROM recorded) ORDER BY abs(sequence);
 """
-"""Reports of an older file get their numbers as cursors, by which clients have caught up so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +39,7 @@ class ReportLedger(Ledger):
 
     Args:
         path: the file, made with its folders if missing.
-        schema: makes further tables, and brings the reports of an older file up to date.
+        schema: makes further tables.
         connect: opens the file.
 
     Raises:

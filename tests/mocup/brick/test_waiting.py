@@ -1,6 +1,5 @@
 """What comes by the relay while the brick is at work waits, and ends in one way or another."""
 
-import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,14 +10,6 @@ from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import decode
 from tests.mocup.brick.routing import Bench, claimed, executed, forward, part, stop
-
-OLD_SCHEMA = """
-CREATE TABLE asked (
-    number INTEGER PRIMARY KEY, source TEXT NOT NULL, moe_id INTEGER NOT NULL,
-    counter INTEGER NOT NULL, command TEXT NOT NULL, links TEXT NOT NULL, replied TEXT,
-    ended INTEGER NOT NULL, UNIQUE (source, moe_id, counter)
-);
-"""
 
 
 def sent(bench: Bench) -> list[int]:
@@ -177,18 +168,3 @@ def test_what_ended_on_a_full_disk_is_not_sent_later(
     bench.router.look()
     assert sent(bench) == [1]
     assert told(bench) == [(Link.RELAY, 1, "FAILED"), (Link.RELAY, 2, "CANCELLED")]
-
-
-def test_a_file_of_before_anything_waited_is_taken_over(tmp_path: Path) -> None:
-    path = tmp_path / "nxt.sqlite"
-    with sqlite3.connect(path) as old:
-        old.executescript(OLD_SCHEMA)
-        row = ("MOE", 1, -1, str(forward(1)), "relay", None, False)
-        old.execute("INSERT INTO asked VALUES (1, ?, ?, ?, ?, ?, ?, ?)", row)
-    old.close()
-    bench = Bench()
-    bench.start(BrickRecord(path))
-    bench.router.lost(RESTARTED)
-    assert told(bench) == [(Link.RELAY, 1, "FAILED")]
-    bench.router.record.close()
-    BrickRecord(path).close()

@@ -6,7 +6,6 @@ import pytest
 
 from adapters.bundle import BundleId, Ipn
 from adapters.bundle.codec.bundle import Creation
-from adapters.relay.orbiter.derived_reports import Loss
 from adapters.relay.orbiter.record import LEDGER_STRIDE, RoverRecord
 from executive.commands.catalogue import Command, MoveForward, Request, Resume, Stop
 from executive.record import LedgerError
@@ -283,30 +282,3 @@ def test_a_report_on_a_known_command_is_never_too_late(tmp_path: Path) -> None:
     assert kept.record.add_report(late, "late")
     assert not kept.record.add_report(late, "again")
     assert recorded(kept.record)[-1] == (89, 2)
-
-
-def test_a_file_of_an_older_version_has_the_order_of_its_numbers(tmp_path: Path) -> None:
-    older = Kept(tmp_path / "r")
-    for number, life in ((1, LIFE), (2, ()), (3, (Stage.RECEIVED,)), (4, ())):
-        older.run(number, life=life)
-    older.record.add_report(older.report(0, Stage.REJECTED, Identity("MOE", 4)), "a 0")
-    ledger = older.record.ledger
-    for ended, number in ((1, 2), (2, 3)):  # given up, and forgotten with the rover's ledger
-        ledger.write("UPDATE asked SET ended = ? WHERE command_id = ?", (ended, number))
-    ledger.write("DROP TABLE recorded", ())
-    ledger.commit()
-    for _ in range(2):
-        older.restart()
-        known = older.record.ledger.recorded(0, None, 99)
-        assert [(each.cursor, each.report.sequence) for each in known] == [
-            *((number, number) for number in range(1, 5)),
-            *((cursor, 0) for cursor in (5, 6, 7)),
-        ]
-        refusal, *losses = (each.report for each in known[4:])
-        assert refusal.stage is Stage.REJECTED
-        assert losses == [
-            Loss.GIVEN_UP.report(Identity("MOE", 2), 0.0),
-            Loss.FORGOTTEN.report(Identity("MOE", 3), 0.0),
-        ]
-    assert older.record.add_report(report(9), "new")
-    assert recorded(older.record)[-1] == (8, 9)
