@@ -20,6 +20,8 @@ _ENDS: Final = {state.value for state in ENDED}
 _OVER: Final = _ENDS | {CommandState.UNKNOWN.value, CommandState.GIVEN_UP.value}
 _WRITTEN_WITHIN_S: Final = 2.0
 """What a console publishes is in its archive within this, if it lives so long."""
+_UNDER_WAY_S: Final = 0.1
+"""How long an answer takes to the page at most."""
 _ABOARD: Final = "SELECT sequence, utc_s, text FROM reports ORDER BY sequence"
 _ABOVE: Final = (
     "SELECT cursor, utc_s, text FROM recorded JOIN reports ON number = sequence ORDER BY cursor"
@@ -157,7 +159,9 @@ class ConsoleJudge:
 
     def _was_killed(self, at_s: float) -> bool:
         """Whether the console was killed before it had to have written what came at a time."""
-        return any(0.0 <= killed_s - at_s <= _WRITTEN_WITHIN_S for killed_s in self._killed_s)
+        return any(
+            -_UNDER_WAY_S <= killed_s - at_s <= _WRITTEN_WITHIN_S for killed_s in self._killed_s
+        )
 
     @property
     def _executive(self) -> Path:
