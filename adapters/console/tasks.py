@@ -21,16 +21,17 @@ def begin(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
 
 
 async def end(tasks: Iterable[asyncio.Task[None]]) -> None:
-    """Cancel tasks, and wait until they have ended.
+    """Cancel tasks, in their order, and wait until they have ended.
 
     They are cancelled again if need be: before Python 3.13 a TaskGroup that fails at that moment
     loses a cancellation, as `asyncio.wait_for` does before 3.12.
     """
-    left = set(tasks)
+    left = list(tasks)
     while left:
         for task in left:
             task.cancel()
-        _, left = await asyncio.wait(left, timeout=AGAIN_S)
+        await asyncio.wait(left, timeout=AGAIN_S)
+        left = [task for task in left if not task.done()]
 
 
 def _tell_fault(task: asyncio.Task[None]) -> None:

@@ -101,7 +101,9 @@ class Browser:
         def unconnected(_: object) -> Any:
             return process.world.network.unconnected(process.present)
 
-        connector = aiohttp.TCPConnector(socket_factory=unconnected, resolver=_Tunnel())
+        connector = aiohttp.TCPConnector(  # the cache is in real time
+            socket_factory=unconnected, resolver=_Tunnel(), use_dns_cache=False
+        )
         self._instance, self._seq = "", 0
         self._chance = process.world.random(f"page/{process.name}")
         headers = {"X-Rover-Operator": OPERATOR, "Origin": _BASE}
