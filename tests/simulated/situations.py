@@ -208,6 +208,13 @@ RECOVERED_UNRECORDED: Final = _storm(
     Kill(22.1, "relay", 1.0),
 )
 """The orbiter cannot record what it finds in its outbox; the ground sends it again meanwhile."""
+RECOVERY_KILLED: Final = _storm(
+    *(Order(20.0, Link.RELAY, number, SetTravelSpeed(0.2)) for number in range(1, 4)),
+    KillAtWrite(20.0, "orbiter", 2, False, 2.0),
+    KillAtWrite(21.0, "orbiter", 1, True, 2.0),
+    Kill(21.5, "moe", 5.0),
+)
+"""The orbiter is killed again when it has recorded one of the commands found in its outbox."""
 ANNOUNCEMENT_LOST: Final = Storm(
     "situation",
     MOCUP,
@@ -283,6 +290,7 @@ ALL: Final = {
     "stop unrecorded": STOP_UNRECORDED,
     "recovered, unrecorded": RECOVERED_UNRECORDED,
     "claimed while waiting": CLAIMED_WHILE_WAITING,
+    "recovery killed": RECOVERY_KILLED,
     "announcement lost": ANNOUNCEMENT_LOST,
     "clock set back": CLOCK_SET_BACK,
     "console: power lost": CONSOLE_POWER_LOST,

@@ -272,7 +272,8 @@ def recover_outbox(
     Raises:
         LedgerError: the record cannot be read.
     """
-    for each in takewhile(lambda each: not record.outstanding.in_outbox(each.identity), queued):
+    missing = takewhile(lambda each: not record.outstanding.in_outbox(each.identity), queued)
+    for each in reversed(list(missing)):  # or a kill meanwhile would hide the older ones
         try:
             message = decode(each.payload)
             request = dictionary.request(message)
