@@ -67,7 +67,7 @@ class PageJournal:
     answers: dict[str, list[int]] = field(default_factory=dict)
     acknowledged: dict[str, Identity] = field(default_factory=dict)
     stops: dict[Identity, float] = field(default_factory=dict)
-    ends: dict[Identity, set[str]] = field(default_factory=dict)
+    ends: dict[Identity, list[str]] = field(default_factory=dict)
     states: dict[Identity, str] = field(default_factory=dict)
 
 
@@ -142,7 +142,8 @@ class Browser:
                 identity = Identity(told["source"], told["number"])
                 self.journal.states[identity] = told["state"]
                 if told["ended"]:
-                    self.journal.ends.setdefault(identity, set()).add(told["state"])
+                    ends = self.journal.ends.setdefault(identity, [])
+                    ends += [told["state"]] if told["state"] not in ends else []
             case _:
                 pass
 

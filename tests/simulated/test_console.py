@@ -41,4 +41,4 @@ def test_a_page_commands_and_learns_the_ends() -> None:
     assert len(journal.acknowledged) == 5
     assert len(journal.stops) == 1
     for identity in (*journal.acknowledged.values(), *journal.stops):
-        assert journal.ends[identity] == {"executed"}
+        assert journal.ends[identity] == ["executed"]
