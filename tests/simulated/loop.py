@@ -26,6 +26,17 @@ _MOST_WAITS: Final = 1000
 """How often the end of a coroutine may wait when it is closed."""
 
 
+class _Task(asyncio.Task[Any]):
+    """Has a hash that repeats: a TaskGroup cancels its tasks in the order of a set."""
+
+    def __init__(self, number: int, coro: Any, **options: Any) -> None:
+        self._number = number
+        super().__init__(coro, **options)
+
+    def __hash__(self) -> int:
+        return self._number
+
+
 class SimLoop(asyncio.BaseEventLoop):
     """What asyncio offers of a loop, as far as the product uses it, on the heap of a world.
 
@@ -106,7 +117,7 @@ class SimLoop(asyncio.BaseEventLoop):
         return handle
 
     def create_task(self, coro: Any, **options: Any) -> asyncio.Task[Any]:
-        task = super().create_task(coro, **options)
+        task = _Task(self.world.next_task(), coro, loop=self, **options)
         self._tasks.add(task)
         if not self.life.alive:
             self.life.kept.append([task])

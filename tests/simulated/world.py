@@ -108,7 +108,7 @@ class World:
         self.folder = make_folder() if folder is None else folder
         self._trace = trace
         self._heap: Heap = []
-        self._number = self._cancelled = 0
+        self._number = self._cancelled = self._tasks = 0
         self._randoms: dict[str, Random] = {}
         self._hash = hashlib.sha256()
         self._lines: list[str] = []
@@ -158,6 +158,11 @@ class World:
     def thread_delay_s(self) -> float:
         """Return how long it takes now until another thread is on."""
         return self._threads.random() * _THREAD_DELAY_S
+
+    def next_task(self) -> int:
+        """Return a number for a task, of all in this world."""
+        self._tasks += 1
+        return self._tasks
 
     def note(self, text: str) -> None:
         """Add a line to the digest and the trace, with the time."""
