@@ -382,7 +382,7 @@ class ClaimAnnouncer:
         self._before: dict[Identity | None, str] = {}
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Tell what becomes of commands, and of the authority."""
+        """Publish new reports on commands, and the authority where it has passed on."""
         for report in reports:
             if report.identity is None:
                 self._tell_authority()
@@ -390,7 +390,7 @@ class ClaimAnnouncer:
                 self._tell(report, report.identity)
 
     def again(self, reports: Iterable[Report]) -> None:
-        """Tell the authority, and the last of reports on each command: they may be news."""
+        """Publish the authority, and the last of reports on each command, for a new listener."""
         self._told_authority = None
         self._tell_authority()
         last = {each.identity: each for each in reports if each.stage in _TOLD}
@@ -399,7 +399,7 @@ class ClaimAnnouncer:
                 self._tell(report, identity)
 
     def taken(self, mark: int) -> None:
-        """Take a string for confirmed, by its fingerprint."""
+        """Note that `rover-nxt` has recorded the string with a fingerprint."""
         for key, text in self._unconfirmed.items():
             if fingerprint(text) == mark:
                 del self._unconfirmed[key]

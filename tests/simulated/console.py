@@ -50,7 +50,7 @@ def start_console(place: Place, process: Process) -> None:
 
 @dataclass
 class PageJournal:
-    """What an operator asked a console for, and came to know; it outlasts kills of the browser.
+    """What an operator requested of a console, and received; it outlasts kills of the browser.
 
     Attributes:
         posted: ids of commands, with the times at which they were posted first.
@@ -58,8 +58,8 @@ class PageJournal:
         answers: the statuses of HTTP to each id, in their order; 0 for none.
         acknowledged: what was answered to those that were accepted, which are to be in the archive.
         stops: those that the console took, with the times.
-        ends: their states at the end, as the page was told.
-        states: how each command stands by what was told last.
+        ends: their states at the end, as the page received them.
+        states: the last state of each command that the page received.
     """
 
     posted: dict[str, float] = field(default_factory=dict)

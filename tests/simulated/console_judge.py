@@ -26,7 +26,7 @@ _ABOARD: Final = "SELECT sequence, utc_s, text FROM reports ORDER BY sequence"
 _ABOVE: Final = (
     "SELECT cursor, utc_s, text FROM recorded JOIN reports ON number = sequence ORDER BY cursor"
 )
-Told = tuple[int, int, str]
+Notified = tuple[int, int, str]
 """Cursor, time in ms, as MAL has it, and text of a notification."""
 
 
@@ -142,7 +142,7 @@ class ConsoleJudge:
             if identity in kept and shown != kept[identity].state:
                 yield identity, shown
 
-    def _check_order(self, link: str, known: list[Told]) -> Iterator[Finding]:
+    def _check_order(self, link: str, known: list[Notified]) -> Iterator[Finding]:
         cursors = [cursor for cursor, _, _ in known]
         if cursors != list(range(1, len(cursors) + 1)):
             at = next(n for n, each in enumerate(cursors, start=1) if n != each)
@@ -171,7 +171,7 @@ class ConsoleJudge:
     def _archive(self) -> Path:
         return self._world.processes["console"].stored / "archive.sqlite"
 
-    def _recorded(self, link: str) -> list[Told]:
+    def _recorded(self, link: str) -> list[Notified]:
         """Return what the other end of a link recorded."""
         if link == "direct":
             path, query = self._executive, _ABOARD
@@ -182,9 +182,9 @@ class ConsoleJudge:
             return []
         return [(cursor, round(utc_s * 1e3), text) for cursor, utc_s, text in rows(path, query)]
 
-    def _notifications(self) -> dict[str, list[Told]]:
+    def _notifications(self) -> dict[str, list[Notified]]:
         """Return what the archive has by each link, in the order in which it was written."""
-        found: dict[str, list[Told]] = {"direct": [], "relay": []}
+        found: dict[str, list[Notified]] = {"direct": [], "relay": []}
         if has_table(self._archive, "notification"):
             query = "SELECT link, cursor, utc_us, body FROM notification WHERE cursor ORDER BY id"
             for link, cursor, utc_us, body in rows(self._archive, query):

@@ -82,7 +82,7 @@ class KillAtWrite:
 
 @dataclass(frozen=True, slots=True)
 class Terminate:
-    """A process is asked to end (SIGTERM), and is started again."""
+    """A process receives SIGTERM, and is started again."""
 
     at_s: float
     process: str

@@ -135,7 +135,7 @@ class BrickRecord(Database):
         return [_asked(row) for row in rows]
 
     def save(self, asked: BrickCommand, instead: BrickCommand | None = None) -> None:
-        """Write a command down, or what has become of it, before the brick is told.
+        """Record a command, or its last reply, before the brick receives anything.
 
         Args:
             asked: the command.

@@ -143,8 +143,8 @@ export class Connection {
   }
 
   /**
-   * Connect again after a silence: the server tells something each 5 s, and a browser notices neither when a
-   * network goes nor when the server lost its power, and knows the connection no more.
+   * Connect again after a silence: the server sends a message every 5 s, and a browser detects neither a lost
+   * network nor a server that has lost power and with it the connection.
    */
   #listen() {
     clearTimeout(this.#silence);
