@@ -280,7 +280,7 @@ def _later_by_a_step_back() -> AbstractContextManager[object]:
     unconfirmed = Outbox.unconfirmed
 
     def forgetful(self: Outbox, now_utc_ms: int) -> list[str]:
-        self._looked_utc_ms = 0
+        self._looked_utc_ms = now_utc_ms
         return unconfirmed(self, now_utc_ms)
 
     return patch.object(Outbox, "unconfirmed", forgetful)
@@ -430,7 +430,7 @@ PLANTED: Final = (
         "Q: later by a step back",
         "what is to be sent again waits longer by the step of a clock that is set back",
         _later_by_a_step_back,
-        (situations.CLOCK_SET_BACK,),
+        (situations.CLOCK_SET_BACK, situations.CLOCK_SET_BACK_WHILE_DOWN),
     ),
     Planted(
         "console: acknowledged early",

@@ -235,6 +235,11 @@ CLOCK_SET_BACK: Final = Storm(
     ),
 )
 """A bundle is lost, and the orbiter's clock is set back before it is sent again."""
+CLOCK_SET_BACK_WHILE_DOWN: Final = replace(
+    CLOCK_SET_BACK,
+    deeds=(*CLOCK_SET_BACK.deeds[:2], Kill(20.8, "orbiter", 2.0), CLOCK_SET_BACK.deeds[2]),
+)
+"""The same, while the orbiter's process is down."""
 CONSOLE: Final = replace(CALM, console=True)
 CONSOLE_POWER_LOST: Final = Storm(
     "situation",
@@ -293,6 +298,7 @@ ALL: Final = {
     "recovery killed": RECOVERY_KILLED,
     "announcement lost": ANNOUNCEMENT_LOST,
     "clock set back": CLOCK_SET_BACK,
+    "clock set back while down": CLOCK_SET_BACK_WHILE_DOWN,
     "console: power lost": CONSOLE_POWER_LOST,
     "console: same millisecond": SAME_MILLISECOND,
     "console: forgets a page": CONSOLE_FORGETS,

@@ -127,7 +127,8 @@ class NodeState:
         self.security, self.refusals = security, Refusals(utc_ms)
         self.transaction = Transaction(database)
         self.traffic = {each.name: Traffic() for each in settings.neighbours}
-        self.outbox, self.inbox = Outbox(database), Inbox(database)
+        pause_ms = {n.name: round(1000 * n.link.confirm_after_s) for n in settings.neighbours}
+        self.outbox, self.inbox = Outbox(database, pause_ms), Inbox(database)
         self._on_status = on_status
         self._last = Creation(database.count(_LAST_TIME), database.count(_LAST_SEQUENCE))
         self._last_to_write = False

@@ -162,11 +162,8 @@ class Sending:
         if stored.own:
             self._state.notify(stored.identity, DeliveryStatus.DELETED)
 
-    def _pause_ms(self, stored: Stored) -> int:
-        return round(1000 * self._state.settings.link_to(stored.neighbour).confirm_after_s)
-
     def _write_handed_on(self, whole: Sequence[Stored]) -> None:
-        self._state.outbox.handed_on(whole, self._state.utc_ms(), self._pause_ms)
+        self._state.outbox.handed_on(whole, self._state.utc_ms())
         for stored in whole:
             if not stored.confirm and self._state.settings.acknowledges(stored.neighbour):
                 self._state.traffic[stored.neighbour].acknowledged += 1

@@ -1,7 +1,7 @@
 """What the store holds: bundles to be sent, and application data that has arrived."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
@@ -66,12 +66,18 @@ class Queued:
 
 
 class Outbox:
-    """The bundles to send, in the order they came in, for each neighbour; expedited ones first."""
+    """The bundles to send, in the order they came in, for each neighbour; expedited ones first.
 
-    def __init__(self, database: Database) -> None:
-        self._db = database
+    Args:
+        database: where they are.
+        pause_ms: after which what a neighbour has not confirmed is sent again; it doubles each
+            time, up to 32 times that.
+    """
+
+    def __init__(self, database: Database, pause_ms: Mapping[str, int]) -> None:
+        self._db, self._pause_ms = database, pause_ms
         self._read_to_the_end: dict[tuple[str, bool], int] = {}
-        self._looked_utc_ms = 0
+        self._looked_utc_ms = _GREATEST
 
     def add(
         self, primary: Primary, neighbour: str, octets: bytes, *,
@@ -114,24 +120,15 @@ class Outbox:
             for row_id, key, own, confirm, put_utc_ms, octets in rows
         ]  # fmt: skip
 
-    def handed_on(
-        self, bundles: Sequence[Stored], now_utc_ms: int, pause_ms: Callable[[Stored], int]
-    ) -> None:
-        """Note that the next node has bundles: done with, or kept until they are confirmed.
-
-        Args:
-            bundles: which.
-            now_utc_ms: the time now.
-            pause_ms: after which one that is not confirmed is to be sent again; it doubles, up to
-                32 times that.
-        """
+    def handed_on(self, bundles: Sequence[Stored], now_utc_ms: int) -> None:
+        """Note that the next node has bundles: done with, or kept until they are confirmed."""
         self.remove(stored.id for stored in bundles if not stored.confirm)
         self._db.write_all(
             "UPDATE outbox SET state = ?,"
             f" again_utc_ms = ? + ? * (1 << min(tries, {_MOST_DOUBLINGS})),"
             " tries = tries + 1 WHERE id = ?",
             [
-                (State.HANDED_ON.value, now_utc_ms, pause_ms(stored), stored.id)
+                (State.HANDED_ON.value, now_utc_ms, self._pause_ms[stored.neighbour], stored.id)
                 for stored in bundles
                 if stored.confirm
             ],
@@ -162,15 +159,22 @@ class Outbox:
     def unconfirmed(self, now_utc_ms: int) -> list[str]:
         """Requeue what was handed on and should have been confirmed by now.
 
-        A clock that was set back since the last call makes no pause longer.
+        Where the clock was set back, also while no process ran, each waits at most for its pause
+        from now on.
 
         Returns:
             The neighbour of each.
         """
-        back_ms = self._looked_utc_ms - now_utc_ms
+        if now_utc_ms < self._looked_utc_ms and self._db.read(
+            "SELECT 1 FROM outbox WHERE again_utc_ms IS NOT NULL LIMIT 1"
+        ):
+            self._db.write_all(
+                "UPDATE outbox SET again_utc_ms = min(again_utc_ms,"
+                f" ? + ? * (1 << min(tries - 1, {_MOST_DOUBLINGS})))"
+                " WHERE again_utc_ms IS NOT NULL AND neighbour = ?",
+                [(now_utc_ms, pause, neighbour) for neighbour, pause in self._pause_ms.items()],
+            )
         self._looked_utc_ms = now_utc_ms
-        if back_ms > 0:
-            self._db.write("UPDATE outbox SET again_utc_ms = again_utc_ms - ?", (back_ms,))
         found = self._db.read(
             "SELECT id, neighbour FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
             (now_utc_ms, State.HANDED_ON.value),

@@ -193,18 +193,19 @@ class Outstanding:
         A stop is none of them: it would stop what has been begun since.
 
         Args:
-            asked_before_utc_s: those that were asked for last before this.
+            asked_before_utc_s: those that were last sent before this, or later than now, where
+                the clock was set back.
             utc_s: the time; those that are worth sending no longer are left.
             begun: also those of which something was heard.
             most: how many at most.
         """
         rows = self._ledger.rows(
             f"SELECT a.source, a.command_id, a.message, a.until_utc_s{_OPEN}"
-            " AND a.message IS NOT NULL AND a.asked_utc_s <= ? AND a.until_utc_s > ?"
+            " AND a.message IS NOT NULL AND a.asked_utc_s NOT BETWEEN ? AND ? AND a.until_utc_s > ?"
             " AND (? OR s.stage IS NULL)"
             f" AND NOT {_WAITS} AND NOT EXISTS (SELECT 1 FROM commands c WHERE c.source = a.source"
             " AND c.command_id = a.command_id AND c.name = ?) ORDER BY a.asked_utc_s LIMIT ?",
-            (asked_before_utc_s, utc_s, begun, Stop.__name__, most),
+            (asked_before_utc_s, utc_s, utc_s, begun, Stop.__name__, most),
         )
         return [
             OutstandingCommand(Identity(*row[:2]), bytes(row[2]), float(row[3])) for row in rows

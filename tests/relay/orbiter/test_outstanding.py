@@ -310,6 +310,19 @@ async def test_of_who_numbers_only_what_nothing_was_heard_of(tmp_path: Path) -> 
         assert (rover.received, len(rover.commands)) == (3, 2)
 
 
+async def test_a_command_without_an_answer_is_sent_again_although_the_clock_was_set_back(
+    tmp_path: Path,
+) -> None:
+    sky, clock = Sky(tmp_path, "jackal"), Clock()
+    async with meeting(sky, clock, ask_again_s=AGAIN_S) as (relay, rover, client):
+        waiting = Waiting(relay, clock, client, rover)
+        await waiting.lose(MoveForward(1.0))
+        await waiting.wait(-10 * AGAIN_S)
+        assert (await stages(client, 1))[-1] is Stage.EXECUTED
+        await waiting.wait(AGAIN_S / 2)
+        assert (rover.received, len(rover.commands)) == (2, 1)
+
+
 async def test_neither_a_stop_nor_what_is_too_old_nor_without_contact(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     contacts = [(clock.utc_s() + begin_s, 1, 2, 100_000) for begin_s in (0.0, 4 * AGAIN_S)]
