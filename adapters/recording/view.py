@@ -37,7 +37,7 @@ from adapters.recording.foxglove import (
     pose_in_frame,
     scene,
 )
-from executive.commands import FollowPath, MoveForward, MoveTo, Request
+from executive.commands import Line, Motion
 from executive.geometry import Point, Pose
 from executive.recording import (
     Call,
@@ -160,7 +160,7 @@ class View:
         self._nodes: dict[str, NodeState] = {}
         self._tree_changed = False
         self._mode: Plain = {}
-        self._asked: dict[Identity, Request] = {}
+        self._asked: dict[Identity, Motion] = {}
         self._aim: Identity | None = None
 
     def again(self) -> None:
@@ -182,7 +182,7 @@ class View:
             case Drove(velocity=velocity):
                 self._motion["commanded"] = _velocity(velocity.travel_mps, velocity.rotate_radps)
             case Served(command=command):
-                if isinstance(command.request, MoveTo | FollowPath | MoveForward):
+                if isinstance(command.request, Motion):
                     self._asked[command.identity] = command.request
             case Reported(report=report):
                 yield from self._of_report(report)
@@ -285,28 +285,21 @@ class View:
         if report.identity is None or report.stage is None:
             return
         if report.stage is Stage.STARTED and report.identity in self._asked:
-            self._aim = report.identity
-            yield Shown("/scene/goal", self._goal(self._asked[report.identity]))
+            if places := self._places(self._asked[report.identity]):
+                self._aim = report.identity
+                drawn = line([self._pose.point, *places], _GREEN)
+                goal = entity(self._utc_s, ODOM, "goal", lines=[drawn])
+                yield Shown("/scene/goal", scene(self._utc_s, goal))
         elif report.stage.terminal:
             self._asked.pop(report.identity, None)
             if report.identity == self._aim:
                 self._aim = None
                 yield Shown("/scene/goal", scene(self._utc_s))
 
-    def _goal(self, request: Request) -> Plain:
-        """Return a line from where the rover is to where a command leads."""
-        pose = self._pose
-        match request:
-            case MoveTo(target=target):
-                places = [Point(target.x_m, target.y_m)]
-            case FollowPath(waypoints=waypoints):
-                places = [Point(each.x_m, each.y_m) for each in waypoints]
-            case MoveForward(distance_m=distance_m):
-                places = [pose.ahead(distance_m)]
-            case _:
-                places = []
-        drawn = line([pose.point, *places], _GREEN)
-        return scene(self._utc_s, entity(self._utc_s, ODOM, "goal", lines=[drawn]))
+    def _places(self, request: Motion) -> list[Point]:
+        """Return where a motion leads to from where the rover is."""
+        segments = request.segments(self._pose)
+        return [each.end.point for each in segments if isinstance(each, Line)]
 
 
 class _Track:

@@ -3,9 +3,10 @@
 from executive.checks.battery_check import Speeds, check_battery, reckoned_j
 from executive.checks.path_check import (
     check_request,
+    detoured_segments,
     expected_pose,
     heeded,
-    planned_path,
+    path_of,
     seen_ahead,
     way_to,
 )
@@ -17,9 +18,10 @@ __all__ = [
     "check_pose",
     "check_request",
     "check_target",
+    "detoured_segments",
     "expected_pose",
     "heeded",
-    "planned_path",
+    "path_of",
     "reckoned_j",
     "seen_ahead",
     "way_to",

@@ -7,23 +7,22 @@ does not say what its battery holds, or the battery does not tell its charge.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from math import pi
-from typing import Final
+from typing import Final, assert_never
 
-from executive.checks.path_check import heeded, way_around
+from executive.checks.path_check import detoured_segments
 from executive.commands import (
-    DriveFor,
-    FollowPath,
+    Arc,
+    Line,
     Motion,
     MoveForward,
     MoveTo,
-    RotateBy,
-    RotateTo,
+    Rest,
     SetRotateSpeed,
     SetTravelSpeed,
+    Turn,
     Waypoint,
 )
-from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
+from executive.geometry import Pose
 from executive.motion import Bounds, duration_s
 from executive.plans import PlanNode, Step, expected_course
 from executive.reasons import Figure, Reason, Refusal
@@ -51,59 +50,27 @@ class _Reckoning:
         self.speeds = speeds
         self.energy_j = 0.0
         self._settings = settings
-        self._zones = heeded(settings, zones)
+        self._zones = zones
 
     def add(self, request: Motion) -> None:
         """Go on with a motion."""
-        match request:
-            case MoveTo(target):
-                for corner in way_around(target, self.pose, self._settings, self._zones):
-                    self._go(corner)
-                self._go(target)
-            case FollowPath(waypoints):
-                for waypoint in waypoints:
-                    self._go(waypoint)
-            case MoveForward(distance_m):
-                self._drive(distance_m)
-                place = self.pose.ahead(distance_m)
-                self.pose = replace(self.pose, x_m=place.x_m, y_m=place.y_m)
-            case RotateTo(heading_rad):
-                self._turn(wrap_rad(heading_rad - self.pose.heading_rad))
-            case RotateBy(angle_rad):
-                self._turn(angle_rad)
-            case DriveFor(travel_mps, rotate_radps, held_s):
-                self._take(held_s, travel_mps * held_s, rotate_radps * held_s)
-                self.pose = arc(self.pose, Velocity(travel_mps, rotate_radps), held_s)[1]
-
-    def _go(self, waypoint: Waypoint) -> None:
-        place = Point(waypoint.x_m, waypoint.y_m)
-        distance_m = self.pose.point.distance_m(place)
-        if distance_m > 0.0:
-            turn_rad = wrap_rad(self.pose.point.bearing_rad(place) - self.pose.heading_rad)
-            if self._settings.turn_drive.reverse and abs(turn_rad) > pi / 2:
-                turn_rad = wrap_rad(turn_rad + pi)
-            self._turn(turn_rad)
-            self._drive(distance_m)
-        self.pose = replace(self.pose, x_m=place.x_m, y_m=place.y_m)
-        if waypoint.heading_rad is not None:
-            self._turn(wrap_rad(waypoint.heading_rad - self.pose.heading_rad))
-
-    def _drive(self, distance_m: float) -> None:
-        limits = self._settings.drive
-        bounds = Bounds(self.speeds.travel_mps, limits.travel_acceleration_mps2)
-        self._take(duration_s(distance_m, bounds), distance_m, 0.0)
-
-    def _turn(self, angle_rad: float) -> None:
-        limits = self._settings.drive
-        bounds = Bounds(self.speeds.rotate_radps, limits.rotate_acceleration_radps2)
-        self._take(duration_s(angle_rad, bounds), 0.0, angle_rad)
-        self.pose = replace(self.pose, heading_rad=wrap_rad(self.pose.heading_rad + angle_rad))
-
-    def _take(self, took_s: float, length_m: float, turned_rad: float) -> None:
-        prediction = self._settings.prediction
-        curve_m = curved_m(length_m, turned_rad)
-        way = Way(took_s, abs(length_m), abs(turned_rad), curve_m)
-        self.energy_j += prediction.energy_j(way) or 0.0
+        limits, speeds = self._settings.drive, self.speeds
+        travel = Bounds(speeds.travel_mps, limits.travel_acceleration_mps2)
+        rotate = Bounds(speeds.rotate_radps, limits.rotate_acceleration_radps2)
+        for segment in detoured_segments(request, self.pose, self._settings, self._zones):
+            match segment:
+                case Turn(by_rad=by_rad):
+                    took_s = duration_s(by_rad, rotate)
+                case Line(by_m=by_m):
+                    took_s = duration_s(by_m, travel)
+                case Arc(duration_s=took_s) | Rest(duration_s=took_s):
+                    pass
+                case _:
+                    assert_never(segment)
+            length_m, turned_rad = abs(segment.by_m), abs(segment.by_rad)
+            way = Way(took_s, length_m, turned_rad, curved_m(length_m, turned_rad))
+            self.energy_j += self._settings.prediction.energy_j(way) or 0.0
+            self.pose = segment.end
 
 
 def reckoned_j(

@@ -10,21 +10,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
-from math import pi
-from typing import Final
+from typing import Final, assert_never
 
 from executive.clock import Clock
 from executive.commands import (
-    DriveFor,
+    Arc,
     FollowPath,
+    Line,
     Motion,
-    MoveForward,
     MoveTo,
-    RotateBy,
-    RotateTo,
+    Reference,
+    Rest,
+    Segment,
+    Turn,
     Waypoint,
 )
-from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
+from executive.geometry import Point, Pose, arc
 from executive.goals import Goal
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import LocomotionKind, Settings, TurnDrive
@@ -76,8 +77,8 @@ def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones)
     if isinstance(request, MoveTo):
         way = way_to(request.target, pose, settings, zones)
         return way if isinstance(way, Refusal) else None
-    told = zones.told
-    refusal = check_path(planned_path(request, pose, settings, told)[0], settings, told)
+    told, law = zones.told, settings.turn_drive
+    refusal = check_path(path_of(request.segments(pose, law.reverse), law), settings, told)
     if refusal is None and isinstance(request, FollowPath):
         return _unreachable(request.waypoints, settings, zones)
     return refusal
@@ -92,8 +93,8 @@ def way_to(
     target: Waypoint, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Waypoint, ...] | Refusal:
     """Return where to stand on the way to a place, as `way_around`, or why none leads there."""
-    way = way_around(target, pose, settings, zones)
-    path = _to_waypoints((*way, target), pose, settings.turn_drive)[0]
+    way, law = way_around(target, pose, settings, zones), settings.turn_drive
+    path = path_of(FollowPath((*way, target)).segments(pose, law.reverse), law)
     refusal = check_path(path, settings, zones)
     if refusal is None:
         return way
@@ -150,11 +151,12 @@ def way_around(
     """
     if not zones.any:
         return ()
-    line = _to_waypoints((target,), pose, settings.turn_drive)[0]
+    law = settings.turn_drive
+    line = path_of(target.segments(pose, law.reverse), law)
     if check_path(line, settings, zones) is None:
         return ()
     needed_m = _needed_m(settings, zones)
-    through = _search(target, pose, settings.turn_drive, needed_m, zones).through
+    through = _search(target, pose, law, needed_m, zones).through
     return tuple(Waypoint(each.x_m, each.y_m) for each in through)
 
 
@@ -171,7 +173,7 @@ def _search(target: Waypoint, pose: Pose, law: TurnDrive, least_m: float, zones:
 
     def leads(node: Point) -> bool:
         to = target if node == place else Waypoint(node.x_m, node.y_m)
-        path = _to_waypoints((to,), pose, law)[0]
+        path = path_of(to.segments(pose, law.reverse), law)
         if leaves:
             return zones.encounter(path, least_m - zones.margin_m, zones.margin_m) is None
         return all(
@@ -203,68 +205,60 @@ def _why_no_way(target: Waypoint, settings: Settings, zones: Zones) -> str:
     return "no way around is found" if near is None else f"the place itself is too near to {near}"
 
 
+def detoured_segments(
+    request: Motion, pose: Pose, settings: Settings, zones: Zones
+) -> tuple[Segment, ...]:
+    """Return the segments of a motion from a pose, on a way around obstacles if it has one."""
+    if isinstance(request, MoveTo):
+        way = way_around(request.target, pose, settings, heeded(settings, zones))
+        request = FollowPath((*way, request.target))
+    return request.segments(pose, settings.turn_drive.reverse)
+
+
 def expected_pose(
     goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings, zones: Zones
 ) -> Pose:
     """Return where goals of motion, the first of them under way perhaps, lead from a pose."""
     for goal in goals:
-        request, leg = goal.command.request, goal.leg
-        match request:
-            case MoveForward() if leg.target is not None:
-                end = Pose(leg.target.x_m, leg.target.y_m, heading_rad=pose.heading_rad)
-                place = end.ahead(-settings.turn_drive.control_point_m)
-                pose = replace(pose, x_m=place.x_m, y_m=place.y_m)
-            case RotateBy() if leg.heading_rad is not None:
-                pose = replace(pose, heading_rad=leg.heading_rad)
-            case DriveFor(travel_mps, rotate_radps, duration_s) if goal.started_s:
-                left_s = max(0.0, duration_s - (clock.now_s() - goal.started_s))
-                pose = arc(pose, Velocity(travel_mps, rotate_radps), left_s)[1]
-            case _:
-                pose = planned_path(request, pose, settings, zones)[1]
+        request = goal.command.request
+        assert isinstance(request, Motion)
+        for segment in detoured_segments(request, pose, settings, zones):
+            pose = _left_of(segment, goal, clock, settings).end
     return pose
 
 
-def planned_path(
-    request: object, pose: Pose, settings: Settings, zones: Zones
-) -> tuple[list[Point], Pose]:
-    """Return the places between which base_link goes straight on from a pose, and where it ends.
-
-    Raises:
-        TypeError: the request is no motion.
-    """
-    match request:
-        case MoveTo(target):
-            way = way_around(target, pose, settings, heeded(settings, zones))
-            return _to_waypoints((*way, target), pose, settings.turn_drive)
-        case FollowPath(waypoints):
-            return _to_waypoints(waypoints, pose, settings.turn_drive)
-        case MoveForward(distance_m):
-            place = pose.ahead(distance_m)
-            return [pose.point, place], replace(pose, x_m=place.x_m, y_m=place.y_m)
-        case RotateTo(heading_rad):
-            return [pose.point], replace(pose, heading_rad=heading_rad)
-        case RotateBy(angle_rad):
-            return [pose.point], replace(pose, heading_rad=wrap_rad(pose.heading_rad + angle_rad))
-        case DriveFor(travel_mps, rotate_radps, duration_s):
-            return arc(pose, Velocity(travel_mps, rotate_radps), duration_s)
+def _left_of(segment: Segment, goal: Goal, clock: Clock, settings: Settings) -> Segment:
+    """Return what is left of a segment that may be under way; its start is where the rover is."""
+    leg, end = goal.leg, segment.end
+    match segment:
+        case Line(reference=Reference.START) if leg.target is not None:
+            target = replace(end, x_m=leg.target.x_m, y_m=leg.target.y_m)
+            place = target.ahead(-settings.turn_drive.control_point_m)
+            return replace(segment, end=replace(end, x_m=place.x_m, y_m=place.y_m))
+        case Turn(reference=Reference.START) if leg.heading_rad is not None:
+            return replace(segment, end=replace(end, heading_rad=leg.heading_rad))
+        case Arc(duration_s=duration_s) if goal.started_s:
+            left_s = max(0.0, duration_s - (clock.now_s() - goal.started_s))
+            return replace(segment, duration_s=left_s)
         case _:
-            raise TypeError(f"{request} is no motion")
+            return segment
 
 
-def _to_waypoints(
-    waypoints: Sequence[Waypoint], pose: Pose, law: TurnDrive
-) -> tuple[list[Point], Pose]:
-    """Return the lines to waypoints, after turns about the control point."""
-    control_m = law.control_point_m
-    path = [pose.point]
-    for waypoint in waypoints:
-        place = Point(waypoint.x_m, waypoint.y_m)
-        toward_rad = pose.point.bearing_rad(place)
-        if law.reverse and abs(wrap_rad(toward_rad - pose.heading_rad)) > pi / 2:
-            toward_rad = wrap_rad(toward_rad + pi)
-        control = pose.ahead(control_m)
-        turned = Pose(control.x_m, control.y_m, heading_rad=toward_rad).ahead(-control_m)
-        path += [turned, place]
-        heading_rad = toward_rad if waypoint.heading_rad is None else waypoint.heading_rad
-        pose = replace(pose, x_m=place.x_m, y_m=place.y_m, heading_rad=heading_rad)
-    return path, pose
+def path_of(segments: Sequence[Segment], law: TurnDrive) -> list[Point]:
+    """Return between which places base_link goes straight on, turned about the control point."""
+    path = [segments[0].start.point]
+    for segment in segments:
+        match segment:
+            case Turn(start, end, reference=Reference.NEXT_LINE):
+                control = start.ahead(law.control_point_m)
+                turned = replace(end, x_m=control.x_m, y_m=control.y_m)
+                path.append(turned.ahead(-law.control_point_m))
+            case Line(end=end):
+                path.append(end.point)
+            case Arc(start, velocity, duration_s):
+                path += arc(start, velocity, duration_s)[0][1:]
+            case Turn() | Rest():
+                pass
+            case _:
+                assert_never(segment)
+    return path

@@ -4,8 +4,8 @@ EXECUTED promises 15 cm and 5 % of the distance to the target, and 0.1 rad of it
 motion itself may be off by, the tolerances of its settings, comes on top of the uncertainty.
 """
 
-from executive.commands import FollowPath, MoveTo, Request, RotateTo, Waypoint
-from executive.geometry import Point, Pose
+from executive.commands import Line, Motion, Reference, Request
+from executive.geometry import Pose
 from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, Uncertainty
@@ -24,22 +24,18 @@ def check_pose(
         uncertainty: of the pose.
         settings: have the tolerances of motions.
     """
-    match request:
-        case RotateTo():
-            waypoints: tuple[Waypoint, ...] = ()
-        case MoveTo(target):
-            waypoints = (target,)
-        case FollowPath(waypoints):
-            pass
-        case _:
-            return None
-    refusal, place, driven_m = check_target(0.0, 0.0, uncertainty, settings), start.point, 0.0
-    for waypoint in waypoints:
-        before, place = place, Point(waypoint.x_m, waypoint.y_m)
-        leg_m = before.distance_m(place)
-        driven_m += leg_m
-        at_target_m = uncertainty.position_at_m(driven_m)
-        refusal = refusal or check_target(leg_m, at_target_m, uncertainty, settings)
+    if not isinstance(request, Motion):
+        return None
+    segments = request.segments(start)
+    if all(each.reference is not Reference.FRAME for each in segments):
+        return None
+    refusal, driven_m = check_target(0.0, 0.0, uncertainty, settings), 0.0
+    for segment in segments:
+        if isinstance(segment, Line):
+            leg_m = abs(segment.by_m)
+            driven_m += leg_m
+            at_target_m = uncertainty.position_at_m(driven_m)
+            refusal = refusal or check_target(leg_m, at_target_m, uncertainty, settings)
     return refusal
 
 

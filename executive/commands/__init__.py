@@ -23,5 +23,11 @@ from executive.commands.declaration import declaration_of as declaration_of
 from executive.commands.declaration import declared as declared
 from executive.commands.declaration import record as record
 from executive.commands.declaration import within as within
+from executive.commands.segments import Arc as Arc
+from executive.commands.segments import Line as Line
+from executive.commands.segments import Reference as Reference
+from executive.commands.segments import Rest as Rest
+from executive.commands.segments import Segment as Segment
+from executive.commands.segments import Turn as Turn
 
 __all__ = sorted(name for name in globals() if not name.startswith("_"))

@@ -2,9 +2,13 @@
 
 Intake, limits, the operations of the MRS, `rover command`, the leaves of plans, the operations of
 scenarios and the reference page follow from these declarations. SI units and radians.
+
+Each motion has a method `segments`, which returns the turns, lines, arcs and rests of base_link
+from a pose; with `reverse` the rover drives backward to places behind it. On a way around obstacles
+a `MoveTo` has those of a `FollowPath` through the places on it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import pi
 from typing import Final
@@ -21,6 +25,8 @@ from executive.commands.declaration import (
     record,
     within,
 )
+from executive.commands.segments import Arc, Line, Reference, Segment, Turn
+from executive.geometry import Point, Pose, Velocity, wrap_rad
 from executive.reports import Identity
 from executive.settings import Controller
 
@@ -38,6 +44,32 @@ class Waypoint:
         within(SLOWEST, 1.0), "how near is near enough", default=None
     )
 
+    @property
+    def point(self) -> Point:
+        """The place."""
+        return Point(self.x_m, self.y_m)
+
+    def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
+        """Return a turn towards the place, the line there, and the turn to the heading."""
+        toward_rad = start.heading_rad
+        if start.point != self.point:
+            toward_rad = start.point.bearing_rad(self.point)
+        backward = reverse and abs(wrap_rad(toward_rad - start.heading_rad)) > pi / 2
+        if backward:
+            toward_rad = wrap_rad(toward_rad + pi)
+        turn = _turn_to(toward_rad, start, Reference.NEXT_LINE)
+        end = replace(turn.end, x_m=self.x_m, y_m=self.y_m)
+        by_m = start.point.distance_m(self.point) * (-1.0 if backward else 1.0)
+        line = Line(turn.end, end, by_m, Reference.FRAME, self.tolerance_m)
+        if self.heading_rad is None:
+            return turn, line
+        return turn, line, _turn_to(self.heading_rad, end, Reference.FRAME)
+
+
+def _turn_to(heading_rad: float, start: Pose, reference: Reference) -> Turn:
+    by_rad = wrap_rad(heading_rad - start.heading_rad)
+    return Turn(start, replace(start, heading_rad=heading_rad), by_rad, reference)
+
 
 _CONTROLLER: Final = "what drives there, without it the asset's own"
 
@@ -53,12 +85,22 @@ class MoveTo:
     target: Waypoint
     controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
 
+    def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
+        """See the module."""
+        return self.target.segments(start, reverse)
+
 
 @command(Family.MOTION, "MotionControl.moveForward", examples=("1.5", "-1 --replace"))
 class MoveForward:
     """Drive straight on."""
 
     distance_m: float = argument(within("drive.distance_m"), "negative is backward")
+
+    def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
+        """See the module."""
+        place = start.ahead(self.distance_m)
+        end = replace(start, x_m=place.x_m, y_m=place.y_m)
+        return (Line(start, end, self.distance_m, Reference.START),)
 
 
 @command(Family.MOTION, "MotionControl.rotateTo", examples=("90deg",))
@@ -67,12 +109,21 @@ class RotateTo:
 
     heading_rad: float = argument(ANGLE, "absolute")
 
+    def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
+        """See the module."""
+        return (_turn_to(self.heading_rad, start, Reference.FRAME),)
+
 
 @command(Family.MOTION, "MotionControl.rotateBy", examples=("-90deg",))
 class RotateBy:
     """Turn on the spot by an angle."""
 
     angle_rad: float = argument(ANGLE, "counter-clockwise positive")
+
+    def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
+        """See the module."""
+        end = replace(start, heading_rad=wrap_rad(start.heading_rad + self.angle_rad))
+        return (Turn(start, end, self.angle_rad, Reference.START),)
 
 
 @command(Family.MOTION, "MotionControl.drive", name="drive", examples=("0.2 0 5", "0 -0.3 4"))
@@ -82,6 +133,10 @@ class DriveFor:
     travel_mps: float = argument(within("drive.travel_speed_mps"))
     rotate_radps: float = argument(within("drive.rotate_speed_radps"))
     duration_s: float = argument(within(0.0, "drive.duration_s"))
+
+    def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
+        """See the module."""
+        return (Arc(start, Velocity(self.travel_mps, self.rotate_radps), self.duration_s),)
 
 
 @command(
@@ -94,6 +149,14 @@ class FollowPath:
 
     waypoints: tuple[Waypoint, ...] = argument(within(1, "drive.path_waypoints"))
     controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
+
+    def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
+        """See the module."""
+        segments: tuple[Segment, ...] = ()
+        for each in self.waypoints:
+            segments += each.segments(start, reverse)
+            start = segments[-1].end
+        return segments
 
 
 @command(Family.STOP, "MotionControl.stop", examples=("",))

@@ -14,9 +14,8 @@ from executive.clock import ManualClock
 from executive.commands import (
     ABOARD_LINK,
     Command,
-    FollowPath,
+    Line,
     Motion,
-    MoveTo,
     Request,
     SetRotateSpeed,
     SetTravelSpeed,
@@ -315,7 +314,7 @@ class PreviewRun:
             self.result = self._named(refusal)
             return
         self._began_s = self._clock.now_s()
-        self._end = end_of(request, settings)
+        self._end = end_of(request, pose, settings)
         self._life = Life(Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None)
         self._life.accept()
         self._context.goals.motion.add(self._life)
@@ -349,15 +348,11 @@ class PreviewRun:
         )
 
 
-def end_of(request: Motion, settings: Settings) -> End:
-    """Return how a motion of an asset ends."""
+def end_of(request: Motion, start: Pose, settings: Settings) -> End:
+    """Return how a motion of an asset ends that begins at a pose."""
     if not settings.offers_mpc or controller_of(request, settings.controller) is not Controller.MPC:
         return End.LINE
-    match request:
-        case MoveTo(target=last) | FollowPath(waypoints=(*_, last)):
-            return End.FREE_CURVE if last.heading_rad is None else End.CURVE
-        case _:
-            return End.LINE
+    return End.FREE_CURVE if isinstance(request.segments(start)[-1], Line) else End.CURVE
 
 
 def plans_by_mpc(what: Motion | PlanNode, settings: Settings) -> bool:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from enum import Enum
 from itertools import groupby, pairwise
 from math import degrees
@@ -11,13 +12,14 @@ from typing import Final
 from cattrs.preconf.json import make_converter
 
 from executive.commands import (
-    FollowPath,
+    Line,
     Mode,
-    MoveForward,
-    MoveTo,
+    Motion,
+    Reference,
     Request,
     Stop,
     TakePicture,
+    Turn,
     Waypoint,
 )
 from executive.geometry import Pose
@@ -155,16 +157,16 @@ def _at(poses: Sequence[TruePose], time_s: float) -> Pose:
 
 def _to(request: Request, pose: Pose) -> tuple[Waypoint, ...]:
     """Return where a motion goes that begins at a pose, as far as it says so."""
-    match request:
-        case MoveTo(target):
-            return (target,)
-        case FollowPath(waypoints):
-            return waypoints
-        case MoveForward(distance_m):
-            there = pose.ahead(distance_m)
-            return (Waypoint(there.x_m, there.y_m),)
-        case _:
-            return ()
+    places: list[Waypoint] = []
+    for segment in request.segments(pose) if isinstance(request, Motion) else ():
+        match segment:
+            case Line(end=end):
+                places.append(Waypoint(end.x_m, end.y_m))
+            case Turn(end=end, reference=Reference.FRAME) if places:
+                places[-1] = replace(places[-1], heading_rad=end.heading_rad)
+            case _:
+                pass
+    return tuple(places)
 
 
 def _odometry(record: Record) -> Iterator[Pose]:

@@ -13,19 +13,9 @@ from math import degrees, sqrt
 from pathlib import Path
 from typing import Final
 
-from executive.commands import (
-    DriveFor,
-    FollowPath,
-    MoveForward,
-    MoveTo,
-    Request,
-    RotateBy,
-    RotateTo,
-    Stop,
-    Waypoint,
-)
+from executive.commands import Arc, Line, Motion, Reference, Request, Stop, Turn
 from executive.commands.intake import SOURCE_PREFIX
-from executive.geometry import Point, Pose, Velocity, arc, wrap_rad
+from executive.geometry import Point, Pose, wrap_rad
 from executive.record import Ledger, Synchronous
 from executive.reports import Identity, Report, Stage
 from executive.state import Parameter
@@ -172,14 +162,13 @@ def _true_end(
     end_s = times_s[Stage.EXECUTED]
     if isinstance(request, Stop):
         return _stopped(poses, label, end_s)
-    if _target(request, Pose()) is None:
+    if not isinstance(request, Motion):
         return None
     first = _index(poses, times_s.get(Stage.STARTED, end_s))
     last = _index(poses, end_s)
     if first is None or last is None:
         return _unseen(label, end_s)
     target = _target(request, _start(poses, first, last, request))
-    assert target is not None
     end = poses[last].pose
     off_m = end.point.distance_m(target.place)
     near_m = target.near_m + NEAR_PER_M * target.way_m
@@ -192,36 +181,14 @@ def _true_end(
     return TrueEnd(label, end_s, off_m, off_rad, " and ".join(wrong))
 
 
-def _target(request: Request, start: Pose) -> _Target | None:
-    """Return the pose that a request asks for, of a rover that begins at a pose."""
-    match request:
-        case MoveTo(target):
-            return _along((target,), start)
-        case FollowPath(waypoints):
-            return _along(waypoints, start)
-        case MoveForward(distance_m):
-            return _Target(start.ahead(distance_m), start.heading_rad, abs(distance_m))
-        case RotateTo(heading_rad):
-            return _Target(start.point, heading_rad, 0.0)
-        case RotateBy(angle_rad):
-            return _Target(start.point, start.heading_rad + angle_rad, 0.0)
-        case DriveFor():
-            return _held(request, start)
-        case _:
-            return None
-
-
-def _along(waypoints: Sequence[Waypoint], start: Pose) -> _Target:
-    places = [start.point, *(Point(each.x_m, each.y_m) for each in waypoints)]
-    length_m = sum(one.distance_m(other) for one, other in pairwise(places))
-    near_m = max(NEAR_M, waypoints[-1].tolerance_m or 0.0)
-    return _Target(places[-1], waypoints[-1].heading_rad, length_m, near_m)
-
-
-def _held(request: DriveFor, start: Pose) -> _Target:
-    """Return where an arc of constant velocity ends."""
-    _, end = arc(start, Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
-    return _Target(end.point, end.heading_rad, abs(request.travel_mps) * request.duration_s)
+def _target(request: Motion, start: Pose) -> _Target:
+    """Return the pose that a motion commands, of a rover that begins at a pose."""
+    segments = request.segments(start)
+    end, way_m = segments[-1].end, sum(abs(each.by_m) for each in segments)
+    turns = [each.reference for each in segments if isinstance(each, Turn)]
+    lines = [each.tolerance_m or NEAR_M for each in segments if isinstance(each, Line)]
+    heading_rad = None if turns[-1:] == [Reference.NEXT_LINE] else end.heading_rad
+    return _Target(end.point, heading_rad, way_m, max([NEAR_M, *lines[-1:]]))
 
 
 def _stopped(poses: Sequence[TruePose], label: str, end_s: float) -> TrueEnd:
@@ -283,9 +250,9 @@ def _index(poses: Sequence[TruePose], time_s: float) -> int | None:
     return index if seen else None
 
 
-def _start(poses: Sequence[TruePose], first: int, last: int, request: Request) -> Pose:
+def _start(poses: Sequence[TruePose], first: int, last: int, request: Motion) -> Pose:
     """Return from where a motion begins: a leg where the rover first stands, a held one at once."""
-    if isinstance(request, DriveFor):
+    if isinstance(request.segments(Pose())[0], Arc):
         return poses[first].pose
     for before, seen in pairwise(poses[max(0, first - 1) : last + 1]):
         took_s = seen.time_s - before.time_s

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.checks import check_request, path_check, planned_path
+from executive.checks import check_request, detoured_segments, path_check, path_of
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
 from executive.geometry import Point, Pose
 from executive.reasons import Reason
@@ -166,7 +166,8 @@ def test_among_random_rocks_each_line_keeps_the_margin(seed: int, count: int) ->
     asset = replace(JACKAL, zones=Zones(rocks=tuple(rocks)))
     request = MoveTo(Waypoint(draw.uniform(3, 6.5), draw.uniform(-2.5, 2.5)))
     refusal = check_request(request, Pose(), asset, asset.zones)
-    path, _ = planned_path(request, Pose(), asset, asset.zones)
+    segments = detoured_segments(request, Pose(), asset, asset.zones)
+    path = path_of(segments, asset.turn_drive)
     gap_m = min(each.clearance_m(a, b) for each in rocks for a, b in pairwise(path)) - RADIUS_M
     if refusal is None:
         assert gap_m >= MARGIN_M - 0.006

@@ -9,23 +9,39 @@ from tests.docs.pages import CHECKOUT, blocks
 from tests.support.processes import run_to_end
 
 PAGE = CHECKOUT / "docs" / "add-a-primitive.md"
-COPIED = ("executive", "trees", "adapters", "sim", "config", "tests/docs")
+COPIED = ("executive", "trees", "adapters", "sim", "config", "tests/docs", "tests/support")
 PLAN = """\
 <root BTCPP_format="4" main_tree_to_execute="Rest">
   <BehaviorTree ID="Rest"><Sequence><wait duration="2" deadline_s="9"/></Sequence></BehaviorTree>
 </root>
 """
 TRY = """
-import sys
+import shlex
+from pathlib import Path
 from click.testing import CliRunner
 from adapters.cli.main import main
+from executive.commands import Wait
+from executive.settings import load_settings
 from tests.docs.interface_page import interface_page
+from tests.support.kinematic import Bench
 
-for typed in ("command wait --help", "plan check rest.xml", "scenario wait.yaml"):
-    result = CliRunner().invoke(main, typed.split())
+for typed in (
+    "command wait --help",
+    "plan check rest.xml",
+    "scenario wait.yaml --out runs",
+    "scenario wait.yaml --set 'settings.zones.rocks=[{name: boulder, x: 5, y: 0, radius: 0.4}]'",
+    "replay runs",
+):
+    result = CliRunner().invoke(main, shlex.split(typed))
     print(result.output)
     assert result.exit_code == 0, typed
 assert "| `wait` | Stand for a time. |" in interface_page()
+with Bench(Path("."), load_settings("jackal")) as bench:
+    run = bench.executive.preview(Wait(5.0))
+    run.set_up()
+    while not run.advance(10):
+        pass
+    assert round(run.result.duration_s) == 5
 """
 
 
@@ -46,7 +62,11 @@ def follow(root: Path) -> None:
     )
     imported = "from executive.commands import "
     import_wait = f"{imported}Wait\n{imported}"
-    edit(catalogue, ("Motion = ", f"{request}\n\nMotion = Wait | "))
+    edit(
+        catalogue,
+        ("import Arc, Line, Reference, ", "import Arc, Line, Reference, Rest, "),
+        ("Motion = ", f"{request}\n\nMotion = Wait | "),
+    )
     edit(motion, (imported, import_wait), ("class PlanLeg", f"{leaf}\n\nclass PlanLeg"))
     branch = '        _sequence("go",'
     edit(
@@ -75,7 +95,8 @@ def test_who_follows_the_page_has_a_primitive(tmp_path: Path) -> None:
     tried = run_to_end(sys.executable, "-c", TRY, cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert tried.returncode == 0, tried.stdout + tried.stderr
     assert "rover command wait 5" in tried.stdout
-    assert "holds  command rest  ends EXECUTED" in tried.stdout
+    assert tried.stdout.count("holds  command rest  ends EXECUTED") == 2
+    assert "holds  command back  ends EXECUTED" in tried.stdout
 
 
 def test_the_page_fits_on_a_screen() -> None:
