@@ -17,13 +17,12 @@ import pytest
 from coverage import Coverage
 from hypothesis import settings
 
-from adapters.cli.checkout import ros_files
 from adapters.recording import SUFFIX, RunFile
+from tests.suite import CHECKOUT, ros_files
 from tests.support.kinematic import Bench
 from tests.support.patience import patient_config
 from tests.support.stalls import pytest_runtest_protocol as pytest_runtest_protocol
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 DOMAINS = range(1, 102)  # higher ids overlap the ports that Linux hands out
 RESERVATION_PORT = 22119  # as domain_coordinator does, so that launch tests are respected too
 FIRST_PORT, PORTS = 7400, 250  # of the UDP ports that DDS gives each domain

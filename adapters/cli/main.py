@@ -1,11 +1,15 @@
 """The `rover` command: finds its sub-commands by entry points and gives exit codes their meaning.
 
-It knows no sub-command by name. Each is an entry point in the group `rover.commands`, imported only
-when it is called: `rover --help` reads the first lines of their docstrings from the sources.
+It knows no sub-command by name. Each is an entry point in the group `rover.commands`, or of a
+checkout, imported only when it is called: `rover --help` reads the first lines of their docstrings
+from the sources.
 """
 
 import ast
 import errno
+import sys
+import tomllib
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,12 +21,15 @@ from click.shell_completion import get_completion_class
 from adapters.process import guard_output, missing_package
 
 GROUP: Final = "rover.commands"
+CHECKOUT: Final = Path(__file__).resolve().parents[2]
+CHECKOUT_COMMANDS: Final = CHECKOUT / "tests" / "commands.toml"
+"""Lists the commands that need a checkout, as entry points; an installed wheel lacks this file."""
 UNREACHABLE: Final = 3
 INTERRUPTED: Final = 130
 
 
 class Commands(click.Group):
-    """A click group whose commands are the entry points of `rover.commands`."""
+    """A click group whose commands are entry points."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands, sorted."""
@@ -77,8 +84,15 @@ class Commands(click.Group):
             ctx.exit(INTERRUPTED)
 
 
+@cache
 def _found() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+    """Return the commands by name; one of the checkout replaces an installed one."""
+    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    if CHECKOUT_COMMANDS.is_file():
+        sys.path.append(str(CHECKOUT))
+        table = tomllib.loads(CHECKOUT_COMMANDS.read_text(encoding="utf-8"))
+        found |= {name: EntryPoint(name, value, GROUP) for name, value in table.items()}
+    return found
 
 
 def _first_line(entry: EntryPoint, limit: int) -> str:
@@ -111,7 +125,6 @@ def main() -> None:
       rover command moveTo 3 2 --heading 90deg  then, from a second terminal
       rover status
       rover watch
-      rover test                                all checks of this checkout
 
     \b
     Exit status:

@@ -21,7 +21,6 @@ from typing import Final
 
 import yaml
 
-from adapters.cli.checkout import CHECKOUT, CORE_TESTS, environment
 from adapters.recording import SUFFIX, RunFile
 from executive.settings import SettingsError, names_in
 from sim.campaign.draws import draw
@@ -32,6 +31,7 @@ from sim.scenario.reading import load_scenario, scenario_folder
 from tests.benchmarks.mutant_replays import Traced
 from tests.benchmarks.mutation import ROOMS, Mutant, MutantKind, probes, sample, uses
 from tests.stress.findings import Tell
+from tests.suite import CHECKOUT, CORE_TESTS, environment
 from tests.support.figures import Figure, Goal
 
 NOTICED: Final = Goal(80, at_least=True)

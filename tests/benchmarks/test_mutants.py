@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from adapters.cli.checkout import CHECKOUT
 from adapters.recording import RunFile
 from executive.commands import MoveForward
 from tests.benchmarks import mutants
 from tests.benchmarks.mutation import Mutant, MutantKind, probes, sample
 from tests.benchmarks.mutation import mutants as mutants_of
+from tests.suite import CHECKOUT
 from tests.support.kinematic import Bench
 
 RULES = '''\

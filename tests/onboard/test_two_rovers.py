@@ -11,7 +11,8 @@ import pytest
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec.types import AssetMode, Notification, NotificationKind, Severity
 from executive.commands.catalogue import SetTravelSpeed
-from tests.conftest import CHECKOUT, port_of, reserved_domain
+from tests.conftest import port_of, reserved_domain
+from tests.suite import CHECKOUT
 from tests.support.ground import T, ask
 from tests.support.processes import LIMIT_S, LISTENS, Running, running
 

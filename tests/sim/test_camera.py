@@ -14,8 +14,8 @@ from executive.state import Frame
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import Ground, Rock, World
-from tests.conftest import CHECKOUT
 from tests.sim.driving import hold
+from tests.suite import CHECKOUT
 from tests.support.processes import run_to_end
 
 ROCK_AHEAD = World(rocks=(Rock(3.0, 0.4, 0.3, 0.5),))

@@ -1,4 +1,4 @@
-"""What needs a checkout: `rover test`, every check a change must pass, and `rover bench`."""
+"""The command `rover test`: every check that a change must pass."""
 
 import os
 import subprocess
@@ -7,13 +7,12 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import click
 
-CHECKOUT: Final = Path(__file__).resolve().parents[2]
+CHECKOUT: Final = Path(__file__).resolve().parents[1]
 CORE_TESTS: Final = tuple(f"tests/{room}" for room in ("core", "safety", "security", "trees"))
 """What is run under coverage, which doubles the time that Python takes: the tests of the core."""
 
@@ -146,7 +145,6 @@ def test(
       rover test --stress --stress-percent 10
       rover test --simulated 0.5 --seed 7
     """
-    _require_checkout("rover test")
     if hours is not None:
         sys.exit(_run((*_simulated(hours, seed), *(["--trace"] if trace else []))))
     if pytest_arguments:
@@ -174,34 +172,6 @@ def stress_checks(percent: int) -> list[Check]:
 
 def _simulated(hours: float, seed: str) -> tuple[str, ...]:
     return _python("tests.simulated", f"{hours:g}", "--seed", seed)
-
-
-class _Benchmarks(click.Command):
-    """Stands for the group in `tests/benchmarks`, which is loaded when it is called."""
-
-    def make_context(
-        self,
-        info_name: str | None,
-        args: list[str],
-        parent: click.Context | None = None,
-        **extra: Any,
-    ) -> click.Context:
-        """Return the context of the group itself."""
-        _require_checkout("rover bench")
-        if str(CHECKOUT) not in sys.path:
-            sys.path.insert(0, str(CHECKOUT))
-        group: click.Group = import_module("tests.benchmarks.commands").bench
-        return group.make_context(info_name, args, parent, **extra)
-
-
-bench: Final = _Benchmarks(
-    "bench", help="Measure the executive against its goals, or attack it (in a checkout)."
-)
-
-
-def _require_checkout(command: str) -> None:
-    if not (CHECKOUT / "tests").is_dir():
-        raise click.UsageError(f"{command} needs a checkout of the repository; this is an install")
 
 
 def _run(command: tuple[str, ...]) -> int:
