@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from cryptography.hazmat.primitives.keywrap import aes_key_wrap
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,6 +29,7 @@ from adapters.bundle.codec.bundle import (
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import BundleError, DecodeError
 from adapters.bundle.codec.integrity import Form, Key, Sha, sign, verify
+from adapters.bundle.commands import bundle
 from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.security import (
     KeySettings,
@@ -302,3 +304,11 @@ def test_a_key_that_others_can_read_is_warned_of(
     assert load_security(tmp_path / "relay.yaml", None, Ipn(1, 0)) is None
     with pytest.raises(ValueError, match="names the key other; keys has k"):
         SecuritySettings(keys=settings.keys, policies=(PolicySettings(key="other"),))
+
+
+def test_a_key_is_made_once_and_for_its_owner(tmp_path: Path) -> None:
+    path = tmp_path / "relay.key"
+    for exit_code in (0, 2):
+        assert CliRunner().invoke(bundle, ["key", str(path)]).exit_code == exit_code
+    assert len(path.read_bytes()) == 32
+    assert path.stat().st_mode & 0o777 == 0o600

@@ -75,9 +75,9 @@ async def test_the_captured_conversations_agree_octet_for_octet(
     encoding: Encoding, case: str
 ) -> None:
     first, *wanted = (
-        bytes.fromhex(v.message)
-        for v in FILE.vectors
-        if v.given["case"] == case and v.encoding == encoding.name.lower()
+        bytes.fromhex(vector["message"])
+        for vector in FILE["vectors"]
+        if vector["case"] == case and vector["encoding"] == encoding.name.lower()
     )
 
     async with provided(encoding=encoding) as provider:
@@ -145,9 +145,8 @@ async def test_an_error_takes_the_place_of_the_message_that_would_come(
     async with provided() as provider:
         provider.serve(SERVICE, "doProgress", fail)
         reader, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
-        writer.write(
-            next(bytes.fromhex(v.message) for v in FILE.vectors if v.given["case"] == "progress.1")
-        )
+        captured = next(each for each in FILE["vectors"] if each["case"] == "progress.1")
+        writer.write(bytes.fromhex(captured["message"]))
         framer = Framer()
         last = None
         while last is None or not last.is_error:

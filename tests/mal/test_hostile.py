@@ -31,9 +31,9 @@ from tests.stress.fuzzing import mutate
 
 MESSAGES, REPLIES = (
     [
-        bytes.fromhex(vector.message)
-        for vector in FILE.vectors
-        if vector.encoding == "fixed" and vector.given["sender"] == sender
+        bytes.fromhex(vector["message"])
+        for vector in FILE["vectors"]
+        if vector["encoding"] == "fixed" and vector["sender"] == sender
     ]
     for sender in ("consumer", "provider")
 )

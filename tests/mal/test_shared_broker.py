@@ -36,9 +36,9 @@ from tests.mal.wiretest import FILE, SERVICE, SPECIFICATION, XML, Rec, cut, erro
 
 MONITOR = "monitor"
 CAPTURED = [
-    (vector.given["sender"], bytes.fromhex(vector.message))
-    for vector in FILE.vectors
-    if vector.given["setup"] == "shared-broker" and vector.encoding == "fixed"
+    (vector["sender"], bytes.fromhex(vector["message"]))
+    for vector in FILE["vectors"]
+    if vector["setup"] == "shared-broker" and vector["encoding"] == "fixed"
 ]
 
 

@@ -1,5 +1,6 @@
 """What the tests of the MAL stack share: captured messages, their specification, a provider."""
 
+import json
 import ssl
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from contextlib import asynccontextmanager
@@ -10,12 +11,12 @@ import pytest
 
 from adapters.mal import Consumer, MalError, Provider
 from adapters.mal.connection import Framer
-from adapters.mal.vector_check import load_vectors
+from tests.conformance.specification import read_specification
 
 VECTORS_JSON = Path(__file__).with_name("vectors.json")
 XML = Path(__file__).with_name("wiretest.xml")
-FILE = load_vectors(VECTORS_JSON)
-SPECIFICATION = FILE.specification
+FILE: Any = json.loads(VECTORS_JSON.read_text())
+SPECIFICATION = read_specification(FILE["testSpecification"])
 SERVICE = "Vectors"
 Mode: Any = SPECIFICATION.classes["Mode"]
 Rec: Any = SPECIFICATION.classes["Rec"]

@@ -1,11 +1,11 @@
-"""Checks recorded bundles, their signatures, LTP segments and TCPCL streams."""
+"""The command `rover bundle` of a checkout: recorded octets, against this bundle agent."""
 
 import hmac
-import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import click
 
 from adapters.bundle.codec.bundle import (
     Block,
@@ -22,6 +22,7 @@ from adapters.bundle.codec.eid import decode_eid
 from adapters.bundle.codec.errors import BundleError, DecodeError
 from adapters.bundle.codec.integrity import Form, Key, verify
 from adapters.bundle.codec.report import Assertion, StatusReport, decode_report
+from adapters.bundle.commands import key
 from adapters.bundle.links.ltp_segment import (
     Data,
     Report,
@@ -35,75 +36,79 @@ from adapters.bundle.links.tcpcl_messages import (
     MessageReader,
     encode_message,
 )
+from tests.conformance.vectors import (
+    FILE,
+    VERBOSE,
+    Vector,
+    Verdict,
+    differing,
+    differing_octets,
+    judge,
+    report,
+)
 
-_Row = dict[str, Any]
 _MOST_SEGMENT_OCTETS: Final = 1 << 24
 _LTP_TYPES: Final = {"red data": Data, "report segment": Report, "report-ack": ReportAck}
 
 
-class VectorFileError(BundleError):
-    """A file is no vector file; the text is one line."""
+@click.group()
+def bundle() -> None:
+    """Look into bundles of the Bundle Protocol, version 7.
 
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """The result for one vector; without disagreements it agrees.
-
-    Attributes:
-        found: what is to be said in any case; empty for nothing.
+    \b
+    Example:
+      rover bundle check vectors.json
     """
 
-    label: str
-    disagreements: tuple[str, ...]
-    found: str = ""
+
+bundle.add_command(key)
 
 
-def check_file(path: Path) -> list[Verdict]:
-    """Check everything that a file of recorded octets holds, one verdict for each.
+@bundle.command()
+@FILE
+@VERBOSE
+def check(path: Path, verbose: bool) -> None:
+    """Check recorded bundles, LTP segments and TCPCL streams, octet for octet.
 
-    Raises:
-        VectorFileError: it cannot be read, or is no vector file.
+    FILE is JSON with a list of vectors, each with its octets in hex and the fields they are known
+    to have. Each is decoded, its CRCs are verified, it is compared, encoded again and compared with
+    itself. Bundles with an "expected_verdict" are judged by their signatures (RFC 9173, or NASA
+    ION's form of it), with the key and for the targets that the vector names: one line for each.
+
+    Exit status: 0 if everything agrees, 1 if something does not or there is nothing, 2 if FILE
+    cannot be used.
+
+    \b
+    Example:
+      rover bundle check vectors.json
     """
-    try:
-        data = json.loads(path.read_bytes())
-    except OSError as fault:
-        raise VectorFileError(f"{path}: {fault.strerror}") from fault
-    except (ValueError, RecursionError) as fault:
-        raise VectorFileError(f"{path}: not JSON: {fault}") from fault
-    if not isinstance(data, dict) or not isinstance(data.get("vectors"), list):
-        raise VectorFileError(f"{path}: no list of vectors")
-    header = data.get("tcpclv3_contact_header_of_ION")
-    try:
-        plain = [row for row in data["vectors"] if "expected_verdict" not in row]
-        signed = [row for row in data["vectors"] if "expected_verdict" in row]
-        return [
-            *_check_rows("bundle", plain, _check_bundle),
-            *(_check_signature(index, row) for index, row in enumerate(signed)),
-            *(_check_hmac(row) for row in data.get("rfc9173_ippt_examples", [])),
-            *_check_rows("LTP segment", data.get("ltp_segments", []), _check_segment),
-            *_check_rows("TCPCL contact header", [header] if header else [], _check_contact_header),
-            *_check_streams(data.get("tcpclv3_stream", [])),
-        ]
-    except (AttributeError, KeyError, TypeError, ValueError) as fault:
-        raise VectorFileError(f"{path}: a vector is malformed: {fault!r}") from fault
+    report(path, _verdicts, verbose)
+
+
+def _verdicts(data: Vector) -> Iterator[Verdict]:
+    headers = [header] if (header := data.get("tcpclv3_contact_header_of_ION")) else []
+    plain = [row for row in data["vectors"] if "expected_verdict" not in row]
+    signed = [row for row in data["vectors"] if "expected_verdict" in row]
+    yield from _check_rows("bundle", plain, _check_bundle)
+    for index, row in enumerate(signed):
+        yield _check_signature(index, row)
+    yield from map(_check_hmac, data.get("rfc9173_ippt_examples", []))
+    yield from _check_rows("LTP segment", data.get("ltp_segments", []), _check_segment)
+    yield from _check_rows("TCPCL contact header", headers, _check_contact_header)
+    yield from _check_streams(data.get("tcpclv3_stream", []))
 
 
 def _check_rows(
-    kind: str, rows: list[_Row], check: Callable[[bytes, _Row], Iterator[str]]
+    kind: str, rows: list[Vector], check: Callable[[bytes, Vector], Iterator[str]]
 ) -> Iterator[Verdict]:
     for index, row in enumerate(rows):
         if not all(isinstance(block, dict) for block in row.get("fields", {}).get("blocks", [])):
             raise ValueError("blocks that are no objects")
-        name = str(row.get("name", row.get("type", "")))
-        octets = bytes.fromhex(row["hex"])
-        try:
-            found = tuple(check(octets, row))
-        except DecodeError as error:
-            found = (f"does not decode: {error}",)
-        yield Verdict(f"{kind} {index} {name}".rstrip(), found)
+        label = f"{kind} {index} {row.get('name', row.get('type', ''))}".rstrip()
+        yield judge(label, check(bytes.fromhex(row["hex"]), row), DecodeError)
 
 
-def _check_signature(index: int, row: _Row) -> Verdict:
+def _check_signature(index: int, row: Vector) -> Verdict:
     """Compare the verdict on a bundle, by its octets and the key of its receiver."""
     octets = bytes.fromhex(row["hex"])
     wanted = row.get("required_targets") or []
@@ -117,7 +122,7 @@ def _check_signature(index: int, row: _Row) -> Verdict:
     return Verdict(f"signature {index} {row.get('name', '')}".rstrip(), differs, f"{found}: {why}")
 
 
-def _judge(octets: bytes, bundle: Bundle, row: _Row, wanted: set[int]) -> tuple[str, str]:
+def _judge(octets: bytes, bundle: Bundle, row: Vector, wanted: set[int]) -> tuple[str, str]:
     if bundle.block(BlockType.INTEGRITY) is None:
         return ("invalid", "not signed, and has to be") if wanted else ("unsigned", "no BIB")
     if not row.get("key_hex"):
@@ -133,22 +138,22 @@ def _judge(octets: bytes, bundle: Bundle, row: _Row, wanted: set[int]) -> tuple[
     return "valid", f"{', '.join(told)}, form {form.value}"
 
 
-def _check_hmac(row: _Row) -> Verdict:
+def _check_hmac(row: Vector) -> Verdict:
     key, octets = bytes.fromhex(row["key_hex"]), bytes.fromhex(row["ippt"])
     result = hmac.digest(key, octets, row["alg"]).hex()
     differs = () if result == row["hmac"] else (f"HMAC is {result}, {row['hmac']} wanted",)
     return Verdict(f"HMAC {row.get('name', '')}".rstrip(), differs)
 
 
-def _check_bundle(octets: bytes, row: _Row) -> Iterator[str]:
+def _check_bundle(octets: bytes, row: Vector) -> Iterator[str]:
     bundle = decode_bundle(octets)
     known = _known(bundle)
     for name, wanted in row.get("fields", {}).items():
         if name == "blocks":
             yield from _compare_blocks(bundle, wanted)
         elif name != "payload_text" or wanted is not None:
-            yield from _compare(name, known.get(name), wanted)
-    yield from _compare_octets(encode_bundle(bundle), octets)
+            yield from differing(wanted, known.get(name), name)
+    yield from differing_octets(octets, encode_bundle(bundle))
 
 
 def _known(bundle: Bundle) -> dict[str, Any]:
@@ -194,7 +199,7 @@ def _compare_blocks(bundle: Bundle, wanted: list[dict[str, Any]]) -> Iterator[st
         known = _known_block(block)
         for name, value in fields.items():
             if name in known:
-                yield from _compare(f"block {block.number} {name}", known[name], value)
+                yield from differing(value, known[name], f"block {block.number} {name}")
 
 
 def _known_block(block: Block) -> dict[str, Any]:
@@ -219,7 +224,7 @@ def _known_block(block: Block) -> dict[str, Any]:
     return known
 
 
-def _check_segment(octets: bytes, row: _Row) -> Iterator[str]:
+def _check_segment(octets: bytes, row: Vector) -> Iterator[str]:
     segment = decode_segment(octets)
     kind = str(row.get("type", ""))
     for name, wanted in _LTP_TYPES.items():
@@ -230,10 +235,10 @@ def _check_segment(octets: bytes, row: _Row) -> Iterator[str]:
         for word, there in (flags | {"EOB": segment.ends_block}).items():
             if (word in kind) != bool(there):
                 yield f"{word} is {'there' if there else 'missing'}"
-    yield from _compare_octets(encode_segment(segment), octets)
+    yield from differing_octets(octets, encode_segment(segment))
 
 
-def _check_contact_header(octets: bytes, row: _Row) -> Iterator[str]:
+def _check_contact_header(octets: bytes, row: Vector) -> Iterator[str]:
     (header,) = MessageReader(_MOST_SEGMENT_OCTETS).feed(octets) or (None,)
     if not isinstance(header, ContactHeader):
         yield "no whole contact header"
@@ -247,11 +252,11 @@ def _check_contact_header(octets: bytes, row: _Row) -> Iterator[str]:
     ):
         if name in fields:
             wanted = str(fields[name]).split()[0] if name == "flags" else fields[name]
-            yield from _compare(name, found, wanted)
-    yield from _compare_octets(encode_message(header), octets)
+            yield from differing(wanted, found, name)
+    yield from differing_octets(octets, encode_message(header))
 
 
-def _check_streams(rows: list[_Row]) -> Iterator[Verdict]:
+def _check_streams(rows: list[Vector]) -> Iterator[Verdict]:
     """Check the recorded pieces of TCP streams, each direction apart."""
     directions: dict[tuple[str, str], list[tuple[str, bytes]]] = {}
     for index, row in enumerate(rows):
@@ -271,19 +276,9 @@ def _check_direction(pieces: list[tuple[str, bytes]]) -> Iterator[Verdict]:
         try:
             said += b"".join(map(encode_message, reader.feed(octets)))
         except DecodeError as error:
-            yield Verdict(label, (f"does not decode: {error}",))
+            yield Verdict(label, (str(error),))
             return
         agrees = said == fed[: len(said)] and len(fed) - len(said) == reader.pending_octets
         yield Verdict(label, () if agrees else ("encodes to other octets",))
     if reader.pending_octets:
         yield Verdict(pieces[-1][0], (f"{reader.pending_octets} octets of no whole message",))
-
-
-def _compare(name: str, found: object, wanted: object) -> Iterator[str]:
-    if found != wanted:
-        yield f"{name} is {json.dumps(found)}, {json.dumps(wanted)} wanted"
-
-
-def _compare_octets(encoded: bytes, wanted: bytes) -> Iterator[str]:
-    if encoded != wanted:
-        yield f"encodes to {encoded.hex()}"
