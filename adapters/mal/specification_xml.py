@@ -32,8 +32,8 @@ def load_specification(path: Path | str, classes: ModuleType | None = None) -> S
 
     Args:
         path: The XML file.
-        classes: A module whose dataclasses and enums are used for the types of their names, as
-            `adapters.mal.generate` writes it; a type without one gets a class made at run time.
+        classes: A module whose dataclasses and enums are used for the types of their names
+            (docs/mal.md, Tools); a type without one gets a class made at run time.
 
     Raises:
         OSError: The file cannot be read.

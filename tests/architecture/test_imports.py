@@ -85,7 +85,7 @@ def test_core_imports_where_nothing_else_is_installed() -> None:
 
 
 MOST_LINES = 600
-GENERATED = ", written by adapters.mal." + "generate from "
+GENERATED = ", generated " + "from "
 
 
 def test_no_file_is_too_long() -> None:

@@ -21,9 +21,9 @@ from adapters.mal import (
     StandardError,
     load_specification,
 )
-from adapters.mal.generate import generate
 from adapters.mal.specification import TypeRef
 from adapters.mal.specification_xml import read_areas
+from tests.mal.generate import generate
 from tests.mal.wiretest import SPECIFICATION, XML
 
 NAMESPACE = "http://www.ccsds.org/schema/ServiceSchema"

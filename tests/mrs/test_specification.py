@@ -63,7 +63,7 @@ def test_commands_begin_with_the_header() -> None:
 
 def test_the_types_are_generated_from_it() -> None:
     generated = subprocess.run(
-        [sys.executable, "-m", "adapters.mal.generate", str(MRS_XML)],
+        [sys.executable, "-m", "tests.mal.generate", str(MRS_XML)],
         check=True,
         capture_output=True,
         text=True,

@@ -1,4 +1,4 @@
-"""Types of area MRS, written by adapters.mal.generate from mrs.xml."""
+"""Types of area MRS, generated from mrs.xml."""
 
 # ruff: noqa: N815 - names are those of the specification
 

@@ -1,6 +1,6 @@
 """Writes the typed Python module of a service specification.
 
-Usage: python -m adapters.mal.generate SPECIFICATION.xml > module.py
+Usage, in a checkout: python -m tests.mal.generate SPECIFICATION.xml > module.py
 """
 
 import re
@@ -63,7 +63,7 @@ def generate(areas: tuple[Area, ...], source: str) -> str:
         [*_import("adapters.mal", sorted(_MAL), body)],
     ]
     names = ", ".join(area.name for area in areas)
-    head = f'"""Types of area {names}, written by adapters.mal.generate from {source}."""\n\n'
+    head = f'"""Types of area {names}, generated from {source}."""\n\n'
     head += "# ruff: noqa: N815 - names are those of the specification\n\n"
     return head + "\n\n".join("\n".join(group) for group in imports if group) + "\n" + body + "\n"
 
