@@ -127,16 +127,15 @@ def encode_message(message: Message) -> bytes:
 
 
 class MessageReader:
-    """Cuts a stream, however it comes in pieces, into messages.
+    """Cuts a stream, however it comes in pieces, into messages; the first is the contact header.
 
     Args:
         most_octets: the longest segment that is taken.
-        expect_header: whether the contact header comes first.
     """
 
-    def __init__(self, most_octets: int, expect_header: bool = True) -> None:
+    def __init__(self, most_octets: int) -> None:
         self._most_octets = most_octets
-        self._expect_header = expect_header
+        self._expect_header = True
         self._buffer = b""
 
     def feed(self, octets: bytes) -> list[Message]:
@@ -155,11 +154,6 @@ class MessageReader:
             pass
         self._buffer = self._buffer[end:]
         return messages
-
-    @property
-    def pending_octets(self) -> int:
-        """How much waits for the rest of its message."""
-        return len(self._buffer)
 
     def _read(self, reader: SdnvReader) -> Message:
         first = reader.octet()
