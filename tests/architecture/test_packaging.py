@@ -98,6 +98,15 @@ def test_command_is_what_its_entry_point_says(name: str, value: str) -> None:
     assert command.get_short_help_str()
 
 
+def test_a_command_of_a_checkout_does_all_that_the_installed_one_does() -> None:
+    (name,) = COMMANDS.keys() & CHECKOUT_COMMANDS.keys()
+    installed, replaced = (
+        EntryPoint(name, table[name], "rover.commands").load()
+        for table in (COMMANDS, CHECKOUT_COMMANDS)
+    )
+    assert installed.commands.items() < replaced.commands.items()
+
+
 @pytest.mark.parametrize("name", PROJECT["scripts"])
 def test_script_is_what_its_entry_point_says(name: str) -> None:
     (entry,) = entry_points(group="console_scripts", name=name)
