@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from tempfile import TemporaryFile
+from typing import BinaryIO, Final
 
 import click
 
@@ -174,8 +175,10 @@ def _simulated(hours: float, seed: str) -> tuple[str, ...]:
     return _python("tests.simulated", f"{hours:g}", "--seed", seed)
 
 
-def _run(command: tuple[str, ...]) -> int:
-    return subprocess.run(command, cwd=CHECKOUT, env=environment(), check=False).returncode
+def _run(command: tuple[str, ...], output: BinaryIO | None = None) -> int:
+    return subprocess.run(
+        command, cwd=CHECKOUT, env=environment(), check=False, stdout=output, stderr=output
+    ).returncode
 
 
 def environment() -> dict[str, str]:
@@ -189,41 +192,27 @@ def _carry_out_all() -> Iterator[Outcome]:
     # In real time: no more than two files at once, and nothing beside them, else odometry arrives
     # too late to drive by.
     ros = Check("pytest, ros", (_python(*_pytest("ros"), *ros_files()),))
-    with ThreadPoolExecutor(1) as pool:
-        beside = pool.submit(_carry_out_beside, CORE)
-        yield from map(_carry_out, (*STATIC_CHECKS, REST))
-        outcome, output = beside.result()
-    click.secho(_headline(outcome.name), bold=True)
-    click.echo(output, nl=False)
-    yield outcome
+    with TemporaryFile() as output:
+        with ThreadPoolExecutor(1) as pool:
+            beside = pool.submit(_judge, CORE, output)
+            yield from map(_carry_out, (*STATIC_CHECKS, REST))
+        click.secho(_headline(CORE.name), bold=True)
+        output.seek(0)
+        click.echo(output.read(), nl=False)
+    yield beside.result()
     yield from map(_carry_out, (COVERAGE, ros))
 
 
 def _carry_out(check: Check) -> Outcome:
     click.secho(_headline(check.name), bold=True)
+    return _judge(check)
+
+
+def _judge(check: Check, output: BinaryIO | None = None) -> Outcome:
+    """Run a check; its output goes to a file, or where that of this process goes."""
     began_s = time.monotonic()
-    passed = all(_run(command) == 0 for command in check.commands)
+    passed = all(_run(command, output) == 0 for command in check.commands)
     return Outcome(check.name, passed, time.monotonic() - began_s)
-
-
-def _carry_out_beside(check: Check) -> tuple[Outcome, str]:
-    """Carry out a check beside others, and return its output, too."""
-    began_s = time.monotonic()
-    done = [
-        subprocess.run(
-            command,
-            cwd=CHECKOUT,
-            env=environment(),
-            check=False,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        for command in check.commands
-    ]
-    passed = all(each.returncode == 0 for each in done)
-    outcome = Outcome(check.name, passed, time.monotonic() - began_s)
-    return outcome, "".join(each.stdout for each in done)
 
 
 def _headline(name: str) -> str:
