@@ -98,8 +98,7 @@ def test_no_file_is_too_long() -> None:
     assert {path: lines for path, lines in lengths.items() if lines > MOST_LINES} == {}
 
 
-def test_every_room_says_what_it_is_for() -> None:
-    folders = {path.parent for room in ROOMS for path in (CHECKOUT / room).rglob("*.py")}
-    folders |= {CHECKOUT / room for room in (*ROOMS, "config", "tests")}
-    silent = [folder for folder in folders if not (folder / "README.md").is_file()]
-    assert sorted(str(folder.relative_to(CHECKOUT)) for folder in silent) == []
+def test_every_room_has_a_page() -> None:
+    """What a package below is for is in the docstring of its `__init__` (ruff, D104)."""
+    rooms = (*ROOMS, "config", "tests")
+    assert [room for room in rooms if not (CHECKOUT / room / "README.md").is_file()] == []

@@ -22,7 +22,9 @@ from tests.docs.pages import CHECKOUT, PAGES
 from trees.rover import preview
 from trees.snapshot import as_text
 
-LINKED = [*PAGES, CHECKOUT / "ARCHITECTURE.md", CHECKOUT / "CONTRIBUTING.md"]
+NAMED = [*PAGES, CHECKOUT / "ARCHITECTURE.md", CHECKOUT / "CONTRIBUTING.md"]
+ROOMS = ("executive", "trees", "adapters", "sim", "config", "tests")
+LINKED = [*NAMED, *sorted(page for room in ROOMS for page in (CHECKOUT / room).rglob("README.md"))]
 IMAGES = CHECKOUT / "docs" / "images"
 
 
@@ -32,7 +34,7 @@ def anchor(heading: str) -> str:
     return kept.replace(" ", "-")
 
 
-@pytest.mark.parametrize("page", LINKED, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(CHECKOUT)))
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
         if target.startswith("http"):
@@ -45,7 +47,7 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert place in map(anchor, headings), target
 
 
-@pytest.mark.parametrize("page", LINKED, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", NAMED, ids=lambda page: page.name)
 def test_files_that_are_named_exist(page: Path) -> None:
     rooms = r"(?:executive|trees|adapters|sim|tests|config|docs)"
     for name in re.findall(rf"`({rooms}/[\w./-]+?)/?`", page.read_text()):
