@@ -1,4 +1,8 @@
-"""Refused before the rover moves: paths too near to something, ways beyond the battery."""
+"""Checks that refuse a motion or plan before the rover moves: path, certainty of the pose, battery.
+
+They are run when a command arrives (the dispatcher), again when its motion begins (the tree), and
+by previews. The bounds of arguments are checked by `executive.commands.intake`.
+"""
 
 from executive.checks.battery_check import Speeds, check_battery, reckoned_j
 from executive.checks.path_check import (

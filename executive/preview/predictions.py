@@ -1,8 +1,8 @@
 """Predictions that accompany commands: worked out beside them, and told as soon as they are there.
 
 They are worked out on the core's thread, in slices that are shorter than a millisecond, after what
-a turn or a tick has to do. Neither the answer to a command nor a tick waits for one, and in lock
-step each repeats bit for bit.
+a turn or a tick has to do. Neither the answer to a command nor a tick waits for one. A slice is two
+ticks of the copy, a fixed amount, so that in lock step each repeats bit for bit.
 """
 
 import logging

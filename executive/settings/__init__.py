@@ -1,4 +1,7 @@
-"""The settings of an asset, read from its YAML and checked."""
+"""The settings of an asset, read from its YAML and checked as a whole.
+
+The sections `faults:` and `zones:` are those of `executive.faults` and `executive.zones`.
+"""
 
 from executive.settings.asset_settings import (
     FEWEST_REPORTS,

@@ -1,4 +1,8 @@
-"""Settings files: YAML that is read strictly into dataclasses, and where it lies."""
+"""Settings files: YAML that is read strictly into dataclasses, and the folder of configurations.
+
+All settings of the project are read here: assets, scenarios, campaigns, the MOPS dictionary. The
+one error, `SettingsError`, names the file, the key and what would be right.
+"""
 
 import os
 import re

@@ -1,7 +1,8 @@
 """Slip that the odometry of a skid-steered rover does not know of.
 
 Wheels and gyro do not feel it. What the odometry of a rover takes it for and what it is are two
-laws of the asset's settings; the pose is corrected by what lies between them.
+laws of the asset's settings; the pose is corrected by what lies between them, for assets that may
+be driven by `mpc`.
 """
 
 from dataclasses import replace

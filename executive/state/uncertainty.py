@@ -1,7 +1,8 @@
 """How far the rover may be from its pose, after something has shown that the pose may be wrong.
 
 Zero until a fault shows otherwise: ordinary drift of the odometry is within the tolerances of
-motions and of the second odometry's verification.
+motions and of the second odometry's verification. It is lowered by
+`executive.safety.pose_uncertainty` alone.
 """
 
 from dataclasses import dataclass
