@@ -1,1 +1,1 @@
-"""Calibration of a rover, simulated or by its recordings."""
+"""`rover calibrate`: what `adapters.calibration` finds of a simulated drive, or of a recording."""

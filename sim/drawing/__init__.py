@@ -1,4 +1,8 @@
-"""Drawings of runs: the map, the timeline, and the style that all pictures share."""
+"""Drawings of runs: the map, the timeline, and the style that all pictures share.
+
+They are made of plain data (`Drive`, `RunTimeline`), whoever ran the run, as matplotlib figures.
+Importing this package loads matplotlib, so commands import it late.
+"""
 
 from sim.drawing.lanes import (
     ENDED,
