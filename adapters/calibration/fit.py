@@ -1,7 +1,8 @@
 """Fits what `mpc` and `sensors.joints` of an asset's settings say to a drive of the rover.
 
-Least squares throughout. What the drive does not tell stays as it was: a weak pull towards the
-settings decides where nothing else does.
+Least squares throughout: latency and turn by the commands, slip by the true path, track by the
+wheels in spins. What the drive does not tell stays as it was: a weak pull towards the settings
+decides where nothing else does.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,9 @@
-"""What happened to a rover and its commands, and why, in words: from recordings and by the MRS."""
+"""What happened to a rover and its commands, and why, in words: from recordings and by the MRS.
+
+All of it is pure. One value goes in, a `Chronicle`: `builder` makes it of what an executive
+records, read from a file or while it runs, and `MrsClient.get_history` returns one. An
+`Explanation` or the entries of a log come out.
+"""
 
 from adapters.explanation.chronicle import (
     Asked,

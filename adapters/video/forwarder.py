@@ -1,4 +1,9 @@
-"""Forwards the camera's stream: what any source sends to a UDP port goes on to the ground."""
+"""Forwards the camera's stream: what any source sends to a UDP port goes on to the ground.
+
+While it is on (VIDEO ON), each datagram of up to 64 KiB is sent on at once, unchanged and in its
+order (thesis 5.1.3), by a thread of its own. One that the destination refuses, or to which there is
+no route, is lost and counted.
+"""
 
 import errno
 import logging

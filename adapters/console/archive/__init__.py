@@ -1,4 +1,15 @@
-"""What the console keeps: telemetry, commands, notifications and what operators make."""
+"""The archive of the console: telemetry, commands, notifications and the operators' objects.
+
+    put(message) ─> waiting ── one thread, a batch each half second ──> SQLite (WAL) or PostgreSQL
+    queries, objects <──────── another thread reads ───────────────────+
+
+Several consoles may write to one PostgreSQL. A writer has it alone until its transaction is over
+(`begin_writing`), so that each act can look before it writes, and revisions count up in the order
+in which other consoles see them; these look for new revisions each second. What two consoles
+receive is stored once: a sample by its parameter and time aboard, a notification by its number, a
+command by source and number, with the stages that either received
+(`adapters.console.command_life`).
+"""
 
 from adapters.console.archive.alarms import (
     Change,

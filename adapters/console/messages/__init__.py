@@ -1,6 +1,7 @@
 """What the console's server and its pages say to each other, as values; `encode` writes them.
 
-Times are seconds since 1970-01-01 UTC; figures are in SI units and radians.
+Times are seconds since 1970-01-01 UTC; figures are in SI units and radians. The README of
+`adapters.console` lists the messages. They stand on the standard library alone.
 """
 
 from adapters.console.messages.commands import (

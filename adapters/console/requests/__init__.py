@@ -1,4 +1,8 @@
-"""What pages and programs may ask for, and who answers it."""
+"""The requests of pages and programs, which the README of `adapters.console` lists.
+
+Each module has the handlers of one subject, as `routes()`. They answer by `adapters.console.web`
+and command by `adapters.console.rovers`.
+"""
 
 from adapters.console.requests.alarms import Alarms
 from adapters.console.requests.commanding import Commanding

@@ -1,11 +1,15 @@
 """Makes `static/vendor` from npm: `python -m adapters.console.vendor`; `--check` only compares.
 
-The check goes on to the types that our own modules say they have (JSDoc), by the TypeScript of the
-lock.
+The check, which CI runs, also compiles our own modules by the types of their comments (JSDoc), with
+the TypeScript of the lock.
 
-It asks npm for what package-lock.json names, by its hashes, and keeps of that what the pages load,
-compressed, with its licences. MANIFEST.json has versions, and hashes of what is inside the .gz:
-those do not depend on who compressed it.
+It asks npm for what package-lock.json names, by its hashes, and keeps of that what the pages load
+(`FILES`), compressed, with its licences. MANIFEST.json has versions, and hashes of what is inside
+the .gz: those do not depend on who compressed it.
+
+For another version change package.json, in this folder make the lock, then `static/vendor`:
+
+    npm install --package-lock-only --ignore-scripts --omit-lockfile-registry-resolved
 """
 
 import argparse

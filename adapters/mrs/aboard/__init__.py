@@ -1,4 +1,11 @@
-"""The provider of the MRS: serves one executive."""
+"""The provider of the MRS: serves one executive.
+
+    consumer ==> served_operations ──> asset_services, … ──> gateway ==> the core's thread
+      broker <== broadcast <────────────────+   <── post, futures <==========+
+
+`gateway` hands commands and questions to the core; `gateway.post` is the one way back to the link's
+loop, on which all else runs.
+"""
 
 from adapters.mrs.aboard.asset_services import (
     LAST_SEQUENCE,

@@ -1,4 +1,7 @@
-"""This asset among others: serves what is known of all, and joins another service layer."""
+"""This asset among others: serves what is known of all, and joins another service layer.
+
+It asks each asset at its own address what it is, and caches the answer.
+"""
 
 import asyncio
 import logging

@@ -1,4 +1,11 @@
-"""The client of the MRS: commands a rover and hears what it reports."""
+"""The client of the MRS: commands a rover and hears what it reports.
+
+    MrsClient ─+─ queries, outcome, notification_stream, tree_stream, file_retrieval
+               └─ session ── rover_consumer ── MAL: a connection for each address of the directory
+
+`session` connects again after a loss, restores subscriptions, and gives up after `patience_s`. What
+the rover answers as an error is raised as MalError; if it does not come back, ConnectionError.
+"""
 
 from adapters.mrs.ground.blocking import BlockingClient
 from adapters.mrs.ground.client import SOURCE, CommandNumbers, MrsClient

@@ -1,4 +1,4 @@
-"""The client for scripts and notebooks, in which nothing is awaited."""
+"""The client for scripts and notebooks, in which nothing is awaited: its session has a thread."""
 
 import asyncio
 from collections.abc import Callable, Coroutine

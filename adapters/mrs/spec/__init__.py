@@ -1,4 +1,7 @@
-"""What both ends of the MRS share: specification, types, errors, and core values on the wire."""
+"""What both ends of the MRS share: specification, types, errors, and core values on the wire.
+
+It opens no connection. `tree_updates` needs `trees` and is imported late.
+"""
 
 from adapters.mrs.spec.errors import (
     AreaError,
