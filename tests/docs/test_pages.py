@@ -22,7 +22,8 @@ from tests.docs.pages import CHECKOUT, PAGES
 from trees.rover import preview
 from trees.snapshot import as_text
 
-NAMED = [*PAGES, CHECKOUT / "ARCHITECTURE.md", CHECKOUT / "CONTRIBUTING.md"]
+MORE = ("ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md")
+NAMED = [*PAGES, *(CHECKOUT / name for name in MORE)]
 ROOMS = ("executive", "trees", "adapters", "sim", "config", "tests")
 LINKED = [*NAMED, *sorted(page for room in ROOMS for page in (CHECKOUT / room).rglob("README.md"))]
 IMAGES = CHECKOUT / "docs" / "images"
