@@ -15,7 +15,6 @@ KEPT: Final = 10_000
 _NONE: Final = -1
 _MAY_BE_OPEN: Final = 1000
 """The latest claims: the executive queues far fewer."""
-"""Brings a file of an older version up to date."""
 _ASKED: Final = "SELECT command, links, replied, waits FROM asked"
 _FORGET: Final = "DELETE FROM asked WHERE source = ? AND moe_id = ? AND counter = ?"
 _SCHEMA: Final = """
