@@ -1,4 +1,7 @@
-"""One way to be a process, for all that serve: command line, folder, log, signals, exit status."""
+"""One way to be a process, for all that serve: command line, folder, log, signals, exit status.
+
+It knows no links and no rovers.
+"""
 
 from adapters.process.command import (
     EXISTING_FILE,

@@ -67,7 +67,17 @@ class RosProcessCommand(ProcessCommand):
 
 
 def process(name: str, *, ros: bool = True) -> Callable[[Callable[..., None]], ProcessCommand]:
-    """Make a function the command line of a process; with `ros`, of one that speaks ROS."""
+    """Make a function the command line of a process; with `ros`, of one that speaks ROS.
+
+    For example; the first argument is what followed `--ros-args`:
+
+        @process("rover-relay")
+        @click.option("--asset", default="jackal", show_default=True)
+        @data_option("the bundles")
+        @log_level_option
+        @click.pass_obj
+        def main(ros_arguments, asset, data): ...
+    """
     settings = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
     cls = RosProcessCommand if ros else ProcessCommand
     return click.command(name, cls=cls, context_settings=settings)

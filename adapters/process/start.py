@@ -1,4 +1,9 @@
-"""The console scripts of the processes: what they stand on is checked before it is imported."""
+"""The console scripts of the processes: what they stand on is checked before it is imported.
+
+Other projects on PyPI use our package names. A process ends with an error at start if Python finds
+one of our packages elsewhere, and warns if another distribution has installed files into one. A
+package that is missing is named with the extra that installs it.
+"""
 
 import re
 import sys

@@ -1,4 +1,7 @@
-"""What the node needs of a rover, and the rover that takes velocities on `cmd_vel`."""
+"""What the node needs of a rover, and the rover that takes velocities on `cmd_vel`.
+
+The latter has the lock and the other inputs of the mux before it. docs/add-a-rover.md shows others.
+"""
 
 from collections import deque
 from collections.abc import Callable, Sequence

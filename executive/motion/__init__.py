@@ -1,4 +1,17 @@
-"""How motion goals become commands of the actuators."""
+"""How motion goals become commands of the actuators.
+
+    leaf ──> plan_leg ──> Leg ──> Locomotion.turn / line / hold ──> Motion
+                                                                      │ want, each tick
+    rover <── Mover <── arbiter (stop latch, dead-man) <── intents <──+
+
+`Locomotion.expected` says what the rover should be doing now, with which `executive.safety`
+compares it.
+
+With `controller: mpc`, `predictive_control` is the control law. `minimum_time` solves its problems
+(`plan`) as a non-linear `programme`, from the first guesses of `polylines`; `motion_model` and
+`motion_observer` say how the rover answers and moves, and `obstacles` which rows of the programme
+keep each place of a plan away from rocks and zones.
+"""
 
 from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
 from executive.motion.delegated_motion import MotionProfile, profile_of

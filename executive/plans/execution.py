@@ -1,7 +1,21 @@
 """The steps of the plan that executes: its commands and its journal.
 
 The tree asks for every step each time it comes to it; what the journal knows is answered at once,
-so that a tree that is built again comes by itself to where the plan was.
+so that a tree that is built again comes by itself to where the plan was. Only the other steps are
+commanded.
+
+- A step has a key: the number of its node, and the cycles of the loops around it. Each key is
+  commanded at most once.
+- The journal holds the number of a step's command, written in the commit in which the command is
+  RECEIVED. The outcome is the command's own stage, so the two never disagree.
+- Branches that the plan left behind (the rest of a decided `Parallel`, nodes below a `Timeout` that
+  ran out) are in the journal, too: on replay they stay RUNNING without a command until the same
+  node decides again.
+- Suspending drops the steps under way from the journal and ends their commands; they are commanded
+  again.
+
+A plan's tree is ticked before the rover's, and its commands start after the commit. A command that
+the tree asks for and drops within one tick is never given.
 """
 
 from collections.abc import Callable, Sequence

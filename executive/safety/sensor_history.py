@@ -1,7 +1,8 @@
 """The last seconds of the sensors beside the odometry, as running sums on the core's time.
 
 What is not finite, or not newer than what is known, is left out. After a gap the sums begin anew:
-what happened in it is not known.
+what happened in it is not known. The gyro's bias is learnt while the wheels stand, and not from a
+gyro that then disagrees with them.
 """
 
 from collections import deque

@@ -1,4 +1,7 @@
-"""Where processes meet: a ROS domain and a TCP port that nobody else uses."""
+"""Where processes meet: a ROS domain and a TCP port that nobody else uses.
+
+A place where another rover is, is refused.
+"""
 
 import os
 import socket
