@@ -1,6 +1,6 @@
 """The behaviour tree of the rover. py_trees lives only here."""
 
-from trees.rover import RoverTree, preview, snapshot_of
+from trees.rover import RoverTree, leaf_paths, preview, snapshot_of
 from trees.snapshot import (
     COLOURS,
     Look,
@@ -25,6 +25,7 @@ __all__ = [
     "Snapshot",
     "as_svg",
     "branches",
+    "leaf_paths",
     "line",
     "looks",
     "preview",

@@ -34,7 +34,7 @@ from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
 from trees.motion import Drive, FinishLeg, HoldVelocity, PlanLeg, Turn
 from trees.plan import PlanTree
-from trees.snapshot import Node, Snapshot, nodes
+from trees.snapshot import Node, NodeKind, Snapshot, nodes
 from trees.standstill import STOP_DEADLINE_S, awaited, refusal, sources, unconfirmed
 
 ALMOST_S: Final = 1e-6
@@ -315,6 +315,11 @@ def _selector(name: str, *children: Behaviour) -> Selector:
 
 def _sequence(name: str, *children: Behaviour) -> Sequence:
     return Sequence(name, memory=False, children=list(children))
+
+
+def leaf_paths(settings: Settings) -> frozenset[str]:
+    """Return the paths of the leaves of the tree of an asset."""
+    return frozenset(each.path for each in preview(settings) if each.kind is NodeKind.LEAF)
 
 
 def preview(settings: Settings) -> tuple[Node, ...]:

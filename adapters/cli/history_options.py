@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final
 import click
 from click.core import ParameterSource
 
-from adapters.explanation import Chronicle, UnknownCommandError
+from adapters.explanation import UnknownCommandError
 from adapters.mal import MalError
+from executive.history import RunHistory
 
 if TYPE_CHECKING:
     from adapters.mrs.ground import MrsClient
@@ -24,7 +25,7 @@ file_option: Final = click.option(
 )
 
 
-def read_file(recording: Path, until_s: float | None = None) -> tuple[Chronicle, float]:
+def read_file(recording: Path, until_s: float | None = None) -> tuple[RunHistory, float]:
     """Return what a recording knows, and when it began, seconds since 1970-01-01 UTC.
 
     Raises:
@@ -32,10 +33,10 @@ def read_file(recording: Path, until_s: float | None = None) -> tuple[Chronicle,
     """
     if click.get_current_context().get_parameter_source("to") is ParameterSource.COMMANDLINE:
         raise click.UsageError("--file is of a recording, --to of a rover: choose one")
-    from adapters.recording import RecordingError, read_chronicle
+    from adapters.recording import RecordingError, read_history
 
     try:
-        return read_chronicle(recording, until_s)
+        return read_history(recording, until_s)
     except RecordingError as error:
         raise click.UsageError(str(error)) from error
 
@@ -53,7 +54,7 @@ def date_and_time(utc_s: float) -> str:
 
 async def ask(
     client: "MrsClient", command: str | None = None, *, everything: bool = False
-) -> Chronicle:
+) -> RunHistory:
     """Return what a rover knows, as `MrsClient.get_history` does.
 
     An orbiter of a relay has no more than the reports that it heard, all of which are returned, or
@@ -75,10 +76,10 @@ async def ask(
         return await _of_reports(client, number)
 
 
-async def _of_reports(client: "MrsClient", number: int | None) -> Chronicle:
+async def _of_reports(client: "MrsClient", number: int | None) -> RunHistory:
     """Return the history by reports alone, of the commands of a number or of all."""
     from adapters.mrs.spec import report_of
 
     found = map(report_of, await client.get_all_notifications(command_id=number))
     reports = sorted(found, key=lambda each: each.sequence)
-    return Chronicle(reports[-1].utc_s if reports else 0.0, tuple(reports))
+    return RunHistory(reports[-1].utc_s if reports else 0.0, tuple(reports))

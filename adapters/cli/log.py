@@ -14,9 +14,10 @@ from adapters.cli.history_options import (
     read_file,
     since_began,
 )
-from adapters.explanation import Chronicle, Entry, Wanted, When, entries, entry_line
+from adapters.explanation import Entry, Wanted, When, entries, entry_line
 from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
 from executive.commands import Mode
+from executive.history import RunHistory
 from executive.reports import Severity
 
 if TYPE_CHECKING:
@@ -84,9 +85,9 @@ def log(
     if recording is None:
         run(_ask(to, wanted, since_s, until_s, _Printer(unfold or follow, as_json), follow))
         return
-    chronicle, began_utc_s = read_file(recording)
+    history, began_utc_s = read_file(recording)
     _Printer(unfold, as_json, since_began(began_utc_s)).list_all(
-        chronicle,
+        history,
         replace(
             wanted,
             since_utc_s=None if since_s is None else began_utc_s + since_s,
@@ -101,8 +102,8 @@ class _Printer:
         self._as_json = as_json
         self._when = when
 
-    def list_all(self, chronicle: Chronicle, wanted: Wanted) -> None:
-        for each in entries(chronicle, wanted, self._unfold):
+    def list_all(self, history: RunHistory, wanted: Wanted) -> None:
+        for each in entries(history, wanted, self._unfold):
             self.list(each)
 
     def list(self, entry: Entry) -> None:
@@ -124,17 +125,17 @@ async def _ask(
 
     async with await connect(to) as client:
         news = client.notifications()
-        chronicle = await ask(client, wanted.command, everything=wanted.command is None)
-        now_utc_s = chronicle.until_utc_s
+        history = await ask(client, wanted.command, everything=wanted.command is None)
+        now_utc_s = history.until_utc_s
         wanted = replace(
             wanted,
             since_utc_s=None if since_s is None else now_utc_s - since_s,
             until_utc_s=None if until_s is None else now_utc_s - until_s,
         )
         if wanted.since_utc_s is not None and wanted.command is None:
-            chronicle = await _with_older(client, chronicle, wanted.since_utc_s)
-        printer.list_all(chronicle, wanted)
-        known = {each.sequence for each in chronicle.reports if each.sequence}
+            history = await _with_older(client, history, wanted.since_utc_s)
+        printer.list_all(history, wanted)
+        known = {each.sequence for each in history.reports if each.sequence}
         while follow:
             sys.stdout.flush()
             report = report_of(await anext(news))
@@ -142,11 +143,11 @@ async def _ask(
                 printer.list(report)
 
 
-async def _with_older(client: "MrsClient", chronicle: Chronicle, since_utc_s: float) -> Chronicle:
-    """Return a chronicle with reports of before it, as far as they are asked for and known."""
+async def _with_older(client: "MrsClient", history: RunHistory, since_utc_s: float) -> RunHistory:
+    """Return a history with reports of before it, as far as they are asked for and known."""
     from adapters.mrs.spec import report_of
 
-    reports = list(chronicle.reports)
+    reports = list(history.reports)
     while reports and reports[0].utc_s > since_utc_s and reports[0].sequence > 1:
         first = reports[0].sequence
         since = max(1, first - PAGE)
@@ -155,4 +156,4 @@ async def _with_older(client: "MrsClient", chronicle: Chronicle, since_utc_s: fl
         if not older:
             break
         reports[:0] = older
-    return replace(chronicle, reports=tuple(reports))
+    return replace(history, reports=tuple(reports))

@@ -6,7 +6,6 @@ import click
 
 from adapters.cli.history_options import ask, date_and_time, file_option, read_file, since_began
 from adapters.explanation import (
-    Chronicle,
     Explanation,
     UnknownCommandError,
     When,
@@ -15,6 +14,7 @@ from adapters.explanation import (
     explanation_lines,
 )
 from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
+from executive.history import RunHistory
 
 
 @click.command()
@@ -51,8 +51,8 @@ def why(
     Exit status: 0 told, 2 makes no sense, 3 the rover cannot be reached.
     """
     if recording is not None:
-        chronicle, began_utc_s = read_file(recording, at_s)
-        _tell(_explained(chronicle, command), since_began(began_utc_s), as_json)
+        history, began_utc_s = read_file(recording, at_s)
+        _tell(_explained(history, command), since_began(began_utc_s), as_json)
     elif at_s is not None:
         raise click.UsageError("--at needs --file RUN.mcap: a rover tells what is now")
     else:
@@ -61,13 +61,13 @@ def why(
 
 async def _ask(to: Target, command: str | None, as_json: bool) -> None:
     async with await connect(to) as client:
-        chronicle = await ask(client, command)
-    _tell(_explained(chronicle, command), date_and_time, as_json)
+        history = await ask(client, command)
+    _tell(_explained(history, command), date_and_time, as_json)
 
 
-def _explained(chronicle: Chronicle, command: str | None) -> Explanation:
+def _explained(history: RunHistory, command: str | None) -> Explanation:
     try:
-        return explain_now(chronicle) if command is None else explain_command(chronicle, command)
+        return explain_now(history) if command is None else explain_command(history, command)
     except UnknownCommandError as error:
         raise click.UsageError(f"{error}; `rover log` lists all") from error
 

@@ -1,19 +1,9 @@
 """What happened to a rover and its commands, and why, in words: from recordings and by the MRS.
 
-All of it is pure. One value goes in, a `Chronicle`: `builder` makes it of what an executive
-records, read from a file or while it runs, and `MrsClient.get_history` returns one. An
-`Explanation` or the entries of a log come out.
+All of it is pure. One value goes in, a `RunHistory`: of a recording, of an executive that runs, or
+from `MrsClient.get_history`. An `Explanation` or the entries of a log come out.
 """
 
-from adapters.explanation.chronicle import (
-    Asked,
-    Chronicle,
-    Declined,
-    Fastest,
-    LeafRun,
-    Situation,
-    request_text,
-)
 from adapters.explanation.explain import (
     Explanation,
     Step,
@@ -21,20 +11,13 @@ from adapters.explanation.explain import (
     explain_command,
     explain_now,
 )
-from adapters.explanation.log import CommandLife, Entry, Wanted, entries, lives_of
+from adapters.explanation.log import Entry, Wanted, entries
 from adapters.explanation.relevance import relevant
 from adapters.explanation.words import When, entry_line, explanation_lines
 
 __all__ = [
-    "Asked",
-    "Chronicle",
-    "CommandLife",
-    "Declined",
     "Entry",
     "Explanation",
-    "Fastest",
-    "LeafRun",
-    "Situation",
     "Step",
     "UnknownCommandError",
     "Wanted",
@@ -44,7 +27,5 @@ __all__ = [
     "explain_command",
     "explain_now",
     "explanation_lines",
-    "lives_of",
     "relevant",
-    "request_text",
 ]

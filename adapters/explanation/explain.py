@@ -1,17 +1,17 @@
 """Why: the causal chain of a command, and of what the rover does at the end of a time.
 
-Pure functions of a `Chronicle`, so that a recording and a rover heard by the MRS are explained in
-the same words. What a chronicle does not know is left out.
+Pure functions of a `RunHistory`, so that a recording and a rover heard by the MRS are explained in
+the same words. What a history does not know is left out.
 """
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from adapters.explanation.chronicle import Chronicle, LeafRun, Situation
-from adapters.explanation.log import CommandLife, lives_of, names
+from adapters.explanation.log import names
 from executive.commands import Family, Mode, declared
 from executive.faults import DECLARED
+from executive.history import CommandLife, LeafRun, RunHistory, Situation
 from executive.reasons import PREDICTED, Figure, Reason
 from executive.reports import Identity, Kind, Report, Stage
 from executive.state import Uncertainty
@@ -75,24 +75,24 @@ class Explanation:
     evidence: tuple[Figure, ...] = ()
 
 
-def explain_command(chronicle: Chronicle, command: str) -> Explanation:
+def explain_command(history: RunHistory, command: str) -> Explanation:
     """Return what became of a command, and why.
 
     Args:
-        chronicle: of the time in which it lived.
+        history: of the time in which it lived.
         command: its number, or `SOURCE:NUMBER`.
 
     Raises:
         UnknownCommandError: no command is called so, or several are.
     """
-    lives = lives_of(chronicle)
+    lives = history.lives()
     found = [each for identity, each in lives.items() if names(command, identity)]
-    declined = [each for each in chronicle.declined if names(command, each.identity)]
+    declined = [each for each in history.declined if names(command, each.identity)]
     if len(found) > 1:
         which = ", ".join(str(each.identity) for each in found)
         raise UnknownCommandError(f"{command} is the number of several: name one of {which}")
     if found:
-        explained = _Life(chronicle, lives, found[0]).explain()
+        explained = _Life(history, lives, found[0]).explain()
         others = tuple(
             Step(each.utc_s, f"another command under this number was refused: {each.refusal.text}")
             for each in declined
@@ -116,17 +116,17 @@ def explain_command(chronicle: Chronicle, command: str) -> Explanation:
     raise UnknownCommandError(f"no command is called {command}; {which}")
 
 
-def explain_now(chronicle: Chronicle) -> Explanation:
-    """Return why the rover stands, or what moves it, at the end of a chronicle."""
-    lives = lives_of(chronicle)
-    now = chronicle.situations[-1] if chronicle.situations else None
+def explain_now(history: RunHistory) -> Explanation:
+    """Return why the rover stands, or what moves it, at the end of a history."""
+    lives = history.lives()
+    now = history.situations[-1] if history.situations else None
     if now is None:
         return Explanation("nothing is known of what the rover is about", None, ())
     headline = f"{now.mode.name}: {now.why}"
     if now.active is not None and now.active in lives and now.mode not in _HOLDING:
-        life = _Life(chronicle, lives, lives[now.active]).explain()
-        return Explanation(headline, life.reason, (*life.steps, *_conditions(chronicle)), ())
-    cause = cause_of(chronicle, now)
+        life = _Life(history, lives, lives[now.active]).explain()
+        return Explanation(headline, life.reason, (*life.steps, *_conditions(history)), ())
+    cause = cause_of(history, now)
     steps: list[Step] = []
     reason: Reason | None = None
     evidence: tuple[Figure, ...] = ()
@@ -152,7 +152,7 @@ def explain_now(chronicle: Chronicle) -> Explanation:
             reason = last.end.reason
             steps.append(Step(last.end.utc_s, f"the last that ended: {_ending(last)}"))
     shown = {each.text for each in steps}
-    steps += [each for each in _conditions(chronicle) if each.text not in shown]
+    steps += [each for each in _conditions(history) if each.text not in shown]
     return Explanation(headline, reason, tuple(steps), evidence)
 
 
@@ -160,14 +160,14 @@ class _Life:
     """Explains one command."""
 
     def __init__(
-        self, chronicle: Chronicle, lives: dict[Identity, CommandLife], life: CommandLife
+        self, history: RunHistory, lives: dict[Identity, CommandLife], life: CommandLife
     ) -> None:
-        self._chronicle = chronicle
+        self._history = history
         self._lives = lives
         self._life = life
         self._family = _FAMILIES.get(life.request)
         end = life.end
-        self._end_s = chronicle.until_utc_s if end is None else end.utc_s
+        self._end_s = history.until_utc_s if end is None else end.utc_s
 
     def explain(self) -> Explanation:
         life, end = self._life, self._life.end
@@ -196,10 +196,10 @@ class _Life:
         return f"{title} is under way{doing}", None
 
     def _held(self) -> Reason | None:
-        situations = self._chronicle.situations
+        situations = self._history.situations
         if not situations or situations[-1].mode not in _HOLDING:
             return None
-        cause = cause_of(self._chronicle, situations[-1])
+        cause = cause_of(self._history, situations[-1])
         return cause.reason if isinstance(cause, Report) else None
 
     @property
@@ -209,7 +209,7 @@ class _Life:
         if started is not None:
             return started.utc_s
         under_way = [
-            each.utc_s for each in self._chronicle.situations if each.active == self._life.identity
+            each.utc_s for each in self._history.situations if each.active == self._life.identity
         ]
         if under_way:
             return under_way[0]
@@ -236,7 +236,7 @@ class _Life:
         ]
         held = [
             each
-            for each, next_s in _spans(self._chronicle)
+            for each, next_s in _spans(self._history)
             if each.utc_s < until_s and next_s > began_s
             if each.mode in _HOLDING or (each.mode is Mode.MOVING and each.active is None)
         ]
@@ -253,7 +253,7 @@ class _Life:
         accepted, mine = other.at(Stage.ACCEPTED), self._life.at(Stage.ACCEPTED)
         if accepted is None or mine is None or accepted.sequence > mine.sequence:
             return False
-        ended_s = self._chronicle.until_utc_s if other.end is None else other.end.utc_s
+        ended_s = self._history.until_utc_s if other.end is None else other.end.utc_s
         return ended_s > began_s
 
     @property
@@ -264,7 +264,7 @@ class _Life:
             return []
         return [
             each
-            for each in self._chronicle.leaves
+            for each in self._history.leaves
             if branch in f"/{each.path}/"
             and each.began_utc_s <= self._end_s
             and (each.ended_utc_s is None or each.ended_utc_s > began_s)
@@ -290,7 +290,7 @@ class _Life:
         """Yield the events that came meanwhile, but for what the end says again."""
         end = self._life.end
         said = "" if end is None else end.text
-        for report in self._chronicle.reports:
+        for report in self._history.reports:
             if (
                 report.kind is not Kind.COMMAND
                 and report.identity is None
@@ -301,7 +301,7 @@ class _Life:
 
     def _limited(self) -> Iterator[Step]:
         fastest = next(
-            (each for each in self._chronicle.fastest if each.identity == self._life.identity),
+            (each for each in self._history.fastest if each.identity == self._life.identity),
             None,
         )
         began_s = self._started_s
@@ -309,8 +309,8 @@ class _Life:
             return
         causes = [
             f"slowed down: {each.text}"
-            for each in _active_faults(self._chronicle, self._end_s, began_s)
-            if each.reason in self._chronicle.slowing
+            for each in _active_faults(self._history, self._end_s, began_s)
+            if each.reason in self._history.slowing
         ]
         setting = last_speed_setting(self._lives.values(), self._end_s)
         if setting is not None:
@@ -330,11 +330,11 @@ class _Life:
             if other is not self._life and mentions(end.text, other.identity):
                 yield from _asked(other)
         if end.reason is Reason.WRONG_MODE:
-            then = [each for each in self._chronicle.situations if each.utc_s <= end.utc_s]
+            then = [each for each in self._history.situations if each.utc_s <= end.utc_s]
             if then:
                 yield Step(then[-1].utc_s, f"the rover was {then[-1].mode.name}: {then[-1].why}")
         if end.reason is Reason.POSE_UNCERTAIN:
-            yield from _uncertain_since(self._chronicle, end.utc_s)
+            yield from _uncertain_since(self._history, end.utc_s)
 
 
 def last_speed_setting(lives: Iterable[CommandLife], until_utc_s: float) -> CommandLife | None:
@@ -371,7 +371,7 @@ def _ending(life: CommandLife) -> str:
 
 
 def _asked(life: CommandLife) -> Iterator[Step]:
-    asked, first, link = life.asked, life.reports[0], life.link
+    asked, first, link = life.received, life.reports[0], life.link
     over = "" if link is None else f" over the {link} link"
     wait = (
         ""
@@ -417,25 +417,25 @@ def mentions(text: str, identity: Identity) -> bool:
     return bool(found) and not after[:1].isdigit() and not before[-1:].isalnum()
 
 
-def _spans(chronicle: Chronicle) -> Iterator[tuple[Situation, float]]:
+def _spans(history: RunHistory) -> Iterator[tuple[Situation, float]]:
     """Yield each situation with the time at which the next began."""
-    situations = chronicle.situations
+    situations = history.situations
     for index, each in enumerate(situations):
         after = situations[index + 1].utc_s if index + 1 < len(situations) else None
-        yield each, chronicle.until_utc_s if after is None else after
+        yield each, history.until_utc_s if after is None else after
 
 
-def cause_of(chronicle: Chronicle, now: Situation) -> Report | CommandLife | None:
+def cause_of(history: RunHistory, now: Situation) -> Report | CommandLife | None:
     """Return what put the rover into a situation in which it is held; None where nothing did."""
     events = [
         each
-        for each in chronicle.reports
+        for each in history.reports
         if each.kind is not Kind.COMMAND and each.text and each.text in now.why
         if each.reason is not Reason.POSE_UNCERTAIN
     ]
     if events:
         return events[-1]
-    lives = lives_of(chronicle)
+    lives = history.lives()
     named = [each for identity, each in lives.items() if mentions(now.why, identity)]
     if not named or now.mode is not Mode.STOPPED:
         return None
@@ -443,17 +443,17 @@ def cause_of(chronicle: Chronicle, now: Situation) -> Report | CommandLife | Non
 
 
 def _active_faults(
-    chronicle: Chronicle, at_utc_s: float, since_utc_s: float | None = None
+    history: RunHistory, at_utc_s: float, since_utc_s: float | None = None
 ) -> list[Report]:
     """Return the events of the faults that had begun and were not over at a time.
 
     Args:
-        chronicle: of what time.
+        history: of what time.
         at_utc_s: when.
         since_utc_s: also those that were over only after this time.
     """
     active: dict[str, Report] = {}
-    for report in chronicle.reports:
+    for report in history.reports:
         if report.utc_s > at_utc_s or report.kind is not Kind.EVENT or report.reason is None:
             continue
         if report.reason is Reason.FAULT_OVER:
@@ -466,14 +466,14 @@ def _active_faults(
     return list(active.values())
 
 
-def _uncertain_since(chronicle: Chronicle, at_utc_s: float) -> list[Step]:
+def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[Step]:
     """Return since what the pose is uncertain at a time, and how that ends; nothing if it is not.
 
     That is the first event of it and the last, each with the fault that it names.
     """
     begun: list[list[Report]] = []
     faults: list[Report] = []
-    for report in chronicle.reports:
+    for report in history.reports:
         if report.kind is not Kind.EVENT or report.utc_s > at_utc_s:
             continue
         if report.reason is Reason.POSE_UNCERTAIN:
@@ -501,11 +501,11 @@ def says_who_moves(report: Report) -> bool:
     return "move the rover" in report.text or "nobody else moves" in report.text
 
 
-def _conditions(chronicle: Chronicle) -> list[Step]:
+def _conditions(history: RunHistory) -> list[Step]:
     """Return the faults that are not over, and who else may move the rover."""
-    steps = [_event(each) for each in _active_faults(chronicle, chronicle.until_utc_s)]
-    steps += _uncertain_since(chronicle, chronicle.until_utc_s)
-    foreign = [each for each in chronicle.reports if says_who_moves(each)]
+    steps = [_event(each) for each in _active_faults(history, history.until_utc_s)]
+    steps += _uncertain_since(history, history.until_utc_s)
+    foreign = [each for each in history.reports if says_who_moves(each)]
     if foreign and foreign[-1].text.startswith("others"):
         steps.append(_event(foreign[-1]))
     return steps

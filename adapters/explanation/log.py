@@ -3,63 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from adapters.explanation.chronicle import Asked, Chronicle
 from executive.commands import Mode
-from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
-
-
-@dataclass(frozen=True, slots=True)
-class CommandLife:
-    """What became of a command so far.
-
-    Attributes:
-        asked: how it arrived; None where that is not known.
-        reports: of its stages, and what is predicted of its motion, in their order.
-    """
-
-    identity: Identity
-    asked: Asked | None
-    reports: tuple[Report, ...]
-
-    @property
-    def name(self) -> str:
-        """What was asked for, with its arguments where they are known."""
-        if self.asked is not None:
-            return self.asked.text
-        first = self.at(Stage.RECEIVED) or self.at(Stage.ACCEPTED)
-        return "command" if first is None else first.text
-
-    @property
-    def request(self) -> str:
-        """The name of the request alone."""
-        return self.name.partition(" ")[0]
-
-    @property
-    def link(self) -> str | None:
-        """The link by which it came; None where that is not known."""
-        if self.asked is not None:
-            return self.asked.link
-        return next((each.link for each in self.reports if each.link is not None), None)
-
-    @property
-    def end(self) -> Report | None:
-        """The report that ended it; None while it goes on."""
-        return next((each for each in self.reports if each.stage in TERMINAL), None)
-
-    def at(self, stage: Stage) -> Report | None:
-        """Return the first report of a stage; None if it has not come to that."""
-        return next((each for each in self.reports if each.stage is stage), None)
-
-    @property
-    def outcome(self) -> str:
-        """What its end says beside how it ended; empty where that is no more than its name."""
-        end = self.end
-        return "" if end is None or end.text == self.request else end.text
-
-    @property
-    def utc_s(self) -> float:
-        """When it was first heard of."""
-        return self.reports[0].utc_s
+from executive.history import CommandLife, RunHistory
+from executive.reports import Identity, Report, Severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,38 +43,22 @@ def names(command: str, identity: Identity) -> bool:
     return command in {str(identity), str(identity.command_id)}
 
 
-def lives_of(chronicle: Chronicle) -> dict[Identity, CommandLife]:
-    """Return the life of each command, in the order in which they were first heard of."""
-    asked: dict[Identity, Asked] = {}
-    for each in chronicle.asked:
-        asked.setdefault(each.identity, each)
-    reports: dict[Identity, dict[int, Report]] = {}
-    for report in chronicle.reports:
-        if report.identity is not None and report.kind is not Kind.LINK:
-            reports.setdefault(report.identity, {}).setdefault(report.sequence, report)
-    return {
-        identity: CommandLife(identity, asked.get(identity), tuple(of.values()))
-        for identity, of in reports.items()
-        if any(each.stage is not None for each in of.values())
-    }
-
-
 Entry = CommandLife | Report
 
 
-def entries(chronicle: Chronicle, wanted: Wanted, unfold: bool = False) -> Iterator[Entry]:
+def entries(history: RunHistory, wanted: Wanted, unfold: bool = False) -> Iterator[Entry]:
     """Yield the lives of commands and the events that are wanted, in the order of their beginning.
 
     A life is wanted if one of its reports is.
 
     Args:
-        chronicle: of what time.
+        history: of what time.
         wanted: what of it.
         unfold: whether to yield each report of a command apart.
     """
-    lives = lives_of(chronicle)
+    lives = history.lives()
     chosen = [
-        each for each in chronicle.reports if wanted.has(each) and _in_mode(each, chronicle, wanted)
+        each for each in history.reports if wanted.has(each) and _in_mode(each, history, wanted)
     ]
     listed: set[Identity | int | Report] = set()
     for report in sorted(chosen, key=lambda each: each.sequence):
@@ -139,11 +69,11 @@ def entries(chronicle: Chronicle, wanted: Wanted, unfold: bool = False) -> Itera
             yield report if life is None else life
 
 
-def _in_mode(report: Report, chronicle: Chronicle, wanted: Wanted) -> bool:
+def _in_mode(report: Report, history: RunHistory, wanted: Wanted) -> bool:
     if wanted.mode is None:
         return True
     mode = None
-    for each in chronicle.situations:
+    for each in history.situations:
         if each.utc_s > report.utc_s:
             break
         mode = each.mode

@@ -1,64 +1,61 @@
-"""What of a chronicle an explanation needs, so that no more has to be sent than that."""
+"""What of a history an explanation needs, so that no more has to be sent than that."""
 
 from dataclasses import replace
 from typing import Final
 
-from adapters.explanation.chronicle import Chronicle
 from adapters.explanation.explain import (
     cause_of,
     last_speed_setting,
     mentions,
     says_who_moves,
 )
-from adapters.explanation.log import CommandLife, lives_of, names
+from adapters.explanation.log import names
+from executive.history import CommandLife, RunHistory
 from executive.reports import Kind, Report
 
 LAST_KNOWN: Final = 5
 """Commands that are named where one is asked for that is not known."""
 
 
-def relevant(chronicle: Chronicle, command: str | None = None) -> Chronicle:
-    """Return a chronicle that explains a command, or what the rover does at its end, as well.
+def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
+    """Return a history that explains a command, or what the rover does at its end, as well.
 
     Args:
-        chronicle: of what time.
+        history: of what time.
         command: its number, or `SOURCE:NUMBER`; None for what the rover does.
     """
-    lives = list(lives_of(chronicle).values())
+    lives = list(history.lives().values())
     meant = [each for each in lives if command is not None and names(command, each.identity)]
     if command is None:
-        began_s, ended_s = _since_of_now(chronicle, lives), chronicle.until_utc_s
+        began_s, ended_s = _since_of_now(history, lives), history.until_utc_s
     elif meant:
         began_s = min(each.utc_s for each in meant)
-        ended_s = max(_end_s(each, chronicle) for each in meant)
+        ended_s = max(_end_s(each, history) for each in meant)
     else:
-        began_s = ended_s = chronicle.until_utc_s
+        began_s = ended_s = history.until_utc_s
         meant = lives[-LAST_KNOWN:]
     situations = [
         each
-        for index, each in enumerate(chronicle.situations)
+        for index, each in enumerate(history.situations)
         if each.utc_s <= ended_s
-        and (
-            index + 1 == len(chronicle.situations)
-            or chronicle.situations[index + 1].utc_s >= began_s
-        )
+        and (index + 1 == len(history.situations) or history.situations[index + 1].utc_s >= began_s)
     ]
     texts = [each.end.text for each in meant if each.end] + [each.why for each in situations]
     kept = {
         each.identity
         for each in lives
         if each in meant
-        or (each.utc_s <= ended_s and _end_s(each, chronicle) >= began_s)
+        or (each.utc_s <= ended_s and _end_s(each, history) >= began_s)
         or any(mentions(text, each.identity) for text in texts)
     }
     setting = last_speed_setting(lives, ended_s)
     if setting is not None:
         kept.add(setting.identity)
     return replace(
-        chronicle,
+        history,
         reports=tuple(
             each
-            for each in chronicle.reports
+            for each in history.reports
             if each.identity in kept
             or (
                 each.kind is not Kind.COMMAND
@@ -66,30 +63,30 @@ def relevant(chronicle: Chronicle, command: str | None = None) -> Chronicle:
                 and (each.utc_s >= began_s or _lasts(each) or any(each.text in t for t in texts))
             )
         ),
-        asked=tuple(each for each in chronicle.asked if each.identity in kept),
+        received=tuple(each for each in history.received if each.identity in kept),
         declined=tuple(
             each
-            for each in chronicle.declined
+            for each in history.declined
             if command is not None and names(command, each.identity)
         ),
         situations=tuple(situations),
         leaves=tuple(
             each
-            for each in chronicle.leaves
+            for each in history.leaves
             if each.began_utc_s <= ended_s
             and (each.ended_utc_s is None or each.ended_utc_s >= began_s)
         ),
-        fastest=tuple(each for each in chronicle.fastest if each.identity in kept),
+        fastest=tuple(each for each in history.fastest if each.identity in kept),
     )
 
 
-def _since_of_now(chronicle: Chronicle, lives: list[CommandLife]) -> float:
+def _since_of_now(history: RunHistory, lives: list[CommandLife]) -> float:
     """Return when that began which explains what the rover does at the end."""
-    now = chronicle.situations[-1] if chronicle.situations else None
+    now = history.situations[-1] if history.situations else None
     if now is None:
-        return chronicle.until_utc_s
+        return history.until_utc_s
     since = [now.utc_s, *(each.utc_s for each in lives if each.identity == now.active)]
-    cause = cause_of(chronicle, now)
+    cause = cause_of(history, now)
     if cause is not None:
         since.append(cause.utc_s)
     ended = [each for each in lives if each.end is not None]
@@ -98,8 +95,8 @@ def _since_of_now(chronicle: Chronicle, lives: list[CommandLife]) -> float:
     return min(since)
 
 
-def _end_s(life: CommandLife, chronicle: Chronicle) -> float:
-    return chronicle.until_utc_s if life.end is None else life.end.utc_s
+def _end_s(life: CommandLife, history: RunHistory) -> float:
+    return history.until_utc_s if life.end is None else life.end.utc_s
 
 
 def _lasts(report: Report) -> bool:

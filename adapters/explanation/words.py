@@ -3,7 +3,8 @@
 from collections.abc import Callable
 
 from adapters.explanation.explain import Explanation
-from adapters.explanation.log import CommandLife, Entry
+from adapters.explanation.log import Entry
+from executive.history import CommandLife
 from executive.reasons import PREDICTED
 from executive.reports import Report, Stage, printable
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final, Protocol
 
-from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import MalError, MalUri
 from adapters.mrs.aboard import (
     AssetServices,
@@ -26,6 +25,7 @@ from adapters.mrs.fleet import FleetService
 from adapters.mrs.spec import PORT, HousekeepingParameter, housekeeping_values
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.system import OPERATING_SYSTEM, System
+from executive.history import HistoryBuilder
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
 from executive.settings import Settings
@@ -102,7 +102,7 @@ class MrsLink:
         clear_text: bool = False,
         terms: Terms = CLEAR,
         service_layer: MalUri | None = None,
-        history: ChronicleBuilder | None = None,
+        history: HistoryBuilder | None = None,
         housekeeping: Housekeeping | None = None,
         system: System = OPERATING_SYSTEM,
     ) -> None:

@@ -15,7 +15,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
-from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import MalUri
 from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
@@ -46,6 +45,7 @@ from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
 from executive.clock import Clock
 from executive.goals import Context
+from executive.history import HistoryBuilder
 from executive.motion import SharedSolver
 from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
@@ -54,7 +54,7 @@ from executive.recording import Tapes
 from executive.reports import Severity
 from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings, SettingsError
-from trees import RoverTree
+from trees import RoverTree, leaf_paths
 
 NODE_NAME: Final = "executive"
 LAST_STOP_S: Final = 0.5
@@ -106,7 +106,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
         SettingsError: the class that speaks with the rover is not there, or does not fit.
     """
     settings = options.settings
-    history = ChronicleBuilder(MOST_REMEMBERED)
+    history = HistoryBuilder(leaf_paths, MOST_REMEMBERED)
     kind = rover_kind(settings)
     tells = isinstance(kind, type) and issubclass(kind, TellsOfItself)
     parameters = ABOARD_HOUSEKEEPING if tells else EXECUTIVE_HOUSEKEEPING
@@ -177,7 +177,7 @@ def executive_on(
     relayed: bool = False,
     solver: SharedSolver | None = None,
     recordings: Path | None = None,
-    history: ChronicleBuilder | None = None,
+    history: HistoryBuilder | None = None,
     housekeeping: ExecutiveHousekeeping | None = None,
 ) -> Iterator[Executive]:
     """Yield an executive that a ROS node serves; at the end the rover stands.

@@ -1,13 +1,13 @@
 """Recordings of runs as MCAP files: written, read, and replayed through the core."""
 
 from adapters.recording.background import BackgroundTape
-from adapters.recording.chronicle import read_chronicle
 from adapters.recording.completion import complete
 from adapters.recording.container import RecordingError
 from adapters.recording.frames import frames
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
 from adapters.recording.run_file import PROFILE, SUFFIX, RunFile, RunReader
+from adapters.recording.run_history import read_history
 from adapters.recording.timed import Timed, read_timed
 from adapters.recording.tree import RecordedTree
 
@@ -25,6 +25,6 @@ __all__ = [
     "complete",
     "decode",
     "frames",
-    "read_chronicle",
+    "read_history",
     "read_timed",
 ]

@@ -23,6 +23,7 @@ from executive.commands.declaration import declaration_of as declaration_of
 from executive.commands.declaration import declared as declared
 from executive.commands.declaration import record as record
 from executive.commands.declaration import within as within
+from executive.commands.formatting import request_text as request_text
 from executive.commands.segments import Arc as Arc
 from executive.commands.segments import Line as Line
 from executive.commands.segments import Reference as Reference

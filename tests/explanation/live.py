@@ -7,16 +7,17 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import TypeVar
 
-from adapters.explanation.builder import ChronicleBuilder
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.recording import RunFile
+from executive.history import HistoryBuilder
 from executive.ports import Downlink
 from executive.recording import Item, Tapes
 from executive.runner import Executive
 from tests.explanation.case import Case
 from tests.support.kinematic import Bench
 from tests.support.sensed_drive import SensedRover
+from trees import leaf_paths
 
 T = TypeVar("T")
 
@@ -72,7 +73,7 @@ class LiveBench(Bench):
 
     def _start(self) -> Executive:
         self.starts += 1
-        self._history = ChronicleBuilder(self.kept)
+        self._history = HistoryBuilder(leaf_paths, self.kept)
         self._links.append(MrsLink(self.settings, port=0, history=self._history))
         self.tape = Tapes(self.recorder, self._history)
         executive = super()._start()

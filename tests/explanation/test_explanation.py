@@ -12,7 +12,6 @@ from click.testing import CliRunner, Result
 from adapters.cli.log import log
 from adapters.cli.why import why
 from adapters.explanation import (
-    Chronicle,
     Explanation,
     Wanted,
     entries,
@@ -21,8 +20,9 @@ from adapters.explanation import (
     explanation_lines,
     relevant,
 )
-from adapters.recording import RunFile, read_chronicle
+from adapters.recording import RunFile, read_history
 from executive.commands import Command, MoveForward, Resume, Stop
+from executive.history import RunHistory
 from executive.reports import Identity, Kind, Report, Severity
 from tests.explanation.case import Case
 from tests.explanation.fault_situations import FAULTS
@@ -44,8 +44,8 @@ def typed(command: click.Command, *arguments: object) -> Result:
     return CliRunner().invoke(command, list(map(str, arguments)), catch_exceptions=False)
 
 
-def explain(chronicle: Chronicle, command: str | None) -> Explanation:
-    return explain_now(chronicle) if command is None else explain_command(chronicle, command)
+def explain(history: RunHistory, command: str | None) -> Explanation:
+    return explain_now(history) if command is None else explain_command(history, command)
 
 
 ALL = (*CASES, *FAULTS, *PLANS)
@@ -71,19 +71,20 @@ def test_the_reason_is_the_cause_that_was_injected(case: Case, tmp_path: Path) -
             bench.restart()
         live = bench.ask(lambda client: client.get_history(case.command))
         starts = bench.starts
-    recorded, _ = read_chronicle(tmp_path / "run.mcap")
+    recorded, _ = read_history(tmp_path / "run.mcap")
     explained, asked = explain(recorded, case.command), explain(live, case.command)
     assert is_right(case, explained), told(explained)
     assert is_right(case, asked), told(asked)
     assert told(explain(relevant(recorded, case.command), case.command)) == told(explained)
-    of_plans = {each.identity for each in live.asked} - {each.identity for each in recorded.asked}
+    known = {each.identity for each in recorded.received}
+    of_plans = {each.identity for each in live.received} - known
     if starts == 1 and not of_plans:  # whose arguments the ledger knows
         assert told(asked) == told(explained)
 
 
 SOME = {
     "refused WRONG_MODE when stopped": "reasons",
-    "replaced": "asked",
+    "replaced": "received",
     "waits while paused": "situations",
     "under way": "leaves",
     "limited by a setting": "fastest",
@@ -94,33 +95,33 @@ SOME = {
 
 
 @pytest.fixture(scope="module")
-def some(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Case, Chronicle]]:
+def some(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Case, RunHistory]]:
     """Give some situations with what is known of each."""
     cases = [case for case in ALL if case.name in SOME]
     return [
-        (case, read_chronicle(recorded(case, tmp_path_factory.mktemp("some")))[0]) for case in cases
+        (case, read_history(recorded(case, tmp_path_factory.mktemp("some")))[0]) for case in cases
     ]
 
 
 def test_an_explanation_of_another_situation_is_noticed(
-    some: list[tuple[Case, Chronicle]],
+    some: list[tuple[Case, RunHistory]],
 ) -> None:
     assert len(some) == len(SOME)
     for case, _ in some:
-        for other, chronicle in some:
-            right = is_right(case, explain(chronicle, other.command))
+        for other, history in some:
+            right = is_right(case, explain(history, other.command))
             assert right == (case is other), (case.name, other.name)
 
 
-def test_what_is_left_out_is_noticed(some: list[tuple[Case, Chronicle]]) -> None:
-    for case, chronicle in some:
+def test_what_is_left_out_is_noticed(some: list[tuple[Case, RunHistory]]) -> None:
+    for case, history in some:
         lacking = SOME[case.name]
         if lacking == "reasons":
-            reports = tuple(replace(each, reason=None) for each in chronicle.reports)
-            less = replace(chronicle, reports=reports)
+            reports = tuple(replace(each, reason=None) for each in history.reports)
+            less = replace(history, reports=reports)
         else:
-            nothing = type(getattr(chronicle, lacking))()
-            less = replace(chronicle, **{lacking: nothing})
+            nothing = type(getattr(history, lacking))()
+            less = replace(history, **{lacking: nothing})
         assert not is_right(case, explain(less, case.command)), case.name
 
 
@@ -204,4 +205,4 @@ def test_each_report_without_a_number_is_listed() -> None:
         Report(0, 1.0, Kind.LINK, Severity.ALARM, "lost", Identity("MOE", number))
         for number in (7, 8)
     ]
-    assert list(entries(Chronicle(1.0, tuple(losses)), Wanted())) == losses
+    assert list(entries(RunHistory(1.0, tuple(losses)), Wanted())) == losses

@@ -14,7 +14,6 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from adapters.explanation.builder import ChronicleBuilder
 from adapters.mal import AttributeType, Consumer, MalError, MalUri, Typed, TypedList
 from adapters.mrs.ground import MrsClient, Outcome
 from adapters.mrs.link import Housekeeping, MrsLink
@@ -30,11 +29,13 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Request
+from executive.history import HistoryBuilder
 from executive.ports import Downlink
 from executive.runner import Executive
 from executive.settings import AuthoritySettings, load_settings
 from tests.support.kinematic import Bench
 from tests.support.ports import free_port
+from trees import leaf_paths
 
 T = TypeVar("T")
 
@@ -100,7 +101,7 @@ class LinkedBench(Bench):
         housekeeping: Housekeeping | None,
     ) -> None:
         self._housekeeping = housekeeping
-        self._history = ChronicleBuilder(KEPT) if explains else None
+        self._history = HistoryBuilder(leaf_paths, KEPT) if explains else None
         self._port = port
         self._terms = terms
         self._service_layer = None if service_layer is None else MalUri.parse(service_layer)

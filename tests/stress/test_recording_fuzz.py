@@ -15,7 +15,7 @@ from tests.stress.recording_readers import Reader, ReaderFault
 FEW = 8
 SEED = "1"
 OPENS = re.compile(
-    r"from adapters\.recording import .*\b(History|RunReader|frames|read_chronicle|read_timed)\b"
+    r"from adapters\.recording import .*\b(History|RunReader|frames|read_history|read_timed)\b"
 )
 ATTACKED = {
     "adapters/calibration/drive_log.py",

@@ -24,8 +24,6 @@ from adapters.console.rovers import (
     tree_of,
     zone_entries,
 )
-from adapters.explanation import Chronicle
-from adapters.explanation.builder import KINDS, ChronicleBuilder
 from adapters.mrs.spec import (
     DEFINED,
     POSE_HOUSEKEEPING,
@@ -34,6 +32,7 @@ from adapters.mrs.spec import (
 )
 from adapters.recording import RecordedTree, RecordingError, RunReader, Timed, read_timed
 from executive.commands import Command, declaration_of
+from executive.history import KINDS, HistoryBuilder, RunHistory
 from executive.recording import (
     Life,
     ModeChanged,
@@ -45,7 +44,7 @@ from executive.recording import (
 )
 from executive.reports import Identity, PlanUpdate, Report
 from executive.settings import Settings
-from trees import Snapshot
+from trees import Snapshot, leaf_paths
 
 _KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
 WORDS_S: Final = 1.0
@@ -72,7 +71,7 @@ class RecordedRun:
         self.rover = self._settings.asset
         self._reader = RunReader(path, is_wanted)
         self._name = ""
-        self._chronicle = ChronicleBuilder()
+        self._history = HistoryBuilder(leaf_paths)
         self._tracker = CommandTracker(self._heard, lambda: self._utc_s)
         self._found: list[Written] = []
         self._tree: RecordedTree | None = None
@@ -99,7 +98,7 @@ class RecordedRun:
                 self._utc_s = timed.utc_s
             if self._began_utc_s is None:
                 self._began_utc_s = timed.utc_s
-            self._chronicle.put(timed.item)
+            self._history.put(timed.item)
             self._take(timed)
             yield from self._found
             self._found.clear()
@@ -131,9 +130,9 @@ class RecordedRun:
             ),
         )
 
-    def chronicle(self) -> Chronicle:
+    def history(self) -> RunHistory:
         """Return what explanations are made from, once all messages were read."""
-        return self._chronicle.chronicle()
+        return self._history.history()
 
     def _take(self, timed: Timed) -> None:
         match timed.item:

@@ -23,8 +23,8 @@ from adapters.console.messages import DictionaryChanged
 from adapters.console.recordings.recorded import RecordedRun
 from adapters.console.rovers import AssetEntry
 from adapters.console.web import answer, refused
-from adapters.explanation import Chronicle
 from adapters.recording import RecordingError
+from executive.history import RunHistory
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ class Recording:
         stamp: its octets, and when it was changed (ns since 1970 UTC), when it was read.
         folder: what is here of it.
         archive: what it told, as of a rover.
-        chronicle: what explanations are made from.
+        history: what explanations are made from.
     """
 
     path: Path
@@ -52,7 +52,7 @@ class Recording:
     folder: Path
     entry: AssetEntry
     archive: Archive
-    chronicle: Chronicle
+    history: RunHistory
 
 
 class Recordings:
@@ -134,7 +134,7 @@ class Recordings:
             await archive.close()
             shutil.rmtree(folder)
             raise
-        opened = Recording(path, stamp, folder, run.entry(), archive, run.chronicle())
+        opened = Recording(path, stamp, folder, run.entry(), archive, run.history())
         self._opened[name] = opened
         self._publish(DictionaryChanged(name))
         _LOG.info("%s was read in %.1f s: %s", path, now_s() - began_s, name)

@@ -12,7 +12,6 @@ from adapters.console.recordings import Recordings
 from adapters.console.requests.commanding import Commanding
 from adapters.console.web import answer, refused
 from adapters.explanation import (
-    Chronicle,
     Explanation,
     UnknownCommandError,
     explain_command,
@@ -21,6 +20,7 @@ from adapters.explanation import (
 )
 from adapters.mal import MalError
 from adapters.mrs.spec import describe_error
+from executive.history import RunHistory
 
 ASK_S: Final = 20.0
 
@@ -80,13 +80,13 @@ class Explaining:
         recording = self._recordings.get(asset)
         try:
             if recording is not None:
-                explanation = _explain(recording.chronicle, name)
+                explanation = _explain(recording.history, name)
             else:
                 client = self._commanding.client(asset)
                 identity = None if name is None else await self._commanding.identity(name)
                 async with asyncio.timeout(ASK_S):
-                    chronicle = await client.get_history(identity)
-                explanation = _explain(chronicle, identity)
+                    history = await client.get_history(identity)
+                explanation = _explain(history, identity)
         except UnknownCommandError as error:
             raise refused(HTTPStatus.NOT_FOUND, str(error), field="command") from error
         except MalError as error:
@@ -98,8 +98,8 @@ class Explaining:
         return answer(_told(explanation))
 
 
-def _explain(chronicle: Chronicle, identity: str | None) -> Explanation:
-    return explain_now(chronicle) if identity is None else explain_command(chronicle, identity)
+def _explain(history: RunHistory, identity: str | None) -> Explanation:
+    return explain_now(history) if identity is None else explain_command(history, identity)
 
 
 def _told(explanation: Explanation) -> Why:

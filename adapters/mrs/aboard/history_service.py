@@ -5,13 +5,14 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.explanation import Asked, Chronicle, relevant, request_text
-from adapters.explanation.builder import ChronicleBuilder
+from adapters.explanation import relevant
 from adapters.mal import Call
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import wire_history
+from executive.commands import request_text
+from executive.history import HistoryBuilder, ReceivedCommand, RunHistory
 from executive.reports import Identity, Report
 from executive.runner import Executive
 
@@ -33,9 +34,7 @@ class HistoryService:
         history: what the executive recorded, on the core's thread.
     """
 
-    def __init__(
-        self, served: ServedOperations, gateway: Gateway, history: ChronicleBuilder
-    ) -> None:
+    def __init__(self, served: ServedOperations, gateway: Gateway, history: HistoryBuilder) -> None:
         self._gateway = gateway
         self._history = history
         served.serve("Notification", "getHistory", self._get)
@@ -48,29 +47,29 @@ class HistoryService:
         wanted = None if number is None else command
         return (await asyncio.to_thread(_told, known, wanted, everything),)
 
-    def _known(self, executive: Executive, number: int | None) -> Chronicle:
+    def _known(self, executive: Executive, number: int | None) -> RunHistory:
         """Return what is remembered, and of a command also what only the ledger knows."""
-        chronicle = self._history.chronicle()
+        history = self._history.history()
         if number is None:
-            return chronicle
+            return history
         own = [each for each in executive.reports(1, number) if each.stage is not None]
-        reports = {each.sequence: each for each in (*own, *chronicle.reports)}
-        oldest = chronicle.reports[0].sequence if chronicle.reports else executive.last_sequence
+        reports = {each.sequence: each for each in (*own, *history.reports)}
+        oldest = history.reports[0].sequence if history.reports else executive.last_sequence
         if own and own[0].sequence < oldest:
             reported = own[-1].sequence - own[0].sequence + 1
             meanwhile = executive.reports(own[0].sequence, count=min(reported + AFTER, MOST))
             reports |= {each.sequence: each for each in meanwhile}
-        asked = {each.identity for each in chronicle.asked}
+        received = {each.identity for each in history.received}
         return replace(
-            chronicle,
+            history,
             reports=tuple(reports[each] for each in sorted(reports)),
-            asked=(*_asked_before(executive, own, asked), *chronicle.asked),
+            received=(*_received_before(executive, own, received), *history.received),
         )
 
 
-def _asked_before(
+def _received_before(
     executive: Executive, reports: Sequence[Report], known: Container[Identity]
-) -> Iterator[Asked]:
+) -> Iterator[ReceivedCommand]:
     """Yield the commands of some reports that are not known, as far as the ledger knows them."""
     for each in {report.identity: report for report in reversed(reports)}.values():
         if each.identity is None or each.identity in known or each.link is None:
@@ -78,10 +77,10 @@ def _asked_before(
         request = executive.request_of(each.identity)
         if request is not None:
             name, text = type(request).__name__, request_text(request)
-            yield Asked(each.identity, text, name, each.link, each.utc_s)
+            yield ReceivedCommand(each.identity, text, name, each.link, each.utc_s)
 
 
-def _told(known: Chronicle, command: str | None, everything: bool) -> wire.History:
+def _told(known: RunHistory, command: str | None, everything: bool) -> wire.History:
     if everything:
         return wire_history(replace(known, leaves=(), fastest=()))
     return wire_history(relevant(known, command))

@@ -2,7 +2,7 @@
 
 from typing import Any, Final, TypeVar
 
-from adapters.explanation import Chronicle, UnknownCommandError
+from adapters.explanation import UnknownCommandError
 from adapters.mal import MalError, NamedValue, StandardError
 from adapters.mrs.ground.session import Session
 from adapters.mrs.spec import (
@@ -21,11 +21,12 @@ from adapters.mrs.spec import (
     ServiceDescriptor,
     Speeds,
     asked_motion,
-    chronicle_of,
     cursor_of,
+    history_of,
     wire_definition,
 )
 from executive.commands import Motion, PlanDefinition
+from executive.history import RunHistory
 
 T = TypeVar("T")
 
@@ -75,7 +76,7 @@ class Queries:
 
     async def get_history(
         self, command: str | None = None, *, everything: bool = False
-    ) -> Chronicle:
+    ) -> RunHistory:
         """Return what explains a command, or what the rover does now; see `adapters.explanation`.
 
         Args:
@@ -89,7 +90,7 @@ class Queries:
         if command is not None and not _is_number(number):
             raise UnknownCommandError(f"{command} is neither NUMBER nor SOURCE:NUMBER")
         wanted = (source or None, None if command is None else int(number), everything)
-        return chronicle_of(await self._one(History, "Notification", "getHistory", *wanted))
+        return history_of(await self._one(History, "Notification", "getHistory", *wanted))
 
     async def get_value(self, *names: str) -> tuple[ParameterValue, ...]:
         """Return present parameter values, all if none is named."""

@@ -13,7 +13,7 @@ from adapters.mrs.spec.errors import (
     require_few,
     with_text,
 )
-from adapters.mrs.spec.histories import chronicle_of, report_of, wire_history
+from adapters.mrs.spec.histories import history_of, report_of, wire_history
 from adapters.mrs.spec.housekeeping import (
     ABOARD_HOUSEKEEPING,
     CONSOLE,
@@ -158,7 +158,6 @@ __all__ = [
     "Validity",
     "Waypoint",
     "asked_motion",
-    "chronicle_of",
     "command_of",
     "cursor_of",
     "definition_of",
@@ -171,6 +170,7 @@ __all__ = [
     "forwarded",
     "given_up",
     "header_of",
+    "history_of",
     "housekeeping_limits",
     "housekeeping_values",
     "invalid",

@@ -1,25 +1,25 @@
-"""Chronicles on the wire, and back: what explains a command, or what a rover does now."""
+"""RunHistorys on the wire, and back: what explains a command, or what a rover does now."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.explanation import Asked, Chronicle, Declined, Fastest, LeafRun, Situation
 from adapters.mrs.spec import types
 from adapters.mrs.spec.mapping import LONGEST_TEXT, NS_PER_S, notification_of, to_ns
 from executive.commands import Arrival, Mode
+from executive.history import Declined, Fastest, LeafRun, ReceivedCommand, RunHistory, Situation
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Identity, Kind, Report, Severity, Stage
 
 _REASONS: Final = {each.value: each for each in Reason}
 
 
-def wire_history(chronicle: Chronicle) -> types.History:
-    """Return a chronicle to send."""
+def wire_history(history: RunHistory) -> types.History:
+    """Return a history to send."""
     return types.History(
-        until=to_ns(chronicle.until_utc_s),
-        reports=tuple(map(_wire_report, chronicle.reports)),
-        asked=tuple(map(_wire_asked, chronicle.asked)),
+        until=to_ns(history.until_utc_s),
+        reports=tuple(map(_wire_report, history.reports)),
+        asked=tuple(map(_wire_asked, history.received)),
         declined=tuple(
             types.DeclinedCommand(
                 source=each.identity.source,
@@ -29,7 +29,7 @@ def wire_history(chronicle: Chronicle) -> types.History:
                 text=each.refusal.text[:LONGEST_TEXT],
                 figures=_wire_figures(each.refusal.figures),
             )
-            for each in chronicle.declined
+            for each in history.declined
         ),
         situations=tuple(
             types.Situation(
@@ -39,7 +39,7 @@ def wire_history(chronicle: Chronicle) -> types.History:
                 activeCommandId=each.active.command_id if each.active else None,
                 why=each.why[:LONGEST_TEXT],
             )
-            for each in chronicle.situations
+            for each in history.situations
         ),
         leaves=tuple(
             types.LeafRun(
@@ -48,7 +48,7 @@ def wire_history(chronicle: Chronicle) -> types.History:
                 ended=None if each.ended_utc_s is None else to_ns(each.ended_utc_s),
                 message=each.message or None,
             )
-            for each in chronicle.leaves
+            for each in history.leaves
         ),
         fastest=tuple(
             types.FastestTravel(
@@ -57,21 +57,21 @@ def wire_history(chronicle: Chronicle) -> types.History:
                 speed=each.travel_mps,
                 allowed=each.allowed_mps,
             )
-            for each in chronicle.fastest
+            for each in history.fastest
         ),
-        slowing=tuple(sorted(each.value for each in chronicle.slowing)),
+        slowing=tuple(sorted(each.value for each in history.slowing)),
     )
 
 
-def chronicle_of(history: types.History) -> Chronicle:
-    """Return the chronicle that came; a reason that is not known here is none.
+def history_of(history: types.History) -> RunHistory:
+    """Return the history that came; a reason that is not known here is none.
 
     What has one always, a command that was declined, is left out then.
     """
-    return Chronicle(
+    return RunHistory(
         until_utc_s=_seconds(history.until),
         reports=tuple(map(_report_of, history.reports)),
-        asked=tuple(map(_asked_of, history.asked)),
+        received=tuple(map(_received_of, history.asked)),
         declined=tuple(
             Declined(
                 Identity(each.source, each.commandId),
@@ -150,24 +150,24 @@ def _report_of(past: types.PastReport) -> Report:
     )
 
 
-def _wire_asked(asked: Asked) -> types.AskedCommand:
-    created_s = asked.created_utc_s
+def _wire_asked(received: ReceivedCommand) -> types.AskedCommand:
+    created_s = received.created_utc_s
     return types.AskedCommand(
-        source=asked.identity.source,
-        commandId=asked.identity.command_id,
-        text=asked.text,
-        name=asked.name,
-        link=asked.link,
-        timestamp=to_ns(asked.utc_s),
-        replaces=asked.arrival is Arrival.REPLACE,
+        source=received.identity.source,
+        commandId=received.identity.command_id,
+        text=received.text,
+        name=received.name,
+        link=received.link,
+        timestamp=to_ns(received.utc_s),
+        replaces=received.arrival is Arrival.REPLACE,
         creationTime=None if created_s is None else to_ns(created_s),
-        lifetime=asked.lifetime_s,
+        lifetime=received.lifetime_s,
     )
 
 
-def _asked_of(asked: types.AskedCommand) -> Asked:
+def _received_of(asked: types.AskedCommand) -> ReceivedCommand:
     created_ns = asked.creationTime
-    return Asked(
+    return ReceivedCommand(
         Identity(asked.source, asked.commandId),
         asked.text,
         asked.name,

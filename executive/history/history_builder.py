@@ -1,21 +1,20 @@
-"""Builds a chronicle from what an executive records, be it from a file or while it runs."""
+"""Folds what an executive records into the history of its run, from a file or while it runs."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from adapters.explanation.chronicle import (
-    Asked,
-    Chronicle,
+from executive.commands import Command, request_text
+from executive.commands.intake import LONGEST_SOURCE
+from executive.faults import Then
+from executive.history.run_history import (
     Declined,
     Fastest,
     LeafRun,
+    ReceivedCommand,
+    RunHistory,
     Situation,
-    request_text,
 )
-from executive.commands import Command
-from executive.commands.intake import LONGEST_SOURCE
-from executive.faults import Then
 from executive.reasons import Reason, Refusal
 from executive.recording import (
     Answered,
@@ -33,28 +32,31 @@ from executive.recording import (
 )
 from executive.reports import Identity, Report
 from executive.settings import Settings
-from trees import NodeKind, NodeStatus, preview
 
 KINDS: Final = (Served, Answered, Reported, ModeChanged, TreeChanged, Drove)
 """The kinds of items that are of use, beside lives and entries."""
+_RUNNING: Final = "RUNNING"
 
 
-class ChronicleBuilder:
-    """A tape from which a chronicle is made at any time.
+class HistoryBuilder:
+    """A tape from which the history of a run is made at any time.
 
     Args:
+        leaf_paths: of the behaviour tree of an asset; other nodes are left out.
         most: how much of each kind is kept, the newest; None for all.
     """
 
-    def __init__(self, most: int | None = None) -> None:
-        self._most = most
+    def __init__(
+        self, leaf_paths: Callable[[Settings], frozenset[str]], most: int | None = None
+    ) -> None:
+        self._paths_of, self._most = leaf_paths, most
         self._utc_s = 0.0
         self._allowed_mps = 0.0
         self._slowing: frozenset[Reason] = frozenset()
         self._leaf_paths: frozenset[str] = frozenset()
         self._active: Identity | None = None
         self._reports: dict[int, Report] = {}
-        self._asked: deque[Asked] = deque(maxlen=most)
+        self._received: deque[ReceivedCommand] = deque(maxlen=most)
         self._declined: deque[Declined] = deque(maxlen=most)
         self._situations: deque[Situation] = deque(maxlen=most)
         self._leaves: deque[LeafRun] = deque(maxlen=most)
@@ -72,9 +74,7 @@ class ChronicleBuilder:
         self._slowing = frozenset(
             declared.reason for declared, row in settings.faults if row.then is Then.SLOW_DOWN
         )
-        self._leaf_paths = frozenset(
-            each.path for each in preview(settings) if each.kind is NodeKind.LEAF
-        )
+        self._leaf_paths = self._paths_of(settings)
         for each in known:
             self._add_report(each)
 
@@ -97,7 +97,7 @@ class ChronicleBuilder:
             case Reported(report=report):
                 self._add_report(report)
             case Served(command=command):
-                self._asked.append(_asked(command, self._utc_s))
+                self._received.append(_received(command, self._utc_s))
             case Answered(identity=identity, refusal=Refusal() as refusal):
                 self._declined.append(Declined(_bounded(identity), self._utc_s, refusal))
             case Called(call=Call.START):
@@ -108,15 +108,15 @@ class ChronicleBuilder:
             case _:
                 pass
 
-    def chronicle(self) -> Chronicle:
+    def history(self) -> RunHistory:
         """Return what is known now."""
         reports = tuple(self._reports[each] for each in sorted(self._reports))
         lived = {each.identity for each in reports}
         told = {(each.identity, each.text) for each in reports}
-        return Chronicle(
+        return RunHistory(
             until_utc_s=self._utc_s,
             reports=reports,
-            asked=tuple(self._asked),
+            received=tuple(self._received),
             declined=tuple(
                 each
                 for each in self._declined
@@ -147,7 +147,7 @@ class ChronicleBuilder:
             del kept[next(iter(kept))]
 
     def _follow(self, node: NodeState) -> None:
-        if node.status != NodeStatus.RUNNING.name:
+        if node.status != _RUNNING:
             self._end_leaf(node.path)
             return
         run = self._running.get(node.path)
@@ -165,8 +165,8 @@ def _bounded(identity: Identity) -> Identity:
     return Identity(identity.source[:LONGEST_SOURCE], identity.command_id)
 
 
-def _asked(command: Command, utc_s: float) -> Asked:
-    return Asked(
+def _received(command: Command, utc_s: float) -> ReceivedCommand:
+    return ReceivedCommand(
         _bounded(command.identity),
         request_text(command.request),
         command.name,

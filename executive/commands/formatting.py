@@ -1,0 +1,48 @@
+"""A request as one line of text, for people."""
+
+from enum import Enum
+from math import degrees
+from typing import Final
+
+from executive.commands.catalogue import Request
+from executive.commands.declaration import Declaration, arguments_of, declaration_of
+
+LONGEST_VALUE: Final = 40
+"""Characters of an argument that are shown, such as of a path."""
+MOST_READ: Final = 4 * LONGEST_VALUE
+"""Of what was sent, however long: this is done between the ticks of a rover, too."""
+
+
+def request_text(request: Request) -> str:
+    """Return what is asked for, with its arguments and their units, on one line."""
+    declared = declaration_of(type(request))
+    given = [
+        _argument(declared, request, each.field, each.name, each.unit) for each in declared.written
+    ]
+    return " ".join([declared.name, *filter(None, given)])
+
+
+def _argument(declared: Declaration, request: Request, field: str, name: str, unit: str) -> str:
+    composite = declared.composite
+    holder: object = request
+    if composite is not None and field in {each.field for each in arguments_of(composite)}:
+        holder = getattr(request, declared.arguments[0].field)
+    value = getattr(holder, field)
+    match value:
+        case None:
+            return ""
+        case Enum():
+            shown = str(value.value)
+        case float() | int() if unit == "rad":
+            return f"{name} {degrees(value):.4g}°"
+        case float():
+            shown = f"{value:.4g}"
+        case tuple():
+            return f"{len(value)} {name}"
+        case bytes():
+            return f"{name} of {len(value)} octets"
+        case _:
+            shown = " ".join(str(value)[:MOST_READ].split())
+    if len(shown) > LONGEST_VALUE:
+        shown = f"{shown[:LONGEST_VALUE]}…"
+    return f"{name} {shown} {unit}".rstrip()
