@@ -1,9 +1,12 @@
 """The history of a run, which all that show or explain what happened read.
 
 `HistoryBuilder` folds recorded items into a `RunHistory`: from a file, or while the executive runs.
+`MotionTracks` keeps where the rover was, and how fast it went.
 """
 
 from executive.history.history_builder import KINDS, HistoryBuilder
+from executive.history.motion_tracks import KINDS as TRACK_KINDS
+from executive.history.motion_tracks import MotionTracks, PoseAt, TrackSource, VelocityAt
 from executive.history.run_history import (
     CommandLife,
     Declined,
@@ -16,12 +19,17 @@ from executive.history.run_history import (
 
 __all__ = [
     "KINDS",
+    "TRACK_KINDS",
     "CommandLife",
     "Declined",
     "Fastest",
     "HistoryBuilder",
     "LeafRun",
+    "MotionTracks",
+    "PoseAt",
     "ReceivedCommand",
     "RunHistory",
     "Situation",
+    "TrackSource",
+    "VelocityAt",
 ]

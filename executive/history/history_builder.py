@@ -51,6 +51,8 @@ class HistoryBuilder:
     ) -> None:
         self._paths_of, self._most = leaf_paths, most
         self._utc_s = 0.0
+        self._gone_utc_s: float | None = None
+        self._absences: deque[tuple[float, float]] = deque(maxlen=most)
         self._allowed_mps = 0.0
         self._slowing: frozenset[Reason] = frozenset()
         self._leaf_paths: frozenset[str] = frozenset()
@@ -81,6 +83,9 @@ class HistoryBuilder:
     def put(self, item: Item) -> None:
         """Take the next item."""
         if isinstance(item, Entry):
+            if self._gone_utc_s is not None:
+                self._absences.append((self._gone_utc_s, item.utc_s))
+                self._gone_utc_s = None
             self._utc_s = item.utc_s
         match item:
             case Drove(velocity=velocity):
@@ -104,6 +109,7 @@ class HistoryBuilder:
                 for path in list(self._running):
                     self._end_leaf(path)
             case Life(settings=settings):
+                self._gone_utc_s = self._utc_s or None
                 self.begin(settings)
             case _:
                 pass
@@ -131,6 +137,7 @@ class HistoryBuilder:
                 for identity, speed_mps in self._fastest.items()
             ),
             slowing=self._slowing,
+            absences=tuple(self._absences),
         )
 
     def _add_report(self, report: Report) -> None:

@@ -77,6 +77,11 @@ class CommandLife:
         """The report that ended it; None while it goes on."""
         return next((each for each in self.reports if each.stage in TERMINAL), None)
 
+    @property
+    def stages(self) -> tuple[Report, ...]:
+        """The reports of its stages."""
+        return tuple(each for each in self.reports if each.stage is not None)
+
     def at(self, stage: Stage) -> Report | None:
         """Return the first report of a stage; None if it has not come to that."""
         return next((each for each in self.reports if each.stage is stage), None)
@@ -160,6 +165,7 @@ class RunHistory:
         reports: in the order of their numbers.
         situations, leaves: in their order; empty where they are not known.
         slowing: the reasons of the faults for which the rover slows down.
+        absences: from when to when no executive ran.
     """
 
     until_utc_s: float
@@ -170,6 +176,7 @@ class RunHistory:
     leaves: tuple[LeafRun, ...] = ()
     fastest: tuple[Fastest, ...] = ()
     slowing: frozenset[Reason] = SLOWING
+    absences: tuple[tuple[float, float], ...] = ()
 
     def lives(self) -> dict[Identity, CommandLife]:
         """Return the life of each command, in the order in which they were first reported on."""

@@ -21,18 +21,7 @@ from sim.drawing.lanes import (
     write_beside,
 )
 from sim.drawing.map import Drive, Incident, draw_map, thinned
-from sim.drawing.run_plot import (
-    COMMANDED,
-    ODOMETRY,
-    SECOND,
-    TRUTH,
-    WHEELS,
-    Panel,
-    RunPlot,
-    Series,
-    Track,
-    draw_run,
-)
+from sim.drawing.run_plot import Panel, RunPlot, Series, Track, draw_run
 from sim.drawing.style import (
     COMMAND,
     DONE,
@@ -50,11 +39,10 @@ from sim.drawing.style import (
     sheet,
     write_drawing,
 )
-from sim.drawing.timeline import CommandLane, RunTimeline, Span, draw_timeline
+from sim.drawing.timeline import CommandLane, RunTimeline, Span, draw_timeline, events_of, lane_of
 
 __all__ = [
     "COMMAND",
-    "COMMANDED",
     "DONE",
     "DPI",
     "ENDED",
@@ -63,18 +51,14 @@ __all__ = [
     "INK",
     "LEFT_PX",
     "MOTION",
-    "ODOMETRY",
     "POINT",
     "RECEIVED",
     "RIGHT_PX",
     "RULE",
-    "SECOND",
     "SENT",
     "STARTED",
-    "TRUTH",
     "TURN",
     "WARNED",
-    "WHEELS",
     "WIDTH_PX",
     "WORK",
     "WRONG",
@@ -94,6 +78,8 @@ __all__ = [
     "draw_rule",
     "draw_run",
     "draw_timeline",
+    "events_of",
+    "lane_of",
     "line",
     "mark",
     "sheet",

@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from executive.commands import Mode
 from executive.geometry import Pose
+from executive.history import TrackSource
 from executive.zones import Zones
 from sim.drawing.lanes import LEFT_PX, RIGHT_PX, WIDTH_PX, line, write_beside
 from sim.drawing.map import SOIL, TRUE, Incident, draw_incidents, draw_rover, draw_zones, thinned
@@ -26,18 +27,13 @@ from sim.drawing.timeline import (
     name_row,
 )
 
-COMMANDED: Final = "commanded"
-ODOMETRY: Final = "odometry"
-WHEELS: Final = "wheels"
-SECOND: Final = "second odometry"
-TRUTH: Final = "true"
 WHEEL, GONE = "#b0479a", "#dde1ed"
 _LOOKS: Final = {
-    TRUTH: line(TRUE, 5, zorder=2),
-    COMMANDED: line(INK, 1.2, drawstyle="steps-post"),
-    SECOND: line(DONE, 1.5),
-    ODOMETRY: line(MOTION, 1.8),
-    WHEELS: line(WHEEL, 0.9),
+    TrackSource.TRUTH: line(TRUE, 5, zorder=2),
+    TrackSource.COMMANDED: line(INK, 1.2, drawstyle="steps-post"),
+    TrackSource.SECOND: line(DONE, 1.5),
+    TrackSource.ODOMETRY: line(MOTION, 1.8),
+    TrackSource.WHEELS: line(WHEEL, 0.9),
 }
 """The sources of a track or a speed, the lowest first."""
 _TOP, _MAP, _BESIDE_MAP, _GAP, _PANEL, _BOTTOM = 56, 380, 62, 14, 150, 52
@@ -49,9 +45,9 @@ _AROUND_M: Final = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """A figure over time, NaN where the line has a gap; the source is one of those above."""
+    """A figure over time, NaN where the line has a gap."""
 
-    source: str
+    source: TrackSource
     times_s: tuple[float, ...]
     values: tuple[float, ...]
 
@@ -69,7 +65,7 @@ class Panel:
 class Track:
     """Where the rover was, as a source tells."""
 
-    source: str
+    source: TrackSource
     poses: tuple[Pose, ...]
 
 
@@ -221,7 +217,7 @@ def _add_words(figure: Figure, ground: Axes, plot: RunPlot, height: float) -> No
     below = top - (24 * len(plot.figures) + 14) / height
     figure.legend(
         handles,
-        entries,
+        [source.value for source in entries],
         loc="upper left",
         bbox_to_anchor=(left, below),
         borderaxespad=0.0,

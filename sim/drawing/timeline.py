@@ -1,6 +1,6 @@
 """The timeline of a run: the life of each command, faults, events, modes, the true speed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import mean
 from typing import Final
@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from executive.commands import Mode
-from executive.reports import Stage
+from executive.history import CommandLife
+from executive.reports import Kind, Report, Stage
 from sim.drawing.lanes import (
     ENDED,
     LEFT_PX,
@@ -86,6 +87,54 @@ class CommandLane:
     last: Stage | None = None
     words: str = ""
     figures: str = ""
+
+
+def lane_of(
+    life: CommandLife | None,
+    time_of: Callable[[Report], float],
+    title: str,
+    sent_s: Sequence[float],
+    unreported: str = "",
+) -> CommandLane:
+    """Return the lane of a command.
+
+    Args:
+        life: what became of it; None where nothing was reported.
+        time_of: when a report was made, on the axis.
+        title: its name.
+        sent_s: when it was sent, and sent again.
+        unreported: what is to be said where nothing was reported.
+    """
+    if life is None:
+        return CommandLane(title, tuple(sent_s), words=unreported)
+
+    def when(stage: Stage) -> float | None:
+        report = life.at(stage)
+        return None if report is None else time_of(report)
+
+    end = life.end
+    last = end or life.stages[-1]
+    return CommandLane(
+        title=title,
+        sent_s=tuple(sent_s),
+        received_s=when(Stage.RECEIVED),
+        started_s=when(Stage.STARTED),
+        ended_s=None if end is None else time_of(end),
+        last=last.stage,
+        words="" if last.reason is None else last.reason.name,
+    )
+
+
+def events_of(
+    reports: Iterable[Report], time_of: Callable[[Report], float]
+) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """Return the name of each kind of event among reports, and when it was."""
+    events: dict[str, list[float]] = {}
+    for report in reports:
+        if report.kind is Kind.EVENT:
+            name = report.text if report.reason is None else report.reason.name
+            events.setdefault(name, []).append(time_of(report))
+    return tuple((name, tuple(times_s)) for name, times_s in events.items())
 
 
 @dataclass(frozen=True, slots=True)

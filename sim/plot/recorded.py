@@ -1,38 +1,29 @@
 """What a recording holds, as the plot of a run."""
 
-from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from math import cos, degrees, nan, sin
 from pathlib import Path
-from statistics import mean
 from typing import Final
 
-from adapters.recording import RecordingError, RunReader, Timed, read_timed
-from executive.commands import Mode, declaration_of
-from executive.geometry import Pose, wrap_rad
-from executive.recording import (
-    Call,
-    Called,
-    CarriedOut,
-    Drove,
-    Halted,
-    Life,
-    ModeChanged,
-    Observed,
-    Reported,
-    Served,
-    Truth,
+from adapters.recording import RecordingError, RunReader, read_timed
+from executive.commands import Mode
+from executive.geometry import Pose, Velocity, wrap_rad
+from executive.history import (
+    KINDS,
+    TRACK_KINDS,
+    HistoryBuilder,
+    MotionTracks,
+    PoseAt,
+    RunHistory,
+    TrackSource,
+    VelocityAt,
 )
-from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
-from executive.settings import LocomotionKind, Settings
-from executive.state import Joints, Odometry, SecondOdometry
+from executive.reports import Report, Severity, Stage
+from executive.settings import LocomotionKind
 from executive.zones import Zones
 from sim.drawing import (
-    COMMANDED,
-    ODOMETRY,
-    SECOND,
-    TRUTH,
-    WHEELS,
     CommandLane,
     Incident,
     Panel,
@@ -42,6 +33,8 @@ from sim.drawing import (
     as_png,
     as_svg,
     draw_run,
+    events_of,
+    lane_of,
 )
 
 SPEED_OVER_S: Final = 0.2
@@ -52,21 +45,6 @@ BOUND: Final = "bound"
 """The name of the figure that others are compared with."""
 SMALL_ROVER: Final = 0.5
 """How large a MOCUP is beside a Jackal."""
-_KINDS: Final = (
-    Odometry,
-    SecondOdometry,
-    Joints,
-    Served,
-    Drove,
-    Halted,
-    CarriedOut,
-    Reported,
-    ModeChanged,
-    Truth,
-)
-_SOURCES: Final = (ODOMETRY, SECOND, TRUTH)
-Sample = tuple[float, float, float]
-"""Time, travel speed in m/s, turn rate in rad/s."""
 
 
 def write_plot(recording: Path, path: Path) -> None:
@@ -90,167 +68,111 @@ def plot_of(recording: Path) -> RunPlot:
     Raises:
         RecordingError: the file cannot be used as a recording.
     """
-    reader = _Reader()
-    for each in read_timed(RunReader(recording), _KINDS):
-        reader.take(each)
-    return reader.plot(recording)
+    history, tracks = HistoryBuilder(lambda _: frozenset()), MotionTracks()
+    began_utc_s = end_utc_s = 0.0
+    for each in read_timed(RunReader(recording), (*KINDS, *TRACK_KINDS)):
+        began_utc_s = began_utc_s or each.utc_s
+        end_utc_s = max(end_utc_s, each.utc_s)
+        history.put(each.item)
+        tracks.put(each.item)
+    title = f"{recording.absolute().parent.name}/{recording.name}"
+    return _Plot(history.history(), tracks, began_utc_s, end_utc_s).plot(title)
 
 
-class _Reader:
-    def __init__(self) -> None:
-        self._settings: Settings | None = None
-        self._gone: list[tuple[float, float]] = []
-        self._last_s = 0.0
-        self._end_s = 0.0
-        self._ticks = 0
-        self._poses: dict[str, list[tuple[float, Pose]]] = {source: [] for source in _SOURCES}
-        self._commanded: list[Sample] = []
-        self._told: list[Sample] = []
-        self._wheels: list[Sample] = []
-        self._modes: list[tuple[float, Mode]] = []
-        self._served: dict[Identity, list[float]] = {}
-        self._names: dict[Identity, str] = {}
-        self._reports: list[tuple[float, Report]] = []
+class _Plot:
+    """Times of the plot are seconds since the beginning of the recording."""
 
-    def take(self, timed: Timed) -> None:
-        time_s = timed.time_s
-        self._end_s = max(self._end_s, time_s)
-        match timed.item:
-            case Life(settings=settings):
-                if self._settings is not None:
-                    self._gone.append((self._last_s, time_s))
-                self._settings = settings
-            case Called(call=call):
-                self._ticks += call is Call.TICK
-                self._last_s = time_s
-            case Observed(fact=fact):
-                match fact:
-                    case Odometry(pose=pose, velocity=speed):
-                        self._poses[ODOMETRY].append((time_s, pose))
-                        self._told.append((time_s, speed.travel_mps, speed.rotate_radps))
-                    case SecondOdometry(pose=pose):
-                        self._poses[SECOND].append((time_s, pose))
-                    case Joints():
-                        self._turned(time_s, fact)
-                    case _:
-                        pass
-            case Truth(pose=pose):
-                self._poses[TRUTH].append((time_s, pose))
-            case Drove(velocity=speed):
-                self._commanded.append((time_s, speed.travel_mps, speed.rotate_radps))
-            case Halted():
-                self._commanded.append((time_s, 0.0, 0.0))
-            case Served(command=command):
-                self._served.setdefault(command.identity, []).append(time_s)
-                self._names[command.identity] = declaration_of(type(command.request)).name
-            case Reported(report=report):
-                self._reports.append((time_s, report))
-            case ModeChanged(mode=mode):
-                self._modes.append((time_s, mode))
-            case _:
-                pass
+    def __init__(
+        self, history: RunHistory, tracks: MotionTracks, began_utc_s: float, end_utc_s: float
+    ) -> None:
+        self._history, self._tracks = history, tracks
+        self._began_utc_s, self._end_s = began_utc_s, end_utc_s - began_utc_s
+        self._track = tracks.poses[TrackSource.TRUTH] or tracks.poses[TrackSource.ODOMETRY]
+        self._absences = [
+            (self._since(begin_s), self._since(end_s)) for begin_s, end_s in history.absences
+        ]
 
-    def _turned(self, time_s: float, fact: Joints) -> None:
-        wheels = self._settings.sensors.joints if self._settings is not None else None
-        if wheels is None or not fact.left_radps or not fact.right_radps:
-            return
-        left_mps = wheels.wheel_radius_m * mean(fact.left_radps)
-        right_mps = wheels.wheel_radius_m * mean(fact.right_radps)
-        rotate_radps = (right_mps - left_mps) / wheels.track_m
-        self._wheels.append((time_s, (left_mps + right_mps) / 2, rotate_radps))
-
-    def plot(self, recording: Path) -> RunPlot:
-        settings = self._settings
+    def plot(self, name: str) -> RunPlot:
+        settings = self._tracks.settings
         small = settings is not None and settings.locomotion is LocomotionKind.WHOLE_MOTION
         asset = settings.asset if settings is not None else "a rover"
-        samples = {
-            COMMANDED: self._commanded,
-            WHEELS: self._wheels,
-            ODOMETRY: self._told,
-            SECOND: _speeds(self._poses[SECOND]),
-            TRUTH: _speeds(self._poses[TRUTH]),
+        velocities = self._tracks.velocities | {
+            source: _speeds(self._tracks.poses[source])
+            for source in (TrackSource.SECOND, TrackSource.TRUTH)
         }
+        worrying = (
+            each for each in self._history.reports if each.severity is not Severity.INFORMATIONAL
+        )
         return RunPlot(
-            title=f"{asset}: {recording.absolute().parent.name}/{recording.name}",
+            title=f"{asset}: {name}",
             end_s=self._end_s,
             figures=self._figures(),
-            tracks=self._tracks(),
-            commands=tuple(self._lane(each) for each in self._identities()),
-            events=self._events(),
-            modes=self._spans(),
-            panels=(_panel("speed", "m/s", samples, 1), _panel("turn rate", "rad/s", samples, 2)),
+            tracks=self._drawn(),
+            commands=tuple(self._lanes()),
+            events=events_of(worrying, self._time_of),
+            modes=self._modes(),
+            panels=(
+                self._panel("speed", "m/s", velocities),
+                self._panel("turn rate", "rad/s", velocities),
+            ),
             incidents=self._incidents(),
-            gone=tuple(self._gone),
+            gone=tuple(self._absences),
             zones=settings.zones if settings is not None else Zones(),
             scale=SMALL_ROVER if small else 1.0,
         )
 
+    def _since(self, utc_s: float) -> float:
+        return utc_s - self._began_utc_s
+
+    def _time_of(self, report: Report) -> float:
+        return self._since(report.utc_s)
+
     def _figures(self) -> tuple[str, ...]:
-        lines = [f"{self._end_s:.1f} s, {self._ticks} ticks"]
-        if self._gone:
-            lines.append(f"{1 + len(self._gone)} starts of the executive")
-        poses = self._poses[TRUTH] or self._poses[ODOMETRY]
+        lines = [f"{self._end_s:.1f} s"]
+        if self._absences:
+            lines.append(f"{1 + len(self._absences)} starts of the executive")
+        poses = [each.pose for each in self._track]
         if poses:
-            kept = [pose.point for _, pose in poses[:1]]
-            way_m = 0.0
-            for _, pose in poses:
-                step_m = pose.point.distance_m(kept[-1])
+            kept, way_m = poses[0].point, 0.0
+            for pose in poses:
+                step_m = pose.point.distance_m(kept)
                 if step_m >= 0.02:
                     way_m += step_m
-                    kept.append(pose.point)
-            end = poses[-1][1]
+                    kept = pose.point
+            end = poses[-1]
             lines.append(f"{way_m:.2f} m driven")
             turned = degrees(end.heading_rad)
             lines.append(f"at the end x {end.x_m:z.2f} y {end.y_m:z.2f}, {turned:z.0f}°")
         return tuple(lines)
 
-    def _tracks(self) -> tuple[Track, ...]:
+    def _drawn(self) -> tuple[Track, ...]:
         """Return the tracks, that of the second odometry turned to begin where the first does."""
-        tracks = {source: [pose for _, pose in found] for source, found in self._poses.items()}
-        if tracks[SECOND] and tracks[ODOMETRY]:
-            tracks[SECOND] = _beginning(tracks[SECOND], tracks[ODOMETRY][0])
+        tracks = {
+            source: [each.pose for each in found] for source, found in self._tracks.poses.items()
+        }
+        second, odometry = tracks[TrackSource.SECOND], tracks[TrackSource.ODOMETRY]
+        if second and odometry:
+            tracks[TrackSource.SECOND] = _beginning(second, odometry[0])
         return tuple(Track(source, tuple(poses)) for source, poses in tracks.items() if poses)
 
-    def _identities(self) -> list[Identity]:
-        reported = (report.identity for _, report in self._reports if report.kind is Kind.COMMAND)
-        return list(dict.fromkeys([*self._served, *(each for each in reported if each)]))
+    def _lanes(self) -> Iterator[CommandLane]:
+        lives, received = self._history.lives(), self._history.received
+        names = {each.identity: each.name for each in received}
+        for identity in dict.fromkeys([*names, *lives]):
+            sent_s = [self._since(each.utc_s) for each in received if each.identity == identity]
+            life = lives.get(identity)
+            title = f"{names.get(identity, 'command')} {identity}"
+            lane = lane_of(life, self._time_of, title, sent_s)
+            last = None if life is None else life.end or life.stages[-1]
+            yield replace(lane, figures=_measured(last) if last and last.reason else "")
 
-    def _lane(self, identity: Identity) -> CommandLane:
-        life = [
-            (time_s, report)
-            for time_s, report in self._reports
-            if report.identity == identity and report.stage is not None
-        ]
-        end = next((each for each in life if each[1].stage in TERMINAL), None)
-        _, last = end or (life[-1] if life else (0.0, None))
-        when = {report.stage: time_s for time_s, report in reversed(life)}
-        reason = "" if last is None or last.reason is None else last.reason.name
-        return CommandLane(
-            title=f"{self._names.get(identity, 'command')} {identity}",
-            sent_s=tuple(self._served.get(identity, ())),
-            received_s=when.get(Stage.RECEIVED),
-            started_s=when.get(Stage.STARTED),
-            ended_s=end[0] if end is not None else None,
-            last=last.stage if last is not None else None,
-            words=reason,
-            figures=_told(last) if reason and last is not None else "",
-        )
-
-    def _events(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
-        """Return what was reported as a warning or worse beside the commands."""
-        events: defaultdict[str, list[float]] = defaultdict(list)
-        for time_s, report in self._reports:
-            if report.kind is Kind.EVENT and report.severity is not Severity.INFORMATIONAL:
-                name = report.reason.name if report.reason is not None else report.text
-                events[name].append(time_s)
-        return tuple((name, tuple(times_s)) for name, times_s in events.items())
-
-    def _spans(self) -> tuple[tuple[Mode, float, float], ...]:
+    def _modes(self) -> tuple[tuple[Mode, float, float], ...]:
         """Return the modes, each until the next or until the executive was gone."""
-        ends_s = [*(begin_s for begin_s, _ in self._modes[1:]), self._end_s]
+        modes = [(self._since(each.utc_s), each.mode) for each in self._history.situations]
+        ends_s = [*(begin_s for begin_s, _ in modes[1:]), self._end_s]
         merged: list[tuple[Mode, float, float]] = []
-        for (begin_s, mode), next_s in zip(self._modes, ends_s, strict=False):
-            end_s = min([next_s, *(gone_s for gone_s, _ in self._gone if gone_s > begin_s)])
+        for (begin_s, mode), next_s in zip(modes, ends_s, strict=False):
+            end_s = min([next_s, *(gone_s for gone_s, _ in self._absences if gone_s > begin_s)])
             if merged and merged[-1][0] is mode and merged[-1][2] == begin_s:
                 begin_s = merged.pop()[1]
             merged.append((mode, begin_s, end_s))
@@ -258,19 +180,37 @@ class _Reader:
 
     def _incidents(self) -> tuple[Incident, ...]:
         """Return where commands failed, as the first of the tracks tells."""
-        poses = self._poses[TRUTH] or self._poses[ODOMETRY]
-        failed = {
-            report.identity: (time_s, report.reason.name)
-            for time_s, report in reversed(self._reports)
-            if report.stage is Stage.FAILED and report.reason is not None and poses
-        }
+        ends = (life.end for life in self._history.lives().values())
         return tuple(
-            Incident(min(poses, key=lambda each: abs(each[0] - time_s))[1], words)
-            for time_s, words in failed.values()
+            Incident(_nearest(self._track, end.utc_s), end.reason.name)
+            for end in ends
+            if end and end.stage is Stage.FAILED and end.reason is not None and self._track
         )
 
+    def _panel(
+        self, title: str, unit: str, velocities: dict[TrackSource, list[VelocityAt]]
+    ) -> Panel:
+        series = []
+        for source, samples in velocities.items():
+            times_s: list[float] = []
+            values: list[float] = []
+            for each in samples:
+                time_s, velocity = self._since(each.utc_s), each.velocity
+                if times_s and time_s - times_s[-1] > SILENT_S:
+                    times_s.append(times_s[-1])
+                    values.append(nan)
+                times_s.append(time_s)
+                values.append(velocity.travel_mps if unit == "m/s" else velocity.rotate_radps)
+            if samples:
+                series.append(Series(source, tuple(times_s), tuple(values)))
+        return Panel(title, unit, tuple(series))
 
-def _told(report: Report) -> str:
+
+def _nearest(track: Sequence[PoseAt], utc_s: float) -> Pose:
+    return min(track, key=lambda each: abs(each.utc_s - utc_s)).pose
+
+
+def _measured(report: Report) -> str:
     """Return the figures of a report up to their bound: what was measured, and against what."""
     figures = list(report.figures)
     bounds = [at for at, each in enumerate(figures) if each.name == BOUND]
@@ -278,37 +218,22 @@ def _told(report: Report) -> str:
     return ", ".join(f"{each.name} {each.value:.3g} {each.unit}".rstrip() for each in kept)
 
 
-def _panel(title: str, unit: str, samples: dict[str, list[Sample]], column: int) -> Panel:
-    series = []
-    for source, rows in samples.items():
-        times_s: list[float] = []
-        values: list[float] = []
-        for row in rows:
-            if times_s and row[0] - times_s[-1] > SILENT_S:
-                times_s.append(times_s[-1])
-                values.append(nan)
-            times_s.append(row[0])
-            values.append(row[column])
-        if rows:
-            series.append(Series(source, tuple(times_s), tuple(values)))
-    return Panel(title, unit, tuple(series))
-
-
-def _speeds(poses: list[tuple[float, Pose]]) -> list[Sample]:
+def _speeds(poses: Sequence[PoseAt]) -> list[VelocityAt]:
     """Return the speeds ahead and about from poses that are some time apart."""
-    kept = poses[:1]
+    kept = list(poses[:1])
     for each in poses:
-        if each[0] - kept[-1][0] >= SPEED_OVER_S - 1e-6:
+        if each.utc_s - kept[-1].utc_s >= SPEED_OVER_S - 1e-6:
             kept.append(each)
     found = []
-    for (begin_s, begin), (end_s, end) in pairwise(kept):
-        taken_s = end_s - begin_s
+    for one, other in pairwise(kept):
+        begin, end, taken_s = one.pose, other.pose, other.utc_s - one.utc_s
         if taken_s > SILENT_S:
             continue
         turned_rad = wrap_rad(end.heading_rad - begin.heading_rad)
         along_rad = begin.heading_rad + turned_rad / 2
         ahead_m = (end.x_m - begin.x_m) * cos(along_rad) + (end.y_m - begin.y_m) * sin(along_rad)
-        found.append(((begin_s + end_s) / 2, ahead_m / taken_s, turned_rad / taken_s))
+        velocity = Velocity(ahead_m / taken_s, turned_rad / taken_s)
+        found.append(VelocityAt((one.utc_s + other.utc_s) / 2, velocity))
     return found
 
 

@@ -25,7 +25,7 @@ from sim.scenario.strict import figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CommandLife:
+class ExpectedLife:
     """How a command lives.
 
     Attributes:
@@ -57,7 +57,7 @@ class CommandLife:
             return found
         return Finding(found.subject, found.expected, f"{found.seen}: {reports[-1].text}", False)
 
-    def _aspects(self, reports: list[Report], record: Record) -> Iterator[Finding]:
+    def _aspects(self, reports: Sequence[Report], record: Record) -> Iterator[Finding]:
         if self.answers is not None:
             answers = [sent.answer for sent in record.sendings if sent.label == self.command]
             yield _aspect(_answers(self.answers), _answers(answers))
@@ -212,7 +212,7 @@ class FileFetched:
         )
 
 
-CommandExpectation = CommandLife | Events | LinkTells | PlanIs | FileLife | FileList | FileFetched
+CommandExpectation = ExpectedLife | Events | LinkTells | PlanIs | FileLife | FileList | FileFetched
 
 
 def _aspect(expected: str, seen: str) -> Finding:

@@ -185,9 +185,9 @@ def _stands_while_held(record: Record) -> Finding:
 
 def figures_of(record: Record) -> Figures:
     """Return a run in figures."""
-    lives = [[report for report in life if report.stage] for life in record.lives().values()]
-    ends = [life[-1] for life in lives if life and life[-1].stage and life[-1].stage.terminal]
-    begun_s = [record.time_of(life[0]) for life in lives if life]
+    lives = record.lives().values()
+    ends = [life.end for life in lives if life.end is not None]
+    begun_s = [record.time_of(life.stages[0]) for life in lives]
     ended_s = [record.time_of(end) for end in ends]
     true = true_ends(record)
     began_s, detection_s = _began_s(record), _detection_s(record)

@@ -23,7 +23,8 @@ from executive.commands import (
     Waypoint,
 )
 from executive.geometry import Pose
-from executive.reports import TERMINAL, Identity, Kind, Report, Stage
+from executive.history import CommandLife
+from executive.reports import Identity, Stage
 from executive.settings import LocomotionKind
 from executive.state import Parameter
 from sim.drawing import (
@@ -34,6 +35,8 @@ from sim.drawing import (
     Span,
     draw_map,
     draw_timeline,
+    events_of,
+    lane_of,
     write_drawing,
 )
 from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
@@ -73,11 +76,12 @@ def drive_of(scenario: Scenario, record: Record) -> Drive:
     """Return what the map of a run shows."""
     poses = record.poses or [TruePose(0.0, scenario.world.start_pose)]
     small = scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION
-    lives = _lives(record)
+    lives = record.lives()
 
     def at(request: Requested, stage: Stage) -> Pose | None:
-        time_s = _time_of(record, lives.get(request.identity, ()), stage)
-        return None if time_s is None else _at(poses, time_s)
+        life = lives.get(request.identity)
+        report = None if life is None else life.at(stage)
+        return None if report is None else _at(poses, record.time_of(report))
 
     def where(kind: type, stage: Stage) -> tuple[Pose, ...]:
         found = (at(each, stage) for each in record.requested if isinstance(each.request, kind))
@@ -109,19 +113,14 @@ def drive_of(scenario: Scenario, record: Record) -> Drive:
 
 def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
     """Return what the timeline of a run shows."""
-    events: dict[str, list[float]] = {}
-    for report in {report.sequence: report for report in record.reports}.values():
-        if report.kind is Kind.EVENT:
-            name = report.reason.name if report.reason else report.text
-            events.setdefault(name, []).append(record.time_of(report))
-    lives = _lives(record)
+    lives = record.lives()
     identities = list(dict.fromkeys([*(sent.identity for sent in record.sendings), *lives]))
     return RunTimeline(
         title=scenario.title,
         end_s=record.simulated_s,
-        commands=tuple(_lane(record, each, lives.get(each, ())) for each in identities),
+        commands=tuple(_lane(record, each, lives.get(each)) for each in identities),
         faults=tuple(_faults(scenario, record)),
-        events=tuple((name, tuple(times_s)) for name, times_s in events.items()),
+        events=events_of({each.sequence: each for each in record.reports}.values(), record.time_of),
         modes=tuple(_modes(record)),
         speeds=tuple(
             (end.time_s, start.pose.point.distance_m(end.pose.point) / (end.time_s - start.time_s))
@@ -134,20 +133,6 @@ def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
             if isinstance(entry, Eclipse) and (begin_s := record.moment(entry)) is not None
         ),
     )
-
-
-def _lives(record: Record) -> dict[Identity, list[Report]]:
-    """Return the reports on the stages of each command."""
-    staged = {
-        identity: [report for report in life if report.stage]
-        for identity, life in record.lives().items()
-    }
-    return {identity: life for identity, life in staged.items() if life}
-
-
-def _time_of(record: Record, life: Sequence[Report], stage: Stage) -> float | None:
-    """Return when a command first reached a stage."""
-    return next((record.time_of(report) for report in life if report.stage is stage), None)
 
 
 def _at(poses: Sequence[TruePose], time_s: float) -> Pose:
@@ -185,14 +170,13 @@ def _incidents(scenario: Scenario, record: Record) -> Iterator[tuple[float, str]
     untrue = {end.label: end.wrong.split(", of ")[0] for end in true_ends(record) if end.wrong}
     for span in _faults(scenario, record):
         yield span.begin_s, span.name
-    for identity, life in _lives(record).items():
-        label, last = record.label(identity), life[-1]
-        executed_s = _time_of(record, life, Stage.EXECUTED)
-        if last.stage is Stage.FAILED:
-            reason = f": {last.reason.name}" if last.reason else ""
-            yield record.time_of(last), f"{label} FAILED{reason}"
-        elif executed_s is not None and label in untrue:
-            yield executed_s, f"{label} EXECUTED, but {untrue[label]}"
+    for identity, life in record.lives().items():
+        label, end = record.label(identity), life.end
+        if end is not None and end.stage is Stage.FAILED:
+            reason = f": {end.reason.name}" if end.reason else ""
+            yield record.time_of(end), f"{label} FAILED{reason}"
+        elif end is not None and end.stage is Stage.EXECUTED and label in untrue:
+            yield record.time_of(end), f"{label} EXECUTED, but {untrue[label]}"
 
 
 def _faults(scenario: Scenario, record: Record) -> Iterator[Span]:
@@ -219,22 +203,11 @@ def _faults(scenario: Scenario, record: Record) -> Iterator[Span]:
                 pass
 
 
-def _lane(record: Record, identity: Identity, life: Sequence[Report]) -> CommandLane:
-    last = life[-1] if life else None
+def _lane(record: Record, identity: Identity, life: CommandLife | None) -> CommandLane:
     sent = [each for each in record.sendings if each.identity == identity]
-    words = ", ".join(dict.fromkeys(each.answer.value for each in sent)) if last is None else ""
-    if last is not None and last.reason is not None:
-        words = last.reason.name
-    ended = last is not None and last.stage in TERMINAL
-    return CommandLane(
-        title=record.label(identity),
-        sent_s=tuple(each.time_s for each in sent),
-        received_s=_time_of(record, life, Stage.RECEIVED),
-        started_s=_time_of(record, life, Stage.STARTED),
-        ended_s=record.time_of(last) if last is not None and ended else None,
-        last=last.stage if last is not None else None,
-        words=words,
-    )
+    answers = ", ".join(dict.fromkeys(each.answer.value for each in sent))
+    sent_s = [each.time_s for each in sent]
+    return lane_of(life, record.time_of, record.label(identity), sent_s, answers)
 
 
 def _modes(record: Record) -> Iterator[tuple[Mode, float, float]]:

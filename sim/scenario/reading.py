@@ -271,7 +271,7 @@ def check(scenario: Scenario) -> None:
                 _known(label, commands, f"{path}.repeat")
             case model.Inject(inject=fault) if why := lacking(type(fault), parts):
                 raise FormatError(f"{path}.inject", f"{why} ({scenario.settings.asset})")
-            case of_commands.CommandLife(command=label):
+            case of_commands.ExpectedLife(command=label):
                 _known(label, commands, f"{path}.command")
             case of_commands.FileFetched(fetched=label):
                 _known(label, fetched, f"{path}.fetched")

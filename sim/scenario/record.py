@@ -9,6 +9,7 @@ from typing import Final, TypeVar
 
 from executive.commands import Mode, Request
 from executive.geometry import Pose
+from executive.history import CommandLife, RunHistory
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.state import FileEvent, Parameter, ParameterValue
 from executive.zones import Seen
@@ -298,27 +299,17 @@ class Record:
         labels = (sent.label for sent in self.sendings if sent.identity == identity)
         return next(labels, str(identity))
 
-    def life(self, label: str) -> list[Report]:
-        """Return the reports on the life of a command, each once, in order."""
+    def life(self, label: str) -> tuple[Report, ...]:
+        """Return the reports of the stages of a command, each once, in order."""
         identity = self.identity(label)
-        if identity is None:
-            return []
-        found = {
-            report.sequence: report
-            for report in self.reports
-            if report.stage and report.identity == identity
-        }
-        return [found[sequence] for sequence in sorted(found)]
+        life = None if identity is None else self.lives().get(identity)
+        return () if life is None else life.stages
 
-    def lives(self) -> dict[Identity, list[Report]]:
-        """Return the reports on each command that was reported on, each once, in order."""
-        found: dict[Identity, list[Report]] = {}
+    def lives(self) -> dict[Identity, CommandLife]:
+        """Return what became of each command that was reported on."""
         once = {report.sequence: report for report in self.reports}
-        for sequence in sorted(once):
-            report = once[sequence]
-            if report.identity is not None:
-                found.setdefault(report.identity, []).append(report)
-        return found
+        reports = tuple(once[sequence] for sequence in sorted(once))
+        return RunHistory(self.start_utc_s, reports).lives()
 
     def moment(self, timed: Timed) -> float | None:
         """Return when something is or was to be, or None while that is not known.

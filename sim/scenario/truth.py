@@ -16,8 +16,9 @@ from typing import Final
 from executive.commands import Arc, Line, Motion, Reference, Request, Stop, Turn
 from executive.commands.intake import SOURCE_PREFIX
 from executive.geometry import Point, Pose, wrap_rad
+from executive.history import CommandLife
 from executive.record import Ledger, Synchronous
-from executive.reports import Identity, Report, Stage
+from executive.reports import Report, Stage
 from executive.state import Parameter
 from sim.scenario.record import ALMOST_S, Finding, Record, Requested, TruePose
 
@@ -73,12 +74,13 @@ def true_ends(record: Record) -> list[TrueEnd]:
     requests = {each.identity: each.request for each in record.requested}
     ends = []
     for identity, life in record.lives().items():
-        if not any(report.stage is Stage.EXECUTED for report in life):
+        executed = life.at(Stage.EXECUTED)
+        if executed is None:
             continue
         if identity in requests:
-            ends.append(_true_end(record, identity, life, requests[identity]))
+            ends.append(_true_end(record, life, executed, requests[identity]))
         elif identity.source.startswith(SOURCE_PREFIX):
-            wrong, end_s = "asked for what is not known", record.time_of(life[-1])
+            wrong, end_s = "asked for what is not known", record.time_of(executed)
             ends.append(TrueEnd(str(identity), end_s, wrong=wrong, seen=False))
     return [end for end in ends if end is not None]
 
@@ -155,16 +157,14 @@ def way_m(poses: Iterable[TruePose]) -> float:
 
 
 def _true_end(
-    record: Record, identity: Identity, life: Sequence[Report], request: Request
+    record: Record, life: CommandLife, executed: Report, request: Request
 ) -> TrueEnd | None:
-    label, poses = record.label(identity), record.poses
-    times_s = {report.stage: record.time_of(report) for report in reversed(life)}
-    end_s = times_s[Stage.EXECUTED]
+    label, poses, end_s = record.label(life.identity), record.poses, record.time_of(executed)
     if isinstance(request, Stop):
         return _stopped(poses, label, end_s)
     if not isinstance(request, Motion):
         return None
-    first = _index(poses, times_s.get(Stage.STARTED, end_s))
+    first = _index(poses, record.time_of(life.at(Stage.STARTED) or executed))
     last = _index(poses, end_s)
     if first is None or last is None:
         return _unseen(label, end_s)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.scenario.expect_commands import CommandLife
+from sim.scenario.expect_commands import ExpectedLife
 from sim.scenario.live import play_in, scene_of
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.outcome import judge
@@ -23,7 +23,7 @@ LATER_S = 6.0
 def patient(scenario: Scenario) -> Scenario:
     """Return a scenario in which commands may take their time, to which lock step holds them."""
     expected = (
-        replace(each, within_s=None) if isinstance(each, CommandLife) else each
+        replace(each, within_s=None) if isinstance(each, ExpectedLife) else each
         for each in scenario.expect
     )
     return replace(scenario, lasts_s=scenario.lasts_s + LATER_S, expect=tuple(expected))

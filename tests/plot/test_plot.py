@@ -9,8 +9,9 @@ from PIL import Image
 
 from adapters.recording import RunFile
 from executive.commands import Mode
+from executive.history import TrackSource
 from executive.reports import Stage
-from sim.drawing import COMMANDED, ODOMETRY, TRUTH, WHEELS, draw_run
+from sim.drawing import draw_run
 from sim.plot import plot_of
 from sim.plot.commands import plot
 from sim.scenario.changes import Change
@@ -50,7 +51,7 @@ def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> 
     assert [name for name, _ in shown.events] == ["WHEELS_OFF_COMMAND", "POSE_UNCERTAIN"]
     assert Mode.STOPPED in {mode for mode, _, _ in shown.modes}
     speed, turn = shown.panels
-    assert {each.source for each in speed.series} == {COMMANDED, WHEELS, ODOMETRY, TRUTH}
+    assert {each.source for each in speed.series} == set(TrackSource) - {TrackSource.SECOND}
     for each in speed.series:
         assert 0.9 < max(each.values) < 1.1, each.source
     assert {"speed, m/s", "turn rate, rad/s", first.figures} <= words(draw_run(shown))

@@ -1,0 +1,100 @@
+"""Where a rover was over a run, and how fast it was commanded and said to go, by each source."""
+
+from dataclasses import dataclass
+from enum import Enum
+from statistics import mean
+from typing import Final
+
+from executive.geometry import Pose, Velocity
+from executive.recording import Drove, Entry, Halted, Item, Life, Observed, Truth
+from executive.settings import Settings
+from executive.state import Joints, Odometry, SecondOdometry
+
+
+class TrackSource(Enum):
+    """Who tells where the rover is or how fast it goes."""
+
+    COMMANDED = "commanded"
+    ODOMETRY = "odometry"
+    WHEELS = "wheels"
+    SECOND = "second odometry"
+    TRUTH = "true"
+
+
+@dataclass(frozen=True, slots=True)
+class PoseAt:
+    """A pose, and when; seconds since 1970-01-01 UTC."""
+
+    utc_s: float
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityAt:
+    """A velocity, and when; seconds since 1970-01-01 UTC."""
+
+    utc_s: float
+    velocity: Velocity
+
+
+KINDS: Final = (Odometry, SecondOdometry, Joints, Drove, Halted, Truth)
+"""The kinds of items and facts that are of use, beside lives and entries."""
+
+
+class MotionTracks:
+    """A tape that keeps all poses and velocities of a run.
+
+    Attributes:
+        settings: of the asset, as the last start of the executive had them; None before the first.
+        poses: of odometry, second odometry and truth; each in a frame of its own.
+        velocities: commanded, of the odometry and of the wheels.
+    """
+
+    def __init__(self) -> None:
+        self.settings: Settings | None = None
+        self.poses: dict[TrackSource, list[PoseAt]] = {
+            source: [] for source in (TrackSource.ODOMETRY, TrackSource.SECOND, TrackSource.TRUTH)
+        }
+        self.velocities: dict[TrackSource, list[VelocityAt]] = {
+            source: []
+            for source in (TrackSource.COMMANDED, TrackSource.WHEELS, TrackSource.ODOMETRY)
+        }
+        self._utc_s = self._apart_s = 0.0
+
+    def put(self, item: Item) -> None:
+        """Take the next item."""
+        if isinstance(item, Entry):
+            self._utc_s, self._apart_s = item.utc_s, item.utc_s - item.now_s
+        match item:
+            case Life(settings=settings):
+                self.settings = settings
+            case Observed(fact=Odometry(pose=pose, velocity=velocity)):
+                self._was(TrackSource.ODOMETRY, pose)
+                self._went(TrackSource.ODOMETRY, velocity)
+            case Observed(fact=SecondOdometry(pose=pose)):
+                self._was(TrackSource.SECOND, pose)
+            case Observed(fact=Joints() as joints):
+                self._rolled(joints)
+            case Truth(time_s=time_s, pose=pose):
+                self.poses[TrackSource.TRUTH].append(PoseAt(time_s + self._apart_s, pose))
+            case Drove(velocity=velocity):
+                self._went(TrackSource.COMMANDED, velocity)
+            case Halted():
+                self._went(TrackSource.COMMANDED, Velocity())
+            case _:
+                pass
+
+    def _was(self, source: TrackSource, pose: Pose) -> None:
+        self.poses[source].append(PoseAt(self._utc_s, pose))
+
+    def _went(self, source: TrackSource, velocity: Velocity) -> None:
+        self.velocities[source].append(VelocityAt(self._utc_s, velocity))
+
+    def _rolled(self, joints: Joints) -> None:
+        wheels = None if self.settings is None else self.settings.sensors.joints
+        if wheels is None or not joints.left_radps or not joints.right_radps:
+            return
+        left_mps = wheels.wheel_radius_m * mean(joints.left_radps)
+        right_mps = wheels.wheel_radius_m * mean(joints.right_radps)
+        rotate_radps = (right_mps - left_mps) / wheels.track_m
+        self._went(TrackSource.WHEELS, Velocity((left_mps + right_mps) / 2, rotate_radps))
