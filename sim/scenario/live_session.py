@@ -15,14 +15,24 @@ from typing import Any, Final, TypeVar
 
 from adapters.mal import MalError
 from adapters.mrs.ground import FileNews, MrsClient, Stream, TransferError
-from adapters.mrs.spec import Notification, ParameterValue, PlanUpdate, describe_error
+from adapters.mrs.spec import (
+    AreaError,
+    Notification,
+    ParameterValue,
+    PlanUpdate,
+    describe_error,
+    mode_of,
+    plan_update_of,
+    report_of,
+    rover_values_of,
+    utc_s_of,
+)
 from adapters.system import OPERATING_SYSTEM, System
 from adapters.video import JpegStream
 from executive.commands import Command
 from executive.state import FileEvent, FileEventKind
 from sim.ros.faults import FaultClient
 from sim.rover.faults import Fault, LinkLost, fault_declaration
-from sim.scenario import from_wire
 from sim.scenario.model import (
     Ask,
     Cargo,
@@ -213,13 +223,14 @@ class LiveSession:
         try:
             await self._client.submit(command)
         except MalError as error:
-            return from_wire.answer(error)
+            known = error.number == AreaError.DUPLICATE.value
+            return Answer.DUPLICATE if known else Answer.REFUSED
         return Answer.ADMITTED
 
     async def _asked(self, label: str) -> Asked:
         if self._client is None:
             return Asked(label, (), ())
-        values = from_wire.parameter_values(await self._client.get_value())
+        values = rover_values_of(await self._client.get_value())
         direct = self._mode is PlayMode.DIRECT
         files = await self._client.list_files() if direct else ()
         return Asked(label, self._record.heard(values), tuple(file.path for file in files))
@@ -243,18 +254,18 @@ class Listening:
         client, record = self._client, self._record
 
         def on_report(notification: Notification) -> None:
-            record.reports.append(from_wire.report(notification))
+            record.reports.append(report_of(notification))
             self._on_news()
 
         def on_value(value: ParameterValue) -> None:
-            record.values += record.heard(from_wire.parameter_values([value]))
+            record.values += record.heard(rover_values_of([value]))
 
         def on_file(news: FileNews) -> None:
             kind = FileEventKind(news.event.value)
             record.file_events.append(FileEvent(kind, news.file.path))
 
         def on_plan(update: PlanUpdate) -> None:
-            record.plans.append(from_wire.plan_update(update))
+            record.plans.append(plan_update_of(update))
 
         self._start(_each(self._notifications, on_report))
         self._start(_each(await client.telemetry(), on_value))
@@ -268,9 +279,9 @@ class Listening:
         record, client = self._record, self._client
         since = max((report.sequence for report in record.reports), default=0) + 1
         while past := await client.get_notifications(since):
-            record.reports += map(from_wire.report, past)
+            record.reports += map(report_of, past)
             since = past[-1].sequence + 1
-        record.plans += map(from_wire.plan_update, await client.get_plan_status())
+        record.plans += map(plan_update_of, await client.get_plan_status())
         told = {news.path for news in record.file_events}
         there = [file.path for file in await client.list_files()]
         record.file_events += [
@@ -296,9 +307,9 @@ class Listening:
     async def _look(self) -> None:
         while True:
             status = await self._client.get_status()
-            mode = from_wire.mode(status.mode)
+            mode = mode_of(status.mode)
             if mode is not None:
-                seen_s = self._record.since_start_s(from_wire.utc_s(status.timestamp))
+                seen_s = self._record.since_start_s(utc_s_of(status.timestamp))
                 self._record.modes.append(SeenMode(seen_s, mode))
             await asyncio.sleep(LOOK_S)
 

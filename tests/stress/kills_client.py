@@ -19,11 +19,18 @@ from adapters.mrs.ground import MrsClient, TransferError, parse_address
 from adapters.mrs.ground.file_retrieval import SILENT
 from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.ground.session import Session
-from adapters.mrs.spec import LINK, AreaError, Notification, header_of, invocation, supplements_of
+from adapters.mrs.spec import (
+    LINK,
+    AreaError,
+    Notification,
+    header_of,
+    invocation,
+    report_of,
+    supplements_of,
+)
 from adapters.mrs.terms import CLEAR
 from executive.commands.catalogue import Command, Stop
 from executive.reports import Identity
-from sim.scenario import from_wire
 from tests.stress.command_generator import SOURCE, random_command
 from tests.stress.kills_journal import Answer, Answered, Fetched, Fetching, Sent, View, Way
 
@@ -86,7 +93,7 @@ class Listener:
         try:
             while page := await self._page(consumer, way, since):
                 for notification in page:
-                    self._view.hear(from_wire.report(notification), way)
+                    self._view.hear(report_of(notification), way)
                 since = page[-1].sequence + 1
         except (MalError, ConnectionError):
             return  # the link was lost, or the broker has not heard of the rover yet
@@ -107,7 +114,7 @@ class Listener:
         asset = header.keyValues[0].value if header.keyValues else None
         if asset is None or asset.value != ASSET:
             return
-        self._view.hear(from_wire.report(notification), Way.BROKER)
+        self._view.hear(report_of(notification), Way.BROKER)
         if self._view.complete_to < self._view.newest:
             self._gap.set()
 

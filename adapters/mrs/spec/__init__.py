@@ -3,6 +3,13 @@
 It opens no connection. `tree_updates` needs `trees` and is imported late.
 """
 
+from adapters.mrs.spec.core_values import (
+    mode_of,
+    plan_update_of,
+    report_of,
+    rover_values_of,
+    utc_s_of,
+)
 from adapters.mrs.spec.errors import (
     AreaError,
     describe_error,
@@ -13,7 +20,7 @@ from adapters.mrs.spec.errors import (
     require_few,
     with_text,
 )
-from adapters.mrs.spec.histories import history_of, report_of, wire_history
+from adapters.mrs.spec.histories import history_of, wire_history
 from adapters.mrs.spec.housekeeping import (
     ABOARD_HOUSEKEEPING,
     CONSOLE,
@@ -180,22 +187,26 @@ __all__ = [
     "is_valid_notification",
     "is_valid_value",
     "look_up",
+    "mode_of",
     "motion_of",
     "mrs_specification",
     "notification_keys",
     "notification_of",
     "parameter_value",
+    "plan_update_of",
     "pose",
     "refused",
     "report_of",
     "reported_uncertainty",
     "require_few",
+    "rover_values_of",
     "service_id",
     "speeds",
     "supplements_of",
     "to_ns",
     "uncertainty_figures",
     "usage_figures",
+    "utc_s_of",
     "wire_definition",
     "wire_history",
     "wire_preview",

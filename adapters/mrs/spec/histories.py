@@ -2,16 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 from adapters.mrs.spec import types
-from adapters.mrs.spec.mapping import LONGEST_TEXT, NS_PER_S, notification_of, to_ns
+from adapters.mrs.spec.core_values import REASONS, identity_of, report_of, utc_s_of
+from adapters.mrs.spec.mapping import LONGEST_TEXT, notification_of, to_ns
 from executive.commands import Arrival, Mode
 from executive.history import Declined, Fastest, LeafRun, ReceivedCommand, RunHistory, Situation
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Identity, Kind, Report, Severity, Stage
-
-_REASONS: Final = {each.value: each for each in Reason}
+from executive.reasons import Figure, Refusal
+from executive.reports import Identity, Report
 
 
 def wire_history(history: RunHistory) -> types.History:
@@ -69,23 +67,23 @@ def history_of(history: types.History) -> RunHistory:
     What has one always, a command that was declined, is left out then.
     """
     return RunHistory(
-        until_utc_s=_seconds(history.until),
+        until_utc_s=utc_s_of(history.until),
         reports=tuple(map(_report_of, history.reports)),
         received=tuple(map(_received_of, history.asked)),
         declined=tuple(
             Declined(
                 Identity(each.source, each.commandId),
-                _seconds(each.timestamp),
-                Refusal(_REASONS[each.code], each.text, _figures_of(each.figures)),
+                utc_s_of(each.timestamp),
+                Refusal(REASONS[each.code], each.text, _figures_of(each.figures)),
             )
             for each in history.declined
-            if each.code in _REASONS
+            if each.code in REASONS
         ),
         situations=tuple(
             Situation(
-                _seconds(each.timestamp),
+                utc_s_of(each.timestamp),
                 Mode(each.mode.value),
-                _identity(each.activeSource, each.activeCommandId),
+                identity_of(each.activeSource, each.activeCommandId),
                 each.why,
             )
             for each in history.situations
@@ -94,8 +92,8 @@ def history_of(history: types.History) -> RunHistory:
         leaves=tuple(
             LeafRun(
                 each.path,
-                _seconds(each.began),
-                None if each.ended is None else _seconds(each.ended),
+                utc_s_of(each.began),
+                None if each.ended is None else utc_s_of(each.ended),
                 each.message or "",
             )
             for each in history.leaves
@@ -104,29 +102,7 @@ def history_of(history: types.History) -> RunHistory:
             Fastest(Identity(each.source, each.commandId), each.speed, each.allowed)
             for each in history.fastest
         ),
-        slowing=frozenset(_REASONS[each] for each in history.slowing if each in _REASONS),
-    )
-
-
-def report_of(notification: types.Notification) -> Report:
-    """Return a notification as a report, whose figures have no units and whose link is unknown."""
-    stage = notification.stage
-    return Report(
-        sequence=notification.sequence,
-        utc_s=_seconds(notification.timestamp),
-        kind=Kind(notification.kind.value),
-        severity=Severity(notification.severity.value),
-        text=notification.text or "",
-        identity=_identity(notification.source, notification.commandId),
-        stage=None if stage is None else Stage(stage.value),
-        step=notification.step,
-        step_count=notification.stepCount,
-        reason=_REASONS.get(notification.code or 0),
-        figures=tuple(
-            Figure(each.name, each.value.value)
-            for each in notification.parameters or ()
-            if each.value is not None and isinstance(each.value.value, float)
-        ),
+        slowing=frozenset(REASONS[each] for each in history.slowing if each in REASONS),
     )
 
 
@@ -144,7 +120,7 @@ def _wire_report(report: Report) -> types.PastReport:
 def _report_of(past: types.PastReport) -> Report:
     return replace(
         report_of(past.notification),
-        identity=_identity(past.source, past.commandId),
+        identity=identity_of(past.source, past.commandId),
         link=past.link,
         figures=_figures_of(past.figures),
     )
@@ -172,9 +148,9 @@ def _received_of(asked: types.AskedCommand) -> ReceivedCommand:
         asked.text,
         asked.name,
         asked.link,
-        _seconds(asked.timestamp),
+        utc_s_of(asked.timestamp),
         Arrival.REPLACE if asked.replaces else Arrival.APPEND,
-        None if created_ns is None else _seconds(created_ns),
+        None if created_ns is None else utc_s_of(created_ns),
         asked.lifetime,
     )
 
@@ -188,11 +164,3 @@ def _wire_figures(figures: Sequence[Figure]) -> tuple[types.FigureWithUnit, ...]
 
 def _figures_of(figures: Sequence[types.FigureWithUnit]) -> tuple[Figure, ...]:
     return tuple(Figure(each.name, each.value, each.unit or "") for each in figures)
-
-
-def _identity(source: str | None, number: int | None) -> Identity | None:
-    return None if source is None or number is None else Identity(source, number)
-
-
-def _seconds(time_ns: int) -> float:
-    return time_ns / NS_PER_S

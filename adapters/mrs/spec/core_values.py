@@ -1,0 +1,75 @@
+"""What came over the MRS, as values of the core: reports, parameters, plans, modes."""
+
+from collections.abc import Iterable
+from typing import Final
+
+from adapters.mrs.spec import types
+from adapters.mrs.spec.mapping import NS_PER_S
+from executive.commands import Mode
+from executive.reasons import Figure, Reason
+from executive.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
+from executive.state import Parameter, ParameterValue
+
+REASONS: Final = {each.value: each for each in Reason}
+_NAMES: Final = {each.value for each in Parameter}
+
+
+def report_of(notification: types.Notification) -> Report:
+    """Return a notification as a report, whose figures have no units and whose link is unknown."""
+    stage = notification.stage
+    return Report(
+        sequence=notification.sequence,
+        utc_s=utc_s_of(notification.timestamp),
+        kind=Kind(notification.kind.value),
+        severity=Severity(notification.severity.value),
+        text=notification.text or "",
+        identity=identity_of(notification.source, notification.commandId),
+        stage=None if stage is None else Stage(stage.value),
+        step=notification.step,
+        step_count=notification.stepCount,
+        reason=REASONS.get(notification.code or 0),
+        figures=tuple(
+            Figure(each.name, each.value.value)
+            for each in notification.parameters or ()
+            if each.value is not None and isinstance(each.value.value, float)
+        ),
+    )
+
+
+def rover_values_of(values: Iterable[types.ParameterValue]) -> list[ParameterValue]:
+    """Return those values that are of the rover, not of its links; None is what is not valid."""
+    return [_parameter_value(each) for each in values if each.name in _NAMES]
+
+
+def _parameter_value(value: types.ParameterValue) -> ParameterValue:
+    known = value.value if value.validity is types.Validity.VALID else None
+    figure = None if known is None else float(known.value)
+    return ParameterValue(Parameter(value.name), utc_s_of(value.timestamp), figure)
+
+
+def plan_update_of(update: types.PlanUpdate) -> PlanUpdate:
+    """Return how far a plan has come."""
+    return PlanUpdate(
+        update.planId,
+        PlanStatus(update.status.value),
+        utc_s_of(update.timestamp),
+        update.node or "",
+        update.done or 0,
+        update.total or 0,
+        update.text or "",
+    )
+
+
+def mode_of(mode: types.AssetMode) -> Mode | None:
+    """Return the mode aboard, or None where nobody is."""
+    return None if mode is types.AssetMode.OFFLINE else Mode(mode.value)
+
+
+def identity_of(source: str | None, number: int | None) -> Identity | None:
+    """Return an identity; None where a part of it is missing."""
+    return None if source is None or number is None else Identity(source, number)
+
+
+def utc_s_of(time_ns: int) -> float:
+    """Return seconds since 1970-01-01 UTC of a MAL time."""
+    return time_ns / NS_PER_S
