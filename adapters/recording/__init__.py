@@ -3,11 +3,11 @@
 from adapters.recording.background import BackgroundTape
 from adapters.recording.completion import complete
 from adapters.recording.container import RecordingError
-from adapters.recording.frames import frames
 from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
 from adapters.recording.run_file import PROFILE, SUFFIX, RunFile, RunReader
 from adapters.recording.run_history import read_history
+from adapters.recording.tables import frames
 from adapters.recording.timed import Timed, read_timed
 from adapters.recording.tree import RecordedTree
 

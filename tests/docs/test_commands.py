@@ -239,7 +239,7 @@ def test_python_commands_a_rover(desk: Desk) -> None:
 
 @pytest.mark.ros
 def test_python_of_a_notebook(desk: Desk) -> None:
-    page = CHECKOUT / "docs" / "notebook.md"
+    page = CHECKOUT / "docs" / "python-api.md"
     commanding, reading = blocks(page, "python")
     assert "\nTrue\n" in printed(commanding, desk)
     for line in lines(page):
