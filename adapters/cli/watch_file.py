@@ -8,7 +8,7 @@ import click
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from adapters.recording import History, Moment
+from adapters.recording import Moment, RecordedMoments
 from trees import Look
 from trees.screen import STYLES, drawn
 
@@ -32,9 +32,9 @@ def show_moment(path: Path, at: str) -> None:
         RecordingError: the file cannot be used as a recording.
         click.UsageError: there is no such moment.
     """
-    history = History(path)
-    moment = history.moments[_index(history, path, at)]
-    Console(highlight=False).print(_shown(history, moment, None))
+    recorded = RecordedMoments(path)
+    moment = recorded.moments[_index(recorded, path, at)]
+    Console(highlight=False).print(_shown(recorded, moment, None))
 
 
 def browse(path: Path, at: str) -> None:
@@ -44,13 +44,13 @@ def browse(path: Path, at: str) -> None:
         RecordingError: the file cannot be used as a recording.
         click.UsageError: there is no such moment.
     """
-    history = History(path)
-    index = _index(history, path, at)
+    recorded = RecordedMoments(path)
+    index = _index(recorded, path, at)
     console = Console(highlight=False)
-    last = len(history.moments) - 1
+    last = len(recorded.moments) - 1
     with console.screen() as screen:
         while True:
-            shown = _shown(history, history.moments[index], console.height - _LONGEST - 8)
+            shown = _shown(recorded, recorded.moments[index], console.height - _LONGEST - 8)
             screen.update(Group(shown, Text(), Text(KEYS, "dim")))
             key = click.getchar()
             if key == "q":
@@ -58,18 +58,18 @@ def browse(path: Path, at: str) -> None:
             if key in _STEPS:
                 index = min(max(index + _STEPS[key], 0), last)
             elif key in _EVENTS:
-                index = history.next_event(index, _EVENTS[key])
+                index = recorded.next_event(index, _EVENTS[key])
             elif key in _SECONDS:
-                index = history.index_at(history.moments[index].time_s + _SECONDS[key])
+                index = recorded.index_at(recorded.moments[index].time_s + _SECONDS[key])
             elif key in "gG":
                 index = 0 if key == "g" else last
 
 
-def _index(history: History, path: Path, at: str) -> int:
+def _index(recorded: RecordedMoments, path: Path, at: str) -> int:
     try:
-        return history.index_at(float(at))
+        return recorded.index_at(float(at))
     except ValueError:
-        index = history.index_of(at)
+        index = recorded.index_of(at)
     if index is None:
         raise click.UsageError(
             f"--at {at}: {path} has no such command and no such reason; give seconds since its"
@@ -78,13 +78,13 @@ def _index(history: History, path: Path, at: str) -> int:
     return index
 
 
-def _shown(history: History, moment: Moment, height: int | None) -> RenderableType:
+def _shown(recorded: RecordedMoments, moment: Moment, height: int | None) -> RenderableType:
     notes = {path: f"since {since_s:.2f} s" for path, since_s in moment.since_s.items()}
     place = "no odometry"
     if moment.pose is not None:
         turned = degrees(moment.pose.heading_rad)
         place = f"x {moment.pose.x_m:z.2f} y {moment.pose.y_m:z.2f} m, {turned:z.0f}°"
-    end_s = history.moments[-1].time_s
+    end_s = recorded.moments[-1].time_s
     lines = [Text(f"{moment.time_s:.2f} of {end_s:.2f} s   {place}", "bold")]
     lines += [
         Text(f"{each.identity}  {each.stage.name if each.stage else ''}  {each.text}")
@@ -95,5 +95,5 @@ def _shown(history: History, moment: Moment, height: int | None) -> RenderableTy
         for each in moment.told
         if each not in moment.commands
     ]
-    tree = drawn(history.asset, moment.snapshot, height, notes)
+    tree = drawn(recorded.asset, moment.snapshot, height, notes)
     return Group(*lines, Text(), tree, Text(_SIGNS, "dim"))

@@ -5,7 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TypeVar
 
-from adapters.recording import History, Moment
+from adapters.recording import Moment, RecordedMoments
 from executive.reports import Report
 from trees import COLOURS, branches, line, looks
 
@@ -21,11 +21,11 @@ def write_page(recording: Path, page: Path) -> None:
         RecordingError: the file cannot be used as a recording.
         OSError: the page cannot be written.
     """
-    history = History(recording)
+    recorded = RecordedMoments(recording)
     trees: list[list[Row]] = []
     commands: list[list[tuple[str, ...]]] = []
     moments = []
-    for moment in history.moments:
+    for moment in recorded.moments:
         pose = moment.pose
         moments.append(
             {
@@ -39,7 +39,7 @@ def write_page(recording: Path, page: Path) -> None:
             }
         )
     run = {
-        "title": f"{history.asset}: {recording.absolute().parent.name}/{recording.name}",
+        "title": f"{recorded.asset}: {recording.absolute().parent.name}/{recording.name}",
         "looks": {look.value: edge for look, (_, edge) in COLOURS.items()},
         "trees": trees,
         "commands": commands,

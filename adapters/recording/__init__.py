@@ -3,8 +3,8 @@
 from adapters.recording.background import BackgroundTape
 from adapters.recording.completion import complete
 from adapters.recording.container import RecordingError
-from adapters.recording.history import History, Moment
 from adapters.recording.messages import decode
+from adapters.recording.moments import Moment, RecordedMoments
 from adapters.recording.run_file import PROFILE, SUFFIX, RunFile, RunReader
 from adapters.recording.run_history import read_history
 from adapters.recording.tables import frames
@@ -15,8 +15,8 @@ __all__ = [
     "PROFILE",
     "SUFFIX",
     "BackgroundTape",
-    "History",
     "Moment",
+    "RecordedMoments",
     "RecordedTree",
     "RecordingError",
     "RunFile",

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64, String
 
-from adapters.recording import History, RecordingError, RunReader, read_timed
+from adapters.recording import RecordedMoments, RecordingError, RunReader, read_timed
 from adapters.ros.context import ros_node
 from adapters.ros.conversions import (
     ODOM,
@@ -105,7 +105,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    history = History(recording)
+    recorded = RecordedMoments(recording)
     settings = _settings_of(recording)
     store = get_typestore(Stores.ROS2_JAZZY)
     parameters = config_folder() / f"{settings.asset}.ros.yaml"
@@ -115,7 +115,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     counts: dict[str, int] = {}
     with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         connections: dict[str, Any] = {}
-        for each in _merged(converter, recording, history):
+        for each in _merged(converter, recording, recorded):
             if each.topic not in connections:
                 connections[each.topic] = bag.add_connection(
                     each.topic,
@@ -128,8 +128,10 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
     return counts
 
 
-def _merged(converter: "_Converter", recording: Path, history: History) -> Iterator[Stamped]:
-    items, trees = converter.items(recording), converter.trees(history)
+def _merged(
+    converter: "_Converter", recording: Path, recorded: RecordedMoments
+) -> Iterator[Stamped]:
+    items, trees = converter.items(recording), converter.trees(recorded)
     try:
         for stamped in merge(items, trees, key=lambda stamped: stamped.utc_s):
             if not 0.0 <= stamped.utc_s < MAX_UTC_S:
@@ -222,10 +224,10 @@ class _Converter:
                 case _:
                     pass
 
-    def trees(self, history: History) -> Iterator[Stamped]:
+    def trees(self, recorded: RecordedMoments) -> Iterator[Stamped]:
         """Yield a message for each tick that changed the tree or the mode."""
         sent: Snapshot | None = None
-        for moment in history.moments:
+        for moment in recorded.moments:
             now = moment.snapshot
             if sent is None or (sent.nodes, sent.mode, sent.why) != (now.nodes, now.mode, now.why):
                 sent = now

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from adapters.cli import watch_file
 from adapters.cli.watch import watch
-from adapters.recording import History, Moment
+from adapters.recording import Moment, RecordedMoments
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
 from trees import Look, looks
 
@@ -21,8 +21,8 @@ def typed(*arguments: object) -> Result:
 
 
 def test_a_moment_has_its_tree_its_place_and_its_commands(stuck: Path) -> None:
-    history = History(stuck)
-    moment = history.moments[history.index_at(1.5)]
+    recorded = RecordedMoments(stuck)
+    moment = recorded.moments[recorded.index_at(1.5)]
     assert round(moment.time_s, 2) == 1.5
     seen = dict(
         zip([n.name for n in moment.snapshot.nodes], looks(moment.snapshot.nodes), strict=True)
@@ -60,9 +60,9 @@ def test_keys_step_and_go_to_reports(stuck: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(click, "getchar", lambda: next(keys))
     look = watch_file._shown
 
-    def keep(history: History, moment: Moment, height: int | None) -> object:
+    def keep(recorded: RecordedMoments, moment: Moment, height: int | None) -> object:
         shown.append(round(moment.time_s, 2))
-        return look(history, moment, height)
+        return look(recorded, moment, height)
 
     monkeypatch.setattr(watch_file, "_shown", keep)
     watch_file.browse(stuck, "0.5")
@@ -80,9 +80,9 @@ def test_the_page_holds_the_whole_run_and_needs_no_network(stuck: Path, tmp_path
     text = page.read_text()
     begin = text.index('id="run">') + len('id="run">')
     run = json.loads(text[begin : text.index("</script>", begin)])
-    history = History(stuck)
+    recorded = RecordedMoments(stuck)
     assert [each["time_s"] for each in run["moments"]] == [
-        round(each.time_s, 3) for each in history.moments
+        round(each.time_s, 3) for each in recorded.moments
     ]
     assert all(len(run["trees"][each["tree"]]) > 30 for each in run["moments"])
     ended = run["commands"][run["moments"][-1]["commands"]]

@@ -15,9 +15,10 @@ from tests.stress.recording_readers import Reader, ReaderFault
 FEW = 8
 SEED = "1"
 OPENS = re.compile(
-    r"from adapters\.recording import .*\b(History|RunReader|frames|read_history|read_timed)\b"
+    r"from adapters\.recording import .*\b(RecordedMoments|RunReader|read_history|read_timed)\b"
 )
 ATTACKED = {
+    "adapters/api/__init__.py",
     "adapters/calibration/drive_log.py",
     "adapters/cli/history_options.py",
     "adapters/cli/watch_file.py",
@@ -26,7 +27,7 @@ ATTACKED = {
     "adapters/ros/bag.py",
     "sim/plot/recorded.py",
 }
-"""What opens recordings, beside the replay and the tables: `READERS` call each of them."""
+"""What opens recordings, beside the replay: `READERS` call what each of them calls."""
 
 
 @pytest.fixture(scope="module")

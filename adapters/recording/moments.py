@@ -44,7 +44,7 @@ class Moment:
     told: tuple[Report, ...]
 
 
-class History:
+class RecordedMoments:
     """All moments of a recording.
 
     Args:
