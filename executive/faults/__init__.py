@@ -10,7 +10,6 @@ from executive.faults.fault_declaration import (
     Then,
     When,
 )
-from executive.faults.fault_section import plain_table, read_table
 from executive.faults.fault_table import DECLARED, FaultTable
 
 __all__ = [
@@ -24,6 +23,4 @@ __all__ = [
     "Row",
     "Then",
     "When",
-    "plain_table",
-    "read_table",
 ]

@@ -7,7 +7,7 @@ from typing import Final
 
 from executive.reasons import Reason
 
-_ANGLE: Final = {"angle": True, "least": -1e10, "most": 1e10}
+_ANGLE: Final = {"angle": True}
 
 
 @unique

@@ -39,6 +39,7 @@ from executive.settings.prediction_settings import (
 from executive.settings.settings_files import (
     SettingsError,
     config_folder,
+    faults_of,
     load_yaml,
     named_file,
     names_in,
@@ -47,6 +48,15 @@ from executive.settings.settings_files import (
     require_above_zero,
     structure,
     unstructure,
+)
+from executive.settings.strict_reader import (
+    FormatError,
+    StrictReader,
+    angle,
+    figure,
+    hint,
+    in_degrees,
+    shown,
 )
 
 __all__ = [
@@ -57,6 +67,7 @@ __all__ = [
     "Controller",
     "DriveLimits",
     "End",
+    "FormatError",
     "ImuSettings",
     "JointsSettings",
     "LaserSettings",
@@ -76,12 +87,18 @@ __all__ = [
     "Settings",
     "SettingsError",
     "Slip",
+    "StrictReader",
     "TurnDrive",
     "VideoSettings",
     "Way",
     "YawResponse",
+    "angle",
     "config_folder",
     "curved_m",
+    "faults_of",
+    "figure",
+    "hint",
+    "in_degrees",
     "load_settings",
     "load_yaml",
     "named_file",
@@ -89,6 +106,7 @@ __all__ = [
     "parse_yaml",
     "read_yaml",
     "require_above_zero",
+    "shown",
     "structure",
     "unstructure",
 ]

@@ -6,18 +6,16 @@ one error, `SettingsError`, names the file, the key and what would be right.
 
 import os
 import re
-from dataclasses import fields
-from enum import Enum, EnumMeta
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import yaml
-from cattrs import Converter, transform_error
-from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
-from cattrs.v import format_exception
 
-from executive.faults import FaultTable, plain_table, read_table
+from executive.faults import FaultTable
+from executive.settings.strict_reader import FormatError, StrictReader
 
 T = TypeVar("T")
 
@@ -53,27 +51,44 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
     Raises:
         SettingsError: a key is unknown, missing, or of the wrong kind.
     """
-    try:
-        return _converter().structure(raw, kind)
-    except BaseValidationError as error:
-        faults = "; ".join(transform_error(error, path=origin, format_exception=_fault))
-        raise SettingsError(faults) from error
+    with faults_of(origin):
+        return _reader().read(raw, kind)
 
 
 def unstructure(value: object) -> object:
     """Return the plain data that `structure` makes a value of."""
-    return _converter().unstructure(value)
+    return _reader().plain(value)
+
+
+@contextmanager
+def faults_of(origin: object) -> Iterator[None]:
+    """Make data that does not fit an error that names its file.
+
+    Raises:
+        SettingsError: data does not fit.
+    """
+    try:
+        yield
+    except FormatError as error:
+        raise SettingsError(f"{origin}: {error}") from error
 
 
 @cache
-def _converter() -> Converter:
-    """Return the converter, which compiles code for each dataclass that it meets first."""
-    converter = Converter(forbid_extra_keys=True)
-    converter.register_structure_hook(float, _number)
-    converter.register_structure_hook(FaultTable, lambda raw, _: read_table(raw))
-    converter.register_unstructure_hook(FaultTable, plain_table)
-    converter.register_structure_hook_func(lambda made: isinstance(made, EnumMeta), _choice)
-    return converter
+def _reader() -> StrictReader:
+    """Return the reader of settings, which compiles code for each dataclass that it meets first."""
+    faults = StrictReader({})  # the figures of a row have the units of its fault
+    return StrictReader(
+        {FaultTable: lambda raw: faults.overlay(FaultTable(), raw, "")},
+        {FaultTable: lambda table: _without_none(faults.plain(table))},
+        units=True,
+    )
+
+
+def _without_none(rows: dict[str, dict[str, object]]) -> dict[str, dict[str, object]]:
+    return {
+        name: {key: value for key, value in row.items() if value is not None}
+        for name, row in rows.items()
+    }
 
 
 class _Loader(yaml.CSafeLoader):
@@ -223,27 +238,3 @@ def named_file(kind: str, name: str, folder: Path) -> Path:
 def names_in(folder: Path) -> list[str]:
     """Return the names of the YAML files in a folder; `jackal.ros.yaml` is not one of them."""
     return sorted(path.stem for path in folder.glob("*.yaml") if "." not in path.stem)
-
-
-def _fault(error: BaseException, kind: type | None) -> str:
-    """Return what is wrong: in our words, where the check is ours."""
-    if isinstance(error, ForbiddenExtraKeysError):
-        wrong = ", ".join(map(repr, sorted(error.extra_fields)))
-        known = ", ".join(field.name for field in fields(error.cl))
-        return f"unknown key {wrong}; known are {known}"
-    if type(error) is ValueError and kind is not int:
-        return str(error)
-    return format_exception(error, kind)
-
-
-def _choice(raw: object, kind: type[Enum]) -> Enum:
-    for choice in kind:
-        if choice.value == raw:
-            return choice
-    raise ValueError(f"{raw!r} is none of {', '.join(str(choice.value) for choice in kind)}")
-
-
-def _number(raw: object, _: type) -> float:
-    if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise ValueError(f"expected a number, got {raw!r}")
-    return float(raw)

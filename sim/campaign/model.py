@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import isfinite, prod
 from typing import Final
 
+from executive.settings import figure
 from sim.campaign.where import EVERYWHERE, Where
-from sim.scenario.strict import figure
 
 MOST_RUNS: Final = 10_000_000
 

@@ -12,7 +12,15 @@ from typing import Any, Final
 
 import yaml
 
-from executive.settings import SettingsError, config_folder, load_yaml
+from executive.settings import (
+    FormatError,
+    SettingsError,
+    StrictReader,
+    angle,
+    config_folder,
+    faults_of,
+    load_yaml,
+)
 from sim.campaign import draws, runs
 from sim.campaign.draws import INJECT, fault_change
 from sim.campaign.model import (
@@ -40,7 +48,6 @@ from sim.campaign.where import Where, require_key
 from sim.scenario.changes import NO_FAULT, Change
 from sim.scenario.model import PlayMode
 from sim.scenario.reading import SUFFIXES, load_scenario, path_of
-from sim.scenario.strict import FormatError, StrictReader, angle
 
 MOST_COMBINATIONS: Final = 1_000_000
 _NAME: Final = re.compile(r"[A-Za-z_][\w-]*")
@@ -76,14 +83,12 @@ def load_campaign(name: str, runs: int | None = None) -> Campaign:
     """
     path = campaign_path(name)
     raw = load_yaml(path)
-    try:
+    with faults_of(path):
         campaign = _campaign(raw, path.parent)
         if runs is not None:
             campaign = replace(campaign, runs=runs)
         _check_hold(campaign)
         _check_scenarios(campaign)
-    except FormatError as error:
-        raise SettingsError(f"{path}: {error}") from error
     return campaign
 
 

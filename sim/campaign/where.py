@@ -4,10 +4,9 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, Final
 
-from sim.scenario.strict import in_degrees
+from executive.settings import hint, in_degrees
 
 _TERM: Final = re.compile(r"\s*([\w./-]+)\s*(==|!=|<=|>=|<|>)\s*(\S(?:.*\S)?)\s*")
 _AND: Final = re.compile(r"\s+and\s+")
@@ -115,9 +114,8 @@ def require_key(key: str, known: Sequence[str]) -> None:
         ValueError: it is not; the text names near misses and all there are.
     """
     if key not in known:
-        near = get_close_matches(key, known, 1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
-        raise ValueError(f"no {key!r} is known of a run{hint}; known are {', '.join(known)}")
+        near = hint(key, known)
+        raise ValueError(f"no {key!r} is known of a run{near}; known are {', '.join(known)}")
 
 
 def _value(text: str) -> str | float:

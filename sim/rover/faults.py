@@ -7,13 +7,12 @@ follow from these declarations; `sim.rover.body`, `jackal` and `mocup` give them
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
-from difflib import get_close_matches
 from enum import Enum, unique
 from math import pi, radians
 from typing import Any, Final, TypeVar, assert_never, dataclass_transform
 
 from executive.commands import Argument, Within, argument, arguments_of, record, within
-from executive.settings import LocomotionKind, Sensor, Sensors, Settings
+from executive.settings import LocomotionKind, Sensor, Sensors, Settings, hint, in_degrees
 
 F = TypeVar("F", bound="Fault")
 
@@ -502,15 +501,6 @@ def written(fault: Fault) -> dict[str, dict[str, float | bool | str]]:
     }
 
 
-def hint(name: object, known: Mapping[str, object]) -> str:
-    """Return the nearest name among those that are known, in brackets; nothing if none is."""
-    near = get_close_matches(str(name), known, 1)
-    return f" (did you mean {near[0]}?)" if near else ""
-
-
-_DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
-
-
 def _value(raw: object, parameter: Argument) -> Value:
     if parameter.kind is bool:
         if not isinstance(raw, bool):
@@ -522,9 +512,9 @@ def _value(raw: object, parameter: Argument) -> Value:
         except ValueError as error:
             sides = ", ".join(side.value for side in Side)
             raise ValueError(f"{raw!r} is none of {sides}") from error
-    degrees = _DEGREES.fullmatch(raw.strip()) if isinstance(raw, str) else None
-    if degrees and parameter.unit.startswith("rad"):
-        raw = radians(float(degrees[1]))
+    if isinstance(raw, str) and parameter.unit.startswith("rad"):
+        angle_rad = in_degrees(raw)
+        raw = raw if angle_rad is None else angle_rad
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         angle = " (radians, or degrees as 90deg)" if parameter.unit.startswith("rad") else ""
         raise ValueError(f"expected a number{angle}, got {raw!r}")

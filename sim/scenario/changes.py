@@ -5,11 +5,9 @@ What is changed is checked as strictly as what is written.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, Final
 
-from executive.settings import SettingsError, parse_yaml
-from sim.scenario.strict import FormatError, shown
+from executive.settings import FormatError, SettingsError, hint, parse_yaml, shown
 
 _TIMELINE: Final = ("command", "inject", "crash")
 ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", *_TIMELINE)
@@ -100,9 +98,8 @@ def _changed(
 
 
 def _unknown(key: str) -> str:
-    near = get_close_matches(key.partition(".")[0], ROOTS, 1)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return f"no key {key!r} can be changed{hint}; a key begins with one of {', '.join(ROOTS)}"
+    near = hint(key.partition(".")[0], ROOTS)
+    return f"no key {key!r} can be changed{near}; a key begins with one of {', '.join(ROOTS)}"
 
 
 def _replaced(raw: Any, path: Sequence[str], value: Any) -> Any:

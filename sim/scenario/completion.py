@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 from typing import Any
 
-from executive.settings import config_folder, load_settings, names_in
+from executive.settings import StrictReader, config_folder, load_settings, names_in
 from sim.rover import World
 from sim.rover.jackal import OdometrySettings
 from sim.scenario.reading import scenario_folder
-from sim.scenario.strict import StrictReader
 
 
 def scenario_names(begun: str) -> list[str]:

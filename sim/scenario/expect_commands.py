@@ -9,6 +9,7 @@ from zlib import crc32
 
 from executive.reasons import Reason
 from executive.reports import Kind, PlanStatus, Report, Severity, Stage
+from executive.settings import figure
 from executive.state import FileEventKind
 from sim.scenario.record import (
     ALMOST_S,
@@ -21,7 +22,6 @@ from sim.scenario.record import (
     Timed,
     joined,
 )
-from sim.scenario.strict import figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,9 +13,9 @@ from typing import Final
 
 from executive.commands import Mode
 from executive.geometry import wrap_rad
+from executive.settings import angle, figure
 from executive.state import Parameter
 from sim.scenario.record import NEVER, Finding, HeardValue, Lasting, Record, Timed, TruePose
-from sim.scenario.strict import angle, figure
 
 SHORTEST_S: Final = 0.001
 """A while that is needed lasts at least so long."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum, unique
 
 from executive.commands import Request, declaration_of
-from executive.settings import Settings
+from executive.settings import Settings, figure
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG
 from sim.rover.faults import Fault
@@ -16,7 +16,6 @@ from sim.rover.jackal import OdometrySettings
 from sim.scenario.expect_commands import CommandExpectation
 from sim.scenario.expect_rover import SHORTEST_S, RoverExpectation
 from sim.scenario.record import Timed
-from sim.scenario.strict import figure
 
 
 @unique

@@ -22,13 +22,16 @@ from executive.commands import (
 from executive.commands.intake import SOURCE_PREFIX
 from executive.plans import FORMAT
 from executive.settings import (
+    FormatError,
     LocomotionKind,
     Settings,
     SettingsError,
+    StrictReader,
     config_folder,
     load_settings,
     load_yaml,
     named_file,
+    shown,
 )
 from sim.rover import World, load_world
 from sim.rover.faults import Fault, LinkLost, Part, lacking, parts_of, read_fault, read_kind
@@ -40,7 +43,6 @@ from sim.scenario import model
 from sim.scenario.changes import Change, changed
 from sim.scenario.model import Ask, Entry, Expectation, Fetch, PlayMode, Repeat, Scenario, Send
 from sim.scenario.record import After, Lasting, Timed
-from sim.scenario.strict import FormatError, StrictReader, shown
 
 SUFFIXES: Final = (".yaml", ".yml")
 OPERATIONS: Final = {each.name: each for each in declared()}

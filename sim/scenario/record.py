@@ -11,9 +11,9 @@ from executive.commands import Mode, Request
 from executive.geometry import Pose
 from executive.history import CommandLife, RunHistory
 from executive.reports import Identity, PlanUpdate, Report, Stage
+from executive.settings import figure
 from executive.state import FileEvent, Parameter, ParameterValue
 from executive.zones import Seen
-from sim.scenario.strict import figure
 
 _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
 

@@ -51,7 +51,10 @@ def read(zones: dict[str, Any]) -> Zones:
         ([[0, 0], [2, 0], [1, 0]], "zone 'bed' crosses itself"),
         ([[0, 0, 0], [1, 0], [0, 1]], "is no corner, [x, y] within 10000 m"),
         ([[0, 0], [1e9, 0], [0, 1]], "is no corner"),
-        ([[0, 0], [1, 0], [0, "b"]], "expected a number, got 'b' @ rover.yaml.keep_out[0].corners"),
+        (
+            [[0, 0], [1, 0], [0, "b"]],
+            ": keep_out[0].corners_m[2][1]: expected a number, got 'b'",
+        ),
     ],
 )
 def test_a_zone_that_is_none_is_refused(zone: list[Any], said: str) -> None:
@@ -69,7 +72,7 @@ def test_names_and_sizes_are_checked() -> None:
         ({"rocks": [rock | {"name": " "}]}, "' ' is no name"),
         ({"rocks": [rock | {"x_m": 1e6}]}, "does not lie within"),
         ({"margin_m": -1}, "margin_m -1 is not in 0 .. 100"),
-        ({"keepout": []}, "unknown key 'keepout'; known are keep_in, keep_out, rocks"),
+        ({"keepout": []}, "(did you mean keep_out?); known are keep_in, keep_out, rocks"),
     ):
         with pytest.raises(SettingsError) as refused:
             read(wrong)

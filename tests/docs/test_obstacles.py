@@ -6,7 +6,7 @@ from pathlib import Path
 from textwrap import dedent
 
 from executive.commands import MoveForward, MoveTo, Waypoint
-from executive.faults import Then, read_table
+from executive.faults import FaultTable, Then
 from executive.reports import Stage
 from executive.settings import LaserSettings, Settings, parse_yaml, structure
 from executive.zones import Footprint, Zones
@@ -51,6 +51,6 @@ def test_the_rows_of_faults_are_some() -> None:
     assert found
     said = parse_yaml(dedent(found[0]), PAGE.name)
     assert isinstance(said, dict)
-    table = read_table(said["faults"])
+    table = structure(said["faults"], FaultTable, "the page")
     assert (table.obstacle_near.below, table.obstacle_ahead.within_s) == (1.5, 0.3)
     assert table.laser_silent.then is Then.WARN

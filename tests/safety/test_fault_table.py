@@ -5,7 +5,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.faults import DECLARED, Clears, FaultTable, Then, read_table
+from executive.faults import DECLARED, Clears, FaultTable, Then
 from executive.reasons import Reason
 from executive.safety import MONITORS
 from executive.settings import (
@@ -56,7 +56,7 @@ def test_a_row_says_only_what_differs() -> None:
         ({"battery_low": {"then": "panic"}}, "none of ignore, warn, slow_down, pause, stop, safe"),
         ({"battery_low": {"for": -1}}, "-1 is not in 0 .. 60 s"),
         ({"battery_low": 22}, "expected keys and values"),
-        ([], "expected the names of faults"),
+        ([], "faults: expected keys and values, got []"),
     ],
 )
 def test_what_no_row_can_say_is_refused(faults: object, said: str) -> None:
@@ -98,10 +98,11 @@ def test_every_figure_is_within_what_its_fault_allows_or_refused(name: str, valu
     if bound is None:
         return
     if bound.low <= value <= bound.high:
-        assert getattr(read_table({name: {key: value}}), name).bound == value
+        table = structure({name: {key: value}}, FaultTable, "rover.yaml")
+        assert getattr(table, name).bound == value
     else:
-        with pytest.raises(ValueError, match=rf"^{name}\.{key}: "):
-            read_table({name: {key: value}})
+        with pytest.raises(SettingsError, match=rf"^rover.yaml: .*{name}\.{key}: "):
+            structure({name: {key: value}}, FaultTable, "rover.yaml")
 
 
 @pytest.mark.parametrize("asset", names_in(config_folder()))

@@ -10,13 +10,18 @@ from typing import Any
 import pytest
 
 from executive.commands import MoveForward, RotateBy
-from executive.settings import SecondOdometrySettings, Sensor, SettingsError, load_settings
+from executive.settings import (
+    SecondOdometrySettings,
+    Sensor,
+    SettingsError,
+    StrictReader,
+    load_settings,
+)
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
 from sim.scenario.changes import Change
 from sim.scenario.model import Clear, Crash, Inject, PlayMode, Scenario, Send
 from sim.scenario.reading import load_scenario
-from sim.scenario.strict import StrictReader
 
 FILE = """
 title: T
@@ -148,7 +153,7 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
 @pytest.mark.parametrize(
     ("change", "blamed"),
     [
-        ("sed=3", "no key 'sed' can be changed (did you mean 'seed'?)"),
+        ("sed=3", "no key 'sed' can be changed (did you mean seed?)"),
         ("seed.x=3", "no key 'seed.x' can be changed"),
         ("title=Other", "no key 'title' can be changed"),
         ("seed=-1", "seed: -1 is below 0"),

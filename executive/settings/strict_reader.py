@@ -1,12 +1,13 @@
-"""Plain YAML data into dataclasses, strictly: an error tells every fault, with the path of its key.
+"""Plain YAML data into dataclasses, strictly: an error lists every fault with the path of its key.
 
-A key is the name of its field without the unit: `x_m` is written `x`. An angle, or an angle a
-second, may be written in degrees. One of several dataclasses is told by its own first field.
+A key is the name of its field: `x_m`, or `x` for a reader without units. An angle, or an angle per
+second, may be written in degrees. One of several dataclasses is recognised by its first field.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field, fields, is_dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import Field, field, fields, is_dataclass
+from difflib import get_close_matches
 from enum import Enum, EnumMeta
 from math import inf, radians
 from types import GenericAlias, NoneType, UnionType
@@ -20,13 +21,20 @@ from cattrs import (
     IterableValidationError,
     IterableValidationNote,
 )
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+from cattrs.gen import (
+    make_dict_structure_fn,
+    make_dict_unstructure_fn,
+    make_mapping_structure_fn,
+    override,
+)
 
 T = TypeVar("T")
 
 _UNIT: Final = re.compile(r"(?<!_per)_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|kg)$")
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
+MANY: Final = 30
+"""More keys than these are not listed where a near one is named."""
 _WORDS: Final = {str: "a text", int: "a whole number", bool: "true or false"}
 
 
@@ -59,23 +67,39 @@ class FormatError(ValueError):
 
 
 class StrictReader:
-    """Makes values of dataclasses."""
+    """Makes values of dataclasses, and plain data of them.
 
-    def __init__(self, special: Mapping[Any, Callable[[Any], Any]]) -> None:
+    Args:
+        special: reads each of these types, in place of what its type says.
+        plain: writes values of each of these classes.
+        units: whether keys carry the units of their fields.
+    """
+
+    def __init__(
+        self,
+        special: Mapping[Any, Callable[[Any], Any]],
+        plain: Mapping[type, Callable[[Any], Any]] | None = None,
+        *,
+        units: bool = False,
+    ) -> None:
+        self._key = str if units else _without_unit
         self._converter = made = Converter(forbid_extra_keys=True)
         for kind in _WORDS:
             made.register_structure_hook(kind, _scalar)
         made.register_structure_hook(float, _number)
         made.register_structure_hook_factory(is_dataclass, self._dataclass_hook)
         made.register_unstructure_hook_factory(
-            is_dataclass, lambda kind: make_dict_unstructure_fn(kind, made, **_keys(kind))
+            is_dataclass, lambda kind: make_dict_unstructure_fn(kind, made, **self._keys(kind))
         )
         made.register_structure_hook_func(_is_tuple, self._list)
+        made.register_structure_hook_factory(_is_dict, self._dict_hook)
         made.register_structure_hook_func(lambda kind: isinstance(kind, EnumMeta), _choice)
         made.register_structure_hook_func(_is_one_of, self._one_of)
         made.register_structure_hook_func(
             lambda kind: kind in special, lambda raw, kind: special[kind](raw)
         )
+        for kind, written in (plain or {}).items():
+            made.register_unstructure_hook(kind, written)
 
     def read(self, raw: object, kind: type[T], path: str = "") -> T:
         """Return a value of a type.
@@ -86,7 +110,7 @@ class StrictReader:
         try:
             return self._converter.structure(raw, kind)
         except (BaseValidationError, ValueError) as error:
-            first, *more = _faults(error, path)
+            first, *more = self._faults(error, path)
             raise FormatError(*first, *more) from error
 
     def overlay(self, base: T, raw: object, path: str) -> T:
@@ -106,7 +130,7 @@ class StrictReader:
 
     def _dataclass_hook(self, kind: Any) -> Callable[[Any, Any], Any]:
         of_mapping = make_dict_structure_fn(
-            kind, self._converter, _cattrs_forbid_extra_keys=True, **_keys(kind)
+            kind, self._converter, _cattrs_forbid_extra_keys=True, **self._keys(kind)
         )
 
         def read(raw: Any, _: Any) -> Any:
@@ -114,7 +138,7 @@ class StrictReader:
                 return raw
             made = of_mapping(_mapping(raw), kind)
             for each in fields(kind):
-                _check_bounds(_key(each.name), getattr(made, each.name), each.metadata)
+                _check_bounds(self._key(each.name), getattr(made, each.name), each.metadata)
             return made
 
         return read
@@ -125,46 +149,72 @@ class StrictReader:
         many: Any = GenericAlias(list, get_args(kind)[:1])
         return tuple(self._converter.structure(raw, many))
 
+    def _dict_hook(self, kind: Any) -> Callable[[Any, Any], Any]:
+        of_mapping = make_mapping_structure_fn(kind, self._converter)
+        return lambda raw, _: of_mapping(_mapping(raw), kind)
+
     def _one_of(self, raw: Any, kinds: Any) -> Any:
-        tags = {_key(next(iter(kind.__annotations__))): kind for kind in get_args(kinds)}
+        tags = {self._key(next(iter(kind.__annotations__))): kind for kind in get_args(kinds)}
         found = [tag for tag in tags if tag in _mapping(raw)]
         if len(found) != 1:
             said = f"not {' and '.join(found)} together" if found else f"in {shown(raw)}"
             raise ValueError(f"one of {', '.join(tags)} is needed, {said}")
         return self._converter.structure(raw, tags[found[0]])
 
+    def _keys(self, kind: Any) -> dict[str, Any]:
+        """Return how each field of a dataclass is written."""
+        return {
+            each.name: override(
+                rename=self._key(each.name),
+                struct_hook=_angle if _is_angle(each) else None,
+            )
+            for each in fields(kind)
+        }
+
+    def _faults(self, error: BaseException, path: str) -> Iterator[tuple[str, str]]:
+        """Yield each fault with the path of its key."""
+        match error:
+            case ForbiddenExtraKeysError():
+                known = [self._key(each.name) for each in fields(error.cl)]
+                yield path, _unknown(error.extra_fields, known)
+            case ClassValidationError() | IterableValidationError():
+                noted, bare = error.group_exceptions()
+                for inner, note in noted:
+                    if isinstance(note, IterableValidationNote):
+                        yield from self._faults(inner, _joined(path, note.index))
+                    elif isinstance(inner, KeyError):
+                        yield path, f"key {self._key(note.name)!r} is missing"
+                    else:
+                        yield from self._faults(inner, _joined(path, self._key(note.name)))
+                for inner in bare:
+                    yield from self._faults(inner, path)
+            case FormatError():
+                for inside, text in error.faults:
+                    yield _joined(path, inside), text
+            case _:
+                yield path, str(error)
+
 
 def _is_tuple(kind: Any) -> bool:
     return get_origin(kind) is tuple
+
+
+def _is_dict(kind: Any) -> bool:
+    return get_origin(kind) is dict
 
 
 def _is_one_of(kind: Any) -> bool:
     return isinstance(kind, UnionType) and NoneType not in get_args(kind)
 
 
-def _faults(error: BaseException, path: str) -> Iterator[tuple[str, str]]:
-    """Yield each fault with the path of its key."""
-    match error:
-        case ForbiddenExtraKeysError():
-            known = ", ".join(_key(each.name) for each in fields(error.cl)) or "none"
-            unknown = ", ".join(map(shown, error.extra_fields))
-            yield path, f"unknown key {unknown}; known are {known}"
-        case ClassValidationError() | IterableValidationError():
-            noted, bare = error.group_exceptions()
-            for inner, note in noted:
-                if isinstance(note, IterableValidationNote):
-                    yield from _faults(inner, f"{path}[{note.index}]")
-                elif isinstance(inner, KeyError):
-                    yield path, f"key {_key(note.name)!r} is missing"
-                else:
-                    yield from _faults(inner, f"{path}.{_key(note.name)}".removeprefix("."))
-            for inner in bare:
-                yield from _faults(inner, path)
-        case FormatError():
-            for inside, text in error.faults:
-                yield ".".join(filter(None, (path, inside))), text
-        case _:
-            yield path, str(error)
+def _is_angle(each: Field[Any]) -> bool:
+    return each.name.endswith(_ANGLES) or "angle" in each.metadata
+
+
+def _joined(path: str, key: str | int) -> str:
+    if isinstance(key, int):
+        return f"{path}[{key}]"
+    return ".".join(filter(None, (path, key)))
 
 
 def _check_bounds(key: str, value: Any, bounds: Mapping[Any, Any]) -> None:
@@ -183,19 +233,22 @@ def _merged(base: Any, changes: Any) -> Any:
     return {**base, **{key: _merged(base.get(key), value) for key, value in changes.items()}}
 
 
-def _key(name: str) -> str:
+def _without_unit(name: str) -> str:
     return _UNIT.sub("", name)
 
 
-def _keys(kind: Any) -> dict[str, Any]:
-    """Return how each field of a dataclass is written."""
-    return {
-        each.name: override(
-            rename=_key(each.name),
-            struct_hook=_angle if each.name.endswith(_ANGLES) or "angle" in each.metadata else None,
-        )
-        for each in fields(kind)
-    }
+def hint(name: object, known: Iterable[str]) -> str:
+    """Return the nearest of the known names in brackets; empty if none is near."""
+    near = get_close_matches(str(name), known, 1)
+    return f" (did you mean {near[0]}?)" if near else ""
+
+
+def _unknown(keys: Collection[str], known: Sequence[str]) -> str:
+    near = {shown(key): hint(key, known) for key in sorted(keys, key=str)}
+    text = "unknown key " + ", ".join(key + found for key, found in near.items())
+    if all(near.values()) and len(known) > MANY:
+        return text
+    return f"{text}; known are {', '.join(known) or 'none'}"
 
 
 def shown(raw: object) -> str:
@@ -214,10 +267,10 @@ def _mapping(raw: object) -> Mapping[Any, Any]:
 
 
 def _choice(raw: object, kind: type[Enum]) -> Enum:
-    for member in kind:
-        if raw in (member.name, member.value) and not isinstance(raw, bool):
+    words = {each.value if isinstance(each.value, str) else each.name: each for each in kind}
+    for word, member in words.items():
+        if raw in (word, member.value) and not isinstance(raw, bool):
             return member
-    words = (each.value if isinstance(each.value, str) else each.name for each in kind)
     raise ValueError(f"{shown(raw)} is none of {', '.join(words)}")
 
 
@@ -238,6 +291,6 @@ def _angle(raw: Any, kind: Any) -> float | None:
 def _number(raw: Any, _: Any, hint: str = "") -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         raise ValueError(f"expected a number{hint}, got {shown(raw)}")
-    if not -1e300 < raw < 1e300:  # greater whole numbers fit no float, and NaN fits nothing
+    if not -1e300 <= raw <= 1e300:  # greater whole numbers fit no float, and NaN fits nothing
         raise ValueError(f"expected a finite number, got {shown(raw)}")
     return float(raw)
