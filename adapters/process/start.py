@@ -27,6 +27,7 @@ EXTRAS: Final = {
     "OpenGL": "gl",
     "distributed": "campaign",
     "jinja2": "campaign",
+    "pandas": "campaign",
     "pyarrow": "campaign",
     "aiohttp": "console",
     "alembic": "console",

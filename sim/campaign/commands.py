@@ -94,7 +94,7 @@ def campaign(
 
     if jobs is not None and on is not None:
         raise click.UsageError("--jobs is for this computer; with --on, the cluster decides")
-    for package in ("pyarrow", "distributed", "scipy", "jinja2"):
+    for package in ("pyarrow", "distributed", "pandas", "scipy", "jinja2"):
         require(package)
     try:
         if listed:

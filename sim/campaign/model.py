@@ -186,6 +186,13 @@ class Success:
         if self.success == 0:
             raise ValueError("success: 0 holds of any runs; give a share above 0")
 
+    @property
+    def bound(self) -> float:
+        """The least share."""
+        return self.success
+
+    wanted = bound
+
     def __str__(self) -> str:
         return f"success at least {self.success:g}, confidence {self.confidence:g}{self.where}"
 
@@ -215,6 +222,13 @@ class Quantile:
         if self.wanted == 0:
             side = "above 0" if self.above is None else "below 1"
             raise ValueError(f"quantile: {self.quantile:g} holds of any runs; give one {side}")
+
+    @property
+    def bound(self) -> float:
+        """The one that is given."""
+        found = self.above if self.below is None else self.below
+        assert found is not None
+        return found
 
     @property
     def wanted(self) -> float:

@@ -4,26 +4,28 @@ Rows are added in parts, each of which is there as a whole or not at all. A run 
 once: a part is written by the campaign alone, never by those who play the runs.
 """
 
-import operator
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import reduce
-from itertools import pairwise
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, Final, get_type_hints
+from typing import TYPE_CHECKING, Any, Final, get_type_hints
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
+from cattrs import Converter
+from cattrs.strategies import configure_union_passthrough
 
 from executive.reasons import Reason
 from executive.settings import SettingsError
 from sim.campaign.draws import Kind, Quantity, quantities
 from sim.campaign.model import Campaign, Scalar
-from sim.campaign.where import COMPARISONS, EVERYWHERE, Term, Where
+from sim.campaign.where import EVERYWHERE, Where
 from sim.scenario.outcome import Figures
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 FOLDER: Final = "runs"
 VARY: Final = "vary."
@@ -38,7 +40,6 @@ _ARROW: Final = {
     int: pa.int64(),
     tuple[Reason, ...]: pa.list_(pa.string()),
 }
-_TEXT: Final = pa.string()
 _FIGURES: Final[dict[str, Any]] = get_type_hints(Figures)
 
 
@@ -129,22 +130,27 @@ class Runs:
         Raises:
             SettingsError: one is there twice, or the data set cannot be read.
         """
-        found = self.column("run")
-        if len(set(found)) < len(found):
-            twice = next(run for run, next_one in pairwise(found) if run == next_one)
+        found = self.frame().index
+        if found.has_duplicates:
+            twice = found[found.duplicated()][0]
             raise SettingsError(f"{self._folder}: run {twice} is there twice; begin in a new --out")
-        return found
+        return list(found)
 
-    def column(self, key: str, where: Where = EVERYWHERE) -> list[Any]:
-        """Return one value of each run, by number.
+    def frame(self, *keys: str, where: Where = EVERYWHERE) -> "DataFrame":
+        """Return columns of the runs, by their numbers; NA is what a run does not have.
 
         Args:
-            key: one of `keys_of`, or another field of `Run`.
+            keys: of `keys_of`, or other fields of `Run`.
             where: of which runs.
+
+        Raises:
+            SettingsError: the data set cannot be read.
         """
-        name = self._column(key)
-        found: list[Any] = self._table(where, [name])[name].to_pylist()
-        return found
+        from pandas import ArrowDtype  # whoever reads a campaign's file only, does without
+
+        names = {self._column(key): key for key in (*keys, *(each.key for each in where.terms))}
+        table = self._table(["run", *names]).to_pandas(types_mapper=ArrowDtype)
+        return where.of(table.rename(columns=names).set_index("run").sort_index())
 
     def read(self, where: Where = EVERYWHERE, *, failed: bool = False) -> Iterator[Run]:
         """Yield runs by number.
@@ -153,52 +159,30 @@ class Runs:
             where: which.
             failed: only those that do not hold.
         """
-        for batch in self._table(where, None, failed=failed).to_batches(max_chunksize=1000):
+        holds = self.frame("holds", where=where)["holds"]
+        yield from self.at(holds.index[~holds] if failed else holds.index)
+
+    def at(self, numbers: Iterable[int]) -> Iterator[Run]:
+        """Yield the runs of these numbers, by number."""
+        table = self._table(None, ds.field("run").isin(list(numbers))).sort_by("run")
+        for batch in table.to_batches(max_chunksize=1000):
             yield from map(self._run, batch.to_pylist())
 
     def _run(self, row: dict[str, Any]) -> Run:
-        figures = {name: _figure(row[name]) for name in _FIGURES}
-        return Run(
-            run=row["run"],
-            scenario=row["scenario"],
-            seed=row["seed"],
-            varied={each.name: row[VARY + each.name] for each in self._varied},
-            figures=Figures(**figures),
-            holds=row["holds"],
-            failed_findings=tuple(row["failed_findings"]),
-            digest=row["digest"],
-            seconds=row["seconds"],
-            command=row["command"],
-        )
+        varied = {each.name: row[VARY + each.name] for each in self._varied}
+        return _converter().structure({**row, "varied": varied, "figures": row}, Run)
 
     def _column(self, key: str) -> str:
         return VARY + key if VARY + key in self._schema.names else key
 
-    def _table(self, where: Where, columns: list[str] | None, *, failed: bool = False) -> Any:
+    def _table(self, columns: list[str] | None, condition: Any = None) -> Any:
         if not self.parts:
-            return self._schema.empty_table()
+            return self._schema.empty_table().select(columns or self._schema.names)
         try:
             found = ds.dataset([str(part) for part in self.parts], schema=self._schema)
-            wanted = columns and [*{"run", *columns}]
-            table = found.to_table(columns=wanted, filter=self._condition(where, failed))
-            return table.sort_by("run")
+            return found.to_table(columns=columns, filter=condition)
         except (OSError, pa.ArrowException) as error:
             raise SettingsError(f"{self._folder}: is no data set of runs ({error})") from error
-
-    def _condition(self, where: Where, failed: bool) -> Any:
-        terms = [
-            COMPARISONS[term.comparison](pc.field(self._column(term.key)), self._value(term))
-            for term in where.terms
-        ]
-        if failed:
-            terms.append(~pc.field("holds"))
-        return reduce(operator.and_, terms) if terms else None
-
-    def _value(self, term: Term) -> str | float:
-        """Return with what a column is compared: a text, if it is one of texts."""
-        if isinstance(term.value, str) or self._schema.field(self._column(term.key)).type != _TEXT:
-            return term.value
-        return f"{term.value:g}"
 
 
 def _schema(varied: Sequence[Quantity]) -> Any:
@@ -218,19 +202,17 @@ def _schema(varied: Sequence[Quantity]) -> Any:
     )
 
 
-def _row(run: Run) -> dict[str, object]:
-    plain = {each.name: getattr(run, each.name) for each in fields(Run)}
-    varied, figures = plain.pop("varied"), plain.pop("figures")
-    return {
-        **plain,
-        **{VARY + name: value for name, value in varied.items()},
-        **{name: _plain(getattr(figures, name)) for name in _FIGURES},
-    }
+def _row(run: Run) -> dict[str, Any]:
+    row: dict[str, Any] = _converter().unstructure(run)
+    varied = {VARY + name: value for name, value in row.pop("varied").items()}
+    return {**row.pop("figures"), **varied, **row}
 
 
-def _plain(value: Any) -> Any:
-    return [reason.name for reason in value] if isinstance(value, tuple) else value
-
-
-def _figure(value: Any) -> Any:
-    return tuple(Reason[name] for name in value) if isinstance(value, list) else value
+@cache
+def _converter() -> Converter:
+    """Return the converter between runs and rows, which have reasons by their names."""
+    converter = Converter()
+    converter.register_unstructure_hook(Reason, lambda reason: reason.name)
+    converter.register_structure_hook(Reason, lambda name, _: Reason[name])
+    configure_union_passthrough(Scalar | None, converter)
+    return converter

@@ -86,7 +86,8 @@ class Session:
     ) -> None:
         self._campaign, self._runs = campaign, runs
         self._play, self._watcher, self._clock = play, watcher, clock
-        self._holds = dict(zip(runs.numbers(), runs.column("holds"), strict=True))
+        runs.numbers()  # refuses a run that is there twice
+        self._holds: dict[int, bool] = runs.frame("holds")["holds"].to_dict()
 
     def to_the_end(self) -> None:
         """Play all runs that are missing.

@@ -6,17 +6,20 @@ from how many of the runs were.
 """
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
 from enum import Enum, unique
-from math import ceil, inf, isinf, log
+from math import ceil, inf, isfinite, log
 from pathlib import Path
-from typing import Final, assert_never
+from typing import TYPE_CHECKING, Final, assert_never
 
 from scipy.special import betaincinv
 
 from sim.campaign.model import Campaign, Hold, Interval, Quantile, Success, Until
 from sim.campaign.runs import Runs
+
+if TYPE_CHECKING:
+    from pandas import Series
 
 FILE: Final = "verdict.json"
 INTERVAL_CONFIDENCE: Final = 0.95
@@ -35,9 +38,9 @@ class Judgement(Enum):
     """It is about no run, which is a mistake in the file."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """One thing that must hold, and what came of it.
+    """One thing that must hold, and what came of it; without runs it is about none.
 
     Attributes:
         hold: in words.
@@ -55,18 +58,18 @@ class Judged:
     """
 
     hold: str
-    judgement: Judgement
-    figure: float | None
+    judgement: Judgement = Judgement.EMPTY
+    figure: float | None = None
     bound: float
-    share: float
+    share: float = 0.0
     wanted: float
-    low: float
-    high: float
+    low: float = 0.0
+    high: float = 1.0
     confidence: float
-    kept: int
-    runs: int
-    missing: int
-    text: str
+    kept: int = 0
+    runs: int = 0
+    missing: int = 0
+    text: str = "there is no such run"
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,26 +115,18 @@ def clopper_pearson(kept: int, runs: int, confidence: float = INTERVAL_CONFIDENC
     """Return the exact interval of a share, from how many of how many runs keep it.
 
     Each end is passed with half of what is missing to the confidence.
-
-    Raises:
-        ValueError: there are no runs, or fewer than keep it.
     """
     tail = (1 - confidence) / 2
-    return Interval(_low(kept, runs, 1 - tail), _high(kept, runs, 1 - tail))
+    return Interval(_low(kept, runs, tail), 1 - _low(runs - kept, runs, tail))
 
 
-def _low(kept: int, runs: int, confidence: float) -> float:
-    """Return what a share is at least, with a confidence."""
+def _low(kept: int, runs: int, tail: float) -> float:
     if not 0 <= kept <= runs or runs < 1:
         raise ValueError(f"{kept} of {runs} runs make no share")
-    return 0.0 if kept == 0 else float(betaincinv(kept, runs - kept + 1, 1 - confidence))
+    return 0.0 if kept == 0 else float(betaincinv(kept, runs - kept + 1, tail))
 
 
-def _high(kept: int, runs: int, confidence: float) -> float:
-    return 1 - _low(runs - kept, runs, confidence)
-
-
-def quantile(values: Sequence[float], share: float) -> float:
+def quantile(values: Iterable[float], share: float) -> float:
     """Return the least value that this share of the values does not exceed."""
     ordered = sorted(values)
     return ordered[max(ceil(share * len(ordered) - 1e-9), 1) - 1]
@@ -139,21 +134,21 @@ def quantile(values: Sequence[float], share: float) -> float:
 
 def judge(campaign: Campaign, runs: Runs) -> Verdict:
     """Return what came of a campaign with these runs, one at least."""
-    holds = runs.column("holds")
-    interval = clopper_pearson(sum(holds), len(holds))
+    holds = runs.frame("holds")["holds"]
+    many, succeeded = len(holds), int(holds.sum())
+    interval = clopper_pearson(succeeded, many)
     judged = tuple(_judged(hold, runs) for hold in campaign.hold)
-    low, high, notes = interval.low, interval.high, tuple(_notes(campaign.runs, holds))
-    return Verdict(campaign.title, len(holds), sum(holds), low, high, judged, notes)
+    notes = tuple(_notes(campaign.runs, many, succeeded))
+    return Verdict(campaign.title, many, succeeded, interval.low, interval.high, judged, notes)
 
 
-def _notes(wanted: int | Until, holds: Sequence[bool]) -> Iterator[str]:
+def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
     """Yield how the runs are not those that were asked for."""
-    runs = len(holds)
     most = wanted if isinstance(wanted, int) else wanted.most
     if runs > most:
         yield f"all {runs} runs that are there are judged, more than the {most} asked for"
     if isinstance(wanted, Until):
-        interval = clopper_pearson(sum(holds), runs, wanted.confidence)
+        interval = clopper_pearson(succeeded, runs, wanted.confidence)
         width = interval.high - interval.low
         if width > wanted.until:
             yield (
@@ -163,91 +158,54 @@ def _notes(wanted: int | Until, holds: Sequence[bool]) -> Iterator[str]:
 
 
 def _judged(hold: Hold, runs: Runs) -> Judged:
+    """Judge by how many runs keep a bound; one that has no such figure does not."""
+    key = hold.of if isinstance(hold, Quantile) else "holds"
+    seen = runs.frame(key, where=hold.where)[key]
+    judged = Judged(
+        hold=str(hold), bound=hold.bound, wanted=hold.wanted, confidence=hold.confidence
+    )
+    if seen.empty:
+        return judged
+    which, figure = _kept(hold, seen)
+    kept, many, missing = int(which.sum()), len(seen), int(seen.isna().sum())
+    # Each end alone has the confidence that is wanted, so that both have less.
+    interval = clopper_pearson(kept, many, 2 * hold.confidence - 1)
+    judgement = _judgement(hold.wanted, interval, all_keep=kept == many)
+    text = f"{figure:.4g}" if isfinite(figure) else f"no {key} in {missing} runs"
+    text += f"; {kept} of {many} runs keep it"
+    text += f", a share of {interval.low:.4g} .. {interval.high:.4g}"
+    if judgement is Judgement.UNDECIDED and kept == many:
+        needed = ceil(log(1 - hold.confidence) / log(hold.wanted))
+        text += f"; it takes {needed} runs of which all do"
+    return replace(
+        judged,
+        judgement=judgement,
+        figure=figure if isfinite(figure) else None,
+        share=kept / many,
+        low=interval.low,
+        high=interval.high,
+        kept=kept,
+        runs=many,
+        missing=missing,
+        text=text,
+    )
+
+
+def _kept(hold: Hold, seen: "Series") -> tuple["Series", float]:
+    """Return which runs keep a bound, and the figure: infinite where too many have none."""
     match hold:
         case Success():
-            return _of_share(hold, runs.column("holds", hold.where))
+            return seen, float(seen.mean())
+        case Quantile(above=None):
+            return seen < hold.bound, quantile(seen.astype(float).fillna(inf), hold.quantile)
         case Quantile():
-            return _of_quantile(hold, runs.column(hold.of, hold.where))
+            return seen > hold.bound, quantile(seen.astype(float).fillna(-inf), hold.quantile)
         case _:
             assert_never(hold)
 
 
-def _of_share(hold: Success, kept: Sequence[bool]) -> Judged:
-    wanted = hold.success
-    if not kept:
-        return _empty(hold, wanted, wanted)
-    share = sum(kept) / len(kept)
-    return _shared(hold, share, wanted, wanted, sum(kept), len(kept), 0, f"{share:.4g}")
-
-
-def _of_quantile(hold: Quantile, seen: Sequence[float | None]) -> Judged:
-    values = [float(value) for value in seen if value is not None]
-    upper = hold.above is None
-    bound = hold.below if hold.below is not None else hold.above
-    assert bound is not None
-    wanted = hold.wanted
-    if not seen:
-        return _empty(hold, bound, wanted)
-    missing = len(seen) - len(values)
-    kept = sum(value < bound if upper else value > bound for value in values)
-    worst = inf if upper else -inf
-    figure = quantile([*values, *[worst] * missing], hold.quantile)
-    text = f"{figure:.4g}" if not isinf(figure) else f"no {hold.of} in {missing} runs"
-    known = None if isinf(figure) else figure
-    return _shared(hold, known, bound, wanted, kept, len(seen), missing, text)
-
-
-def _shared(
-    hold: Hold,
-    figure: float | None,
-    bound: float,
-    wanted: float,
-    kept: int,
-    runs: int,
-    missing: int,
-    text: str,
-) -> Judged:
-    """Judge by how many runs keep a bound."""
-    low, high = _low(kept, runs, hold.confidence), _high(kept, runs, hold.confidence)
-    if low >= wanted or (wanted == 1 and kept == runs):
-        judgement = Judgement.HOLDS
-    elif high < wanted or wanted == 1:
-        judgement = Judgement.FAILS
-    else:
-        judgement = Judgement.UNDECIDED
-    said = f"{text}; {kept} of {runs} runs keep it, a share of {low:.4g} .. {high:.4g}"
-    if judgement is Judgement.UNDECIDED and kept == runs:
-        said += f"; it takes {ceil(log(1 - hold.confidence) / log(wanted))} runs of which all do"
-    return Judged(
-        hold=str(hold),
-        judgement=judgement,
-        figure=figure,
-        bound=bound,
-        share=kept / runs,
-        wanted=wanted,
-        low=low,
-        high=high,
-        confidence=hold.confidence,
-        kept=kept,
-        runs=runs,
-        missing=missing,
-        text=said,
-    )
-
-
-def _empty(hold: Hold, bound: float, wanted: float) -> Judged:
-    return Judged(
-        hold=str(hold),
-        judgement=Judgement.EMPTY,
-        figure=None,
-        bound=bound,
-        share=0.0,
-        wanted=wanted,
-        low=0.0,
-        high=1.0,
-        confidence=hold.confidence,
-        kept=0,
-        runs=0,
-        missing=0,
-        text="there is no such run",
-    )
+def _judgement(wanted: float, interval: Interval, *, all_keep: bool) -> Judgement:
+    if interval.low >= wanted or (wanted == 1 and all_keep):
+        return Judgement.HOLDS
+    fails = interval.high < wanted or wanted == 1
+    return Judgement.FAILS if fails else Judgement.UNDECIDED

@@ -4,39 +4,23 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from executive.settings import hint, in_degrees
 
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
 _TERM: Final = re.compile(r"\s*([\w./-]+)\s*(==|!=|<=|>=|<|>)\s*(\S(?:.*\S)?)\s*")
 _AND: Final = re.compile(r"\s+and\s+")
-ALIKE: Final = 5e-6
-"""By which part numbers may differ that are not whole and are the same: reports show six digits."""
-
-
-def _same(one: Any, value: str | float) -> Any:
-    """Return whether a number or text, or each of a column, is a value."""
-    if isinstance(value, str) or value.is_integer():
-        return one == value
-    apart = ALIKE * abs(value)
-    return (one >= value - apart) & (one <= value + apart)
-
-
-def _other(one: Any, value: str | float) -> Any:
-    if isinstance(value, str) or value.is_integer():
-        return one != value
-    apart = ALIKE * abs(value)
-    return (one < value - apart) | (one > value + apart)
-
-
-COMPARISONS: Final[dict[str, Callable[[Any, Any], Any]]] = {
-    "==": _same,
-    "!=": _other,
+_ORDER: Final[dict[str, Callable[[Any, Any], Any]]] = {
     "<=": operator.le,
     ">=": operator.ge,
     "<": operator.lt,
     ">": operator.gt,
 }
+ALIKE: Final = 5e-6
+"""By which part numbers may differ that are not whole and are the same: reports show six digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +41,20 @@ class Term:
 
     def __str__(self) -> str:
         return f"{self.key} {self.comparison} {self.written}"
+
+    def of(self, column: "Series") -> "Series":
+        """Return for each value of a column whether it holds; NA where there is none."""
+        value = self.value
+        if not isinstance(value, str) and column.dtype == "string[pyarrow]":
+            value = f"{value:g}"
+        if compare := _ORDER.get(self.comparison):
+            return compare(column, value)
+        if isinstance(value, str) or value.is_integer():
+            same = column == value
+        else:
+            apart = ALIKE * abs(value)
+            same = column.between(value - apart, value + apart)
+        return same if self.comparison == "==" else ~same
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +84,12 @@ class Where:
     def __str__(self) -> str:
         return f", where {' and '.join(map(str, self.terms))}" if self.terms else ""
 
+    def of(self, runs: "DataFrame") -> "DataFrame":
+        """Return the runs for which all comparisons hold."""
+        for term in self.terms:
+            runs = runs[term.of(runs[term.key])]
+        return runs
+
     def check(self, numeric: Mapping[str, bool]) -> None:
         """Do nothing where all keys exist and are compared with what they can be.
 
@@ -99,7 +103,7 @@ class Where:
             require_key(term.key, list(numeric))
             if numeric[term.key] and isinstance(term.value, str):
                 raise ValueError(f"{term}: {term.key} is a number")
-            if not numeric[term.key] and term.comparison not in ("==", "!="):
+            if not numeric[term.key] and term.comparison in _ORDER:
                 raise ValueError(f"{term}: {term.key} is a text, and only == or != compares it")
 
 

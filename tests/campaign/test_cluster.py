@@ -205,7 +205,7 @@ def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
         given = draw(campaign, 3)
         here = play_job(Job(3, given.scenario, given.changes, fingerprint(given.scenario)))
         assert isinstance(here, Played)
-        assert runs.column("digest")[3] == here.digest
+        assert runs.frame("digest")["digest"][3] == here.digest
 
         # The scheduler is lost in the middle; the rest is played here.
         far_again = ["--on", far.address, "--runs", "400", "--resume"]

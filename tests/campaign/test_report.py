@@ -15,6 +15,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from junitparser import Failure, JUnitXml, Skipped
+from pandas import Series
 
 from sim.campaign.commands import campaign as command
 from sim.campaign.draws import quantities
@@ -379,8 +380,7 @@ def test_a_report_that_is_cut_short_costs_no_run(
     ).filter(lambda runs: any(value is not None for value, _ in runs))
 )
 def test_each_run_with_a_number_is_in_one_bin(runs: list[tuple[float | None, bool]]) -> None:
-    values, holds = [value for value, _ in runs], [held for _, held in runs]
-    shares = by_number(values, holds)
+    shares = by_number(Series([value for value, _ in runs]), Series([held for _, held in runs]))
     known = [(value, held) for value, held in runs if value is not None]
     assert sum(share.runs for share in shares) == len(known)
     assert sum(share.kept for share in shares) == sum(held for _, held in known)
@@ -392,7 +392,8 @@ def test_each_run_with_a_number_is_in_one_bin(runs: list[tuple[float | None, boo
 
 
 def test_values_are_ordered_by_their_share_the_least_first() -> None:
-    shares = by_value(["b", "a", None, "a", "c"], [True, True, False, False, False])
+    holds = Series([True, True, False, False, False])
+    shares = by_value(Series(["b", "a", None, "a", "c"]), holds)
     assert [(each.name, each.kept, each.runs) for each in shares] == [
         ("c", 0, 1),
         ("a", 1, 2),

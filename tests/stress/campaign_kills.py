@@ -97,11 +97,13 @@ def measure(kills: int, seed: int, tell: Tell, scenario: str = "to_a_goal") -> l
             disturbed = _play(client, campaign, Path(folder, "disturbed"), killer)
             calm = _play(client, campaign, Path(folder, "calm"), spared)
         counts = Counter(disturbed.numbers())
-        digests = dict(zip(calm.numbers(), calm.column("digest"), strict=True))
+        digests = dict(zip(calm.numbers(), calm.frame("digest")["digest"], strict=True))
         for run in calm.numbers():
             if counts[run] != 1:
                 found.add(Fault.DOUBLED if counts[run] else Fault.MISSING, run)
-        for run, digest in zip(disturbed.numbers(), disturbed.column("digest"), strict=True):
+        for run, digest in zip(
+            disturbed.numbers(), disturbed.frame("digest")["digest"], strict=True
+        ):
             if digests[run] != digest:
                 found.add(Fault.OTHER, run)
     over = f"{killer.kills} kills, seed {seed}"

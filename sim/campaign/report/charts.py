@@ -3,13 +3,15 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise, starmap
 from math import ceil, sqrt
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
+from pandas import Series
 
 from sim.campaign.model import Interval
 from sim.campaign.verdict import clopper_pearson
@@ -54,23 +56,15 @@ class Share:
         return clopper_pearson(self.kept, self.runs)
 
 
-def by_value(values: Sequence[object], holds: Sequence[bool]) -> list[Share]:
+def by_value(values: Series, holds: Series) -> list[Share]:
     """Return the share of each value, least first; runs without a value are left out."""
-    names = [str(value) for value in values if value is not None]
-    kept = [held for value, held in zip(values, holds, strict=True) if value is not None]
-    found, place = np.unique(names, return_inverse=True)
-    many = np.bincount(place, minlength=len(found))
-    good = np.bincount(place, weights=kept, minlength=len(found))
-    counted = zip(found.tolist(), good.astype(int).tolist(), many.tolist(), strict=True)
-    shares = [Share(*each) for each in counted]
-    return sorted(shares, key=lambda each: (each.share, each.name))
+    counted = _counted(values.dropna().astype(str), holds)
+    return sorted(starmap(Share, counted), key=lambda each: (each.share, each.name))
 
 
-def by_number(values: Sequence[float | None], holds: Sequence[bool]) -> list[Share]:
-    """Return the share of each number, or in each of bins of as many runs; None is left out."""
-    known = np.array([value is not None for value in values], bool)
-    numbers = np.array([value for value in values if value is not None], float)
-    kept = np.asarray(holds, bool)[known]
+def by_number(values: Series, holds: Series) -> list[Share]:
+    """Return the share of each number, or in each of bins of as many runs; NA is left out."""
+    numbers = values.dropna().astype(float)
     distinct = np.unique(numbers)
     if len(distinct) <= max(1, min(MOST_VALUES, len(numbers) / FEW)):
         bins = [(value, value) for value in distinct.tolist()]
@@ -78,15 +72,20 @@ def by_number(values: Sequence[float | None], holds: Sequence[bool]) -> list[Sha
     else:
         many = min(BINS, max(1, round(sqrt(len(numbers)) / 2)))
         edges = np.unique(np.quantile(numbers, np.linspace(0, 1, many + 1)))
-        bins = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+        bins = list(pairwise(edges.tolist()))
         place = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, len(bins) - 1)
     shares = []
-    for index, (low, high) in enumerate(bins):
-        held = kept[place == index]
-        if held.size:
-            name = f"{low:.4g}" if low == high else f"{low:.4g} … {high:.4g}"
-            shares.append(Share(name, int(held.sum()), int(held.size), low, high))
+    for index, kept, runs in _counted(Series(place, numbers.index), holds):
+        low, high = bins[index]
+        name = f"{low:.4g}" if low == high else f"{low:.4g} … {high:.4g}"
+        shares.append(Share(name, kept, runs, low, high))
     return shares
+
+
+def _counted(groups: Series, holds: Series) -> Iterator[tuple[Any, int, int]]:
+    """Yield each group in order, how many of its runs hold, and how many there are."""
+    for group, held in holds[groups.index].groupby(groups):
+        yield group, int(held.sum()), len(held)
 
 
 def draw_against_number(name: str, shares: Sequence[Share], wanted: float | None) -> Figure:

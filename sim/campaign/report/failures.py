@@ -11,7 +11,6 @@ from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.runs import Run, Runs
 from sim.campaign.session import folder_of, is_kept
-from sim.campaign.where import Term, Where
 from sim.campaign.worker import ERROR
 from sim.scenario.model import PlayMode
 from sim.scenario.pictures import write_run
@@ -40,7 +39,7 @@ class FailureGroup:
 
     scenario: str
     expected: str
-    reasons: tuple[str, ...]
+    reasons: str
     runs: int
     example: Run
 
@@ -65,16 +64,21 @@ class WorstRun:
 
 def failure_groups(runs: Runs) -> list[FailureGroup]:
     """Return the runs that failed, grouped, the most frequent first."""
-    found: dict[tuple[str, str, tuple[str, ...]], list[int]] = {}
-    examples: dict[tuple[str, str, tuple[str, ...]], Run] = {}
-    for run in runs.read(failed=True):
-        first = run.failed_findings[0] if run.failed_findings else ""
-        reasons = tuple(dict.fromkeys(reason.name for reason in run.figures.reasons))
-        key = (run.scenario, first.partition(", seen ")[0], reasons)
-        examples.setdefault(key, run)
-        found.setdefault(key, []).append(run.run)
-    groups = [FailureGroup(*key, len(found[key]), example) for key, example in examples.items()]
-    return sorted(groups, key=lambda group: -group.runs)
+    all_runs = runs.frame("holds", "scenario", "failed_findings", "reasons")
+    failed = all_runs[~all_runs["holds"]].astype(object)
+    first = failed["failed_findings"].map(_expected)
+    named = failed["reasons"].map(lambda names: ", ".join(dict.fromkeys(names)))
+    groups = failed.index.to_series().groupby([failed["scenario"], first, named], sort=False)
+    counted = groups.agg(["size", "first"]).sort_values("size", ascending=False, kind="stable")
+    examples = {run.run: run for run in runs.at(counted["first"])}
+    return [
+        FailureGroup(scenario, expected, reasons, many, examples[run])
+        for (scenario, expected, reasons), (many, run) in counted.iterrows()
+    ]
+
+
+def _expected(failed_findings: Sequence[str]) -> str:
+    return next(iter(failed_findings), "").partition(", seen ")[0]
 
 
 def choose(runs: Runs, groups: Sequence[FailureGroup], most: int) -> list[tuple[Run, str]]:
@@ -88,23 +92,12 @@ def choose(runs: Runs, groups: Sequence[FailureGroup], most: int) -> list[tuple[
         )
         for group in groups[:most]
     }
-    numbers = runs.numbers()
     for figure, why in _EXTREMES.items():
-        seen = [
-            (value, number)
-            for value, number in zip(runs.column(figure), numbers, strict=True)
-            if value is not None
-        ]
-        if seen and len(chosen) < most:
-            number = max(seen, key=lambda each: each[0])[1]
-            if number not in chosen:
-                chosen[number] = (_one(runs, number), why)
+        seen = runs.frame(figure)[figure].dropna()
+        if len(seen) and len(chosen) < most and (number := seen.idxmax()) not in chosen:
+            (run,) = runs.at([number])
+            chosen[number] = (run, why)
     return list(chosen.values())
-
-
-def _one(runs: Runs, number: int) -> Run:
-    (run,) = runs.read(Where((Term("run", "==", float(number), str(number)),)))
-    return run
 
 
 def replay(

@@ -45,7 +45,7 @@ def _suite(
     all runs decide it.
     """
     term = Term("scenario", "==", scenario, scenario)
-    took_s = sum(runs.column("seconds", Where((term,))))
+    took_s = float(runs.frame("seconds", where=Where((term,)))["seconds"].sum())
     if not took_s:
         return Suite(scenario, [])
     here = tuple(replace(each, where=Where((term, *each.where.terms))) for each in campaign.hold)

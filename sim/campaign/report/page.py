@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from pandas import Series
 
 from executive.reports import Stage
 from sim.campaign.draws import INJECT, Kind, Quantity, quantities
@@ -163,8 +164,8 @@ def _percent(share: float) -> str:
 
 def _false_executed(runs: Runs) -> tuple[int, int]:
     """Return how many commands ended EXECUTED though that was not true, and in how many runs."""
-    seen = runs.column("false_executed")
-    return sum(seen), sum(many > 0 for many in seen)
+    seen = runs.frame("false_executed")["false_executed"]
+    return int(seen.sum()), int((seen > 0).sum())
 
 
 def _rest(groups: Sequence[FailureGroup]) -> str:
@@ -177,40 +178,32 @@ def _against(campaign: Campaign, runs: Runs) -> Iterator[Chart]:
 
     A parameter has a chart for each fault that has it: it means something else in each.
     """
-    holds = runs.column("holds")
     everywhere = (h.success for h in campaign.hold if isinstance(h, Success) and not h.where.terms)
     wanted = max(everywhere, default=None)
     varied = quantities(campaign)
     if len(campaign.scenarios) > 1:
         varied = (Quantity("scenario", Kind.TEXT), *varied)
-    faults = runs.column(INJECT) if any(each.name == INJECT for each in varied) else []
+    all_runs = runs.frame("holds", *(each.name for each in varied))
     for quantity in varied:
-        name, values = quantity.name, runs.column(quantity.name)
-        having = {fault for fault, value in zip(faults, values, strict=False) if value is not None}
-        timed = name in (f"{INJECT}.at", f"{INJECT}.for")
-        if name.startswith(f"{INJECT}.") and not timed and having:
-            for fault in sorted(having):
-                own = [
-                    value if each == fault else None
-                    for each, value in zip(faults, values, strict=True)
-                ]
-                yield _chart(f"{name} of {fault}", quantity.kind, own, holds, wanted)
-        elif name != "seed":
-            yield _chart(name, quantity.kind, values, holds, wanted)
+        name, values = quantity.name, all_runs[quantity.name]
+        if name == "seed":
+            continue
+        faults = []
+        if name.startswith(f"{INJECT}.") and name not in (f"{INJECT}.at", f"{INJECT}.for"):
+            faults = sorted(all_runs[INJECT][values.notna()].unique())
+        for fault in faults:
+            own = values.where(all_runs[INJECT] == fault)
+            yield _chart(f"{name} of {fault}", quantity.kind, own, all_runs["holds"], wanted)
+        if not faults:
+            yield _chart(name, quantity.kind, values, all_runs["holds"], wanted)
 
 
-def _chart(
-    name: str,
-    kind: Kind,
-    values: Sequence[Any],
-    holds: Sequence[bool],
-    wanted: float | None,
-) -> Chart:
+def _chart(name: str, kind: Kind, values: Series, holds: Series, wanted: float | None) -> Chart:
     """Return success against a quantity, in the runs that have a value of it."""
-    missing = sum(value is None for value in values)
-    if missing == len(values):
+    having = values.count()
+    if not having:
         return Chart(name, "No run has a value of it.")
-    words = f"{len(values) - missing} of {len(values)} runs have it. " if missing else ""
+    words = f"{having} of {len(values)} runs have it. " if having < len(values) else ""
     if kind is not Kind.TEXT:
         drawn = draw_against_number(name, by_number(values, holds), wanted)
         return Chart(name, words, Markup(as_svg(drawn)))
@@ -224,37 +217,30 @@ def _distributions(campaign: Campaign, runs: Runs) -> Iterator[Distribution]:
     """Yield how each figure that has a unit, or that a quantile is of, is distributed."""
     varied = {each.name for each in quantities(campaign)}
     judged = {hold.of for hold in campaign.hold if isinstance(hold, Quantile)}
-    holds = np.asarray(runs.column("holds"), bool)
     for key, number in keys_of(campaign).items():
         name = _title(key)
         if not number or key in varied or ("," not in name and key not in judged):
             continue
-        values = runs.column(key)
-        known = np.array([value is not None for value in values], bool)
-        seen = np.array([value for value in values if value is not None], float)
-        missing = len(values) - len(seen)
-        if not seen.size:
+        all_runs = runs.frame("holds", key)
+        known = all_runs.dropna()
+        missing = len(all_runs) - len(known)
+        if known.empty:
             yield Distribution(Chart(name, "No run has this figure."), 0, missing, ())
             continue
+        seen = known[key].to_numpy(float)
         quantiles = np.quantile(seen, (0.0, 0.5, 0.95, 0.99, 1.0), method="inverted_cdf")
         if np.ptp(seen) <= ALIKE * np.abs(seen).max():
             chart = Chart(name, f"It is {seen[0]:.4g} in each run that has it.")
         else:
-            bounds = [_bound(h) for h in campaign.hold if isinstance(h, Quantile) and h.of == key]
-            held = holds[known]
-            figure = draw_distribution(name, seen[held].tolist(), seen[~held].tolist(), bounds)
+            bounds = [h.bound for h in campaign.hold if isinstance(h, Quantile) and h.of == key]
+            held = known["holds"].to_numpy(bool)
+            figure = draw_distribution(name, seen[held], seen[~held], bounds)
             near = bounds_near(seen.min(), seen.max(), bounds)
             beyond = ", ".join(f"{bound:g}" for bound in bounds if bound not in near)
             words = f"Beyond the chart: the bound {beyond}." if beyond else ""
             chart = Chart(name, words, Markup(as_svg(figure)))
         texts = tuple(f"{value:.4g}" for value in quantiles)
         yield Distribution(chart, len(seen), missing, texts)
-
-
-def _bound(hold: Quantile) -> float:
-    bound = hold.below if hold.below is not None else hold.above
-    assert bound is not None
-    return bound
 
 
 def _title(key: str) -> str:
