@@ -13,7 +13,7 @@ from math import ceil, inf, isfinite, log
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, assert_never
 
-from scipy.special import betaincinv
+from scipy.stats import binomtest
 
 from sim.campaign.model import Campaign, Hold, Interval, Quantile, Success, Until
 from sim.campaign.runs import Runs
@@ -116,14 +116,8 @@ def clopper_pearson(kept: int, runs: int, confidence: float = INTERVAL_CONFIDENC
 
     Each end is passed with half of what is missing to the confidence.
     """
-    tail = (1 - confidence) / 2
-    return Interval(_low(kept, runs, tail), 1 - _low(runs - kept, runs, tail))
-
-
-def _low(kept: int, runs: int, tail: float) -> float:
-    if not 0 <= kept <= runs or runs < 1:
-        raise ValueError(f"{kept} of {runs} runs make no share")
-    return 0.0 if kept == 0 else float(betaincinv(kept, runs - kept + 1, tail))
+    found = binomtest(kept, runs).proportion_ci(confidence, method="exact")
+    return Interval(float(found.low), float(found.high))
 
 
 def quantile(values: Iterable[float], share: float) -> float:
