@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from enum import Enum, EnumMeta
 from math import inf, radians
 from types import GenericAlias, NoneType, UnionType
-from typing import Any, Final, TypeVar, get_args, get_origin
+from typing import Any, Final, TypeVar, get_args, get_origin, overload
 
 from cattrs import (
     BaseValidationError,
@@ -52,6 +52,16 @@ def in_degrees(text: str) -> float | None:
     """Return in radians an angle that is written in degrees, as `5deg`; None if it is not."""
     found = _DEGREES.fullmatch(text.strip())
     return radians(float(found[1])) if found else None
+
+
+def angle_of(raw: object) -> float:
+    """Return a number, which may be an angle in degrees.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    found = in_degrees(raw) if isinstance(raw, str) else None
+    return _number(raw, float, " (radians, or degrees as 90deg)") if found is None else found
 
 
 class FormatError(ValueError):
@@ -101,8 +111,14 @@ class StrictReader:
         for kind, written in (plain or {}).items():
             made.register_unstructure_hook(kind, written)
 
-    def read(self, raw: object, kind: type[T], path: str = "") -> T:
-        """Return a value of a type.
+    @overload
+    def read(self, raw: object, kind: type[T], path: str = "") -> T: ...
+
+    @overload
+    def read(self, raw: object, kind: UnionType, path: str = "") -> Any: ...
+
+    def read(self, raw: object, kind: Any, path: str = "") -> Any:
+        """Return a value of a type, or of one of several dataclasses.
 
         Raises:
             FormatError: the data does not fit the type.
@@ -214,7 +230,7 @@ def _is_angle(each: Field[Any]) -> bool:
 def _joined(path: str, key: str | int) -> str:
     if isinstance(key, int):
         return f"{path}[{key}]"
-    return ".".join(filter(None, (path, key)))
+    return path + key if key.startswith("[") else ".".join(filter(None, (path, key)))
 
 
 def _check_bounds(key: str, value: Any, bounds: Mapping[Any, Any]) -> None:
@@ -283,9 +299,7 @@ def _scalar(raw: Any, kind: Any) -> Any:
 def _angle(raw: Any, kind: Any) -> float | None:
     if raw is None and NoneType in get_args(kind):
         return None
-    angle_rad = in_degrees(raw) if isinstance(raw, str) else None
-    hint = " (radians, or degrees as 90deg)"
-    return _number(raw, kind, hint) if angle_rad is None else angle_rad
+    return angle_of(raw)
 
 
 def _number(raw: Any, _: Any, hint: str = "") -> float:

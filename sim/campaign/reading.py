@@ -5,7 +5,7 @@ What a key can be set to, its scenarios say: each end of what varies is tried on
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -16,10 +16,11 @@ from executive.settings import (
     FormatError,
     SettingsError,
     StrictReader,
-    angle,
+    angle_of,
     config_folder,
     faults_of,
     load_yaml,
+    shown,
 )
 from sim.campaign import draws, runs
 from sim.campaign.draws import INJECT, fault_change
@@ -92,19 +93,11 @@ def load_campaign(name: str, runs: int | None = None) -> Campaign:
     return campaign
 
 
-@dataclass(frozen=True, slots=True)
-class _One:
-    """A number, which may be an angle in degrees."""
-
-    number: float = angle()
-
-
 def _campaign(raw: object, folder: Path) -> Campaign:
     if not isinstance(raw, dict):
         raise FormatError("", "a campaign is keys and values, such as scenario, runs, vary, hold")
-    reader = _reader()
     scenarios = _scenarios(raw, folder)
-    vary = _vary(raw.get("vary", {}), reader)
+    vary = _vary(raw.get("vary", {}))
     filled = {key: value for key, value in raw.items() if key not in ("scenario", "vary")}
     filled |= {"scenarios": list(scenarios), "vary": list(vary)}
     many = combinations(scenarios, vary)
@@ -114,7 +107,7 @@ def _campaign(raw: object, folder: Path) -> Campaign:
         filled["runs"] = many
     if not raw.get("hold"):
         raise FormatError("hold", "nothing has to hold")
-    campaign = reader.read(filled, Campaign)
+    campaign = _reader().read(filled, Campaign)
     if isinstance(campaign.runs, Until) and campaign.runs.most < many:
         said = f"{campaign.runs.most} is below {many}, the combinations of scenarios and grids"
         raise FormatError("runs.most", said)
@@ -122,22 +115,19 @@ def _campaign(raw: object, folder: Path) -> Campaign:
 
 
 @cache
-def _reader() -> StrictReader:
+def _reader(*, faults: bool = False) -> StrictReader:
+    """Return the reader of campaigns, or of the alternatives of `inject`, which are faults."""
     special: dict[Any, Callable[[Any], Any]] = {
-        Where: lambda raw: Where.parse(_text(raw)),
-        Interval: lambda raw: _interval(raw, reader),
-        Alternative: lambda raw: _alternative(raw, reader),
-        int | Until: lambda raw: _runs(raw, reader),
+        Where: lambda raw: Where.parse(reader.read(raw, str)),
+        Interval: _interval,
+        Scalar: _scalar,
+        FaultDraw: _fault,
+        tuple[Alternative, ...]: _faults if faults else _alternatives,
+        int | Until: _runs,
         tuple[Variation, ...]: tuple,
     }
     reader = StrictReader(special)
     return reader
-
-
-def _text(raw: object) -> str:
-    if not isinstance(raw, str):
-        raise FormatError("", f"expected a text, got {raw!r}")
-    return raw
 
 
 def _scenarios(raw: dict[Any, Any], folder: Path) -> tuple[str, ...]:
@@ -156,109 +146,104 @@ def _scenarios(raw: dict[Any, Any], folder: Path) -> tuple[str, ...]:
     return tuple(str(folder / name) if name.endswith(SUFFIXES) else name for name in named)
 
 
-def _runs(raw: object, reader: StrictReader) -> int | Until:
+def _runs(raw: object) -> int | Until:
     if isinstance(raw, dict):
-        return reader.read(raw, Until)
+        return _reader().read(raw, Until)
     if type(raw) is not int or not 1 <= raw <= MOST_RUNS:
-        raise FormatError("", f"expected 1 .. {MOST_RUNS}, or until: WIDTH, got {raw!r}")
+        raise ValueError(f"expected 1 .. {MOST_RUNS}, or until: WIDTH, got {shown(raw)}")
     return raw
 
 
-def _interval(raw: object, reader: StrictReader) -> Interval:
+def _interval(raw: object) -> Interval:
     if not isinstance(raw, list) or len(raw) != 2:
-        raise FormatError("", f"expected [LOW, HIGH], got {raw!r}")
-    low, high = (_number(each, reader) for each in raw)
+        raise ValueError(f"expected [LOW, HIGH], got {shown(raw)}")
+    low, high = map(angle_of, raw)
     return Interval(low, high)
 
 
-def _number(raw: object, reader: StrictReader) -> float:
-    try:
-        return reader.read({"number": raw}, _One).number
-    except FormatError as error:
-        raise FormatError("", error.faults[0][1]) from error
-
-
-def _alternative(raw: object, reader: StrictReader) -> Alternative:
-    return raw if isinstance(raw, FaultDraw | Named) else _scalar(raw, reader)
-
-
-def _scalar(raw: object, reader: StrictReader) -> Scalar:
+def _scalar(raw: object) -> Scalar:
     """Return one value; what is none, such as a list, as YAML. An angle in degrees is a number."""
-    if isinstance(raw, str) and raw.strip().endswith("deg"):
-        return _number(raw, reader)
+    if isinstance(raw, float) or (isinstance(raw, str) and raw.strip().endswith("deg")):
+        return angle_of(raw)
     if isinstance(raw, str | bool | int):
         return raw
-    if isinstance(raw, float):
-        return _number(raw, reader)
     written: str = yaml.safe_dump(raw, default_flow_style=True, width=10**9)
     return written.removesuffix("\n").removesuffix("\n...")
 
 
-def _vary(raw: object, reader: StrictReader) -> tuple[Variation, ...]:
+def _alternatives(raw: object) -> tuple[Alternative, ...]:
+    """Return the values of a choice or grid, some of them by their names."""
+    if not isinstance(raw, dict):
+        return _reader().read(raw, tuple[Scalar, ...])
+    for name in raw:
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise ValueError(f"{shown(name)} is no name of letters, digits, - and _")
+    return tuple(Named(name, _scalar(value)) for name, value in raw.items())
+
+
+def _faults(raw: object) -> tuple[Alternative, ...]:
+    return _reader().read(raw, tuple[FaultDraw, ...])
+
+
+def _fault(raw: object) -> FaultDraw:
+    if isinstance(raw, str):
+        return FaultDraw(raw)
+    if not (isinstance(raw, dict) and len(raw) == 1 and isinstance(next(iter(raw)), str)):
+        raise ValueError(f"expected a fault, as odometry_jump: {{by: 0.5}}, got {shown(raw)}")
+    ((name, said),) = raw.items()
+    if not isinstance(said, dict):
+        raise FormatError(name, f"expected parameters, as {{by: 0.5}}, got {shown(said)}")
+    return FaultDraw(
+        name,
+        tuple(
+            (parameter, _parameter(value, f"{name}.{parameter}"))
+            for parameter, value in said.items()
+        ),
+    )
+
+
+def _parameter(raw: object, path: str) -> Scalar | Number:
+    value: Scalar | Number = _reader().read(raw, Number if isinstance(raw, dict) else Scalar, path)
+    return value
+
+
+def _vary(raw: object) -> tuple[Variation, ...]:
     """Return what varies; sorted, so that a world stands before its friction."""
     if not isinstance(raw, dict):
-        raise FormatError("vary", f"expected keys and values, got {raw!r}")
+        raise FormatError("vary", f"expected keys and values, got {shown(raw)}")
     found = []
     for key, said in raw.items():
         path = f"vary.{key}"
         if not isinstance(key, str):
-            raise FormatError("vary", f"{key!r} is no key of a scenario")
+            raise FormatError("vary", f"{shown(key)} is no key of a scenario")
         if key == INJECT:
-            found.append(_faults(said, path, reader))
+            found.append(_injected(said, path))
         else:
-            distribution = _distribution(_with_names(said, path, reader), path, reader)
+            distribution: Distribution = _reader().read(said, Distribution, path)
             found.append(Variation(key=key, distribution=distribution))
     return tuple(sorted(found, key=lambda variation: variation.key))
 
 
-def _with_names(raw: object, path: str, reader: StrictReader) -> object:
-    """Return a choice or grid of values by their names as one of `Named`; all else as it is."""
-    if not isinstance(raw, dict):
-        return raw
-    made = dict(raw)
-    for kind in ("choice", "grid"):
-        if not isinstance(named := raw.get(kind), dict):
-            continue
-        for name in named:
-            if not isinstance(name, str) or not _NAME.fullmatch(name):
-                said = f"{name!r} is no name of letters, digits, - and _"
-                raise FormatError(f"{path}.{kind}", said)
-        made[kind] = [Named(name, _scalar(value, reader)) for name, value in named.items()]
-    return made
-
-
-def _distribution(raw: object, path: str, reader: StrictReader) -> Distribution:
-    kind: Any = Distribution
-    read: Distribution = reader.read(raw, kind, path)
-    return read
-
-
-def _faults(raw: object, path: str, reader: StrictReader) -> Variation:
+def _injected(raw: object, path: str) -> Variation:
     """Return how faults vary: as other values do, with `at` and, if they end, `for`."""
     if not isinstance(raw, dict) or "at" not in raw:
         raise FormatError(path, "expected choice or grid of faults, and at: when they begin")
     said = {key: value for key, value in raw.items() if key not in ("at", "for")}
-    for key in ("choice", "grid"):
-        if isinstance(said.get(key), list):
-            said[key] = [
-                _fault(fault, f"{path}.{key}[{index}]", reader)
-                for index, fault in enumerate(said[key])
-            ]
-    distribution = _distribution(said, path, reader)
+    distribution: Distribution = _reader(faults=True).read(said, Distribution, path)
     if not isinstance(distribution, Choice | Grid):
         raise FormatError(path, "expected choice or grid of faults")
     return Variation(
         key=INJECT,
         distribution=distribution,
-        at=_time(raw["at"], f"{path}.at", reader),
-        lasts=_time(raw["for"], f"{path}.for", reader) if "for" in raw else None,
+        at=_time(raw["at"], f"{path}.at"),
+        lasts=_time(raw["for"], f"{path}.for") if "for" in raw else None,
     )
 
 
-def _time(raw: object, path: str, reader: StrictReader) -> Distribution | float:
+def _time(raw: object, path: str) -> Distribution | float:
     if not isinstance(raw, dict):
         return _seconds(raw, path)
-    time = _distribution(raw, path, reader)
+    time: Distribution = _reader().read(raw, Distribution, path)
     for end in _ends_of(time):
         _seconds(end, path)
     return time
@@ -266,33 +251,8 @@ def _time(raw: object, path: str, reader: StrictReader) -> Distribution | float:
 
 def _seconds(raw: object, path: str) -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise FormatError(path, f"expected seconds or a distribution, got {raw!r}")
+        raise FormatError(path, f"expected seconds or a distribution, got {shown(raw)}")
     return float(raw)
-
-
-def _fault(raw: object, path: str, reader: StrictReader) -> FaultDraw:
-    if isinstance(raw, str):
-        return FaultDraw(raw)
-    if not (isinstance(raw, dict) and len(raw) == 1 and isinstance(next(iter(raw)), str)):
-        raise FormatError(path, f"expected a fault, as odometry_jump: {{by: 0.5}}, got {raw!r}")
-    ((name, said),) = raw.items()
-    if not isinstance(said, dict):
-        raise FormatError(f"{path}.{name}", f"expected parameters, as {{by: 0.5}}, got {said!r}")
-    return FaultDraw(
-        name,
-        tuple(
-            (parameter, _parameter(value, f"{path}.{name}.{parameter}", reader))
-            for parameter, value in said.items()
-        ),
-    )
-
-
-def _parameter(raw: object, path: str, reader: StrictReader) -> Scalar | Number:
-    if isinstance(raw, dict):
-        kind: Any = Number
-        drawn: Number = reader.read(raw, kind, path)
-        return drawn
-    return _scalar(raw, reader)
 
 
 def _check_hold(campaign: Campaign) -> None:
