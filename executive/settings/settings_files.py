@@ -14,8 +14,8 @@ from typing import Any, Final, TypeVar
 
 import yaml
 
-from executive.faults import FaultTable
-from executive.settings.strict_reader import FormatError, StrictReader
+from executive.faults import DECLARED, FaultTable
+from executive.settings.strict_reader import FormatError, StrictReader, unknown_keys
 
 T = TypeVar("T")
 
@@ -76,19 +76,22 @@ def faults_of(origin: object) -> Iterator[None]:
 @cache
 def _reader() -> StrictReader:
     """Return the reader of settings, which compiles code for each dataclass that it meets first."""
-    faults = StrictReader({})  # the figures of a row have the units of its fault
-    return StrictReader(
-        {FaultTable: lambda raw: faults.overlay(FaultTable(), raw, "")},
-        {FaultTable: lambda table: _without_none(faults.plain(table))},
-        units=True,
-    )
+    rows = StrictReader({})  # a figure of a row has the unit of its fault, not one of its own
 
+    def read_faults(raw: object) -> FaultTable:
+        given = rows.read(raw, dict[str, Any])
+        if unknown := given.keys() - DECLARED.keys():
+            raise ValueError(unknown_keys(unknown, list(DECLARED)))
+        changed = {name: rows.overlay(DECLARED[name].row, row, name) for name, row in given.items()}
+        return FaultTable(**changed)
 
-def _without_none(rows: dict[str, dict[str, object]]) -> dict[str, dict[str, object]]:
-    return {
-        name: {key: value for key, value in row.items() if value is not None}
-        for name, row in rows.items()
-    }
+    def plain_faults(table: FaultTable) -> dict[str, dict[str, Any]]:
+        return {
+            name: {key: value for key, value in row.items() if value is not None}
+            for name, row in rows.plain(table).items()
+        }
+
+    return StrictReader({FaultTable: read_faults}, {FaultTable: plain_faults}, units=True)
 
 
 class _Loader(yaml.CSafeLoader):

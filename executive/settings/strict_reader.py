@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import Field, field, fields, is_dataclass
 from difflib import get_close_matches
 from enum import Enum, EnumMeta
+from functools import cache
 from math import inf, radians
 from types import GenericAlias, NoneType, UnionType
 from typing import Any, Final, TypeVar, get_args, get_origin, overload
@@ -97,9 +98,11 @@ class StrictReader:
         for kind in _WORDS:
             made.register_structure_hook(kind, _scalar)
         made.register_structure_hook(float, _number)
-        made.register_structure_hook_factory(is_dataclass, self._dataclass_hook)
+        # cattrs would compile the hook of a dataclass anew for each field of it.
+        made.register_structure_hook_factory(is_dataclass, cache(self._dataclass_hook))
         made.register_unstructure_hook_factory(
-            is_dataclass, lambda kind: make_dict_unstructure_fn(kind, made, **self._keys(kind))
+            is_dataclass,
+            cache(lambda kind: make_dict_unstructure_fn(kind, made, **self._keys(kind))),
         )
         made.register_structure_hook_func(_is_tuple, self._list)
         made.register_structure_hook_factory(_is_dict, self._dict_hook)
@@ -192,7 +195,7 @@ class StrictReader:
         match error:
             case ForbiddenExtraKeysError():
                 known = [self._key(each.name) for each in fields(error.cl)]
-                yield path, _unknown(error.extra_fields, known)
+                yield path, unknown_keys(error.extra_fields, known)
             case ClassValidationError() | IterableValidationError():
                 noted, bare = error.group_exceptions()
                 for inner, note in noted:
@@ -259,7 +262,8 @@ def hint(name: object, known: Iterable[str]) -> str:
     return f" (did you mean {near[0]}?)" if near else ""
 
 
-def _unknown(keys: Collection[str], known: Sequence[str]) -> str:
+def unknown_keys(keys: Collection[str], known: Sequence[str]) -> str:
+    """Return what is wrong with keys that are none of the known ones."""
     near = {shown(key): hint(key, known) for key in sorted(keys, key=str)}
     text = "unknown key " + ", ".join(key + found for key, found in near.items())
     if all(near.values()) and len(known) > MANY:
