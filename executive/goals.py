@@ -17,31 +17,22 @@ from executive.commands import (
 )
 from executive.commands.intake import expired
 from executive.commands.lifecycle import Life
-from executive.geometry import Point, Pose
+from executive.geometry import Pose
 from executive.journey import Journey
-from executive.motion import Intents, Latches, Leg, Locomotion, Verification
+from executive.motion import Intents, Latches, Leg, LegProgress, Locomotion, Verification
 from executive.plans import ActivePlans
 from executive.ports import Video
 from executive.reasons import Figure, Refusal
 from executive.safety import Safety
 from executive.settings import Settings
 from executive.state import FileFolder, Source, Status
-from executive.zones import Encounter
 
 
 class Goal:
     """One accepted command, and how far it has come.
 
     Attributes:
-        step: index of the step under way, of `step_count`.
-        attempts: how often the step was ended away from its target.
-        around: how many places it has stood at on ways around obstacles.
-        on_way: whether the leg ends at such a place, and not at that of the step.
-        off_path: whether the step leads around something seen, and not straight to its waypoint.
-        evaded: how often something that came into view has ended a line of the step.
-        met: what that was last, until the way around it is planned.
-        straight: whether the step is driven by turns and lines, since no curve led there.
-        led_at: where a motion led the rover last, until the next is planned.
+        progress: through its steps.
         leg: the step as it was planned last, or the way to it.
         begun: the pose from which the step was planned last.
         origin: the pose from which it was planned first.
@@ -55,15 +46,7 @@ class Goal:
         self.arrived_s = arrived_s
         self.arrived_utc_s = arrived_utc_s
         self.started_s = 0.0
-        self.step = 0
-        self.attempts = 0
-        self.around = 0
-        self.on_way = False
-        self.off_path = False
-        self.evaded = 0
-        self.met: Encounter | None = None
-        self.straight = False
-        self.led_at: Point | None = None
+        self.progress = LegProgress()
         self.leg = Leg(None, None, False, None, 0.0)
         self.begun = self.origin = Pose()
         self.verification: Verification | None = None

@@ -65,9 +65,9 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
         case MoveTo(target):
             return target, ()
         case FollowPath(waypoints):
-            left, passed = waypoints[goal.step :], 0
+            left, passed = waypoints[goal.progress.step :], 0
             passes = partial(locomotion.passes, goal.command)
-            while not goal.attempts and passed + 1 < len(left) and passes(left[passed]):
+            while not goal.progress.attempts and passed + 1 < len(left) and passes(left[passed]):
                 passed += 1
             return left[passed], left[:passed]
         case MoveForward() | RotateTo() | RotateBy() as step:
@@ -135,7 +135,7 @@ class _MotionLeaf(GoalLeaf):
         """Return why a goal may not begin here, by pose and battery, or None."""
         context, goal, status = self.context, self.goal, self.context.status
         request = goal.command.request
-        if goal.step or goal.attempts or goal.around:
+        if not goal.progress.new:
             return None
         assert isinstance(request, CommandedMotion)
         uncertain = check_pose(request, status.pose, status.uncertainty, context.settings)
@@ -208,36 +208,33 @@ class _MotionLeaf(GoalLeaf):
             return Status.SUCCESS
         if motion.fault is not None:
             return self.fail(motion.fault)
-        now_s, goal.led_at = self.context.clock.now_s(), self.context.status.pose.point
+        now_s = self.context.clock.now_s()
+        goal.progress.last_driven = self.context.status.pose.point
         if motion.renew(now_s) or self._elsewhere:
             self.allow(self._allow(motion.expected_s))
         self.context.intents.motion = motion.want(now_s)
         self.feedback_message = motion.left
         if motion.notice is not None and not self._noticed:
             self._noticed = True
-            goal.life.advance(goal.step, goal.step_count, motion.notice)
+            goal.life.advance(goal.progress.step, goal.step_count, motion.notice)
         return Status.RUNNING
 
     def _abandon(self, motion: Motion) -> None:
         """Note how the goal is to go on from where a motion left the rover."""
-        goal = self.goal
-        goal.off_path = True
-        if motion.again and not goal.leg.through and goal.evaded < MOST_EVADED:
-            goal.around += 1
-            goal.evaded += 1
-            return
-        goal.attempts += 1
-        goal.straight = not goal.leg.through
+        progress, through = self.goal.progress, bool(self.goal.leg.through)
+        progress.left_path = True
+        if motion.again and not through and progress.obstacle_stops < MOST_EVADED:
+            progress.stop_before(progress.blocking)
+        else:
+            progress.give_up_curve(through)
 
     def _advance(self) -> None:
         """Count a step of the goal, and report it unless it is the last."""
-        goal = self.goal
-        goal.step += 1
-        goal.attempts = goal.evaded = 0
-        goal.off_path = goal.straight = False
-        if goal.step < goal.step_count:
-            text = f"waypoint {goal.step} of {goal.step_count} reached"
-            goal.life.advance(goal.step, goal.step_count, text)
+        goal, progress = self.goal, self.goal.progress
+        progress.end_step()
+        if progress.step < goal.step_count:
+            text = f"waypoint {progress.step} of {goal.step_count} reached"
+            goal.life.advance(progress.step, goal.step_count, text)
 
 
 class PlanLeg(_MotionLeaf):
@@ -247,7 +244,7 @@ class PlanLeg(_MotionLeaf):
         """Allow the time of a stop from full speed, and of waiting for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
-        if goal.step == goal.attempts == goal.around == 0:
+        if goal.progress.new:
             goal.verification = Verification.begin(context.settings, context.status)
             goal.slid_m = self._slid_m
         return self._allow(0.0 if goal.verification is None else WAIT_S)
@@ -277,26 +274,28 @@ class PlanLeg(_MotionLeaf):
         if refusal is not None:
             return self.fail(refusal)
         curves = self.context.locomotion.curves
-        in_one = isinstance(step, Waypoint) and not goal.straight and curves(goal.command, step)
+        progress = goal.progress
+        one_curve = isinstance(step, Waypoint) and curves(goal.command, step)
+        in_one = one_curve and not progress.turn_then_drive
         self._note_way(way, in_one)
-        if goal.on_way:
+        if progress.at_detour:
             leg = plan_leg(way[0], settings, status)
         else:
             around = tuple(Point(each.x_m, each.y_m) for each in way)
             leg = plan_leg(step, settings, status, through, around)
-        goal.leg = replace(leg, straight=goal.straight or goal.on_way)
+        goal.leg = replace(leg, straight=progress.turn_then_drive or progress.at_detour)
         goal.begun = status.pose
-        if goal.attempts == goal.around == 0:
+        if progress.untried:
             goal.origin = status.pose
         return Status.SUCCESS
 
     def _note_passed(self) -> None:
         """Count the waypoints that the rover passed since no motion led it: braking for a pause."""
-        goal, now = self.goal, self.context.status.pose.point
-        before, goal.led_at = goal.led_at, None
+        goal, progress, now = self.goal, self.goal.progress, self.context.status.pose.point
+        before, progress.last_driven = progress.last_driven, None
         drive, law = self.context.settings.drive, self.context.settings.turn_drive
         most_m = drive.travel_speed_mps**2 / drive.travel_acceleration_mps2
-        if before is None or goal.attempts or before.distance_m(now) > most_m:
+        if before is None or progress.attempts or before.distance_m(now) > most_m:
             return
         _, through = _next_step(goal, self.context.locomotion)
         for each in through:
@@ -315,7 +314,7 @@ class PlanLeg(_MotionLeaf):
         obstacles = heeded(settings, status.obstacles)
         if not isinstance(step, Waypoint):
             return check_request(step, status.pose, settings, obstacles) or ()
-        if isinstance(request, FollowPath) and not goal.off_path:
+        if isinstance(request, FollowPath) and not goal.progress.left_path:
             path = replace(request, waypoints=(*through, step))
             blocked = check_request(path, status.pose, settings, obstacles)
             if blocked is not None or through or not obstacles.seen:
@@ -327,14 +326,13 @@ class PlanLeg(_MotionLeaf):
 
         Where it is driven in one curve, it has no stops.
         """
-        goal = self.goal
-        goal.on_way = bool(way) and not in_one
-        goal.off_path = goal.off_path or bool(way)
-        met, goal.met = goal.met, None
-        if way and (met is not None or not (goal.around or goal.attempts)):
-            what = "obstacles" if met is None else met.obstacle.title
+        goal, progress = self.goal, self.goal.progress
+        blocking = progress.blocking
+        progress.begin_leg(bool(way), in_one)
+        if way and (blocking is not None or progress.untried):
+            what = "obstacles" if blocking is None else blocking.obstacle.title
             listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in way)
-            goal.life.advance(goal.step, goal.step_count, f"goes around {what}, by {listing}")
+            goal.life.advance(progress.step, goal.step_count, f"goes around {what}, by {listing}")
 
 
 class Turn(_MotionLeaf):
@@ -369,11 +367,9 @@ class Drive(_MotionLeaf):
         met = self._met()
         if met is None:
             return self._go_on(standing=self.goal.leg.heading_rad is None)
-        goal = self.goal
-        goal.met = met
-        goal.around += 1
-        goal.evaded += 1
-        if goal.evaded > MOST_EVADED:
+        progress = self.goal.progress
+        progress.stop_before(met)
+        if progress.obstacle_stops > MOST_EVADED:
             text = f"{met.obstacle.title} is in the way, after {MOST_EVADED} ways around others"
             figures = Figure("way", met.way_m, "m"), Figure("gap", met.gap_m, "m")
             return self.fail(Refusal(Reason.PATH_BLOCKED, text, figures))
@@ -408,9 +404,9 @@ class FinishLeg(_MotionLeaf):
 
     def act(self) -> Status:
         """Count the step, unless the rover ended away from its target."""
-        goal = self.goal
+        goal, progress = self.goal, self.goal.progress
         verified: Verified | Refusal | None = Verified(())
-        if goal.step + 1 == goal.step_count and not goal.on_way:
+        if progress.step + 1 == goal.step_count and not progress.at_detour:
             verified = self._verify()
         if verified is None:
             return Status.RUNNING
@@ -418,9 +414,9 @@ class FinishLeg(_MotionLeaf):
             return self.fail(verified)
         place_m, near_m, heading_rad = self._errors()
         if place_m > near_m or heading_rad > OFF_RAD:
-            goal.attempts += 1
+            progress.attempts += 1
             relative = not isinstance(goal.command.request, MoveTo | FollowPath)
-            if not relative and goal.attempts < ATTEMPTS:
+            if not relative and progress.attempts < ATTEMPTS:
                 return Status.FAILURE
             text = f"the rover stands {place_m:.3f} m and {heading_rad:.3f} rad from its target"
             figures = (
@@ -430,15 +426,14 @@ class FinishLeg(_MotionLeaf):
                 Figure("heading bound", OFF_RAD, "rad"),
             )
             return self.fail(Refusal(Reason.OFF_TARGET, text, figures))
-        if goal.on_way:
-            goal.around += 1
-            goal.attempts = 0
+        if progress.at_detour:
+            progress.end_detour()
             return Status.SUCCESS
         uncertain = self._uncertain()
         if uncertain is not None:
             return self.fail(uncertain)
         self._advance()
-        if goal.step < goal.step_count:
+        if progress.step < goal.step_count:
             return Status.SUCCESS
         took_s = self.context.clock.now_s() - goal.started_s
         known_by = f"{self._known_by}{self._from_where(goal.origin)}"

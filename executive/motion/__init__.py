@@ -15,6 +15,7 @@ keep each place of a plan away from rocks and zones.
 
 from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
 from executive.motion.delegated_motion import MotionProfile, profile_of
+from executive.motion.leg_progress import LegProgress
 from executive.motion.locomotion import (
     Bounds,
     Leg,
@@ -48,6 +49,7 @@ __all__ = [
     "Intents",
     "Latches",
     "Leg",
+    "LegProgress",
     "Locomotion",
     "MinimumTime",
     "Motion",
