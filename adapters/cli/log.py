@@ -144,7 +144,7 @@ async def _ask(
 
 
 async def _with_older(client: "MrsClient", history: RunHistory, since_utc_s: float) -> RunHistory:
-    """Return a history with reports of before it, as far as they are asked for and known."""
+    """Return a history with older reports, as far as they are wanted and known."""
     from adapters.mrs.spec import report_of
 
     reports = list(history.reports)

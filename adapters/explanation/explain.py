@@ -1,6 +1,6 @@
 """Why: the causal chain of a command, and of what the rover does at the end of a time.
 
-Pure functions of a `RunHistory`, so that a recording and a rover heard by the MRS are explained in
+Pure functions of a `RunHistory`, so that a recording and a rover on the MRS are explained in
 the same words. What a history does not know is left out.
 """
 

@@ -14,7 +14,7 @@ MOST_READ: Final = 4 * LONGEST_VALUE
 
 
 def request_text(request: Request) -> str:
-    """Return what is asked for, with its arguments and their units, on one line."""
+    """Return a request with its arguments and their units, on one line."""
     declared = declaration_of(type(request))
     given = [
         _argument(declared, request, each.field, each.name, each.unit) for each in declared.written

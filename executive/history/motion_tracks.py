@@ -1,4 +1,4 @@
-"""Where a rover was over a run, and how fast it was commanded and said to go, by each source."""
+"""Where a rover was over a run, and how fast it went, by each source that reports it."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -12,7 +12,7 @@ from executive.state import Joints, Odometry, SecondOdometry
 
 
 class TrackSource(Enum):
-    """Who tells where the rover is or how fast it goes."""
+    """What reports where the rover is or how fast it goes."""
 
     COMMANDED = "commanded"
     ODOMETRY = "odometry"

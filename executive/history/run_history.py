@@ -26,7 +26,7 @@ class ReceivedCommand:
         text: its name and arguments, for people.
         name: of the request, as in its declaration.
         utc_s: when it was looked at first.
-        created_utc_s, lifetime_s: when it was made and how long it may wait, as its sender said.
+        created_utc_s, lifetime_s: when it was made and how long it may wait, by its sender.
     """
 
     identity: Identity
@@ -128,7 +128,7 @@ class LeafRun:
     Attributes:
         path: of the leaf, names from the root joined by slashes.
         ended_utc_s: None while it runs.
-        message: what it said of itself last.
+        message: its last feedback message.
     """
 
     path: str

@@ -103,7 +103,7 @@ def lane_of(
         time_of: when a report was made, on the axis.
         title: its name.
         sent_s: when it was sent, and sent again.
-        unreported: what is to be said where nothing was reported.
+        unreported: what is written where nothing was reported.
     """
     if life is None:
         return CommandLane(title, tuple(sent_s), words=unreported)
