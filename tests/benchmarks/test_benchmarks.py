@@ -159,7 +159,7 @@ def test_a_missed_goal_is_named_and_ends_with_1(tmp_path: Path) -> None:
         ('{"limits": {}, "goals": []}', "one goal at least"),
         (json.dumps(GOALS | {"limits": {"travel_speed_mps": 1}}), "rotate_speed_radps"),
         (json.dumps(GOALS | {"goals": [{"id": "x"}]}), "x_m"),
-        (json.dumps(GOALS | {"goals": [GOALS["goals"][0] | {"x_m": float("nan")}]}), "mine"),  # type: ignore[index]
+        (json.dumps(GOALS | {"goals": [GOALS["goals"][0] | {"x_m": float("nan")}]}), "[0].x_m"),  # type: ignore[index]
         (json.dumps(GOALS | {"goals": [3]}), "goals"),
         (
             json.dumps(GOALS | {"limits": GOALS["limits"] | {"travel_speed_mps": -1}}),  # type: ignore[operator]

@@ -215,7 +215,7 @@ def test_what_is_no_rotation_is_refused(rotation: Quaternion) -> None:
 
 ODOMETRY = st.builds(
     Odometry,
-    st.integers(0, 2**31 * 10**9 - 1).map(lambda stamp_ns: stamp_ns * 1e-9),
+    st.integers(0, (2**31 - 1) * 10**9).map(lambda stamp_ns: stamp_ns * 1e-9),
     st.builds(Pose, lengths, lengths, lengths, turns),
     st.builds(Velocity, st.floats(-5, 5), st.floats(-5, 5)),
     st.floats(0, 1e3),
