@@ -1,12 +1,7 @@
 /** What this page knows of one asset, told to the views by topics. */
 
-/** @typedef {{asset: string, key: string, link: string, utc: number, rx: number, value: any, q: string, interval?: number}} Sample `interval`: seconds since the one before */
-/** @typedef {{stage: string, node: string, utc: number, rx: number, detail: string, code: number | null, step: number | null, steps: number | null, figures: Record<string, any>}} Stage */
-/** @typedef {{id: string, asset: string, name: string, args: Record<string, any> | null, by: string, source: string, number: number, link: string, state: string, ended: boolean, made: number, deadline: number | null, history: Stage[]}} Command */
-/** @typedef {{sequence: number, link: string, utc: number, rx: number, kind: string, severity: string, text: string, command: string | null, stage: string | null, figures: Record<string, any>}} Notice */
-/** @typedef {{path: string, name: string, depth: number, kind: string, look: string, message: string, command: string | null}} TreeNode */
-/** @typedef {{kind: string, title: string, corners: [number, number][], x: number | null, y: number | null, radius: number | null}} Zone */
-/** @typedef {{utc: number, why: string, mode: string, active: string | null, faults: string[], nodes: TreeNode[]}} Tree */
+/** @import { AssetEntry, AssetState, AuthorityHeld, CommandStatus, LinkStatus, Notified, PlanProgress, Sample, Transfer, TreeState } from "./messages.js" */
+/** @typedef {Sample & {interval?: number}} Latest `interval`: seconds since the one before */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
 
 const CONSOLE = "rover-console";
@@ -27,29 +22,29 @@ export class Asset {
   #fixes = new Map();
   /** @type {Fix | null} the last one that came in time; null while none did, and when the clock aboard was set back */
   #lastFix = null;
-  /** @type {any} its entry in the dictionary; null until it is known */
+  /** @type {AssetEntry | null} its entry in the dictionary; null until it is known */
   entry = null;
-  /** @type {Map<string, Map<string, Sample>>} the newest of each parameter, by link */
+  /** @type {Map<string, Map<string, Latest>>} the newest of each parameter, by link */
   values = new Map();
   /** @type {Fix[]} where it was, in the order of time */
   track = [];
   /** @type {Map<string, {utc: number, value: any}[]>} how uncertain its pose was, where that changed */
   #uncertainty = new Map(UNCERTAINTY.map((key) => [key, []]));
-  /** @type {Map<string, Command>} */
+  /** @type {Map<string, CommandStatus>} */
   commands = new Map();
-  /** @type {Notice[]} in the order of time */
+  /** @type {Notified[]} in the order of time */
   notices = [];
-  /** @type {Map<string, any>} by link */
+  /** @type {Map<string, LinkStatus>} by link */
   links = new Map();
-  /** @type {any} who may command it; null until it is known */
+  /** @type {AuthorityHeld | null} who may command it; null until it is known */
   authority = null;
-  /** @type {any} mode, command under way, plan; null until it is known */
+  /** @type {AssetState | null} mode, command under way, plan; null until it is known */
   status = null;
-  /** @type {Tree | null} */
+  /** @type {TreeState | null} */
   tree = null;
-  /** @type {Map<string, any>} how far each plan is */
+  /** @type {Map<string, PlanProgress>} how far each plan is */
   plans = new Map();
-  /** @type {Map<string, any>} how each transfer of a file of it is, by its id */
+  /** @type {Map<string, Transfer>} how each transfer of a file of it is, by its id */
   transfers = new Map();
 
   /** what it keeps away from */
@@ -61,7 +56,7 @@ export class Asset {
     return this.entry?.footprint ?? UNKNOWN_FOOTPRINT;
   }
 
-  /** @returns {{file: string, rover: string, began: number, ended: number, whole: boolean, damaged: boolean} | null} what it is a recording of; null for a rover */
+  /** what it is a recording of; null for a rover */
   get recording() {
     return this.entry?.recording ?? null;
   }
@@ -77,7 +72,7 @@ export class Asset {
     return this.recording ? ["recording"] : [...this.links.keys()].sort();
   }
 
-  /** @param {string} name @param {any} [entry] */
+  /** @param {string} name @param {AssetEntry | null} [entry] */
   constructor(name, entry = null) {
     this.name = name;
     this.entry = entry;
@@ -186,7 +181,7 @@ export class Asset {
     return position_m >= CERTAIN[0] || heading_rad >= CERTAIN[1] ? { position_m, heading_rad } : null;
   }
 
-  /** @param {Command} command */
+  /** @param {CommandStatus} command */
   setCommand(command) {
     const former = this.commandOf(`${command.source}:${command.number}`);
     if (former && former.id !== command.id) this.commands.delete(former.id); // heard of before it was known who posted it
@@ -200,7 +195,7 @@ export class Asset {
     return null;
   }
 
-  /** Note which nodes of a tree worked on which commands. @param {Tree} tree */
+  /** Note which nodes of a tree worked on which commands. @param {TreeState} tree */
   noteNodes(tree) {
     for (const { command, path } of tree.nodes) {
       if (command === null) continue;
@@ -209,7 +204,7 @@ export class Asset {
     }
   }
 
-  /** The paths of the nodes that worked on a command, as far as that was heard. @param {Command} command @returns {string[]} */
+  /** The paths of the nodes that worked on a command, as far as that was heard. @param {CommandStatus} command @returns {string[]} */
   nodesOf(command) {
     return [...(this.#nodes.get(`${command.source}:${command.number}`) ?? [])];
   }
@@ -241,7 +236,7 @@ export class Asset {
     return this.tree !== null && this.tree.utc >= (this.status?.utc ?? 0);
   }
 
-  /** When a command began to be carried out, and when it ended. @param {Command} command */
+  /** When a command began to be carried out, and when it ended. @param {CommandStatus} command */
   spanOf(command) {
     const reached = (stage) => command.history.find((each) => each.stage === stage);
     const began = reached("STARTED") ?? reached("ACCEPTED");
@@ -250,7 +245,7 @@ export class Asset {
     return [began.utc, command.ended ? last.utc : Infinity];
   }
 
-  /** Add notifications; the same one may come by both links, and numbers start anew with a new ledger. @param {Notice[]} notices */
+  /** Add notifications; the same one may come by both links, and numbers start anew with a new ledger. @param {Notified[]} notices */
   addNotices(notices) {
     for (const notice of notices) {
       let place = this.notices.length;
@@ -269,13 +264,13 @@ export class Asset {
   }
 }
 
-/** @param {Sample | undefined} last @param {Sample} sample @returns {number | undefined} */
+/** @param {Latest | undefined} last @param {Sample} sample @returns {number | undefined} */
 function intervalOf(last, sample) {
   if (!last || sample.utc < last.utc) return undefined;
   return sample.utc - last.utc || last.interval;
 }
 
-/** The newest sample of several links. @param {Map<string, Sample>} [links] */
+/** The newest sample of several links. @param {Map<string, Latest>} [links] */
 export function newestOf(links) {
   let best = null;
   for (const sample of links?.values() ?? []) if (!best || sample.utc > best.utc) best = sample;
@@ -285,7 +280,7 @@ export function newestOf(links) {
 /** How stages that are no states are told. */
 const STATES = { SENT: "sending", PROGRESS: "started", PREDICTED: null };
 
-/** A command as it was at a moment. @param {Command} command @param {number} utc @returns {Command} */
+/** A command as it was at a moment. @param {CommandStatus} command @param {number} utc @returns {CommandStatus} */
 function commandAt(command, utc) {
   const history = command.history.filter((each) => each.utc <= utc);
   if (history.length === command.history.length) return command;
@@ -293,5 +288,5 @@ function commandAt(command, utc) {
   return { ...command, history, ended: false, state: states.findLast(Boolean) ?? "sending" };
 }
 
-/** @param {Notice} one @param {Notice} other */
+/** @param {Notified} one @param {Notified} other */
 const isAfter = (one, other) => one.utc > other.utc || (one.utc === other.utc && one.sequence > other.sequence);

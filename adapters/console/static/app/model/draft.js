@@ -8,19 +8,19 @@ import { UNITS, number } from "../words.js";
 
 const PAUSE_MS = 250;
 
-/** @typedef {{name: string, type: string, unit: string, typed: {unit: string, per_unit: number} | null, optional: boolean, help: string, low: number | null, high: number | null, or_zero: boolean, choices: string[] | null, items: any[], least: number | null, most: number | null}} Argument */
+/** @import { ArgumentEntry, CommandEntry, Preview } from "./messages.js" */
 
 export class Draft {
   #listeners = new Set();
   #timer = 0;
   #asked = 0;
-  /** @type {any} the entry of the command in the dictionary; null for none */
+  /** @type {CommandEntry | null} the entry of the command in the dictionary; null for none */
   entry = null;
   /** @type {Record<string, any>} as typed: texts; of a list, one such record an item */
   typed = {};
   /** whether it replaces the motions under way and waiting */
   replace = false;
-  /** @type {any} null while there is none */
+  /** @type {Preview | null} null while there is none */
   preview = null;
   /** what the rover says against it, or why there is no preview */
   objection = "";
@@ -160,27 +160,27 @@ export class Draft {
   }
 }
 
-/** @param {Argument[]} parts @param {Record<string, any>} item */
+/** @param {ArgumentEntry[]} parts @param {Record<string, any>} item */
 function valuesOf(parts, item) {
   const pairs = parts.map((part) => [part.name, valueOf(part, item[part.name])]);
   return Object.fromEntries(pairs.filter(([, value]) => value !== undefined));
 }
 
-/** @param {Argument} argument @param {string | undefined} text */
+/** @param {ArgumentEntry} argument @param {string | undefined} text */
 function valueOf(argument, text) {
   if (text === undefined || text === "") return undefined;
   if (argument.type === "text" || argument.type === "choice") return text;
   return Number(text) / (argument.typed?.per_unit ?? 1);
 }
 
-/** @param {Argument} argument @param {any} value in SI units */
+/** @param {ArgumentEntry} argument @param {any} value in SI units */
 function shown(argument, value) {
   if (value === undefined || value === null) return "";
   if (typeof value !== "number") return String(value);
   return String(Math.round(value * (argument.typed?.per_unit ?? 1) * 1000) / 1000);
 }
 
-/** @param {Argument} argument @param {string | undefined} text */
+/** @param {ArgumentEntry} argument @param {string | undefined} text */
 function problemOf(argument, text) {
   if (text === undefined || text === "") return argument.optional ? "" : "needed";
   if (argument.type === "text" || argument.type === "choice") return "";
@@ -199,7 +199,7 @@ function problemOf(argument, text) {
 
 /**
  * A range in the unit that people type; empty where none is known.
- * @param {Pick<Argument, "typed" | "unit" | "low" | "high">} argument
+ * @param {Pick<ArgumentEntry, "typed" | "unit" | "low" | "high">} argument
  * @param {string} [unit] as it is shown
  */
 export function rangeOf(argument, unit = UNITS[argument.typed?.unit ?? ""] ?? argument.typed?.unit ?? argument.unit) {

@@ -5,6 +5,9 @@
 
 import { ask } from "./connection.js";
 
+/** @import { AlarmStatus } from "./messages.js" */
+/** @import { Asset } from "./asset.js" */
+/** @import { Session } from "./session.js" */
 /** @typedef {{utc: number, [name: string]: any}} Told */
 /** @typedef {"modes" | "authority" | "plans"} Kind */
 
@@ -23,12 +26,12 @@ export class Past {
   #known = [Infinity, -Infinity];
   /** @type {Record<Kind, Told[]>} in the order of time; the first may be from before */
   told = { modes: [], authority: [], plans: [] };
-  /** @type {import("../views/alarms.js").Alarm[]} */
+  /** @type {AlarmStatus[]} */
   alarms = [];
   /** why it could not be read; empty where it could */
   problem = "";
 
-  /** @param {import("./session.js").Session} session @param {import("./asset.js").Asset} asset @param {() => void} changed called when there is more */
+  /** @param {Session} session @param {Asset} asset @param {() => void} changed called when there is more */
   constructor(session, asset, changed) {
     this.#session = session;
     this.#asset = asset;
@@ -118,7 +121,7 @@ export class Past {
     this.changed();
   }
 
-  /** @param {import("../views/alarms.js").Alarm[]} alarms as they are now */
+  /** @param {AlarmStatus[]} alarms as they are now */
   #hearAlarms(alarms) {
     const ids = new Set(alarms.map((each) => each.id));
     this.alarms = [...this.alarms.filter((each) => !ids.has(each.id)), ...alarms];

@@ -4,6 +4,9 @@
  * worked on last, at the moment that is looked at; one that works on none is selected by itself.
  */
 
+/** @import { Asset } from "./asset.js" */
+/** @import { TreeNode } from "./messages.js" */
+
 export class Selection {
   #listeners = new Set();
   /** @type {string | null} the key of a command */
@@ -22,20 +25,20 @@ export class Selection {
     this.#set(key === this.command ? null : key, null);
   }
 
-  /** Select a node with its command, or nothing if it already was. @param {import("./asset.js").Asset} asset @param {import("./asset.js").TreeNode} node */
+  /** Select a node with its command, or nothing if it already was. @param {Asset} asset @param {TreeNode} node */
   selectNode(asset, node) {
     if (node.path === this.node) return this.#set(null, null);
     const command = node.command === null ? null : asset.commandOf(node.command);
     this.#set(command?.id ?? null, node.path);
   }
 
-  /** When the selected command was carried out. @param {import("./asset.js").Asset} asset */
+  /** When the selected command was carried out. @param {Asset} asset */
   spanOf(asset) {
     const command = this.command === null ? undefined : asset.commands.get(this.command);
     return command ? asset.spanOf(command) : null;
   }
 
-  /** The paths of the nodes that are selected, or worked on the selected command. @param {import("./asset.js").Asset} asset */
+  /** The paths of the nodes that are selected, or worked on the selected command. @param {Asset} asset */
   nodesOf(asset) {
     const command = this.command === null ? undefined : asset.commands.get(this.command);
     const nodes = command ? asset.nodesOf(command) : [];

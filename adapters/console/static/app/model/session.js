@@ -3,6 +3,8 @@
 import { Asset, UNCERTAINTY } from "./asset.js";
 import { Connection, ask, operator } from "./connection.js";
 
+/** @import { AlarmStatus, AssetEntry, Message, Present } from "./messages.js" */
+
 /** What a page hears of that shows neither log nor tree. */
 export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm"];
 const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "transfer", "obj"];
@@ -20,9 +22,9 @@ export class Session {
   #becomeReady = () => {};
   /** @type {Map<string, Asset>} */
   assets = new Map();
-  /** @type {Map<number, import("../views/alarms.js").Alarm>} those that stand, of all assets */
+  /** @type {Map<number, AlarmStatus>} those that stand, of all assets */
   alarms = new Map();
-  /** @type {any[]} pages that are open */
+  /** @type {Present[]} pages that are open */
   presence = [];
   /** when the dictionary was read for the first time */
   ready = new Promise((resolve) => (this.#becomeReady = resolve));
@@ -79,7 +81,7 @@ export class Session {
     for (const listener of [...(this.#listeners.get(topic) ?? [])]) listener(what);
   }
 
-  /** Return an asset, new if it was not heard of. @param {string} name @param {any} [entry] of the dictionary, where that is known */
+  /** Return an asset, new if it was not heard of. @param {string} name @param {AssetEntry | null} [entry] of the dictionary, where that is known */
   asset(name, entry = null) {
     let asset = this.assets.get(name);
     if (!asset) {
@@ -102,7 +104,7 @@ export class Session {
     return `${asset.name} cannot be reached: ${links.join(", ") || "no link"}. Start it, for example with ./rover demo --stay`;
   }
 
-  /** @param {any} message */
+  /** @param {Message} message */
   #receive(message) {
     if (message.seq !== undefined) this.#heard.seq = message.seq;
     switch (message.ty) {

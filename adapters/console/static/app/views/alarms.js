@@ -9,14 +9,14 @@ import { eachFrame, html, keep, say, set } from "../dom.js";
 import { clock } from "../words.js";
 
 /** @typedef {import("../model/session.js").Session} Session */
-/** @typedef {{id: number, asset: string, source: string, severity: string, text: string, command: string | null, raised: number, last: number, occurrences: number, cleared: number | null, operator: string | null, acknowledged: number | null}} Alarm */
+/** @import { AlarmStatus } from "../model/messages.js" */
 
 const SEVERITIES = ["CRITICAL", "SEVERE", "ALARM", "WARNING"];
 
-/** @param {Alarm} alarm */
+/** @param {AlarmStatus} alarm */
 export const isUnacknowledged = (alarm) => alarm.acknowledged === null;
 
-/** The worst first, and of these the last. @param {Alarm} one @param {Alarm} other */
+/** The worst first, and of these the last. @param {AlarmStatus} one @param {AlarmStatus} other */
 const byUrgency = (one, other) =>
   Number(isUnacknowledged(other)) - Number(isUnacknowledged(one)) ||
   SEVERITIES.indexOf(one.severity) - SEVERITIES.indexOf(other.severity) ||
@@ -28,7 +28,7 @@ const byUrgency = (one, other) =>
  * @returns {() => void}
  */
 export function mount(element, { session, asset }) {
-  /** @type {Alarm[] | null} those that were, and those that stand; null while they are not shown */
+  /** @type {AlarmStatus[] | null} those that were, and those that stand; null while they are not shown */
   let past = null;
   const count = html("span");
   const all = html("button", { type: "button", textContent: "acknowledge all", onclick: () => acknowledge(standing()) });
@@ -49,7 +49,7 @@ export function mount(element, { session, asset }) {
   const isOurs = (alarm) => asset === null || alarm.asset === asset.name;
   const standing = () => [...session.alarms.values()].filter(isOurs).sort(byUrgency);
 
-  /** @param {Alarm[]} alarms as they are seen here: what has occurred again meanwhile is not acknowledged */
+  /** @param {AlarmStatus[]} alarms as they are seen here: what has occurred again meanwhile is not acknowledged */
   async function acknowledge(alarms) {
     const seen = alarms.filter(isUnacknowledged).map((each) => [each.id, each.occurrences]);
     try {

@@ -8,7 +8,7 @@ import { eachFrame, html, keep, say, set } from "../dom.js";
 import { UNITS, clock, number } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
-/** @typedef {import("../model/asset.js").Command} Command */
+/** @import { CommandStatus, Why } from "../model/messages.js" */
 
 const MOST_ROWS = 100;
 /** The way of a command that is carried out, by each link; a recording knows what the rover said. */
@@ -39,7 +39,7 @@ const WORDS = {
  */
 export function mount(element, context) {
   const { asset, session, selection, cursor } = context;
-  /** @type {Map<string, any>} what was told of why, by command and whether it had ended */
+  /** @type {Map<string, Why | null>} what was told of why, by command and whether it had ended */
   const told = new Map();
   const rows = html("div", { className: "commands", role: "list" });
   const empty = html("p", { className: "empty" });
@@ -55,7 +55,7 @@ export function mount(element, context) {
     keep(rows, shown, (command) => command.id, make, update);
   }
 
-  /** @param {Command} command @returns {string[]} */
+  /** @param {CommandStatus} command @returns {string[]} */
   const wayOf = (command) => WAYS[asset.recording ? "recording" : command.link] ?? WAYS.direct;
 
   const make = (command) =>
@@ -76,7 +76,7 @@ export function mount(element, context) {
       html("div", { className: "whole", hidden: true, onclick: (event) => event.stopPropagation() }),
     );
 
-  /** @param {any} row @param {Command} command */
+  /** @param {any} row @param {CommandStatus} command */
   function update(row, command) {
     const [head, life, detail, whole] = row.children;
     const [time, name, args, by, state] = head.children;
@@ -137,7 +137,7 @@ function lifeLine(way) {
   );
 }
 
-/** @param {any} life @param {Command} command @param {string[]} way */
+/** @param {any} life @param {CommandStatus} command @param {string[]} way */
 function drawLife(life, command, way) {
   const reached = new Map(command.history.map((each) => [each.stage, each]));
   const last = command.history.at(-1)?.stage;
@@ -160,7 +160,7 @@ function drawLife(life, command, way) {
   });
 }
 
-/** All stages, with both times. @param {Command} command */
+/** All stages, with both times. @param {CommandStatus} command */
 function stageTable(command) {
   return html(
     "table",
@@ -178,7 +178,7 @@ function stageTable(command) {
 
 /**
  * What became of a command beside what was predicted of it; nothing where nothing was.
- * @param {Command} command
+ * @param {CommandStatus} command
  */
 export function comparison(command) {
   const figures = command.history.at(-1)?.figures ?? {};
@@ -199,7 +199,7 @@ export function comparison(command) {
   );
 }
 
-/** The arguments in a few characters. @param {Command} command @param {import("../model/asset.js").Asset} asset */
+/** The arguments in a few characters. @param {CommandStatus} command @param {import("../model/asset.js").Asset} asset */
 function shortly(command, asset) {
   const entry = asset.entry?.commands.find((each) => each.name === command.name);
   return Object.entries(command.args ?? {})

@@ -9,8 +9,7 @@ import { age, clock, number, octets } from "../words.js";
 import { isLate, valuesAt } from "./values.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
-/** @typedef {import("../model/asset.js").Command} Command */
-/** @typedef {import("../model/asset.js").Sample} Sample */
+/** @import { CommandStatus, Sample } from "../model/messages.js" */
 /** @typedef {{kind: string, title: string, lines: string[], isOpen?: boolean}} Part `isOpen` is of a link */
 /** @typedef {{key: string, title: string, contacts: [number, number][]}} Strip */
 
@@ -249,7 +248,7 @@ export function mount(element, context) {
     say(noCommands, "No command is on its way by the relay.");
   }
 
-  /** @param {Command} command */
+  /** @param {CommandStatus} command */
   function whereIs(command, taken, left, received) {
     if (command.state === "given_up") return "given up by the orbiter: the rover may have it";
     if (received) return `aboard, ${command.state === "unknown" ? "not heard of since" : command.state}`;

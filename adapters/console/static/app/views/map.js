@@ -7,6 +7,7 @@ import { eachFrame, html, keep, say, set, svg } from "../dom.js";
 import { age, clock, degrees, fixed } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
+/** @import { CommandStatus, ZoneEntry } from "../model/messages.js" */
 
 const CLICK_PX = 4;
 const NEAREST_PX_PER_M = 2;
@@ -361,7 +362,7 @@ function tidy(value) {
   return Math.round(value * 100) / 100 || 0;
 }
 
-/** @param {import("../model/asset.js").Zone} zone */
+/** @param {ZoneEntry} zone */
 function outline(zone) {
   if (zone.corners.length) return zone.corners;
   const corners = [];
@@ -383,7 +384,7 @@ function nearestOf(track, x, y, close) {
   return best;
 }
 
-/** Where the motions under way and waiting lead. @param {import("../model/asset.js").Command[]} commands the last first */
+/** Where the motions under way and waiting lead. @param {CommandStatus[]} commands the last first */
 function waypointsOf(commands) {
   const open = commands.filter((each) => !each.ended && each.args && each.state !== "unknown");
   return open.reverse().flatMap((command) => {

@@ -9,7 +9,7 @@ import { Past } from "../model/past.js";
 import { clock } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
-/** @typedef {import("../model/asset.js").Command} Command */
+/** @import { AlarmStatus, CommandStatus } from "../model/messages.js" */
 /** @typedef {{from: number, to: number, look: string}} Part */
 /** @typedef {{key: string, label: string, title: string, look: string, parts: Part[], command?: string, state?: string, expected?: number}} Bar `to` of the last part is Infinity while it goes on; `expected` is when it was to end */
 /** @typedef {{name: string, bars: Bar[], isPacked: boolean}} Lane */
@@ -220,7 +220,7 @@ function planBars(plans) {
   return bars;
 }
 
-/** @param {Command} command @param {number} now_s @returns {Bar} */
+/** @param {CommandStatus} command @param {number} now_s @returns {Bar} */
 function commandBar(command, now_s) {
   const when = (...stages) => command.history.find((each) => stages.includes(each.stage))?.utc;
   const isDoubted = DOUBTED.includes(command.state);
@@ -228,7 +228,8 @@ function commandBar(command, now_s) {
   const end = Math.max(command.made, command.ended || isDoubted ? last : Infinity);
   const accepted = when("RECEIVED", "ACCEPTED") ?? (command.ended ? when("STARTED") : undefined) ?? end;
   const started = when("STARTED") ?? end;
-  const duration_s = command.history.findLast((each) => each.stage === "PREDICTED")?.figures["predicted duration"];
+  const predicted = command.history.findLast((each) => each.stage === "PREDICTED")?.figures;
+  const duration_s = /** @type {number | undefined} */ (predicted?.["predicted duration"]);
   const expected = duration_s === undefined || started === end ? undefined : started + duration_s;
   const until = (utc) => Math.min(Math.max(utc, command.made), end);
   const outcome = command.ended || isDoubted ? command.state : "started";
@@ -252,7 +253,7 @@ function commandBar(command, now_s) {
   };
 }
 
-/** @param {import("./alarms.js").Alarm} alarm @returns {Bar} */
+/** @param {AlarmStatus} alarm @returns {Bar} */
 function alarmBar(alarm) {
   const look = `alarm-${alarm.severity.toLowerCase()}`;
   const acknowledged = alarm.acknowledged === null ? "not acknowledged" : `acknowledged by ${alarm.operator}`;

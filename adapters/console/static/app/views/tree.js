@@ -8,7 +8,7 @@ import { eachFrame, html, keep, say, set, svg } from "../dom.js";
 import { clock } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
-/** @typedef {import("../model/asset.js").TreeNode} TreeNode */
+/** @import { TreeNode, TreeState } from "../model/messages.js" */
 
 const ROW = 22;
 const INDENT = 18;
@@ -43,7 +43,7 @@ const LOOKS = {
  */
 export function mount(element, context) {
   const { asset, session, selection, cursor } = context;
-  /** @type {import("../model/asset.js").Tree | null} how it was at the time that is looked at */
+  /** @type {TreeState | null} how it was at the time that is looked at */
   let past = null;
   /** @type {Map<string, boolean>} what the operator folded or opened, by path */
   const chosen = new Map();

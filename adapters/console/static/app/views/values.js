@@ -7,7 +7,8 @@ import { rangeOf } from "../model/draft.js";
 import { age, clock, inTypedUnit } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
-/** @typedef {import("../model/asset.js").Sample} Sample */
+/** @import { Latest } from "../model/asset.js" */
+/** @import { Sample } from "../model/messages.js" */
 
 const LATE_S = 5;
 /** So many of the usual intervals without a value are a loss. */
@@ -21,7 +22,7 @@ const LONGEST_INTERVAL_S = 30;
  */
 export function mount(element, context) {
   const { asset, session, cursor } = context;
-  /** @type {Map<string, Map<string, any>>} the values of the time that is looked at */
+  /** @type {Map<string, Map<string, Sample>>} the values of the time that is looked at */
   let past = new Map();
   const rows = html("tbody");
   const head = html("tr");
@@ -124,7 +125,7 @@ export async function valuesAt(asset, keys, utc) {
 
 /**
  * Whether a value should have been told anew by now: by how often it is told, and a text at each change only.
- * @param {Sample | null | undefined} sample
+ * @param {Latest | null | undefined} sample
  * @param {number} now
  */
 export function isLate(sample, now) {
