@@ -20,6 +20,16 @@ export function html(name, properties = {}, ...children) {
 }
 
 /**
+ * Make a button.
+ * @param {string} textContent
+ * @param {string} title
+ * @param {(event: any) => void} onclick
+ * @param {Record<string, any>} [properties]
+ */
+export const button = (textContent, title, onclick, properties = {}) =>
+  html("button", { type: "button", textContent, onclick, ...(title && { title }), ...properties });
+
+/**
  * Make an SVG element.
  * @param {string} name
  * @param {Record<string, any>} [attributes]

@@ -1,7 +1,7 @@
 /** The light page, for weak links: STOP, map, commands and values, and nothing of Open MCT. */
 
 import * as bar from "./views/bar.js";
-import * as commandForm from "./views/command_form.js";
+import { CommandForm } from "./views/command_form.js";
 import * as commandTable from "./views/command_table.js";
 import { contextOf } from "./model/context.js";
 import { html } from "./dom.js";
@@ -14,7 +14,7 @@ import * as values from "./views/values.js";
 /** @type {[string, {mount: (element: HTMLElement, context: import("./model/context.js").Context) => () => void}][]} */
 const PANELS = [
   ["Map", map],
-  ["Command", commandForm],
+  ["Command", CommandForm],
   ["Commands", commandTable],
   ["Latest values", values],
 ];

@@ -65,12 +65,17 @@ export function octets(count) {
  */
 export function inTypedUnit(value, entry) {
   const factor = entry.typed?.per_unit ?? 1;
-  const unit = entry.typed ? (UNITS[entry.typed.unit] ?? entry.typed.unit) : (entry.unit ?? "");
+  const unit = unitOf(entry);
   if (value === undefined || value === null) return { text: "–", unit, factor };
   if (typeof value !== "number") return { text: String(value), unit, factor };
   if (unit === "B") return { ...octets(value), factor };
   return { text: entry.typed ? fixed(value * factor, 1) : number(value), unit, factor };
 }
 
-/** How units are shown. */
-export const UNITS = { deg: "°", "deg/s": "°/s" };
+const UNITS = { deg: "°", "deg/s": "°/s" };
+
+/** The unit that people use, as it is shown. @param {{unit?: string, typed?: {unit: string} | null}} entry */
+export function unitOf({ unit = "", typed = null }) {
+  const used = typed?.unit ?? unit;
+  return UNITS[used] ?? used;
+}

@@ -9,11 +9,11 @@ import { Cursor, Selection, Span } from "./selection.js";
 /**
  * @typedef {object} Context
  * @property {import("./session.js").Session} session
- * @property {import("./asset.js").Asset} asset
- * @property {Selection} selection
- * @property {Cursor} cursor
- * @property {Span} span
- * @property {Draft} draft
+ * @property {import("./asset.js").Asset} [asset]
+ * @property {Selection} [selection]
+ * @property {Cursor} [cursor]
+ * @property {Span} [span]
+ * @property {Draft} [draft]
  */
 
 /** @type {Map<string, Context>} */

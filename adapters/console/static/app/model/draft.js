@@ -4,7 +4,7 @@
  */
 
 import { ask } from "./connection.js";
-import { UNITS, number } from "../words.js";
+import { number, unitOf } from "../words.js";
 
 const PAUSE_MS = 250;
 
@@ -202,7 +202,7 @@ function problemOf(argument, text) {
  * @param {Pick<ArgumentEntry, "typed" | "unit" | "low" | "high">} argument
  * @param {string} [unit] as it is shown
  */
-export function rangeOf(argument, unit = UNITS[argument.typed?.unit ?? ""] ?? argument.typed?.unit ?? argument.unit) {
+export function rangeOf(argument, unit = unitOf(argument)) {
   const factor = argument.typed?.per_unit ?? 1;
   const { low, high } = argument;
   const words = (figure) => number(Math.round(figure * factor * 100) / 100);

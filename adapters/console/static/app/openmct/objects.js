@@ -3,7 +3,7 @@
  * and its telemetry by link. They follow from the dictionary, are not stored and cannot be edited.
  */
 
-import { UNITS } from "../words.js";
+import { unitOf } from "../words.js";
 import { NAMESPACE, ROOT, identifierOf, partsOf } from "./identifiers.js";
 import { VIEWS, viewsOf } from "./views.js";
 
@@ -85,7 +85,7 @@ function layoutOf(identifier, asset, location) {
 
 function telemetryOf(identifier, key, entry, location) {
   const isText = entry?.type === "STRING";
-  const unit = entry?.typed ? (UNITS[entry.typed.unit] ?? entry.typed.unit) : (entry?.unit ?? "");
+  const unit = unitOf(entry ?? {});
   return {
     identifier,
     name: key,

@@ -1,7 +1,7 @@
 /** Our views as views of Open MCT: each of an object of its own, by an asset. */
 
 import * as alarms from "../views/alarms.js";
-import * as commandForm from "../views/command_form.js";
+import { CommandForm } from "../views/command_form.js";
 import * as commandTable from "../views/command_table.js";
 import { contextOf } from "../model/context.js";
 import * as dtn from "../views/dtn.js";
@@ -20,7 +20,7 @@ import { NAMESPACE, partsOf } from "./identifiers.js";
 /** By the last part of the object's key; `of` is what it is only for, `console` whether the console has it, too. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording", console?: boolean}>} */
 export const VIEWS = {
   map: { name: "Map", icon: "icon-map", view: map },
-  form: { name: "Command", icon: "icon-command", view: commandForm, of: "rover" },
+  form: { name: "Command", icon: "icon-command", view: CommandForm, of: "rover" },
   commands: { name: "Commands", icon: "icon-activity", view: commandTable },
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
   strip: { name: "Time strip", icon: "icon-timeline", view: strip },

@@ -5,7 +5,7 @@
 
 import { ask } from "../model/connection.js";
 import { eachFrame, html, keep, say, set } from "../dom.js";
-import { UNITS, clock, number } from "../words.js";
+import { clock, number, unitOf } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
 /** @import { CommandStatus, Why } from "../model/messages.js" */
@@ -208,7 +208,7 @@ function shortly(command, asset) {
       const argument = entry?.arguments.find((each) => each.name === name);
       if (typeof value !== "number") return `${name} ${value}`;
       const factor = argument?.typed?.per_unit ?? 1;
-      const unit = argument?.typed ? (UNITS[argument.typed.unit] ?? argument.typed.unit) : "";
+      const unit = argument?.typed ? unitOf(argument) : "";
       return `${name} ${Math.round(value * factor * 1000) / 1000}${unit}`;
     })
     .join("  ");

@@ -1,0 +1,109 @@
+/** The fields in which the arguments of a draft are typed. */
+
+import { button, html, say } from "../dom.js";
+import { rangeOf } from "../model/draft.js";
+import { unitOf } from "../words.js";
+
+/** @import { ArgumentEntry } from "../model/messages.js" */
+/** @import { Draft } from "../model/draft.js" */
+
+/** One argument, with its unit, range and help; in an item of a list there is room for name and unit only. */
+export class Field {
+  #problem = html("span", { className: "problem" });
+  #input;
+  #key;
+
+  /** @param {Draft} draft @param {ArgumentEntry} argument @param {Record<string, any>} record what it is typed into @param {string} [key] of its problem, in an item */
+  constructor(draft, argument, record, key) {
+    const { name, help } = argument;
+    const [unit, range] = [unitOf(argument), rangeOf(argument)];
+    const words = [range, help].filter(Boolean).join("; ");
+    this.#key = key ?? name;
+    this.#input = inputOf(draft, argument, record, this.#key);
+    this.element = key
+      ? html("label", { title: words }, html("span", { className: "dim", textContent: `${name} ${unit}` }), this.#input)
+      : html(
+          "label",
+          { className: "field", title: words },
+          html("span", { className: "name", textContent: name + (argument.optional ? "" : " *") }),
+          this.#input,
+          html("span", { className: "unit", textContent: unit }),
+          html("span", { className: "help dim", textContent: words }),
+          this.#problem,
+        );
+  }
+
+  /** @param {Map<string, string>} problems by key; what is only missing is not marked */
+  render(problems) {
+    const problem = problems.get(this.#key) ?? "";
+    const shown = problem === "needed" ? "" : problem;
+    this.#input.classList.toggle("wrong", Boolean(shown));
+    say(this.#problem, shown);
+    if (shown && !this.#problem.parentElement) this.#input.title = shown;
+  }
+}
+
+/** The items of a list, a line each. */
+export class ListField {
+  #items = html("div", { className: "items" });
+  /** @type {Record<string, any>[]} the items that have fields */
+  #records = [];
+  /** @type {Field[]} */
+  #fields = [];
+  #draft;
+  #argument;
+
+  /** @param {Draft} draft @param {ArgumentEntry} argument */
+  constructor(draft, argument) {
+    const { name, help, most } = argument;
+    this.#draft = draft;
+    this.#argument = argument;
+    this.element = html(
+      "fieldset",
+      { className: "list" },
+      html("legend", { textContent: `${name}: ${help || "in this order"}${most ? `, ${most} at most` : ""}` }),
+      this.#items,
+      button("add one", "", () => draft.addItem(name, {})),
+    );
+  }
+
+  /** @param {Map<string, string>} problems by key */
+  render(problems) {
+    const records = this.#draft.typed[this.#argument.name] ?? [];
+    if (records.length !== this.#records.length || records[0] !== this.#records[0]) {
+      this.#records = [...records];
+      this.#fields = [];
+      this.#items.replaceChildren(...records.map((record, index) => this.#makeItem(record, index)));
+    }
+    for (const field of this.#fields) field.render(problems);
+  }
+
+  #makeItem(record, index) {
+    const { name, items } = this.#argument;
+    const fields = items.map((part) => new Field(this.#draft, part, record, `${name}.${index}.${part.name}`));
+    this.#fields.push(...fields);
+    return html(
+      "div",
+      { className: "item" },
+      html("b", { textContent: String(index + 1) }),
+      ...fields.map((each) => each.element),
+      button("×", "leave it out", () => this.#draft.removeItem(name, index), { "aria-label": `leave out ${index + 1}` }),
+    );
+  }
+}
+
+/** @param {Draft} draft @param {ArgumentEntry} argument @param {Record<string, any>} record @param {string} key */
+function inputOf(draft, { name, type, choices, optional }, record, key) {
+  const common = { "aria-label": key, name: key };
+  const typed = (text) => draft.type(record, name, text);
+  if (type !== "choice") {
+    const inputMode = type === "text" ? "text" : "decimal";
+    const oninput = (event) => typed(event.target.value.replace(",", "."));
+    return html("input", { ...common, type: "text", inputMode, value: record[name] ?? "", oninput });
+  }
+  if (!optional && !record[name]) record[name] = choices?.[0] ?? "";
+  const options = [...(optional ? [""] : []), ...(choices ?? [])].map((value) => html("option", { value, textContent: value || "as set" }));
+  const made = html("select", { ...common, onchange: () => typed(made.value) }, ...options);
+  made.value = record[name] ?? "";
+  return made;
+}
