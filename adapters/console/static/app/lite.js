@@ -7,13 +7,13 @@ import { contextOf } from "./model/context.js";
 import { html } from "./dom.js";
 import * as fleet from "./views/fleet.js";
 import { login } from "./views/login.js";
-import * as map from "./views/map.js";
+import { MapView } from "./views/map.js";
 import { LIGHT_TOPICS, Session } from "./model/session.js";
 import * as values from "./views/values.js";
 
 /** @type {[string, {mount: (element: HTMLElement, context: import("./model/context.js").Context) => () => void}][]} */
 const PANELS = [
-  ["Map", map],
+  ["Map", MapView],
   ["Command", CommandForm],
   ["Commands", commandTable],
   ["Latest values", values],

@@ -8,7 +8,7 @@ import * as dtn from "../views/dtn.js";
 import * as files from "../views/files.js";
 import * as fleet from "../views/fleet.js";
 import * as log from "../views/log.js";
-import * as map from "../views/map.js";
+import { MapView } from "../views/map.js";
 import * as plans from "../views/plans.js";
 import * as recording from "../views/recording.js";
 import * as strip from "../views/strip.js";
@@ -19,7 +19,7 @@ import { NAMESPACE, partsOf } from "./identifiers.js";
 
 /** By the last part of the object's key; `of` is what it is only for, `console` whether the console has it, too. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording", console?: boolean}>} */
 export const VIEWS = {
-  map: { name: "Map", icon: "icon-map", view: map },
+  map: { name: "Map", icon: "icon-map", view: MapView },
   form: { name: "Command", icon: "icon-command", view: CommandForm, of: "rover" },
   commands: { name: "Commands", icon: "icon-activity", view: commandTable },
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },

@@ -1,0 +1,185 @@
+/** What the map shows, a layer each: made once, and drawn anew from what is known. */
+
+import { keep, say, set, svg } from "../dom.js";
+import { clock, degrees, fixed } from "../words.js";
+
+/** @import { Asset, Fix } from "../model/asset.js" */
+/** @import { Draft } from "../model/draft.js" */
+/** @import { CommandStatus, ZoneEntry } from "../model/messages.js" */
+/** @import { Viewport } from "./viewport.js" */
+/** @typedef {{position_m: number, heading_rad: number}} Uncertainty */
+
+/** Lines at whole metres, or parts of one. */
+export class Grid {
+  element = svg("g", { class: "grid" });
+
+  /** @param {Viewport} viewport */
+  render(viewport) {
+    const { width, height } = viewport.size;
+    const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100].find((each) => each * viewport.scale >= 60) ?? 200;
+    const [west, north] = viewport.toWorld(0, 0);
+    const [east, south] = viewport.toWorld(width, height);
+    /** @type {[string, number][]} */
+    const lines = [];
+    for (let x = Math.ceil(west / step) * step; x <= east; x += step) lines.push(["x", tidy(x)]);
+    for (let y = Math.ceil(south / step) * step; y <= north; y += step) lines.push(["y", tidy(y)]);
+    const make = () => svg("g", {}, svg("line"), svg("text"));
+    keep(this.element, lines, (line) => line.join(""), make, ({ children: [line, text] }, [axis, value]) => {
+      const [px, py] = viewport.toScreen(value, value);
+      const across = axis === "x";
+      const ends = across ? { x1: px, x2: px, y1: 0, y2: height } : { x1: 0, x2: width, y1: py, y2: py };
+      set(line, { ...ends, class: value === 0 ? "origin" : "" });
+      set(text, across ? { x: px + 3, y: height - 4 } : { x: 3, y: py - 3 });
+      say(text, `${value} m`);
+    });
+  }
+}
+
+/** What the rover keeps away from, or within. */
+export class Zones {
+  element = svg("g", { class: "zones" });
+
+  /** @param {ZoneEntry[]} zones */
+  render(zones) {
+    const make = () => svg("g", {}, svg("polygon"), svg("title"));
+    keep(this.element, zones, (zone) => zone.title, make, (made, zone) => {
+      const [shape, title] = made.children;
+      set(made, { class: zone.kind });
+      set(shape, { points: outline(zone).map((each) => each.join(",")).join(" ") });
+      say(title, zone.title);
+    });
+  }
+}
+
+/** Where it was: before and after the moment that is looked at, and with the selected command. */
+export class Tracks {
+  #before = svg("polyline", { class: "track" });
+  #after = svg("polyline", { class: "track ahead" });
+  #marked = svg("polyline", { class: "track marked" });
+  element = svg("g", {}, this.#after, this.#before, this.#marked);
+
+  /** @param {Fix[]} track @param {number | null} utc_s null for now @param {number[] | null} span */
+  render(track, utc_s, span) {
+    const draw = (line, isPart) => set(line, { points: isPart ? track.filter(isPart).map((each) => `${each.x},${each.y}`).join(" ") : "" });
+    draw(this.#before, (each) => each.utc <= (utc_s ?? Infinity));
+    draw(this.#after, utc_s !== null && ((each) => each.utc >= utc_s));
+    draw(this.#marked, span && ((each) => each.utc >= span[0] && each.utc <= span[1]));
+  }
+}
+
+/** Where the motions under way and waiting lead. */
+export class Planned {
+  element = svg("g", { class: "planned" });
+
+  /** @param {CommandStatus[]} commands the last first @param {number} scale */
+  render(commands, scale) {
+    const points = waypointsOf(commands).map((each, index, all) => ({ ...each, index, from: all[index - 1] ?? each }));
+    const make = () => svg("g", {}, svg("line"), svg("circle"), svg("title"));
+    keep(this.element, points, (each) => String(each.index), make, (made, { x, y, from, done, title: words }) => {
+      const [line, circle, title] = made.children;
+      set(made, { class: done ? "done" : "" });
+      set(line, { x1: from.x, y1: from.y, x2: x, y2: y });
+      set(circle, { cx: x, cy: y, r: 5 / scale });
+      say(title, words);
+    });
+  }
+}
+
+/** Where the command that is being prepared would lead. */
+export class Preview {
+  element = svg("g", { class: "preview" });
+
+  /** @param {Draft} draft @param {number} scale */
+  render({ preview, target }, scale) {
+    const path = preview?.path ?? [];
+    const end = path.at(-1);
+    const parts = [];
+    if (path.length > 1) parts.push(svg("polyline", { points: path.map((each) => `${each.x},${each.y}`).join(" ") }));
+    if (end) parts.push(svg("path", { d: arrow(scale), transform: turned(end), class: "ghost" }));
+    else if (target) parts.push(svg("circle", { cx: target.x, cy: target.y, r: 6 / scale }));
+    this.element.replaceChildren(...parts);
+  }
+}
+
+/** A circle in which the rover is, and a sector of its headings. */
+export class UncertaintyMark {
+  #circle = svg("circle");
+  #sector = svg("path");
+  #title = svg("title");
+  element = svg("g", { class: "uncertain", "data-testid": "uncertain" }, this.#circle, this.#sector, this.#title);
+
+  /** @param {Asset} asset @param {Fix | null} pose @param {Uncertainty | null} uncertainty @param {number} scale */
+  render(asset, pose, uncertainty, scale) {
+    set(this.element, { visibility: uncertainty ? "visible" : "hidden" });
+    if (!uncertainty) return;
+    const { position_m, heading_rad } = uncertainty;
+    const half = Math.min(heading_rad, 3.1);
+    const reach = Math.max(position_m, asset.footprint.length_m, 30 / scale) + 20 / scale;
+    const [x, y] = [reach * Math.cos(half), reach * Math.sin(half)];
+    set(this.#circle, { r: position_m });
+    set(this.#sector, { d: `M0 0L${x} ${-y}A${reach} ${reach} 0 ${half > Math.PI / 2 ? 1 : 0} 1 ${x} ${y}Z` });
+    set(this.element, { transform: turned(pose), "data-position": position_m.toFixed(3) });
+    say(this.#title, `${asset.name} is ${uncertainBy(uncertainty)}: correct its pose by setPositionCompensation, or confirm it by confirmPose`);
+  }
+}
+
+/** The rover itself. */
+export class Rover {
+  #body = svg("rect", { class: "body" });
+  #nose = svg("path", { class: "nose" });
+  #title = svg("title");
+  element = svg("g", { class: "rover", "data-testid": "rover" }, this.#body, this.#nose, this.#title);
+
+  /** @param {Asset} asset @param {Fix | null} pose @param {number} scale */
+  render({ name, footprint: { length_m, width_m } }, pose, scale) {
+    set(this.element, { visibility: pose ? "visible" : "hidden" });
+    if (!pose) return;
+    set(this.#body, { x: -length_m / 2, y: -width_m / 2, width: length_m, height: width_m });
+    set(this.#nose, { d: arrow(scale) });
+    set(this.element, { transform: turned(pose), "data-x": pose.x.toFixed(3), "data-y": pose.y.toFixed(3) });
+    say(this.#title, `${name}, ${clock(pose.utc)}`);
+  }
+}
+
+/** @param {Uncertainty} uncertainty */
+export function uncertainBy({ position_m, heading_rad }) {
+  return `uncertain by ${fixed(position_m, 2)} m and ${fixed(degrees(heading_rad), 1)}°`;
+}
+
+/** Without the noise of binary fractions. @param {number} value */
+export function tidy(value) {
+  return Math.round(value * 100) / 100 || 0;
+}
+
+/** @param {ZoneEntry} zone */
+export function outline({ corners, x, y, radius }) {
+  if (corners.length) return corners;
+  const angles = Array.from({ length: 24 }, (_, part) => (part / 24) * 2 * Math.PI);
+  return angles.map((angle) => [x + radius * Math.cos(angle), y + radius * Math.sin(angle)]);
+}
+
+/** @param {{x: number, y: number, heading: number | null}} pose */
+const turned = (pose) => `translate(${pose.x} ${pose.y}) rotate(${degrees(pose.heading ?? 0)})`;
+
+/** An arrow that stays visible however far out the view is. @param {number} scale */
+function arrow(scale) {
+  const half = Math.max(0.25, 9 / scale);
+  return `M${half} 0L${-half * 0.8} ${half * 0.65}L${-half * 0.45} 0L${-half * 0.8} ${-half * 0.65}Z`;
+}
+
+/** The places of motions that are not done. @param {CommandStatus[]} commands the last first */
+function waypointsOf(commands) {
+  const open = commands.filter((each) => !each.ended && each.args && each.state !== "unknown");
+  return open.reverse().flatMap((command) => {
+    const step = command.history.findLast((each) => each.step)?.step ?? 0;
+    const places = command.args.waypoints ?? [command.args];
+    return places
+      .filter((place) => Number.isFinite(place.x) && Number.isFinite(place.y))
+      .map((place, index, all) => ({
+        x: place.x,
+        y: place.y,
+        done: all.length > 1 && index < step,
+        title: all.length > 1 ? `${command.name}, place ${index + 1} of ${all.length}` : command.name,
+      }));
+  });
+}

@@ -1,0 +1,64 @@
+/** What part of the ground the map shows, in px of its picture; x is to the right and y is up. */
+
+const NEAREST_PX_PER_M = 2;
+const CLOSEST_PX_PER_M = 400;
+const FIRST_PX_PER_M = 45;
+
+export class Viewport {
+  #picture;
+  /** in the middle, m */
+  x = 0;
+  y = 0;
+  /** px per m */
+  scale = FIRST_PX_PER_M;
+
+  /** @param {Element} picture */
+  constructor(picture) {
+    this.#picture = picture;
+  }
+
+  get size() {
+    return { width: this.#picture.clientWidth || 400, height: this.#picture.clientHeight || 300 };
+  }
+
+  /** How metres become px, for SVG. */
+  get transform() {
+    const { width, height } = this.size;
+    const k = this.scale;
+    return `matrix(${k} 0 0 ${-k} ${width / 2 - this.x * k} ${height / 2 + this.y * k})`;
+  }
+
+  /** @param {number} x_m @param {number} y_m */
+  toScreen(x_m, y_m) {
+    const { width, height } = this.size;
+    return [(x_m - this.x) * this.scale + width / 2, height / 2 - (y_m - this.y) * this.scale];
+  }
+
+  /** @param {number} x_px @param {number} y_px */
+  toWorld(x_px, y_px) {
+    const { width, height } = this.size;
+    return [(x_px - width / 2) / this.scale + this.x, (height / 2 - y_px) / this.scale + this.y];
+  }
+
+  /** @param {number} x_m @param {number} y_m */
+  centreAt(x_m, y_m) {
+    this.x = x_m;
+    this.y = y_m;
+  }
+
+  /** @param {number} factor */
+  zoom(factor) {
+    this.scale = Math.min(Math.max(this.scale * factor, NEAREST_PX_PER_M), CLOSEST_PX_PER_M);
+  }
+
+  /** Show all of some points. @param {number[][]} points */
+  fit(points) {
+    const xs = points.map((each) => each[0]);
+    const ys = points.map((each) => each[1]);
+    const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+    const { width, height } = this.size;
+    const scale = Math.min(width / (east - west + 2), height / (north - south + 2));
+    this.scale = Math.min(Math.max(scale, NEAREST_PX_PER_M), FIRST_PX_PER_M * 2);
+    this.centreAt((west + east) / 2, (south + north) / 2);
+  }
+}
