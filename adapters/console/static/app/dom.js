@@ -29,6 +29,9 @@ export function html(name, properties = {}, ...children) {
 export const button = (textContent, title, onclick, properties = {}) =>
   html("button", { type: "button", textContent, onclick, ...(title && { title }), ...properties });
 
+/** The head of a table. @param {...string} titles */
+export const tableHead = (...titles) => html("thead", {}, html("tr", {}, ...titles.map((textContent) => html("th", { textContent }))));
+
 /**
  * Make an SVG element.
  * @param {string} name

@@ -47,6 +47,9 @@ export function age(age_s) {
   return `${Math.round(age_s / 86400)} d`;
 }
 
+/** How long something takes. @param {number} time_s */
+export const duration = (time_s) => (age(time_s) === "now" ? "0 s" : age(time_s));
+
 /**
  * A number of octets.
  * @param {number} count
@@ -55,6 +58,12 @@ export function age(age_s) {
 export function octets(count) {
   const [size, unit] = count >= 1e9 ? [1e9, "GB"] : count >= 1e6 ? [1e6, "MB"] : count >= 1e3 ? [1e3, "kB"] : [1, "B"];
   return { text: number(count / size), unit };
+}
+
+/** @param {number} count of octets */
+export function sizeOf(count) {
+  const { text, unit } = octets(count);
+  return `${text} ${unit}`;
 }
 
 /**

@@ -4,7 +4,7 @@ import * as alarms from "../views/alarms.js";
 import { CommandForm } from "../views/command_form.js";
 import * as commandTable from "../views/command_table.js";
 import { contextOf } from "../model/context.js";
-import * as dtn from "../views/dtn.js";
+import { RelayView } from "../views/dtn.js";
 import * as files from "../views/files.js";
 import * as fleet from "../views/fleet.js";
 import * as log from "../views/log.js";
@@ -27,7 +27,7 @@ export const VIEWS = {
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values, console: true },
   log: { name: "Log", icon: "icon-list-view", view: log },
   alarms: { name: "Alarms", icon: "icon-bell", view: alarms, of: "rover", console: true },
-  dtn: { name: "Relay", icon: "icon-chain-links", view: dtn, of: "rover" },
+  dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
   files: { name: "Files", icon: "icon-image", view: files, of: "rover", console: true },

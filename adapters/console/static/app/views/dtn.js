@@ -4,12 +4,13 @@
  * parameters DTN_…, so that it shows the past as well.
  */
 
-import { eachFrame, html, keep, say, set } from "../dom.js";
-import { age, clock, number, octets } from "../words.js";
-import { isLate, valuesAt } from "./values.js";
+import { html, keep, say, set, tableHead } from "../dom.js";
+import { RelayFigures } from "./dtn_figures.js";
+import { isLate } from "./values.js";
+import { View } from "./view.js";
+import { clock, duration, number, sizeOf } from "../words.js";
 
-/** @typedef {import("../model/context.js").Context} Context */
-/** @import { CommandStatus, Sample } from "../model/messages.js" */
+/** @import { CommandStatus, Sample, StageReached } from "../model/messages.js" */
 /** @typedef {{kind: string, title: string, lines: string[], isOpen?: boolean}} Part `isOpen` is of a link */
 /** @typedef {{key: string, title: string, contacts: [number, number][]}} Strip */
 
@@ -42,185 +43,134 @@ const LONGEST_STRIP_S = 86_400;
 const PAST = 0.2;
 const MOST_COMMANDS = 30;
 
-/**
- * @param {HTMLElement} element
- * @param {Context} context
- * @returns {() => void}
- */
-export function mount(element, context) {
-  const { asset, session, selection, cursor } = context;
-  /** @type {Map<string, Map<string, Sample>>} the values of the time that is looked at */
-  let past = new Map();
-  const empty = html("p", { className: "empty" });
-  const path = html("div", { className: "path" });
-  const strips = html("div", { className: "strips" });
-  const rows = html("tbody");
-  const asOf = html("th", { className: "figure" });
-  const commands = html("tbody");
-  const noCommands = html("p", { className: "empty" });
-  const commandTable = html("table", {}, tableHead("command", "sent", "at the orbiter", "left it", "aboard", "now"), commands);
-  const body = html(
+export class RelayView extends View {
+  #figures = new RelayFigures(this, KEYS);
+  #empty = html("p", { className: "empty" });
+  #path = html("div", { className: "path" });
+  #strips = html("div", { className: "strips" });
+  #rows = html("tbody");
+  #asOf = html("th", { className: "figure" });
+  #commands = html("tbody");
+  #noCommands = html("p", { className: "empty", textContent: "No command is on its way by the relay." });
+  #commandTable = html("table", {}, tableHead("command", "sent", "at the orbiter", "left it", "aboard", "now"), this.#commands);
+  #trafficHead = html("thead", {}, html("tr", {}, html("th"), html("th", { className: "figure", textContent: "orbiter → rover" }), this.#asOf));
+  #body = html(
     "div",
     { className: "scroll" },
-    path,
-    strips,
-    html(
-      "table",
-      { className: "traffic" },
-      html("thead", {}, html("tr", {}, html("th"), html("th", { className: "figure", textContent: "orbiter → rover" }), asOf)),
-      rows,
-    ),
+    this.#path,
+    this.#strips,
+    html("table", { className: "traffic" }, this.#trafficHead, this.#rows),
     html("h3", { textContent: "Commands under way by the relay" }),
-    commandTable,
-    noCommands,
+    this.#commandTable,
+    this.#noCommands,
   );
-  const root = html("section", { className: "rover-view dtn-view" }, empty, body);
-  element.append(root);
+  root = html("section", { className: "rover-view dtn-view" }, this.#empty, this.#body);
 
-  const now = () => cursor.utc_s ?? session.now;
-
-  /** The newest value of a parameter by the relay. @param {string} key @returns {Sample | undefined} */
-  const sampleOf = (key) => (cursor.utc_s === null ? asset.values : past).get(key)?.get("relay");
-
-  /** The number of a parameter; null where it is not known. @param {string} key @returns {number | null} */
-  function figureOf(key) {
-    const value = sampleOf(key)?.value;
-    return value === null || value === undefined ? null : Number(value);
+  start() {
+    const { asset, session, selection, cursor, draw } = this;
+    const lookBack = async () => (await this.#figures.lookBack()) && draw();
+    lookBack();
+    return [
+      ...["values", "entry", "links", "commands"].map((topic) => asset.on(topic, draw)),
+      session.onSecond(draw),
+      selection.on(draw),
+      cursor.on(lookBack),
+    ];
   }
 
-  async function lookBack() {
-    const utc = cursor.utc_s;
-    const found = utc === null ? new Map() : await valuesAt(asset, KEYS, utc);
-    if (cursor.utc_s !== utc) return;
-    past = found;
-    draw();
-  }
-
-  function render() {
-    const isThere = asset.links.has("relay") || sampleOf("DTN_QUEUED") !== undefined;
-    body.hidden = !isThere;
-    empty.hidden = isThere;
+  render() {
+    const isThere = this.asset.links.has("relay") || this.#figures.sample("DTN_QUEUED") !== undefined;
+    this.#body.hidden = !isThere;
+    this.#empty.hidden = isThere;
     if (!isThere) {
-      say(empty, `No orbiter is known by which ${asset.name} is reached. Start rover-console with a further --to, the address that rover-mops prints for it, such as --to 127.0.0.1:21100.`);
-      return;
+      return say(this.#empty, `No orbiter is known by which ${this.asset.name} is reached. Start rover-console with a further --to, the address that rover-mops prints for it, such as --to 127.0.0.1:21100.`);
     }
-    root.classList.toggle("past", cursor.utc_s !== null);
-    drawPath();
-    drawStrips();
-    drawTraffic();
-    drawCommands();
+    this.root.classList.toggle("past", this.cursor.utc_s !== null);
+    this.#drawPath();
+    this.#drawStrips();
+    this.#drawTraffic();
+    this.#drawCommands();
   }
 
-  function drawPath() {
-    const link = asset.links.get("relay");
-    const [heard, room] = [sampleOf("DTN_QUEUED"), figureOf("DTN_ROOM")];
-    const roundTrip = figureOf("LINK_ROUND_TRIP");
-    const unread = figureOf("DTN_ABOARD_UNREAD");
-    const refused = figureOf("DTN_ABOARD_REFUSED");
-    const rover = [toldAboard() || "told nothing yet", unread ? `${unread} commands not taken` : "", refused ? `${refused} refused` : ""];
-    const ground = [link?.detail || (heard ? `told ${ago(heard.utc)}` : "nothing told yet"), roundTrip === null ? "" : `round trip ${number(roundTrip)} s`];
+  #drawPath() {
+    const figures = this.#figures;
+    const link = this.asset.links.get("relay");
+    const [heard, room] = [figures.sample("DTN_QUEUED"), figures.number("DTN_ROOM")];
+    const roundTrip = figures.number("LINK_ROUND_TRIP");
+    const unread = figures.number("DTN_ABOARD_UNREAD");
+    const refused = figures.number("DTN_ABOARD_REFUSED");
+    const rover = [figures.aboard || "told nothing yet", unread ? `${unread} commands not taken` : "", refused ? `${refused} refused` : ""];
+    const ground = [link?.detail || (heard ? `told ${figures.ago(heard.utc)}` : "nothing told yet"), roundTrip === null ? "" : `round trip ${number(roundTrip)} s`];
     /** @type {Part[]} */
     const parts = [
       { kind: "ground", title: "rover-console", lines: [] },
       { kind: "mal", title: `link ${link?.state ?? "not known"}`, lines: ground, isOpen: link?.state === "up" },
-      { kind: "orbiter", title: "orbiter", lines: [room === null ? "" : `room for ${amount(room)}`] },
-      { kind: "bundles", ...contactUp() },
-      { kind: "rover", title: asset.name, lines: rover },
+      { kind: "orbiter", title: "orbiter", lines: [room === null ? "" : `room for ${sizeOf(room)}`] },
+      { kind: "bundles", ...figures.contact },
+      { kind: "rover", title: this.asset.name, lines: rover },
     ];
-    keep(path, parts, ({ kind }) => kind, makePart, (part, { kind, title, lines, isOpen }) => {
+    const make = (/** @type {Part} */ { kind }) => html("div", { "data-part": kind }, html("b"), html("span"));
+    keep(this.#path, parts, ({ kind }) => kind, make, (part, { kind, title, lines, isOpen }) => {
       set(part, { "data-open": isOpen ?? "", class: isOpen === undefined ? "node" : `leg ${kind}` });
       say(part.children[0], title);
       say(part.children[1], lines.filter(Boolean).join(", "));
     });
   }
 
-  const ago = (utc) => (age(now() - utc) === "now" ? "now" : `${age(now() - utc)} ago`);
-
-  /** When the rover's end told of itself; empty where it did not. */
-  function toldAboard() {
-    const told = sampleOf("DTN_ABOARD_QUEUED");
-    return typeof told?.value === "number" ? `told ${ago(told.utc)}` : "";
-  }
-
-  /** Whether the orbiter can send to the rover, and until when or from when on. */
-  function contactUp() {
-    const next = sampleOf("DTN_NEXT_CONTACT");
-    const override = figureOf("DTN_OVERRIDE");
-    const held = override === 1 ? "held open until CONTACT PLAN" : override === -1 ? "held closed until CONTACT PLAN" : "";
-    if (!next) return { title: "", lines: ["nothing told yet"], isOpen: false };
-    if (next.value === 0) {
-      const end = contactsOf("DTN_CONTACTS_UP")?.find(([begin, end]) => begin <= now() && now() < end)?.[1];
-      return { title: "contact", lines: [held || (end ? `until ${clock(end)}` : "")], isOpen: true };
-    }
-    const begin = typeof next.value === "number" ? next.utc + next.value : null;
-    const when = begin === null ? "none is planned" : `next at ${clock(begin)}, in ${span(begin - now())}`;
-    return { title: "no contact", lines: [held || when], isOpen: false };
-  }
-
-  /** The planned contacts of a direction; null where there is no plan. @param {string} key @returns {[number, number][] | null} */
-  function contactsOf(key) {
-    const listed = sampleOf(key)?.value;
-    if (typeof listed !== "string") return null;
-    return listed
-      .split(" ")
-      .filter(Boolean)
-      .map((each) => /** @type {[number, number]} */ (each.split("/").map((text) => Date.parse(text) / 1000)));
-  }
-
-  function drawStrips() {
+  #drawStrips() {
+    const { now } = this.#figures;
     /** @type {Strip[]} */
     const planned = DIRECTIONS.flatMap(([key, title]) => {
-      const contacts = contactsOf(key);
+      const contacts = this.#figures.contacts(key);
       return contacts === null ? [] : [{ key, title, contacts }];
     });
     const ends = planned.flatMap((each) => each.contacts).flat();
-    const ahead = Math.max(SHORTEST_STRIP_S, ...ends.map((each) => each - now()));
+    const ahead = Math.max(SHORTEST_STRIP_S, ...ends.map((each) => each - now));
     const span = Math.min(LONGEST_STRIP_S, ahead / (1 - PAST));
-    const begin = now() - span * PAST;
+    const begin = now - span * PAST;
     const place = (utc) => Math.min(100, Math.max(0, ((utc - begin) / span) * 100));
-    keep(strips, planned, ({ key }) => key, makeStrip, (strip, { title, contacts }) => {
-      say(strip.children[0], title);
-      const [, line] = strip.children;
+    const contact = ([from, until]) =>
+      html("i", {
+        title: `${clock(from)} to ${clock(until)} UTC`,
+        style: `left: ${place(from)}%; width: ${place(until) - place(from)}%`,
+        "data-contact": from,
+      });
+    const make = (/** @type {Strip} */ { key }) => html("div", { className: "strip", "data-strip": key }, html("span"), html("div"));
+    keep(this.#strips, planned, ({ key }) => key, make, ({ children: [name, line] }, { title, contacts }) => {
+      say(name, title);
       line.replaceChildren(
-        ...contacts
-          .filter(([from, until]) => until > begin && from < begin + span)
-          .map(([from, until]) =>
-            html("i", {
-              title: `${clock(from)} to ${clock(until)} UTC`,
-              style: `left: ${place(from)}%; width: ${place(until) - place(from)}%`,
-              "data-contact": from,
-            }),
-          ),
-        html("b", { title: `now, ${clock(now())} UTC`, style: `left: ${place(now())}%` }),
+        ...contacts.filter(([from, until]) => until > begin && from < begin + span).map(contact),
+        html("b", { title: `now, ${clock(now)} UTC`, style: `left: ${place(now)}%` }),
         html("small", { textContent: clock(begin) }),
         html("small", { className: "end", textContent: clock(begin + span) }),
       );
     });
-    strips.hidden = planned.length === 0;
+    this.#strips.hidden = planned.length === 0;
   }
 
-  function drawTraffic() {
-    say(asOf, ["rover → orbiter", toldAboard()].filter(Boolean).join(", "));
-    keep(rows, ROWS, ([title]) => title, makeRow, (row, [, ...keys]) => {
-      const kind = keys.pop() ?? "";
-      keys.forEach((key, index) => {
-        const sample = sampleOf(key);
-        say(row.children[index + 1], written(sample, kind));
-        set(row.children[index + 1], { class: `figure${isLate(sample, now()) ? " late" : ""}` });
-      });
+  #drawTraffic() {
+    const figures = this.#figures;
+    say(this.#asOf, ["rover → orbiter", figures.aboard].filter(Boolean).join(", "));
+    const make = ([title, ...keys]) => html("tr", {}, html("td", { textContent: title }), ...keys.slice(0, 2).map((key) => html("td", { "data-testid": key })));
+    keep(this.#rows, ROWS, ([title]) => title, make, ({ children: [, ...cells] }, [, here, aboard, kind]) => {
+      for (const [index, key] of [here, aboard].entries()) {
+        const sample = figures.sample(key);
+        say(cells[index], this.#written(sample, kind));
+        set(cells[index], { class: `figure${isLate(sample, figures.now) ? " late" : ""}` });
+      }
     });
   }
 
   /** @param {Sample | undefined} sample @param {string} kind */
-  function written(sample, kind) {
+  #written(sample, kind) {
     if (typeof sample?.value !== "number") return "–";
     switch (kind) {
       case "octets":
-        return amount(sample.value);
+        return sizeOf(sample.value);
       case "span":
-        return span(sample.value);
+        return duration(sample.value);
       case "ago":
-        return ago(sample.utc - sample.value);
+        return this.#figures.ago(sample.utc - sample.value);
       case "seconds":
         return `${number(sample.value)} s`;
       default:
@@ -228,69 +178,30 @@ export function mount(element, context) {
     }
   }
 
-  function drawCommands() {
-    const open = asset.commandsAt(cursor.utc_s).filter((each) => each.link === "relay" && !each.ended && (cursor.utc_s === null || each.made <= cursor.utc_s));
+  #drawCommands() {
+    const { utc_s } = this.cursor;
+    const open = this.asset.commandsAt(utc_s).filter((each) => each.link === "relay" && !each.ended && (utc_s === null || each.made <= utc_s));
     const shown = open.slice(0, MOST_COMMANDS);
-    keep(commands, shown, (command) => command.id, makeCommand, (row, command) => {
-      const reached = (stage) => command.history.find((each) => each.stage === stage);
-      const [taken, left, received] = ["TAKEN", "FORWARDED", "RECEIVED"].map(reached);
-      const texts = [
-        command.name,
-        clock(command.made),
-        ...[taken, left, received].map((each) => (each ? clock(each.utc) : "")),
-        whereIs(command, taken, left, received),
-      ];
+    const make = (/** @type {CommandStatus} */ { id }) =>
+      html("tr", { onclick: () => this.selection.selectCommand(id), "data-id": id }, ...Array.from({ length: 6 }, () => html("td")));
+    keep(this.#commands, shown, (command) => command.id, make, (row, command) => {
+      const reached = ["TAKEN", "FORWARDED", "RECEIVED"].map((stage) => command.history.find((each) => each.stage === stage));
+      const times = reached.map((each) => (each ? clock(each.utc) : ""));
+      const texts = [command.name, clock(command.made), ...times, this.#whereIs(command, reached)];
       texts.forEach((text, index) => say(row.children[index], text));
-      set(row, { "data-state": command.state, class: selection.command === command.id ? "selected" : "" });
+      set(row, { "data-state": command.state, class: this.selection.command === command.id ? "selected" : "" });
     });
-    commandTable.hidden = shown.length === 0;
-    noCommands.hidden = shown.length > 0;
-    say(noCommands, "No command is on its way by the relay.");
+    this.#commandTable.hidden = shown.length === 0;
+    this.#noCommands.hidden = shown.length > 0;
   }
 
-  /** @param {CommandStatus} command */
-  function whereIs(command, taken, left, received) {
-    if (command.state === "given_up") return "given up by the orbiter: the rover may have it";
-    if (received) return `aboard, ${command.state === "unknown" ? "not heard of since" : command.state}`;
-    if (left) return `left the orbiter ${span(now() - left.utc)} ago, not heard of since`;
-    if (taken) return `waits at the orbiter for ${span(now() - taken.utc)}`;
-    return command.state === "unknown" ? "not known" : "on its way to the orbiter";
+  /** @param {CommandStatus} command @param {StageReached[]} reached */
+  #whereIs({ state }, [taken, left, received]) {
+    const since = ({ utc }) => duration(this.#figures.now - utc);
+    if (state === "given_up") return "given up by the orbiter: the rover may have it";
+    if (received) return `aboard, ${state === "unknown" ? "not heard of since" : state}`;
+    if (left) return `left the orbiter ${since(left)} ago, not heard of since`;
+    if (taken) return `waits at the orbiter for ${since(taken)}`;
+    return state === "unknown" ? "not known" : "on its way to the orbiter";
   }
-
-  const makeCommand = (command) =>
-    html("tr", { onclick: () => selection.selectCommand(command.id), "data-id": command.id }, ...Array.from({ length: 6 }, () => html("td")));
-
-  const draw = eachFrame(render);
-  const offs = [
-    ...["values", "entry", "links", "commands"].map((topic) => asset.on(topic, draw)),
-    session.onSecond(draw),
-    selection.on(draw),
-    cursor.on(lookBack),
-  ];
-  draw();
-  lookBack();
-  return () => {
-    offs.forEach((off) => off());
-    root.remove();
-  };
-}
-
-const tableHead = (...titles) => html("thead", {}, html("tr", {}, ...titles.map((textContent) => html("th", { textContent }))));
-
-/** @param {Part} part */
-const makePart = ({ kind }) => html("div", { "data-part": kind }, html("b"), html("span"));
-
-/** @param {Strip} strip */
-const makeStrip = ({ key }) => html("div", { className: "strip", "data-strip": key }, html("span"), html("div"));
-
-const makeRow = ([title, here, aboard]) =>
-  html("tr", {}, html("td", { textContent: title }), html("td", { "data-testid": here }), html("td", { "data-testid": aboard }));
-
-/** How long something takes. @param {number} time_s */
-const span = (time_s) => (age(time_s) === "now" ? "0 s" : age(time_s));
-
-/** @param {number} count */
-function amount(count) {
-  const { text, unit } = octets(count);
-  return `${text} ${unit}`;
 }

@@ -5,7 +5,7 @@
 
 import { ask } from "../model/connection.js";
 import { eachFrame, html, keep, say, set } from "../dom.js";
-import { age, clock, inTypedUnit, octets } from "../words.js";
+import { age, clock, inTypedUnit, sizeOf } from "../words.js";
 
 /** @typedef {import("../model/context.js").Context} Context */
 
@@ -177,8 +177,3 @@ const tableOf = (heads, rows, className = "") =>
   html("table", { className }, html("thead", {}, html("tr", {}, ...heads.map((textContent) => html("th", { textContent })))), rows);
 
 const isPicture = (file) => /^image\/|jpe?g$|png$/i.test(file.mime ?? file.path);
-
-function sizeOf(count) {
-  const { text, unit } = octets(count);
-  return `${text} ${unit}`;
-}
