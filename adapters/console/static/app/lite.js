@@ -1,6 +1,6 @@
 /** The light page, for weak links: STOP, map, commands and values, and nothing of Open MCT. */
 
-import * as bar from "./views/bar.js";
+import { Bar } from "./views/bar.js";
 import { CommandForm } from "./views/command_form.js";
 import * as commandTable from "./views/command_table.js";
 import { contextOf } from "./model/context.js";
@@ -21,7 +21,7 @@ const PANELS = [
 
 await login();
 const session = new Session(LIGHT_TOPICS);
-/** @type {{name: string | null, choose: (name: string) => void}} */
+/** @type {import("./model/context.js").Context["shown"]} */
 const shown = { name: null, choose: show };
 const top = html("div");
 const panels = html("main", { className: "panels" });
@@ -53,7 +53,7 @@ function choose() {
   panels.hidden = shown.name === null;
 }
 
-bar.mount(top, session, shown);
+Bar.mount(top, { session, shown });
 fleet.mount(nobody, session, show);
 session.on("assets", choose);
 choose();

@@ -1,6 +1,6 @@
 /** The whole console: Open MCT with the rovers as its objects, and the bar with STOP above it. */
 
-import * as bar from "./views/bar.js";
+import { Bar } from "./views/bar.js";
 import { cursor, span } from "./model/context.js";
 import { login } from "./views/login.js";
 import { identifierOf, partsOf } from "./openmct/identifiers.js";
@@ -50,6 +50,17 @@ class ConsoleClock {
   }
 }
 
+/** @type {import("./model/context.js").Context["shown"]} */
+const shown = {
+  name: null,
+  choose: (name) => {
+    shown.name = name;
+    const path = [identifierOf(), identifierOf(name), identifierOf(name, "layout")];
+    const keys = path.map((each, index) => (index ? `rover:${each.key}` : "rover:rovers")).join("/");
+    location.hash = `#/browse/${keys}?${LOOKS}`;
+  },
+};
+
 const { plugins } = openmct;
 openmct.setAssetPath("/vendor/openmct/");
 for (const plugin of [
@@ -64,7 +75,7 @@ for (const plugin of [
   plugins.ScatterPlot(),
   plugins.ClearData(["table", "telemetry.plot.overlay", "telemetry.plot.stacked"], { indicator: false }),
   objects(session),
-  views(session, (name) => shown.choose(name)),
+  views(session, shown),
   telemetry(session),
   storedObjects(session),
   user(),
@@ -121,17 +132,6 @@ cursor.on(() => {
   if (cursor.utc_s === null && openmct.time.isFixed()) openmct.time.setMode("realtime");
 });
 
-/** @type {{name: string | null, choose: (name: string) => void}} */
-const shown = {
-  name: null,
-  choose: (name) => {
-    shown.name = name;
-    const path = [identifierOf(), identifierOf(name), identifierOf(name, "layout")];
-    const keys = path.map((each, index) => (index ? `rover:${each.key}` : "rover:rovers")).join("/");
-    location.hash = `#/browse/${keys}?${LOOKS}`;
-  },
-};
-
 /** Look at a recording in its own time, and at a rover in the present. */
 function followAsset() {
   const recording = shown.name === null ? null : session.asset(shown.name).recording;
@@ -179,7 +179,7 @@ function openTree() {
 
 session.on("assets", choose);
 addEventListener("hashchange", choose);
-bar.mount(document.querySelector("#top"), session, shown);
+Bar.mount(document.querySelector("#top"), { session, shown });
 await session.ready;
 choose();
 openTree();

@@ -9,6 +9,7 @@ import { Cursor, Selection, Span } from "./selection.js";
 /**
  * @typedef {object} Context
  * @property {import("./session.js").Session} session
+ * @property {{name: string | null, choose: (name: string) => void}} [shown] the asset that the page shows
  * @property {import("./asset.js").Asset} [asset]
  * @property {Selection} [selection]
  * @property {Cursor} [cursor]

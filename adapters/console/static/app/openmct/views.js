@@ -1,6 +1,6 @@
 /** Our views as views of Open MCT: each of an object of its own, by an asset. */
 
-import * as alarms from "../views/alarms.js";
+import { AlarmsView } from "../views/alarms.js";
 import { CommandForm } from "../views/command_form.js";
 import * as commandTable from "../views/command_table.js";
 import { contextOf } from "../model/context.js";
@@ -26,7 +26,7 @@ export const VIEWS = {
   strip: { name: "Time strip", icon: "icon-timeline", view: strip },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values, console: true },
   log: { name: "Log", icon: "icon-list-view", view: log },
-  alarms: { name: "Alarms", icon: "icon-bell", view: alarms, of: "rover", console: true },
+  alarms: { name: "Alarms", icon: "icon-bell", view: AlarmsView, of: "rover", console: true },
   dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
@@ -43,14 +43,14 @@ export function viewsOf(asset) {
 
 /**
  * @param {import("../model/session.js").Session} session
- * @param {(name: string) => void} choose shows a rover
+ * @param {import("../model/context.js").Context["shown"]} shown
  */
-export function views(session, choose) {
+export function views(session, shown) {
   return (openmct) => {
-    addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => fleet.mount(element, session, choose));
+    addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => fleet.mount(element, session, shown.choose));
     for (const [kind, { name, icon, view }] of Object.entries(VIEWS)) {
       addView(openmct, `rover.${kind}`, name, icon, (object, element) =>
-        view.mount(element, contextOf(session, partsOf(object.identifier)[0]), choose),
+        view.mount(element, { ...contextOf(session, partsOf(object.identifier)[0]), shown }, shown.choose),
       );
     }
   };

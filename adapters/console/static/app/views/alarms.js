@@ -5,10 +5,10 @@
 
 import { ask } from "../model/connection.js";
 import { contextOf } from "../model/context.js";
-import { eachFrame, html, keep, say, set } from "../dom.js";
+import { button, html, keep, say, set } from "../dom.js";
+import { View } from "./view.js";
 import { clock } from "../words.js";
 
-/** @typedef {import("../model/session.js").Session} Session */
 /** @import { AlarmStatus } from "../model/messages.js" */
 
 const SEVERITIES = ["CRITICAL", "SEVERE", "ALARM", "WARNING"];
@@ -22,82 +22,87 @@ const byUrgency = (one, other) =>
   SEVERITIES.indexOf(one.severity) - SEVERITIES.indexOf(other.severity) ||
   other.last - one.last;
 
-/**
- * @param {HTMLElement} element
- * @param {{session: Session, asset: {name: string} | null}} context without an asset it shows those of all
- * @returns {() => void}
- */
-export function mount(element, { session, asset }) {
+/** Without an asset it shows the alarms of all. */
+export class AlarmsView extends View {
   /** @type {AlarmStatus[] | null} those that were, and those that stand; null while they are not shown */
-  let past = null;
-  const count = html("span");
-  const all = html("button", { type: "button", textContent: "acknowledge all", onclick: () => acknowledge(standing()) });
-  const history = html("button", { type: "button", textContent: "also those that are over", onclick: togglePast });
-  const told = html("p", { className: "told", role: "status" });
-  const empty = html("p", { className: "empty" });
-  const rows = html("tbody");
-  const root = html(
+  #past = null;
+
+  #count = html("span");
+  #all = button("acknowledge all", "", () => this.#acknowledge(this.#standing));
+  #history = button("also those that are over", "", () => this.#togglePast());
+  #told = html("p", { className: "told", role: "status" });
+  #empty = html("p", { className: "empty" });
+  #rows = html("tbody");
+  root = html(
     "section",
     { className: "rover-view alarms-view" },
-    html("header", {}, count, html("span", { className: "tools" }, history, all)),
-    told,
-    empty,
-    html("div", { className: "scroll" }, html("table", {}, rows)),
+    html("header", {}, this.#count, html("span", { className: "tools" }, this.#history, this.#all)),
+    this.#told,
+    this.#empty,
+    html("div", { className: "scroll" }, html("table", {}, this.#rows)),
   );
-  element.append(root);
 
-  const isOurs = (alarm) => asset === null || alarm.asset === asset.name;
-  const standing = () => [...session.alarms.values()].filter(isOurs).sort(byUrgency);
+  start() {
+    return [this.session.on("alarms", () => (this.#past === null ? this.draw() : this.#readPast()))];
+  }
+
+  get #standing() {
+    const isOurs = (alarm) => !this.asset || alarm.asset === this.asset.name;
+    return [...this.session.alarms.values()].filter(isOurs).sort(byUrgency);
+  }
 
   /** @param {AlarmStatus[]} alarms as they are seen here: what has occurred again meanwhile is not acknowledged */
-  async function acknowledge(alarms) {
+  async #acknowledge(alarms) {
     const seen = alarms.filter(isUnacknowledged).map((each) => [each.id, each.occurrences]);
     try {
       await ask("/api/alarms/acknowledge", { json: { alarms: seen } });
-      say(told, "");
+      say(this.#told, "");
     } catch (error) {
-      say(told, error.message);
+      say(this.#told, error.message);
     }
   }
 
-  async function readPast() {
-    const query = asset === null ? "" : `?asset=${encodeURIComponent(asset.name)}`;
-    past = (await ask(`/api/alarms${query}`).catch(() => null))?.alarms ?? null;
-    draw();
+  async #readPast() {
+    const query = this.asset ? `?asset=${encodeURIComponent(this.asset.name)}` : "";
+    this.#past = (await ask(`/api/alarms${query}`).catch(() => null))?.alarms ?? null;
+    this.draw();
   }
 
-  function togglePast() {
-    if (past === null) return readPast();
-    past = null;
-    draw();
+  #togglePast() {
+    if (this.#past === null) return this.#readPast();
+    this.#past = null;
+    this.draw();
   }
 
-  function render() {
-    const now = standing();
+  render() {
+    const now = this.#standing;
     const open = now.filter(isUnacknowledged).length;
     const ids = new Set(now.map((each) => each.id));
-    const shown = [...now, ...(past ?? []).filter((each) => !ids.has(each.id))];
-    say(count, now.length ? `${now.length} standing, ${open} to acknowledge` : "");
-    all.hidden = open === 0;
-    history.classList.toggle("on", past !== null);
-    empty.hidden = shown.length > 0;
-    say(empty, past ? "There was no alarm yet." : "No alarm stands. Warnings and faults that are reported, and values beyond their limits, are listed here.");
-    keep(rows, shown, (each) => String(each.id), make, update);
+    const shown = [...now, ...(this.#past ?? []).filter((each) => !ids.has(each.id))];
+    say(this.#count, now.length ? `${now.length} standing, ${open} to acknowledge` : "");
+    this.#all.hidden = open === 0;
+    this.#history.classList.toggle("on", this.#past !== null);
+    this.#empty.hidden = shown.length > 0;
+    say(this.#empty, this.#past ? "There was no alarm yet." : "No alarm stands. Warnings and faults that are reported, and values beyond their limits, are listed here.");
+    keep(this.#rows, shown, (each) => String(each.id), (each) => this.#makeRow(each), (row, each) => this.#drawRow(row, each));
   }
 
-  const make = (alarm) =>
-    html(
+  #makeRow({ asset, source, command, severity }) {
+    const select = () => command && contextOf(this.session, asset).selection.selectCommand(command);
+    return html(
       "tr",
-      { "data-source": alarm.source, onclick: () => alarm.command && contextOf(session, alarm.asset).selection.selectCommand(alarm.command) },
-      html("td", { className: "severity", textContent: alarm.severity.toLowerCase() }),
-      html("td", { className: "dim", textContent: asset === null ? alarm.asset : "" }),
+      { "data-source": source, onclick: select },
+      html("td", { className: "severity", textContent: severity.toLowerCase() }),
+      html("td", { className: "dim", textContent: this.asset ? "" : asset }),
       html("td"),
       html("td"),
       html("td", { className: "text" }),
       html("td"),
     );
+  }
 
-  function update(row, alarm) {
+  /** @param {HTMLElement} row @param {AlarmStatus} alarm */
+  #drawRow(row, alarm) {
     const [severity, , state, time, text, who] = row.children;
     const isOpen = isUnacknowledged(alarm);
     const isActive = alarm.cleared === null;
@@ -110,23 +115,20 @@ export function mount(element, { session, asset }) {
     say(state, isActive ? "active" : "over");
     set(state, { class: isActive ? "" : "dim" });
     say(time, clock(alarm.last));
-    set(time, { title: `first ${clock(alarm.raised, true)}, last ${clock(alarm.last, true)} UTC aboard${alarm.cleared === null ? "" : `, over ${clock(alarm.cleared, true)}`}` });
+    set(time, { title: `first ${clock(alarm.raised, true)}, last ${clock(alarm.last, true)} UTC aboard${isActive ? "" : `, over ${clock(alarm.cleared, true)}`}` });
     say(text, alarm.occurrences > 1 ? `${alarm.text} (${alarm.occurrences} times)` : alarm.text);
     set(text, { title: alarm.source });
-    if (who.drawn === `${alarm.operator}`) return;
-    who.drawn = `${alarm.operator}`;
-    who.replaceChildren(
-      isOpen
-        ? html("button", { type: "button", textContent: "acknowledge", onclick: (event) => (event.stopPropagation(), acknowledge([session.alarms.get(alarm.id) ?? alarm])) })
-        : html("span", { className: "dim", textContent: `by ${alarm.operator}, ${clock(/** @type {number} */ (alarm.acknowledged))}` }),
-    );
+    keep(/** @type {HTMLElement} */ (who), [alarm], () => `${alarm.operator}`, () => (isOpen ? this.#acknowledger(alarm) : acknowledgement(alarm)), () => {});
   }
 
-  const draw = eachFrame(render);
-  const off = session.on("alarms", () => (past === null ? draw() : readPast()));
-  draw();
-  return () => {
-    off();
-    root.remove();
-  };
+  /** @param {AlarmStatus} alarm */
+  #acknowledger(alarm) {
+    return button("acknowledge", "", (event) => {
+      event.stopPropagation();
+      this.#acknowledge([this.session.alarms.get(alarm.id) ?? alarm]);
+    });
+  }
 }
+
+/** @param {AlarmStatus} alarm */
+const acknowledgement = ({ operator, acknowledged }) => html("span", { className: "dim", textContent: `by ${operator}, ${clock(acknowledged)}` });

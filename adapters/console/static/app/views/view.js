@@ -14,8 +14,9 @@ export class View {
   draw = eachFrame(() => this.render());
 
   /** @param {Context} context */
-  constructor({ session, asset, selection, cursor, span, draft }) {
+  constructor({ session, shown, asset, selection, cursor, span, draft }) {
     this.session = session;
+    this.shown = shown;
     this.asset = asset;
     this.selection = selection;
     this.cursor = cursor;
