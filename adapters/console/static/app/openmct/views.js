@@ -11,7 +11,7 @@ import * as log from "../views/log.js";
 import { MapView } from "../views/map.js";
 import * as plans from "../views/plans.js";
 import * as recording from "../views/recording.js";
-import * as strip from "../views/strip.js";
+import { StripView } from "../views/strip.js";
 import * as tree from "../views/tree.js";
 import * as values from "../views/values.js";
 import * as video from "../views/video.js";
@@ -23,7 +23,7 @@ export const VIEWS = {
   form: { name: "Command", icon: "icon-command", view: CommandForm, of: "rover" },
   commands: { name: "Commands", icon: "icon-activity", view: commandTable },
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
-  strip: { name: "Time strip", icon: "icon-timeline", view: strip },
+  strip: { name: "Time strip", icon: "icon-timeline", view: StripView },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values, console: true },
   log: { name: "Log", icon: "icon-list-view", view: log },
   alarms: { name: "Alarms", icon: "icon-bell", view: AlarmsView, of: "rover", console: true },
