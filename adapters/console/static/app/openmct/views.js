@@ -12,7 +12,7 @@ import { MapView } from "../views/map.js";
 import * as plans from "../views/plans.js";
 import * as recording from "../views/recording.js";
 import { StripView } from "../views/strip.js";
-import * as tree from "../views/tree.js";
+import { TreeView } from "../views/tree.js";
 import * as values from "../views/values.js";
 import * as video from "../views/video.js";
 import { NAMESPACE, partsOf } from "./identifiers.js";
@@ -22,7 +22,7 @@ export const VIEWS = {
   map: { name: "Map", icon: "icon-map", view: MapView },
   form: { name: "Command", icon: "icon-command", view: CommandForm, of: "rover" },
   commands: { name: "Commands", icon: "icon-activity", view: commandTable },
-  tree: { name: "Behaviour tree", icon: "icon-conditional", view: tree },
+  tree: { name: "Behaviour tree", icon: "icon-conditional", view: TreeView },
   strip: { name: "Time strip", icon: "icon-timeline", view: StripView },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values, console: true },
   log: { name: "Log", icon: "icon-list-view", view: log },

@@ -4,10 +4,10 @@
  */
 
 import { ask } from "../model/connection.js";
-import { eachFrame, html, keep, say, set, svg } from "../dom.js";
+import { button, html, keep, say, set, svg } from "../dom.js";
+import { View } from "./view.js";
 import { clock } from "../words.js";
 
-/** @typedef {import("../model/context.js").Context} Context */
 /** @import { TreeNode, TreeState } from "../model/messages.js" */
 
 const ROW = 22;
@@ -36,173 +36,148 @@ const LOOKS = {
   idle: "not ticked",
 };
 
-/**
- * @param {HTMLElement} element
- * @param {Context} context
- * @returns {() => void}
- */
-export function mount(element, context) {
-  const { asset, session, selection, cursor } = context;
+export class TreeView extends View {
   /** @type {TreeState | null} how it was at the time that is looked at */
-  let past = null;
+  #past = null;
   /** @type {Map<string, boolean>} what the operator folded or opened, by path */
-  const chosen = new Map();
+  #chosen = new Map();
+  /** whether all is open */
+  #isOpen = false;
 
-  const mode = html("span", { className: "mode" });
-  const why = html("span", { className: "why" });
-  const search = html("input", {
-    type: "search",
-    placeholder: "find a node",
-    "aria-label": "find a node",
-    oninput: () => draw(),
-  });
-  const all = html("button", {
-    type: "button",
-    textContent: "open all",
-    onclick: () => openAll(all.textContent === "open all"),
-  });
-  const rows = svg("svg", { class: "tree", role: "tree", "aria-label": "behaviour tree" });
-  const empty = html("p", { className: "empty" });
-  const legend = html(
+  #mode = html("span", { className: "mode" });
+  #why = html("span", { className: "why" });
+  #search = html("input", { type: "search", placeholder: "find a node", "aria-label": "find a node", oninput: this.draw });
+  #all = button("open all", "", () => this.#toggleAll());
+  #rows = svg("svg", { class: "tree", role: "tree", "aria-label": "behaviour tree" });
+  #empty = html("p", { className: "empty" });
+  #legend = html(
     "p",
     { className: "legend" },
-    ...Object.entries(LOOKS).map(([look, words]) =>
-      html("span", {}, svg("svg", { width: 14, height: 14, class: look }, sign(7, 7)), words),
-    ),
+    ...Object.entries(LOOKS).map(([look, words]) => html("span", {}, svg("svg", { width: 14, height: 14, class: look }, sign(7, 7)), words)),
   );
-  const head = html("header", {}, mode, why, html("span", { className: "tools" }, search, all));
-  const root = html(
-    "section",
-    { className: "rover-view tree-view" },
-    head,
-    empty,
-    html("div", { className: "scroll" }, rows),
-    legend,
-  );
-  element.append(root);
+  #head = html("header", {}, this.#mode, this.#why, html("span", { className: "tools" }, this.#search, this.#all));
+  root = html("section", { className: "rover-view tree-view" }, this.#head, this.#empty, html("div", { className: "scroll" }, this.#rows), this.#legend);
 
-  function openAll(open) {
-    chosen.clear();
-    for (const node of nodes()) chosen.set(node.path, open);
-    if (!open) chosen.clear();
-    all.textContent = open ? "fold" : "open all";
-    draw();
+  start() {
+    const { asset, session, selection, cursor, draw } = this;
+    this.#lookBack();
+    return [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(() => this.#recall()), cursor.on(() => this.#lookBack())];
   }
 
-  const shown = () => (cursor.utc_s === null ? asset.tree : past);
-  const isFresh = () => cursor.utc_s === null && asset.isReached && session.now - asset.tree.utc < LATE_S;
-
   /** Ask how it was at the time that is looked at. */
-  async function lookBack() {
-    const utc = cursor.utc_s;
-    if (utc === null) past = null;
-    draw();
+  async #lookBack() {
+    const utc = this.cursor.utc_s;
+    if (utc === null) this.#past = null;
+    this.draw();
     if (utc === null) return;
-    const path = `/api/records/tree?asset=${encodeURIComponent(asset.name)}&before=${utc}&limit=1`;
-    const { records } = await ask(path).catch(() => ({ records: [] }));
-    if (cursor.utc_s !== utc) return;
-    past = records[0] ?? null;
-    if (past) asset.noteNodes(past);
-    draw();
+    const [record] = await this.#read(`before=${utc}&limit=1`);
+    if (this.cursor.utc_s !== utc) return;
+    this.#past = record ?? null;
+    this.draw();
   }
 
   /** Look up which nodes worked on the selected command, where that was not heard. */
-  async function recall() {
-    const command = asset.commands.get(selection.command ?? "");
-    draw();
-    if (!command || asset.nodesOf(command).length) return;
+  async #recall() {
+    const command = this.asset.commands.get(this.selection.command ?? "");
+    this.draw();
+    if (!command || this.asset.nodesOf(command).length) return;
     const at = command.history.at(-1)?.utc ?? command.made;
-    const path = `/api/records/tree?asset=${encodeURIComponent(asset.name)}&start=${command.made}&before=${at + SOON_S}&limit=${MOST_RECALLED}`;
+    await this.#read(`start=${command.made}&before=${at + SOON_S}&limit=${MOST_RECALLED}`);
+    this.draw();
+  }
+
+  /** Read trees of the past, and note which commands their nodes worked on. @param {string} query @returns {Promise<TreeState[]>} */
+  async #read(query) {
+    const path = `/api/records/tree?asset=${encodeURIComponent(this.asset.name)}&${query}`;
     const { records } = await ask(path).catch(() => ({ records: [] }));
-    records.forEach((each) => asset.noteNodes(each));
-    draw();
+    for (const each of records) this.asset.noteNodes(each);
+    return records;
   }
 
-  /** @returns {TreeNode[]} */
-  const nodes = () => shown()?.nodes ?? [];
-
-  function render() {
-    const tree = shown();
-    root.classList.toggle("stale", cursor.utc_s === null && tree !== null && !isFresh());
-    root.classList.toggle("past", cursor.utc_s !== null);
-    empty.hidden = tree !== null;
-    legend.hidden = head.hidden = tree === null;
-    if (tree === null) {
-      say(mode, "");
-      say(why, "");
-      if (asset.recording) say(empty, session.unreached(asset));
-      else if (cursor.utc_s !== null) say(empty, `Nothing is kept of the tree of ${clock(cursor.utc_s)}.`);
-      else say(empty, asset.isReached ? "The rover has not told of its behaviour tree yet." : session.unreached(asset));
-      rows.replaceChildren();
-      return;
-    }
-    say(mode, tree.mode);
-    mode.dataset.mode = tree.mode;
-    say(why, isFresh() ? tree.why : `as of ${clock(tree.utc)}: ${tree.why}`);
-    drawRows(visible(tree.nodes, search.value.trim().toLowerCase(), chosen, selection.nodesOf(asset)));
+  get #tree() {
+    return this.cursor.utc_s === null ? this.asset.tree : this.#past;
   }
 
-  function drawRows(shown) {
-    const width = Math.max(320, ...shown.map((row) => row.x + 30 + 7.3 * (row.node.name.length + row.node.message.length + 4)));
-    set(rows, { width, height: shown.length * ROW + 6 });
-    keep(rows, shown, (row) => row.node.path, makeRow, updateRow);
+  #toggleAll() {
+    this.#isOpen = !this.#isOpen;
+    this.#chosen = new Map(this.#isOpen ? this.#tree?.nodes.map((node) => [node.path, true]) : []);
+    this.draw();
   }
 
-  function makeRow(row) {
-    const title = svg("title", {}, MARKS[row.node.kind]?.[1] ?? row.node.kind);
+  render() {
+    const { asset, cursor, session, selection } = this;
+    const tree = this.#tree;
+    const isNow = cursor.utc_s === null;
+    const isFresh = isNow && tree !== null && asset.isReached && session.now - tree.utc < LATE_S;
+    this.root.classList.toggle("stale", isNow && tree !== null && !isFresh);
+    this.root.classList.toggle("past", !isNow);
+    this.#empty.hidden = tree !== null;
+    this.#legend.hidden = this.#head.hidden = tree === null;
+    say(this.#empty, this.#whyEmpty());
+    say(this.#mode, tree?.mode ?? "");
+    this.#mode.dataset.mode = tree?.mode ?? "";
+    say(this.#why, !tree ? "" : isFresh ? tree.why : `as of ${clock(tree.utc)}: ${tree.why}`);
+    say(this.#all, this.#isOpen ? "fold" : "open all");
+    this.#drawRows(visible(tree?.nodes ?? [], this.#search.value.trim().toLowerCase(), this.#chosen, selection.nodesOf(asset)));
+  }
+
+  #whyEmpty() {
+    const { asset, cursor, session } = this;
+    if (asset.recording) return session.unreached(asset);
+    if (cursor.utc_s !== null) return `Nothing is kept of the tree of ${clock(cursor.utc_s)}.`;
+    return asset.isReached ? "The rover has not told of its behaviour tree yet." : session.unreached(asset);
+  }
+
+  #drawRows(rows) {
+    const width = Math.max(320, ...rows.map((row) => row.x + 30 + 7.3 * (row.node.name.length + row.node.message.length + 4)));
+    set(this.#rows, { width, height: rows.length * ROW + 6 });
+    keep(this.#rows, rows, (row) => row.node.path, (row) => this.#makeRow(row.node), drawRow);
+  }
+
+  /** @param {TreeNode} node */
+  #makeRow({ kind, path }) {
+    const fold = svg("text", { class: "fold" });
     const made = svg(
       "g",
       { role: "treeitem", tabindex: -1 },
       svg("rect", { class: "back", x: 0, height: ROW, width: "100%" }),
       svg("path", { class: "branch" }),
-      svg("text", { class: "fold" }),
+      fold,
       svg("g", { class: "status" }, sign(0, 0)),
-      svg("text", { class: "name" }, title, svg("tspan", { class: "mark" }), svg("tspan")),
+      svg("text", { class: "name" }, svg("title", {}, MARKS[kind]?.[1] ?? kind), svg("tspan", { class: "mark" }), svg("tspan")),
       svg("text", { class: "message" }),
     );
-    made.querySelector(".fold").addEventListener("click", (event) => {
+    fold.addEventListener("click", (event) => {
       event.stopPropagation();
-      chosen.set(made.dataset.key, made.getAttribute("aria-expanded") !== "true");
-      draw();
+      this.#chosen.set(path, made.getAttribute("aria-expanded") !== "true");
+      this.draw();
     });
     made.addEventListener("click", () => {
-      const node = nodes().find((each) => each.path === made.dataset.key);
-      if (node) selection.selectNode(asset, node);
+      const node = this.#tree?.nodes.find((each) => each.path === path);
+      if (node) this.selection.selectNode(this.asset, node);
     });
     return made;
   }
+}
 
-  function updateRow(made, row) {
-    const { node, index, x, look, children, open, hit, selected } = row;
-    const y = index * ROW + ROW / 2 + 3;
-    const [back, branch, fold, status, name, message] = made.children;
-    set(made, { class: `${look}${hit ? " hit" : ""}${selected ? " selected" : ""}`, "data-look": look });
-    if (children) made.setAttribute("aria-expanded", String(open));
-    set(back, { y: y - ROW / 2 });
-    const up = row.parent === null ? 0 : (row.index - row.parent) * ROW;
-    set(branch, {
-      d: row.parent === null ? "" : `M${x - INDENT + 1} ${y - up + 9}V${y}H${x - 8}`,
-    });
-    set(fold, { x: x + 12, y: y + 4 });
-    say(fold, children ? (open ? "▾" : "▸") : "");
-    set(status, { transform: `translate(${x} ${y})` });
-    const at = x + (children ? 26 : 12);
-    set(name, { x: at, y: y + 4.5 });
-    const [, mark, words] = name.children;
-    say(mark, `${MARKS[node.kind]?.[0] ?? ""} `);
-    say(words, open || !children ? node.name : `${node.name}  (${children})`);
-    const label = node.name.length + (open || !children ? 0 : 3 + String(children).length) + 3;
-    set(message, { x: at + 4 + 7.3 * label, y: y + 4.5 });
-    say(message, look === "running" || look === "failure" ? node.message : "");
-  }
-
-  const draw = eachFrame(render);
-  const offs = [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(recall), cursor.on(lookBack)];
-  lookBack();
-  return () => {
-    offs.forEach((off) => off());
-    root.remove();
-  };
+function drawRow(made, { node, index, parent, x, look, children, open, hit, selected }) {
+  const y = index * ROW + ROW / 2 + 3;
+  const [back, branch, fold, status, name, message] = made.children;
+  set(made, { class: `${look}${hit ? " hit" : ""}${selected ? " selected" : ""}`, "data-look": look });
+  if (children) made.setAttribute("aria-expanded", String(open));
+  set(back, { y: y - ROW / 2 });
+  set(branch, { d: parent === null ? "" : `M${x - INDENT + 1} ${y - (index - parent) * ROW + 9}V${y}H${x - 8}` });
+  set(fold, { x: x + 12, y: y + 4 });
+  say(fold, children ? (open ? "▾" : "▸") : "");
+  set(status, { transform: `translate(${x} ${y})` });
+  const at = x + (children ? 26 : 12);
+  set(name, { x: at, y: y + 4.5 });
+  const [, mark, words] = name.children;
+  say(mark, `${MARKS[node.kind]?.[0] ?? ""} `);
+  say(words, open || !children ? node.name : `${node.name}  (${children})`);
+  const label = node.name.length + (open || !children ? 0 : 3 + String(children).length) + 3;
+  set(message, { x: at + 4 + 7.3 * label, y: y + 4.5 });
+  say(message, look === "running" || look === "failure" ? node.message : "");
 }
 
 /** The signs of a status, of which the style shows the one that fits. */
