@@ -2,7 +2,7 @@
 
 import { Bar } from "./views/bar.js";
 import { CommandForm } from "./views/command_form.js";
-import * as commandTable from "./views/command_table.js";
+import { CommandTable } from "./views/command_table.js";
 import { contextOf } from "./model/context.js";
 import { html } from "./dom.js";
 import * as fleet from "./views/fleet.js";
@@ -15,7 +15,7 @@ import * as values from "./views/values.js";
 const PANELS = [
   ["Map", MapView],
   ["Command", CommandForm],
-  ["Commands", commandTable],
+  ["Commands", CommandTable],
   ["Latest values", values],
 ];
 

@@ -2,7 +2,7 @@
 
 import { AlarmsView } from "../views/alarms.js";
 import { CommandForm } from "../views/command_form.js";
-import * as commandTable from "../views/command_table.js";
+import { CommandTable } from "../views/command_table.js";
 import { contextOf } from "../model/context.js";
 import { RelayView } from "../views/dtn.js";
 import * as files from "../views/files.js";
@@ -21,7 +21,7 @@ import { NAMESPACE, partsOf } from "./identifiers.js";
 export const VIEWS = {
   map: { name: "Map", icon: "icon-map", view: MapView },
   form: { name: "Command", icon: "icon-command", view: CommandForm, of: "rover" },
-  commands: { name: "Commands", icon: "icon-activity", view: commandTable },
+  commands: { name: "Commands", icon: "icon-activity", view: CommandTable },
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: TreeView },
   strip: { name: "Time strip", icon: "icon-timeline", view: StripView },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: values, console: true },

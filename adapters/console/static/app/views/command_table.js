@@ -4,10 +4,10 @@
  */
 
 import { ask } from "../model/connection.js";
-import { eachFrame, html, keep, say, set } from "../dom.js";
+import { html, keep, say, set } from "../dom.js";
+import { View } from "./view.js";
 import { clock, number, unitOf } from "../words.js";
 
-/** @typedef {import("../model/context.js").Context} Context */
 /** @import { CommandStatus, Why } from "../model/messages.js" */
 
 const MOST_ROWS = 100;
@@ -32,101 +32,91 @@ const WORDS = {
   unknown: ["unknown", "nothing was heard of it in time; the rover may have carried it out"],
 };
 
-/**
- * @param {HTMLElement} element
- * @param {Context} context
- * @returns {() => void}
- */
-export function mount(element, context) {
-  const { asset, session, selection, cursor } = context;
+export class CommandTable extends View {
   /** @type {Map<string, Why | null>} what was told of why, by command and whether it had ended */
-  const told = new Map();
-  const rows = html("div", { className: "commands", role: "list" });
-  const empty = html("p", { className: "empty" });
-  const root = html("section", { className: "rover-view commands-view" }, empty, html("div", { className: "scroll" }, rows));
-  element.append(root);
+  #told = new Map();
 
-  function render() {
-    const all = asset.commandsAt(cursor.utc_s);
-    const first = cursor.utc_s === null ? 0 : all.findIndex((each) => each.made <= cursor.utc_s) - MOST_ROWS / 2;
+  #rows = html("div", { className: "commands", role: "list" });
+  #empty = html("p", { className: "empty" });
+  root = html("section", { className: "rover-view commands-view" }, this.#empty, html("div", { className: "scroll" }, this.#rows));
+
+  start() {
+    const { asset, selection, cursor, draw } = this;
+    return [asset.on("commands", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
+  }
+
+  render() {
+    const { asset, session } = this;
+    const { utc_s } = this.cursor;
+    const all = asset.commandsAt(utc_s);
+    const first = utc_s === null ? 0 : all.findIndex((each) => each.made <= utc_s) - MOST_ROWS / 2;
     const shown = all.slice(Math.max(0, first)).slice(0, MOST_ROWS);
-    empty.hidden = shown.length > 0;
-    say(empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
-    keep(rows, shown, (command) => command.id, make, update);
+    this.#empty.hidden = shown.length > 0;
+    say(this.#empty, asset.isReached ? "No command yet. Choose one under “Command”, or click the map." : session.unreached(asset));
+    keep(this.#rows, shown, (command) => command.id, (command) => this.#makeRow(command), (row, command) => this.#drawRow(row, command));
   }
 
   /** @param {CommandStatus} command @returns {string[]} */
-  const wayOf = (command) => WAYS[asset.recording ? "recording" : command.link] ?? WAYS.direct;
+  #wayOf(command) {
+    return WAYS[this.asset.recording ? "recording" : command.link] ?? WAYS.direct;
+  }
 
-  const make = (command) =>
-    html(
+  /** @param {CommandStatus} command */
+  #makeRow(command) {
+    const parts = [html("time"), html("b"), ...["arguments", "by dim", "state"].map((className) => html("span", { className }))];
+    return html(
       "article",
-      { role: "listitem", onclick: () => selection.selectCommand(command.id) },
-      html(
-        "div",
-        { className: "head" },
-        html("time"),
-        html("b"),
-        html("span", { className: "arguments" }),
-        html("span", { className: "by dim" }),
-        html("span", { className: "state" }),
-      ),
-      lifeLine(wayOf(command)),
+      { role: "listitem", onclick: () => this.selection.selectCommand(command.id) },
+      html("div", { className: "head" }, ...parts),
+      lifeLine(this.#wayOf(command)),
       html("p", { className: "detail" }),
       html("div", { className: "whole", hidden: true, onclick: (event) => event.stopPropagation() }),
     );
+  }
 
   /** @param {any} row @param {CommandStatus} command */
-  function update(row, command) {
+  #drawRow(row, command) {
     const [head, life, detail, whole] = row.children;
     const [time, name, args, by, state] = head.children;
     const [word, meaning] = WORDS[command.state] ?? [command.state, ""];
-    const chosen = selection.command === command.id;
-    const isLater = cursor.utc_s !== null && command.made > cursor.utc_s;
-    row.className = `command ${command.state}${chosen ? " selected" : ""}${isLater ? " later" : ""}`;
+    const { utc_s } = this.cursor;
+    const isChosen = this.selection.command === command.id;
+    const isLater = utc_s !== null && command.made > utc_s;
+    row.className = `command ${command.state}${isChosen ? " selected" : ""}${isLater ? " later" : ""}`;
     row.dataset.state = command.state;
     row.dataset.name = command.name;
     say(time, clock(command.made));
     say(name, command.name || "a command");
-    say(args, shortly(command, asset));
+    say(args, shortly(command, this.asset));
     say(by, `${command.by}${command.link === "relay" ? ", by relay" : ""}`);
     say(state, word);
     set(state, { title: meaning });
-    drawLife(life, command, wayOf(command));
+    drawLife(life, command, this.#wayOf(command));
     const last = command.history.at(-1);
     const awaited = command.deadline !== null && !command.ended ? `; heard of by ${clock(command.deadline)}, or unknown` : "";
     say(detail, ["sending", "taken"].includes(command.state) ? `${meaning}${awaited}` : last?.detail || meaning);
-    whole.hidden = selection.command !== command.id;
-    if (!whole.hidden) whole.replaceChildren(why(command), comparison(command) ?? "", stageTable(command));
+    whole.hidden = !isChosen;
+    if (isChosen) whole.replaceChildren(this.#why(command), comparison(command) ?? "", stageTable(command));
   }
 
-  /** Why it ended as it did, or what it is about: asked for when it is looked at, and again when it has ended. */
-  function why(command) {
+  /** Why it ended as it did, or what it is about: asked for when it is looked at, and again when it has ended. @param {CommandStatus} command */
+  #why(command) {
     const key = `${command.id} ${command.ended}`;
-    if (!told.has(key)) {
-      told.set(key, null);
-      ask(`/api/why/${encodeURIComponent(asset.name)}/${encodeURIComponent(command.id)}`)
-        .then((answer) => (told.set(key, answer), draw()))
+    if (!this.#told.has(key)) {
+      this.#told.set(key, null);
+      ask(`/api/why/${encodeURIComponent(this.asset.name)}/${encodeURIComponent(command.id)}`)
+        .then((answer) => (this.#told.set(key, answer), this.draw()))
         .catch(() => {});
     }
-    const known = told.get(key);
+    const known = this.#told.get(key);
     if (!known) return "";
-    return html(
-      "table",
-      { className: "why-steps" },
-      ...known.steps.map(({ utc, text }) => html("tr", {}, html("td", { textContent: utc === null ? "" : clock(utc, true) }), html("td", { textContent: text }))),
-      ...known.evidence.map((text) => html("tr", {}, html("td", { textContent: "evidence" }), html("td", { textContent: text }))),
-    );
+    const steps = known.steps.map(({ utc, text }) => [utc === null ? "" : clock(utc, true), text]);
+    return html("table", { className: "why-steps" }, ...[...steps, ...known.evidence.map((text) => ["evidence", text])].map((texts) => row(texts)));
   }
-
-  const draw = eachFrame(render);
-  const offs = [asset.on("commands", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
-  draw();
-  return () => {
-    offs.forEach((off) => off());
-    root.remove();
-  };
 }
+
+/** @param {string[]} texts of its cells @param {string} [name] of their element */
+const row = (texts, name = "td") => html("tr", {}, ...texts.map((text) => html(name, { textContent: text ?? "" })));
 
 /** Dots from the first stage to the end, each with the time since then. @param {string[]} way */
 function lifeLine(way) {
@@ -165,14 +155,8 @@ function stageTable(command) {
   return html(
     "table",
     { className: "stages" },
-    html("tr", {}, ...["stage", "by", "its time", "heard", ""].map((textContent) => html("th", { textContent }))),
-    ...command.history.map((each) =>
-      html(
-        "tr",
-        {},
-        ...[each.stage, each.node, clock(each.utc, true), clock(each.rx, true), each.detail].map((textContent) => html("td", { textContent: textContent ?? "" })),
-      ),
-    ),
+    row(["stage", "by", "its time", "heard", ""], "th"),
+    ...command.history.map((each) => row([each.stage, each.node, clock(each.utc, true), clock(each.rx, true), each.detail])),
   );
 }
 
@@ -192,7 +176,7 @@ export function comparison(command) {
   return html(
     "table",
     { className: "comparison" },
-    html("tr", {}, ...["", "predicted", "came to"].map((textContent) => html("th", { textContent }))),
+    row(["", "predicted", "came to"], "th"),
     ...rows.map(([name, before, after]) =>
       html("tr", {}, html("td", { textContent: name }), html("td", { className: "figure", textContent: words(before) }), html("td", { className: "figure", textContent: words(after) })),
     ),
