@@ -9,14 +9,14 @@ import * as fleet from "./views/fleet.js";
 import { login } from "./views/login.js";
 import { MapView } from "./views/map.js";
 import { LIGHT_TOPICS, Session } from "./model/session.js";
-import * as values from "./views/values.js";
+import { ValuesView } from "./views/values.js";
 
 /** @type {[string, {mount: (element: HTMLElement, context: import("./model/context.js").Context) => () => void}][]} */
 const PANELS = [
   ["Map", MapView],
   ["Command", CommandForm],
   ["Commands", CommandTable],
-  ["Latest values", values],
+  ["Latest values", ValuesView],
 ];
 
 await login();

@@ -13,7 +13,7 @@ import * as plans from "../views/plans.js";
 import * as recording from "../views/recording.js";
 import { StripView } from "../views/strip.js";
 import { TreeView } from "../views/tree.js";
-import * as values from "../views/values.js";
+import { ValuesView } from "../views/values.js";
 import * as video from "../views/video.js";
 import { NAMESPACE, partsOf } from "./identifiers.js";
 
@@ -24,7 +24,7 @@ export const VIEWS = {
   commands: { name: "Commands", icon: "icon-activity", view: CommandTable },
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: TreeView },
   strip: { name: "Time strip", icon: "icon-timeline", view: StripView },
-  values: { name: "Latest values", icon: "icon-tabular-lad", view: values, console: true },
+  values: { name: "Latest values", icon: "icon-tabular-lad", view: ValuesView, console: true },
   log: { name: "Log", icon: "icon-list-view", view: log },
   alarms: { name: "Alarms", icon: "icon-bell", view: AlarmsView, of: "rover", console: true },
   dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },

@@ -2,11 +2,11 @@
 
 import { newestOf } from "../model/asset.js";
 import { ask } from "../model/connection.js";
-import { eachFrame, html, keep, say, set } from "../dom.js";
+import { html, keep, say, set } from "../dom.js";
 import { rangeOf } from "../model/draft.js";
+import { View } from "./view.js";
 import { age, clock, inTypedUnit } from "../words.js";
 
-/** @typedef {import("../model/context.js").Context} Context */
 /** @import { Latest } from "../model/asset.js" */
 /** @import { Sample } from "../model/messages.js" */
 
@@ -15,43 +15,47 @@ const LATE_S = 5;
 const MISSED = 2.5;
 const LONGEST_INTERVAL_S = 30;
 
-/**
- * @param {HTMLElement} element
- * @param {Context} context
- * @returns {() => void}
- */
-export function mount(element, context) {
-  const { asset, session, cursor } = context;
+export class ValuesView extends View {
   /** @type {Map<string, Map<string, Sample>>} the values of the time that is looked at */
-  let past = new Map();
-  const rows = html("tbody");
-  const head = html("tr");
-  const empty = html("p", { className: "empty" });
-  const table = html("table", { className: "values" }, html("thead", {}, head), rows);
-  const root = html("section", { className: "rover-view values-view" }, empty, html("div", { className: "scroll" }, table));
-  element.append(root);
+  #past = new Map();
 
-  const values = () => (cursor.utc_s === null ? asset.values : past);
+  #rows = html("tbody");
+  #head = html("tr");
+  #empty = html("p", { className: "empty" });
+  #table = html("table", { className: "values" }, html("thead", {}, this.#head), this.#rows);
+  root = html("section", { className: "rover-view values-view" }, this.#empty, html("div", { className: "scroll" }, this.#table));
 
-  /** Ask what the values were at the time that is looked at. */
-  async function lookBack() {
-    const utc = cursor.utc_s;
-    if (utc === null) past = new Map();
-    else {
-      const found = await valuesAt(asset, (asset.entry?.parameters ?? []).map((each) => each.key), utc);
-      if (cursor.utc_s !== utc) return;
-      past = found;
-    }
-    draw();
+  start() {
+    const { asset, session, cursor, draw } = this;
+    const lookBack = () => this.#lookBack();
+    lookBack();
+    return [
+      ...["values", "entry", "links"].map((topic) => asset.on(topic, draw)),
+      session.onSecond(draw),
+      cursor.on(lookBack),
+      asset.on("entry", lookBack),
+    ];
   }
 
-  function render() {
+  /** Ask what the values were at the time that is looked at. */
+  async #lookBack() {
+    const { asset, cursor } = this;
+    const utc = cursor.utc_s;
+    const keys = (asset.entry?.parameters ?? []).map((each) => each.key);
+    const found = utc === null ? new Map() : await valuesAt(asset, keys, utc);
+    if (cursor.utc_s !== utc) return;
+    this.#past = found;
+    this.draw();
+  }
+
+  render() {
+    const { asset, session } = this;
     const links = asset.valueLinks;
-    root.classList.toggle("past", cursor.utc_s !== null);
-    empty.hidden = asset.entry !== null || asset.values.size > 0;
-    table.hidden = !empty.hidden;
-    say(empty, asset.isReached ? "The rover has not told which values there are yet." : session.unreached(asset));
-    head.replaceChildren(
+    this.root.classList.toggle("past", this.cursor.utc_s !== null);
+    this.#empty.hidden = asset.entry !== null || asset.values.size > 0;
+    this.#table.hidden = !this.#empty.hidden;
+    say(this.#empty, asset.isReached ? "The rover has not told which values there are yet." : session.unreached(asset));
+    this.#head.replaceChildren(
       html("th", { textContent: "parameter" }),
       html("th", { className: "figure", textContent: "value" }),
       html("th", {}),
@@ -59,32 +63,23 @@ export function mount(element, context) {
       html("th", { className: "limits", textContent: "limits" }),
     );
     const entries = asset.entry?.parameters ?? [...asset.values.keys()].map((key) => ({ key }));
-    keep(rows, entries, (entry) => entry.key, make, (row, entry) => update(row, entry, links));
+    keep(this.#rows, entries, (entry) => entry.key, makeRow, (row, entry) => this.#drawRow(row, entry, links));
   }
 
-  const make = (entry) =>
-    html(
-      "tr",
-      {},
-      html("td", { title: entry.description ?? "" }, ...entry.key.split(/(?<=_)/).flatMap((part) => [part, html("wbr")])),
-      html("td", { className: "figure", "data-testid": `value-${entry.key}` }),
-      html("td", { className: "unit" }),
-      html("td", { className: "limits" }),
-    );
-
-  function update(row, entry, links) {
-    const told = values().get(entry.key);
+  #drawRow(row, entry, links) {
+    const { utc_s } = this.cursor;
+    const told = (utc_s === null ? this.asset.values : this.#past).get(entry.key);
     const newest = newestOf(told);
-    const now = cursor.utc_s ?? session.now;
-    const cells = [...row.children];
-    const limits = cells.at(-1);
+    const now = utc_s ?? this.session.now;
+    const [, figure, unitCell] = row.children;
+    const limits = row.lastElementChild;
     while (row.children.length < links.length + 4) row.insertBefore(html("td", { className: "age" }), limits);
     const { text, unit } = inTypedUnit(newest?.value, entry);
-    say(cells[1], text);
-    say(cells[2], unit);
+    say(figure, text);
+    say(unitCell, unit);
     const state = newest === null || newest.value === null ? "none" : limitOf(entry, newest.value);
     set(row, { class: `${state}${isLate(newest, now) ? " stale" : ""}` });
-    set(cells[1], { title: newest ? `${clock(newest.utc, true)} UTC by ${newest.link}: ${text}` : "never told" });
+    set(figure, { title: newest ? `${clock(newest.utc, true)} UTC by ${newest.link}: ${text}` : "never told" });
     links.forEach((link, index) => {
       const sample = told?.get(link);
       say(row.children[3 + index], sample ? age(now - sample.utc) : "–");
@@ -92,21 +87,17 @@ export function mount(element, context) {
     });
     say(limits, limitsOf(entry));
   }
-
-  const draw = eachFrame(render);
-  const offs = [
-    ...["values", "entry", "links"].map((topic) => asset.on(topic, draw)),
-    session.onSecond(draw),
-    cursor.on(lookBack),
-    asset.on("entry", lookBack),
-  ];
-  draw();
-  lookBack();
-  return () => {
-    offs.forEach((off) => off());
-    root.remove();
-  };
 }
+
+const makeRow = ({ key, description = "" }) =>
+  html(
+    "tr",
+    {},
+    html("td", { title: description }, ...key.split(/(?<=_)/).flatMap((part) => [part, html("wbr")])),
+    html("td", { className: "figure", "data-testid": `value-${key}` }),
+    html("td", { className: "unit" }),
+    html("td", { className: "limits" }),
+  );
 
 /**
  * The last values of parameters until a moment, by their keys and links.
