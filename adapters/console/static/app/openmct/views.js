@@ -7,7 +7,7 @@ import { contextOf } from "../model/context.js";
 import { RelayView } from "../views/dtn.js";
 import * as files from "../views/files.js";
 import * as fleet from "../views/fleet.js";
-import * as log from "../views/log.js";
+import { LogView } from "../views/log.js";
 import { MapView } from "../views/map.js";
 import * as plans from "../views/plans.js";
 import * as recording from "../views/recording.js";
@@ -25,7 +25,7 @@ export const VIEWS = {
   tree: { name: "Behaviour tree", icon: "icon-conditional", view: TreeView },
   strip: { name: "Time strip", icon: "icon-timeline", view: StripView },
   values: { name: "Latest values", icon: "icon-tabular-lad", view: ValuesView, console: true },
-  log: { name: "Log", icon: "icon-list-view", view: log },
+  log: { name: "Log", icon: "icon-list-view", view: LogView },
   alarms: { name: "Alarms", icon: "icon-bell", view: AlarmsView, of: "rover", console: true },
   dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },

@@ -1,114 +1,99 @@
 /** What the asset told: its notifications, newest first, with filters; those of the selection stand out. */
 
-import { eachFrame, html, keep, say, set } from "../dom.js";
+import { button, html, keep, say } from "../dom.js";
+import { View } from "./view.js";
 import { clock } from "../words.js";
 
-/** @typedef {import("../model/context.js").Context} Context */
+/** @import { Notified } from "../model/messages.js" */
 
 const MOST_ROWS = 300;
 const SEVERITIES = ["INFORMATIONAL", "WARNING", "ALARM", "SEVERE", "CRITICAL"];
 const KINDS = { COMMAND: "commands", EVENT: "events", LINK: "links" };
 
-/**
- * @param {HTMLElement} element
- * @param {Context} context
- * @returns {() => void}
- */
-export function mount(element, context) {
-  const { asset, session, selection, cursor } = context;
-  const hidden = new Set();
-  const search = html("input", { type: "search", placeholder: "find in the log", "aria-label": "find in the log", oninput: () => draw() });
-  const least = html(
+export class LogView extends View {
+  /** the kinds that are not shown */
+  #hidden = new Set();
+  /** whether only lines of the selected command are shown */
+  #isOnly = false;
+
+  #search = html("input", { type: "search", placeholder: "find in the log", "aria-label": "find in the log", oninput: this.draw });
+  #least = html(
     "select",
-    { "aria-label": "least severity", onchange: () => draw() },
-    ...SEVERITIES.map((each, index) =>
-      html("option", { value: String(index), textContent: index ? `${each.toLowerCase()} and worse` : "all severities" }),
-    ),
+    { "aria-label": "least severity", onchange: this.draw },
+    ...SEVERITIES.map((each, index) => html("option", { value: String(index), textContent: index ? `${each.toLowerCase()} and worse` : "all severities" })),
   );
-  const kinds = Object.entries(KINDS).map(([kind, words]) =>
-    html("button", {
-      type: "button",
-      className: "on",
-      textContent: words,
-      "aria-pressed": "true",
-      onclick: (event) => {
-        if (!hidden.delete(kind)) hidden.add(kind);
-        event.currentTarget.classList.toggle("on", !hidden.has(kind));
-        event.currentTarget.setAttribute("aria-pressed", String(!hidden.has(kind)));
-        draw();
-      },
-    }),
-  );
-  const only = html("button", {
-    type: "button",
-    textContent: "only the selected command",
-    onclick: () => (only.classList.toggle("on"), draw()),
-  });
-  const empty = html("p", { className: "empty" });
-  const lines = html("div", { className: "lines", role: "log" });
-  const root = html(
+  #kinds = Object.entries(KINDS).map(([kind, words]) => button(words, "", () => this.#toggle(kind), { "data-kind": kind }));
+  #only = button("only the selected command", "", () => ((this.#isOnly = !this.#isOnly), this.draw()));
+  #empty = html("p", { className: "empty" });
+  #lines = html("div", { className: "lines", role: "log" });
+  root = html(
     "section",
     { className: "rover-view log-view" },
-    html("header", {}, html("span", { className: "tools" }, ...kinds, least, search, only)),
-    empty,
-    html("div", { className: "scroll" }, lines),
+    html("header", {}, html("span", { className: "tools" }, ...this.#kinds, this.#least, this.#search, this.#only)),
+    this.#empty,
+    html("div", { className: "scroll" }, this.#lines),
   );
-  element.append(root);
 
-  function render() {
-    only.hidden = selection.command === null;
-    if (only.hidden) only.classList.remove("on");
-    const sought = search.value.trim().toLowerCase();
-    const shown = [];
-    const last = lastShown(asset.notices, cursor.utc_s);
-    for (let index = last; index >= 0 && shown.length < MOST_ROWS; index--) {
-      const notice = asset.notices[index];
-      if (hidden.has(notice.kind) || SEVERITIES.indexOf(notice.severity) < Number(least.value)) continue;
-      if (sought && !notice.text.toLowerCase().includes(sought)) continue;
-      if (only.classList.contains("on") && notice.command !== selection.command) continue;
-      shown.push(notice);
+  start() {
+    const { asset, selection, cursor, draw } = this;
+    return [asset.on("notices", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
+  }
+
+  /** @param {string} kind */
+  #toggle(kind) {
+    if (!this.#hidden.delete(kind)) this.#hidden.add(kind);
+    this.draw();
+  }
+
+  render() {
+    const { asset, session, selection } = this;
+    this.#isOnly &&= selection.command !== null;
+    this.#only.hidden = selection.command === null;
+    this.#only.classList.toggle("on", this.#isOnly);
+    for (const each of this.#kinds) {
+      const isShown = !this.#hidden.has(each.dataset.kind);
+      each.classList.toggle("on", isShown);
+      each.setAttribute("aria-pressed", String(isShown));
     }
-    empty.hidden = shown.length > 0;
-    if (asset.notices.length) say(empty, "Nothing in the log fits these filters.");
-    else say(empty, asset.isReached ? "Nothing was told yet. Send a command, and its life is told here." : session.unreached(asset));
-    keep(lines, shown, (notice) => `${notice.utc} ${notice.sequence}`, make, update);
+    const shown = this.#shown();
+    this.#empty.hidden = shown.length > 0;
+    if (asset.notices.length) say(this.#empty, "Nothing in the log fits these filters.");
+    else say(this.#empty, asset.isReached ? "Nothing was told yet. Send a command, and its life is told here." : session.unreached(asset));
+    keep(this.#lines, shown, (notice) => `${notice.utc} ${notice.sequence}`, (notice) => this.#makeLine(notice), (line, notice) => this.#drawLine(line, notice));
   }
 
-  const make = (notice) =>
-    html(
+  /** The lines that fit the filters: from the last one on, or from not far behind the moment that is looked at. */
+  #shown() {
+    const { notices } = this.asset;
+    const { utc_s } = this.cursor;
+    const sought = this.#search.value.trim().toLowerCase();
+    const until = utc_s === null ? notices.length : notices.findLastIndex((each) => each.utc <= utc_s) + MOST_ROWS / 2;
+    const shown = [];
+    for (let index = Math.min(notices.length - 1, until); index >= 0 && shown.length < MOST_ROWS; index--) {
+      const { kind, severity, text, command } = notices[index];
+      if (this.#hidden.has(kind) || SEVERITIES.indexOf(severity) < Number(this.#least.value)) continue;
+      if (sought && !text.toLowerCase().includes(sought)) continue;
+      if (!this.#isOnly || command === this.selection.command) shown.push(notices[index]);
+    }
+    return shown;
+  }
+
+  /** @param {Notified} notice */
+  #makeLine({ utc, severity, link, sequence, command, stage, kind, text }) {
+    const select = () => (command ? this.selection.selectCommand(command) : this.cursor.set(this.cursor.utc_s === utc ? null : utc));
+    return html(
       "div",
-      {
-        className: `line ${notice.severity.toLowerCase()}`,
-        title: `${clock(notice.utc, true)} UTC aboard, by ${notice.link}, number ${notice.sequence}`,
-        onclick: () => {
-          if (notice.command) selection.selectCommand(notice.command);
-          else cursor.set(cursor.utc_s === notice.utc ? null : notice.utc);
-        },
-      },
-      html("time", { textContent: clock(notice.utc) }),
-      html("span", { className: `stage ${(notice.stage ?? "").toLowerCase()}`, textContent: notice.stage ?? notice.kind }),
-      html("span", { className: "text", textContent: notice.text }),
+      { className: `line ${severity.toLowerCase()}`, title: `${clock(utc, true)} UTC aboard, by ${link}, number ${sequence}`, onclick: select },
+      html("time", { textContent: clock(utc) }),
+      html("span", { className: `stage ${(stage ?? "").toLowerCase()}`, textContent: stage ?? kind }),
+      html("span", { className: "text", textContent: text }),
     );
-
-  function update(line, notice) {
-    const chosen = notice.command !== null && notice.command === selection.command;
-    line.classList.toggle("selected", chosen);
-    line.classList.toggle("later", cursor.utc_s !== null && notice.utc > cursor.utc_s);
   }
 
-  const draw = eachFrame(render);
-  const offs = [asset.on("notices", draw), asset.on("links", draw), selection.on(draw), cursor.on(draw)];
-  draw();
-  return () => {
-    offs.forEach((off) => off());
-    root.remove();
-  };
-}
-
-/** Where the lines that are shown begin: at the last one, or not far behind the moment that is looked at. */
-function lastShown(notices, utc) {
-  const last = notices.length - 1;
-  if (utc === null) return last;
-  const until = notices.findLastIndex((each) => each.utc <= utc);
-  return Math.min(last, until + MOST_ROWS / 2);
+  /** @param {HTMLElement} line @param {Notified} notice */
+  #drawLine(line, { command, utc }) {
+    const { utc_s } = this.cursor;
+    line.classList.toggle("selected", command !== null && command === this.selection.command);
+    line.classList.toggle("later", utc_s !== null && utc > utc_s);
+  }
 }
