@@ -5,7 +5,7 @@ import { CommandForm } from "./views/command_form.js";
 import { CommandTable } from "./views/command_table.js";
 import { contextOf } from "./model/context.js";
 import { html } from "./dom.js";
-import * as fleet from "./views/fleet.js";
+import { FleetView } from "./views/fleet.js";
 import { login } from "./views/login.js";
 import { MapView } from "./views/map.js";
 import { LIGHT_TOPICS, Session } from "./model/session.js";
@@ -54,6 +54,6 @@ function choose() {
 }
 
 Bar.mount(top, { session, shown });
-fleet.mount(nobody, session, show);
+FleetView.mount(nobody, { session, shown });
 session.on("assets", choose);
 choose();

@@ -6,11 +6,11 @@ import { CommandTable } from "../views/command_table.js";
 import { contextOf } from "../model/context.js";
 import { RelayView } from "../views/dtn.js";
 import * as files from "../views/files.js";
-import * as fleet from "../views/fleet.js";
+import { FleetView } from "../views/fleet.js";
 import { LogView } from "../views/log.js";
 import { MapView } from "../views/map.js";
 import * as plans from "../views/plans.js";
-import * as recording from "../views/recording.js";
+import { RecordingView } from "../views/recording.js";
 import { StripView } from "../views/strip.js";
 import { TreeView } from "../views/tree.js";
 import { ValuesView } from "../views/values.js";
@@ -31,7 +31,7 @@ export const VIEWS = {
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
   files: { name: "Files", icon: "icon-image", view: files, of: "rover", console: true },
-  recording: { name: "Recording", icon: "icon-session", view: recording, of: "recording" },
+  recording: { name: "Recording", icon: "icon-session", view: RecordingView, of: "recording" },
 };
 
 /** The views that there are of an asset. @param {import("../model/asset.js").Asset} asset */
@@ -47,7 +47,7 @@ export function viewsOf(asset) {
  */
 export function views(session, shown) {
   return (openmct) => {
-    addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => fleet.mount(element, session, shown.choose));
+    addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => FleetView.mount(element, { session, shown }));
     for (const [kind, { name, icon, view }] of Object.entries(VIEWS)) {
       addView(openmct, `rover.${kind}`, name, icon, (object, element) =>
         view.mount(element, { ...contextOf(session, partsOf(object.identifier)[0]), shown }, shown.choose),
