@@ -9,7 +9,7 @@ import * as files from "../views/files.js";
 import { FleetView } from "../views/fleet.js";
 import { LogView } from "../views/log.js";
 import { MapView } from "../views/map.js";
-import * as plans from "../views/plans.js";
+import { PlansView } from "../views/plans.js";
 import { RecordingView } from "../views/recording.js";
 import { StripView } from "../views/strip.js";
 import { TreeView } from "../views/tree.js";
@@ -29,7 +29,7 @@ export const VIEWS = {
   alarms: { name: "Alarms", icon: "icon-bell", view: AlarmsView, of: "rover", console: true },
   dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
-  plans: { name: "Plans", icon: "icon-plan", view: plans, of: "rover" },
+  plans: { name: "Plans", icon: "icon-plan", view: PlansView, of: "rover" },
   files: { name: "Files", icon: "icon-image", view: files, of: "rover", console: true },
   recording: { name: "Recording", icon: "icon-session", view: RecordingView, of: "recording" },
 };
