@@ -14,7 +14,7 @@ import { RecordingView } from "../views/recording.js";
 import { StripView } from "../views/strip.js";
 import { TreeView } from "../views/tree.js";
 import { ValuesView } from "../views/values.js";
-import * as video from "../views/video.js";
+import { VideoView } from "../views/video.js";
 import { NAMESPACE, partsOf } from "./identifiers.js";
 
 /** By the last part of the object's key; `of` is what it is only for, `console` whether the console has it, too. @type {Record<string, {name: string, icon: string, view: any, of?: "rover" | "recording", console?: boolean}>} */
@@ -28,7 +28,7 @@ export const VIEWS = {
   log: { name: "Log", icon: "icon-list-view", view: LogView },
   alarms: { name: "Alarms", icon: "icon-bell", view: AlarmsView, of: "rover", console: true },
   dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },
-  video: { name: "Camera", icon: "icon-camera", view: video, of: "rover" },
+  video: { name: "Camera", icon: "icon-camera", view: VideoView, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: PlansView, of: "rover" },
   files: { name: "Files", icon: "icon-image", view: files, of: "rover", console: true },
   recording: { name: "Recording", icon: "icon-session", view: RecordingView, of: "recording" },
