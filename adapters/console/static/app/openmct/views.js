@@ -5,7 +5,7 @@ import { CommandForm } from "../views/command_form.js";
 import { CommandTable } from "../views/command_table.js";
 import { contextOf } from "../model/context.js";
 import { RelayView } from "../views/dtn.js";
-import * as files from "../views/files.js";
+import { FilesView } from "../views/files.js";
 import { FleetView } from "../views/fleet.js";
 import { LogView } from "../views/log.js";
 import { MapView } from "../views/map.js";
@@ -30,7 +30,7 @@ export const VIEWS = {
   dtn: { name: "Relay", icon: "icon-chain-links", view: RelayView, of: "rover" },
   video: { name: "Camera", icon: "icon-camera", view: VideoView, of: "rover" },
   plans: { name: "Plans", icon: "icon-plan", view: PlansView, of: "rover" },
-  files: { name: "Files", icon: "icon-image", view: files, of: "rover", console: true },
+  files: { name: "Files", icon: "icon-image", view: FilesView, of: "rover", console: true },
   recording: { name: "Recording", icon: "icon-session", view: RecordingView, of: "recording" },
 };
 
@@ -50,7 +50,7 @@ export function views(session, shown) {
     addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => FleetView.mount(element, { session, shown }));
     for (const [kind, { name, icon, view }] of Object.entries(VIEWS)) {
       addView(openmct, `rover.${kind}`, name, icon, (object, element) =>
-        view.mount(element, { ...contextOf(session, partsOf(object.identifier)[0]), shown }, shown.choose),
+        view.mount(element, { ...contextOf(session, partsOf(object.identifier)[0]), shown }),
       );
     }
   };

@@ -4,112 +4,120 @@
  */
 
 import { ask } from "../model/connection.js";
-import { eachFrame, html, keep, say, set } from "../dom.js";
+import { button, html, keep, say, set, tableHead } from "../dom.js";
+import { View } from "./view.js";
 import { age, clock, inTypedUnit, sizeOf } from "../words.js";
 
-/** @typedef {import("../model/context.js").Context} Context */
+/** @import { FileEntry, Transfer } from "../model/messages.js" */
 
-/**
- * @param {HTMLElement} element
- * @param {Context} context
- * @param {(name: string) => void} choose shows an asset
- * @returns {() => void}
- */
-export function mount(element, context, choose) {
-  const { asset, session } = context;
-  const isHere = asset.isConsole;
-  let files = [];
-  let trouble = "";
-  let wasReached = false;
-  const empty = html("p", { className: "empty" });
-  const told = html("p", { className: "told", role: "status" });
-  const rows = html("tbody");
-  const table = tableOf(["file", "size", "changed (UTC)", ""], rows);
-  const moving = html("tbody");
-  const transfers = tableOf(["transfer", "", "by", ""], moving, "transfers");
-  const picture = html("img", { alt: "", onerror: () => say(caption, "It could not be fetched.") });
-  const caption = html("figcaption", { className: "dim" });
-  const shown = html("figure", { hidden: true }, picture, caption);
-  const root = html("section", { className: "rover-view files-view" }, told, html("div", { className: "scroll" }, shown, transfers, empty, table));
-  element.append(root);
+const MOVING = ["waiting", "running", "interrupted"];
 
-  const draw = eachFrame(render);
-  const pathOf = (file) => `/api/files/${encodeURIComponent(asset.name)}/${file.path.split("/").map(encodeURIComponent).join("/")}`;
-  const button = (textContent, title, onclick) => html("button", { type: "button", textContent, title, onclick });
+export class FilesView extends View {
+  /** whether they are those that were fetched */
+  #isHere = this.asset.isConsole;
+  /** @type {FileEntry[]} the newest first */
+  #files = [];
+  #trouble = "";
+  #wasReached = false;
 
-  async function refresh() {
-    try {
-      files = (await ask(`/api/files/${encodeURIComponent(asset.name)}`)).files.sort((one, other) => other.modified - one.modified);
-      trouble = "";
-    } catch (error) {
-      trouble = error.message;
-    }
-    draw();
+  #empty = html("p", { className: "empty" });
+  #told = html("p", { className: "told", role: "status" });
+  #rows = html("tbody");
+  #table = html("table", {}, tableHead("file", "size", "changed (UTC)", ""), this.#rows);
+  #moving = html("tbody");
+  #transfers = html("table", { className: "transfers" }, tableHead("transfer", "", "by", ""), this.#moving);
+  #picture = html("img", { alt: "", onerror: () => say(this.#caption, "It could not be fetched.") });
+  #caption = html("figcaption", { className: "dim" });
+  #shown = html("figure", { hidden: true }, this.#picture, this.#caption);
+  root = html("section", { className: "rover-view files-view" }, this.#told, html("div", { className: "scroll" }, this.#shown, this.#transfers, this.#empty, this.#table));
+
+  start() {
+    const { asset, draw } = this;
+    if (this.#isHere) this.#refresh();
+    this.#followLink();
+    return [asset.on("files", () => this.#refresh()), asset.on("transfers", draw), asset.on("links", () => this.#followLink())];
   }
 
   /** Ask what is aboard once the rover is there, again: what was told meanwhile was not heard. */
-  function followLink() {
-    if (asset.isReached && !wasReached) refresh();
-    wasReached = asset.isReached;
-    draw();
+  #followLink() {
+    if (this.asset.isReached && !this.#wasReached) this.#refresh();
+    this.#wasReached = this.asset.isReached;
+    this.draw();
   }
 
-  function show(file) {
-    shown.hidden = false;
-    say(caption, isHere ? file.path : `${file.path} is being fetched from aboard …`);
-    picture.onload = async () => {
-      const about = isHere ? file : await ask(`${pathOf(file)}?about`).catch(() => file);
-      if (picture.src.endsWith(pathOf(file))) say(caption, [`${file.path}, ${clock(file.modified)} UTC`, ...figuresOf(about)].join("; "));
+  async #refresh() {
+    try {
+      const { files } = await ask(`/api/files/${encodeURIComponent(this.asset.name)}`);
+      this.#files = files.sort((one, other) => other.modified - one.modified);
+      this.#trouble = "";
+    } catch (error) {
+      this.#trouble = error.message;
+    }
+    this.draw();
+  }
+
+  /** @param {string} path */
+  #urlOf(path) {
+    return `/api/files/${encodeURIComponent(this.asset.name)}/${path.split("/").map(encodeURIComponent).join("/")}`;
+  }
+
+  /** Show a picture. @param {FileEntry} file */
+  #show(file) {
+    const url = this.#urlOf(file.path);
+    this.#shown.hidden = false;
+    say(this.#caption, this.#isHere ? file.path : `${file.path} is being fetched from aboard …`);
+    this.#picture.onload = async () => {
+      const about = this.#isHere ? file : await ask(`${url}?about`).catch(() => file);
+      if (this.#picture.src.endsWith(url)) say(this.#caption, [`${file.path}, ${clock(file.modified)} UTC`, ...this.#figuresOf(about)].join("; "));
     };
-    picture.src = pathOf(file);
+    this.#picture.src = url;
   }
 
-  /** Where a picture was taken, and how the camera stood, in words. */
-  function figuresOf(file) {
-    const entries = new Map(asset.entry?.parameters.map((each) => [each.key, each]));
-    return Object.entries(file.meta).filter(([key]) => entries.has(key)).map(([key, value]) => {
+  /** Where a picture was taken, and how the camera stood, in words. @param {FileEntry} file */
+  #figuresOf({ meta }) {
+    const entries = new Map(this.asset.entry?.parameters.map((each) => [each.key, each]));
+    return Object.entries(meta).filter(([key]) => entries.has(key)).map(([key, value]) => {
       const { text, unit } = inTypedUnit(value, entries.get(key));
       return `${key} ${text} ${unit}`.trim();
     });
   }
 
-  /** Do what a button says, and tell what was refused. */
-  async function act(path, request) {
-    say(told, "");
-    try {
-      return await ask(path, request);
-    } catch (error) {
-      say(told, error.message);
-      return undefined;
-    }
+  /** Do what a button says, and tell what was refused. @param {string} path @param {any} request */
+  async #act(path, request) {
+    say(this.#told, "");
+    return ask(path, request).catch((error) => say(this.#told, error.message));
   }
 
-  const fetchFile = (file) => act("/api/transfers", { json: { asset: asset.name, path: file.path } });
-  const turn = (transfer, what) => act(`/api/transfers/${transfer.id}`, { json: { act: what } });
-  const forget = (transfer) => act(`/api/transfers/${transfer.id}`, { method: "DELETE" });
+  /** @param {string} path */
+  #fetch(path) {
+    return this.#act("/api/transfers", { json: { asset: this.asset.name, path } });
+  }
 
-  async function openRecording(transfer) {
-    say(told, `${transfer.path} is being read …`);
-    const entry = await act(`/api/transfers/${transfer.id}/recording`, { method: "POST" });
+  /** @param {Transfer} transfer */
+  async #openRecording({ id, path }) {
+    say(this.#told, `${path} is being read …`);
+    const entry = await this.#act(`/api/transfers/${id}/recording`, { method: "POST" });
     if (!entry) return;
-    await session.readDictionary();
-    choose(entry.asset);
+    await this.session.readDictionary();
+    this.shown.choose(entry.asset);
   }
 
-  function render() {
-    const known = [...asset.transfers.values()].sort((one, other) => other.made - one.made);
-    transfers.hidden = known.length === 0;
-    keep(moving, known, (transfer) => transfer.id, makeTransfer, drawTransfer);
-    empty.hidden = files.length > 0;
-    table.hidden = !empty.hidden;
-    if (isHere) say(empty, trouble || "No file was fetched yet. “fetch” does that, under “Files” of a rover.");
-    else if (!asset.isReached) say(empty, session.unreached(asset));
-    else say(empty, trouble || "There are no files aboard. “takePicture” makes one.");
-    keep(rows, files, (file) => `${file.path} ${file.modified}`, make, () => {});
+  render() {
+    const { asset, session } = this;
+    const moving = [...asset.transfers.values()].sort((one, other) => other.made - one.made);
+    this.#transfers.hidden = moving.length === 0;
+    keep(this.#moving, moving, (transfer) => transfer.id, makeTransfer, (row, transfer) => this.#drawTransfer(row, transfer));
+    this.#empty.hidden = this.#files.length > 0;
+    this.#table.hidden = !this.#empty.hidden;
+    if (this.#isHere) say(this.#empty, this.#trouble || "No file was fetched yet. “fetch” does that, under “Files” of a rover.");
+    else if (!asset.isReached) say(this.#empty, session.unreached(asset));
+    else say(this.#empty, this.#trouble || "There are no files aboard. “takePicture” makes one.");
+    keep(this.#rows, this.#files, (file) => `${file.path} ${file.modified}`, (file) => this.#makeFile(file), () => {});
   }
 
-  const make = (file) =>
-    html(
+  /** @param {FileEntry} file */
+  #makeFile(file) {
+    return html(
       "tr",
       {},
       html("td", { textContent: file.path }),
@@ -118,62 +126,57 @@ export function mount(element, context, choose) {
       html(
         "td",
         {},
-        isPicture(file) && button("show", "", () => show(file)),
-        isHere ? save(pathOf(file), file.path) : button("fetch", "from aboard to this console, where all can save it", () => fetchFile(file)),
+        isPicture(file) && button("show", "", () => this.#show(file)),
+        this.#isHere ? this.#save(file.path) : button("fetch", "from aboard to this console, where all can save it", () => this.#fetch(file.path)),
       ),
     );
+  }
 
-  const save = (href, path) => html("a", { href, download: path.split("/").at(-1), textContent: "save" });
+  /** @param {string} path */
+  #save(path) {
+    return html("a", { href: this.#urlOf(path), download: path.split("/").at(-1), textContent: "save" });
+  }
 
-  const makeTransfer = (transfer) =>
-    html(
-      "tr",
-      { "data-path": transfer.path },
-      html("td", { textContent: transfer.path }),
-      html("td", {}, html("progress", { "aria-label": transfer.path }), html("span", { className: "how" })),
-      html("td", { textContent: transfer.by }),
-      html("td"),
-    );
-
-  function drawTransfer(row, transfer) {
-    const { state, done, size, rate } = transfer;
-    const [bar, how] = row.children[1].children;
+  /** @param {any} row @param {Transfer} transfer */
+  #drawTransfer(row, transfer) {
+    const { state, done, size, rate, detail } = transfer;
+    const [, { children: [bar, how] }, , acts] = row.children;
     set(row, { "data-state": state });
     bar.hidden = state === "done" || state === "failed" || size === null;
     Object.assign(bar, { max: size ?? 1, value: done });
     const part = size === null ? "" : `${sizeOf(done)} of ${sizeOf(size)}`;
     const pace = rate ? `${sizeOf(rate)}/s, ${age((size - done) / rate)} more` : "";
-    const words = state === "done" ? [sizeOf(size)] : [state, part, pace, transfer.detail];
+    const words = state === "done" ? [sizeOf(size)] : [state, part, pace, detail];
     say(how, words.filter(Boolean).join(", "));
-    if (row.drawn === state) return;
-    row.drawn = state;
-    const isMoving = ["waiting", "running", "interrupted"].includes(state);
-    row.children[3].replaceChildren(
-      ...[
-        isMoving && button("pause", "what came is kept", () => turn(transfer, "pause")),
-        state === "paused" && button("resume", "go on where it stopped", () => turn(transfer, "resume")),
-        state === "failed" && button("again", "", () => fetchFile(transfer)),
-        state === "done" && /\.mcap$/i.test(transfer.path) && button("open", "look at this recording", () => openRecording(transfer)),
-        button(state === "done" || state === "failed" ? "clear" : "end", "take it off the list", () => forget(transfer)),
-        state === "done" && save(pathOf(transfer), transfer.path),
-      ].filter(Boolean),
-    );
+    // Buttons stay the same while somebody presses them.
+    keep(acts, [MOVING.includes(state) ? "moving" : state], String, () => html("span", {}, ...this.#actsOf(transfer)), () => {});
   }
 
-  const offs = [
-    asset.on("files", refresh),
-    asset.on("transfers", draw),
-    asset.on("links", followLink),
-  ];
-  if (isHere) refresh();
-  followLink();
-  return () => {
-    offs.forEach((off) => off());
-    root.remove();
-  };
+  /** @param {Transfer} transfer */
+  #actsOf(transfer) {
+    const { id, path, state } = transfer;
+    const turn = (act) => this.#act(`/api/transfers/${id}`, { json: { act } });
+    return [
+      MOVING.includes(state) && button("pause", "what came is kept", () => turn("pause")),
+      state === "paused" && button("resume", "go on where it stopped", () => turn("resume")),
+      state === "failed" && button("again", "", () => this.#fetch(path)),
+      state === "done" && /\.mcap$/i.test(path) && button("open", "look at this recording", () => this.#openRecording(transfer)),
+      button(state === "done" || state === "failed" ? "clear" : "end", "take it off the list", () => this.#act(`/api/transfers/${id}`, { method: "DELETE" })),
+      state === "done" && this.#save(path),
+    ];
+  }
 }
 
-const tableOf = (heads, rows, className = "") =>
-  html("table", { className }, html("thead", {}, html("tr", {}, ...heads.map((textContent) => html("th", { textContent })))), rows);
+/** @param {Transfer} transfer */
+const makeTransfer = ({ path, by }) =>
+  html(
+    "tr",
+    { "data-path": path },
+    html("td", { textContent: path }),
+    html("td", {}, html("progress", { "aria-label": path }), html("span", { className: "how" })),
+    html("td", { textContent: by }),
+    html("td"),
+  );
 
-const isPicture = (file) => /^image\/|jpe?g$|png$/i.test(file.mime ?? file.path);
+/** @param {FileEntry} file */
+const isPicture = ({ mime, path }) => /^image\/|jpe?g$|png$/i.test(mime ?? path);
