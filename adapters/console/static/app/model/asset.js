@@ -1,5 +1,7 @@
 /** What this page knows of one asset, told to the views by topics. */
 
+import { Topics } from "./observable.js";
+
 /** @import { AssetEntry, AssetState, AuthorityHeld, CommandStatus, LinkStatus, Notified, PlanProgress, Sample, Transfer, TreeState } from "./messages.js" */
 /** @typedef {Sample & {interval?: number}} Latest `interval`: seconds since the one before */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
@@ -15,8 +17,8 @@ const MOST_NOTICES = 2000;
 const UNKNOWN_FOOTPRINT = { length_m: 0.5, width_m: 0.4 };
 const MOST_WAITING = 50;
 
-export class Asset {
-  #listeners = new Map();
+/** @extends {Topics<string>} */
+export class Asset extends Topics {
   /** @type {Map<string, Set<string>>} the paths of the nodes that worked on each command, by SOURCE:NUMBER */
   #nodes = new Map();
   #fixes = new Map();
@@ -74,24 +76,9 @@ export class Asset {
 
   /** @param {string} name @param {AssetEntry | null} [entry] */
   constructor(name, entry = null) {
+    super();
     this.name = name;
     this.entry = entry;
-  }
-
-  /**
-   * @param {string} topic
-   * @param {(what?: any) => void} listener
-   * @returns {() => void} ends it
-   */
-  on(topic, listener) {
-    if (!this.#listeners.has(topic)) this.#listeners.set(topic, new Set());
-    this.#listeners.get(topic).add(listener);
-    return () => this.#listeners.get(topic).delete(listener);
-  }
-
-  /** @param {string} topic */
-  changed(topic, what) {
-    for (const listener of [...(this.#listeners.get(topic) ?? [])]) listener(what);
   }
 
   /** @param {Sample} sample */
@@ -153,14 +140,7 @@ export class Asset {
 
   /** The last fix until a moment. @param {number} utc */
   poseAt(utc) {
-    let low = 0;
-    let high = this.track.length;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.track[middle].utc <= utc) low = middle + 1;
-      else high = middle;
-    }
-    return this.track[low - 1] ?? null;
+    return this.track.findLast((each) => each.utc <= utc) ?? null;
   }
 
   /** @param {string} key @param {{utc: number, value: any}[]} samples where one is not known, the one before holds */

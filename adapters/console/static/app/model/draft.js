@@ -4,14 +4,14 @@
  */
 
 import { ask } from "./connection.js";
+import { Observable } from "./observable.js";
 import { number, unitOf } from "../words.js";
 
 const PAUSE_MS = 250;
 
 /** @import { ArgumentEntry, CommandEntry, Preview } from "./messages.js" */
 
-export class Draft {
-  #listeners = new Set();
+export class Draft extends Observable {
   #timer = 0;
   #asked = 0;
   /** @type {CommandEntry | null} the entry of the command in the dictionary; null for none */
@@ -29,24 +29,11 @@ export class Draft {
 
   /** @param {import("./asset.js").Asset} asset */
   constructor(asset) {
+    super();
     this.asset = asset;
   }
 
-  /** @param {() => void} listener */
-  on(listener) {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  }
-
-  #changed() {
-    for (const listener of [...this.#listeners]) listener();
-  }
-
-  /**
-   * Begin anew.
-   * @param {string | null} name of the command; null for none
-   * @param {Record<string, any>} [values] in SI units
-   */
+  /** Begin anew. @param {string | null} name of the command; null for none @param {Record<string, any>} [values] in SI units */
   prepare(name, values = {}) {
     this.entry = this.asset.entry?.commands.find((each) => each.name === name) ?? null;
     this.typed = {};
@@ -58,12 +45,7 @@ export class Draft {
     this.#edited();
   }
 
-  /**
-   * Change what is typed.
-   * @param {Record<string, any>} record `typed`, or an item of one of its lists
-   * @param {string} name
-   * @param {string} text
-   */
+  /** Change what is typed. @param {Record<string, any>} record `typed`, or an item of one of its lists @param {string} name @param {string} text */
   type(record, name, text) {
     record[name] = text;
     this.#edited();
@@ -97,7 +79,7 @@ export class Draft {
     this.objection = "";
     this.waits = Boolean(this.entry?.motion) && this.problems.size === 0;
     if (this.waits) this.#timer = setTimeout(() => this.#ask(this.#asked), PAUSE_MS);
-    this.#changed();
+    this.changed();
   }
 
   async #ask(asked) {
@@ -112,7 +94,7 @@ export class Draft {
     }
     if (asked !== this.#asked) return;
     Object.assign(this, { preview, objection, waits: false });
-    this.#changed();
+    this.changed();
   }
 
   /** What is wrong with what is typed, by the name of the argument. */

@@ -4,21 +4,16 @@
  * worked on last, at the moment that is looked at; one that works on none is selected by itself.
  */
 
+import { Observable } from "./observable.js";
+
 /** @import { Asset } from "./asset.js" */
 /** @import { TreeNode } from "./messages.js" */
 
-export class Selection {
-  #listeners = new Set();
+export class Selection extends Observable {
   /** @type {string | null} the key of a command */
   command = null;
   /** @type {string | null} the path of a node of the tree */
   node = null;
-
-  /** @param {() => void} listener */
-  on(listener) {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  }
 
   /** Select a command, or nothing if it already was. @param {string | null} key */
   selectCommand(key) {
@@ -48,47 +43,33 @@ export class Selection {
   #set(command, node) {
     this.command = command;
     this.node = node;
-    for (const listener of [...this.#listeners]) listener();
+    this.changed();
   }
 }
 
 /** The span of time that is looked at: that of the time conductor. */
-export class Span {
-  #listeners = new Set();
+export class Span extends Observable {
   /** seconds since 1970-01-01 UTC */
   start_s = Date.now() / 1000 - 300;
   end_s = Date.now() / 1000;
-
-  /** @param {() => void} listener */
-  on(listener) {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  }
 
   /** @param {number} start_s @param {number} end_s */
   set(start_s, end_s) {
     this.start_s = start_s;
     this.end_s = end_s;
-    for (const listener of [...this.#listeners]) listener();
+    this.changed();
   }
 }
 
 /** The moment that is looked at; null is now. */
-export class Cursor {
-  #listeners = new Set();
+export class Cursor extends Observable {
   /** @type {number | null} seconds since 1970-01-01 UTC */
   utc_s = null;
-
-  /** @param {() => void} listener */
-  on(listener) {
-    this.#listeners.add(listener);
-    return () => this.#listeners.delete(listener);
-  }
 
   /** @param {number | null} utc_s */
   set(utc_s) {
     if (utc_s === this.utc_s) return;
     this.utc_s = utc_s;
-    for (const listener of [...this.#listeners]) listener();
+    this.changed();
   }
 }

@@ -2,6 +2,7 @@
 
 import { Asset, UNCERTAINTY } from "./asset.js";
 import { Connection, ask, operator } from "./connection.js";
+import { Topics } from "./observable.js";
 
 /** @import { AlarmStatus, AssetEntry, Message, Present } from "./messages.js" */
 
@@ -14,8 +15,8 @@ const MOST_PAST = 1000;
 const MOST_NOTICES = 500;
 const POSE = ["POS_X", "POS_Y", "HEAD"];
 
-export class Session {
-  #listeners = new Map();
+/** @extends {Topics<"second" | "assets" | "presence" | "object" | "alarms">} */
+export class Session extends Topics {
   #heard = { instance: "", seq: 0 };
   #tried = new Map();
   /** @type {(value?: any) => void} */
@@ -31,6 +32,7 @@ export class Session {
 
   /** @param {string[]} [topics] what it hears of */
   constructor(topics = TOPICS) {
+    super();
     this.hasLog = topics.includes("ntf");
     this.name = `page-${Math.random().toString(36).slice(2, 8)}`;
     this.connection = new Connection(
@@ -43,7 +45,7 @@ export class Session {
         resume: this.#heard,
       }),
     );
-    setInterval(() => this.#tell("second"), 1000);
+    setInterval(() => this.changed("second"), 1000);
   }
 
   /** The rovers and recordings, by their names. @returns {Asset[]} */
@@ -62,23 +64,9 @@ export class Session {
     return Date.now() / 1000 + this.connection.ahead_s;
   }
 
-  /**
-   * @param {"second" | "assets" | "presence" | "object" | "alarms"} topic
-   * @param {(what?: any) => void} listener
-   */
-  on(topic, listener) {
-    if (!this.#listeners.has(topic)) this.#listeners.set(topic, new Set());
-    this.#listeners.get(topic).add(listener);
-    return () => this.#listeners.get(topic).delete(listener);
-  }
-
   /** @param {() => void} listener */
   onSecond(listener) {
     return this.on("second", listener);
-  }
-
-  #tell(topic, what) {
-    for (const listener of [...(this.#listeners.get(topic) ?? [])]) listener(what);
   }
 
   /** Return an asset, new if it was not heard of. @param {string} name @param {AssetEntry | null} [entry] of the dictionary, where that is known */
@@ -87,7 +75,7 @@ export class Session {
     if (!asset) {
       asset = new Asset(name, entry);
       this.assets.set(name, asset);
-      this.#tell("assets");
+      this.changed("assets");
       this.#readPast(asset);
     }
     return asset;
@@ -130,7 +118,7 @@ export class Session {
       case "alarm":
         if (message.cleared === null || message.acknowledged === null) this.alarms.set(message.id, message);
         else this.alarms.delete(message.id);
-        this.#tell("alarms", message);
+        this.changed("alarms", message);
         break;
       case "auth":
         this.#set(message, "authority");
@@ -142,43 +130,33 @@ export class Session {
         this.asset(message.asset).noteNodes(message);
         this.#set(message, "tree");
         break;
-      case "plan": {
-        const asset = this.asset(message.asset);
-        asset.plans.set(message.plan, message);
-        asset.changed("plans");
+      case "plan":
+        this.#put(message, "plans", message.plan);
         break;
-      }
-      case "link": {
+      case "link":
         if (message.asset === "") {
           this.#tried.set(message.uri, message);
-          this.#tell("assets");
-          break;
+          this.changed("assets");
+        } else {
+          this.#tried.delete(message.uri);
+          this.#put(message, "links", message.link);
         }
-        this.#tried.delete(message.uri);
-        const asset = this.asset(message.asset);
-        asset.links.set(message.link, message);
-        asset.changed("links");
         break;
-      }
-      case "transfer": {
-        const asset = this.asset(message.asset);
-        if (message.state === "removed") asset.transfers.delete(message.id);
-        else asset.transfers.set(message.id, message);
-        asset.changed("transfers");
+      case "transfer":
+        this.#put(message, "transfers", message.id, message.state === "removed");
         break;
-      }
       case "file":
         this.asset(message.asset).changed("files", message);
         break;
       case "presence":
         this.presence = message.consoles;
-        this.#tell("presence");
+        this.changed("presence");
         break;
       case "dictionary":
         this.readDictionary();
         break;
       case "obj":
-        this.#tell("object", message);
+        this.changed("object", message);
         break;
     }
   }
@@ -195,6 +173,13 @@ export class Session {
     asset.changed(field);
   }
 
+  #put(message, field, key, isRemoved = false) {
+    const asset = this.asset(message.asset);
+    if (isRemoved) asset[field].delete(key);
+    else asset[field].set(key, message);
+    asset.changed(field);
+  }
+
   /** Read which assets there are; recordings, which are all past, are not for a page without the past. */
   async readDictionary() {
     try {
@@ -207,7 +192,7 @@ export class Session {
         asset.changed("entry");
       }
       this.#becomeReady();
-      this.#tell("assets");
+      this.changed("assets");
     } catch (error) {
       console.warn(error.message);
     }
