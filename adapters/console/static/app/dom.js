@@ -19,26 +19,14 @@ export function html(name, properties = {}, ...children) {
   return made;
 }
 
-/**
- * Make a button.
- * @param {string} textContent
- * @param {string} title
- * @param {(event: any) => void} onclick
- * @param {Record<string, any>} [properties]
- */
+/** @param {string} textContent @param {string} title @param {(event: any) => void} onclick @param {Record<string, any>} [properties] */
 export const button = (textContent, title, onclick, properties = {}) =>
   html("button", { type: "button", textContent, onclick, ...(title && { title }), ...properties });
 
 /** The head of a table. @param {...string} titles */
 export const tableHead = (...titles) => html("thead", {}, html("tr", {}, ...titles.map((textContent) => html("th", { textContent }))));
 
-/**
- * Make an SVG element.
- * @param {string} name
- * @param {Record<string, any>} [attributes]
- * @param {...(Node | string)} children
- * @returns {any}
- */
+/** Make an SVG element. @param {string} name @param {Record<string, any>} [attributes] @param {...(Node | string)} children @returns {any} */
 export function svg(name, attributes = {}, ...children) {
   const made = document.createElementNS(SVG, name);
   set(made, attributes);
@@ -46,11 +34,7 @@ export function svg(name, attributes = {}, ...children) {
   return made;
 }
 
-/**
- * Set attributes that differ from what is there.
- * @param {Element} element
- * @param {Record<string, any>} attributes
- */
+/** Set attributes that differ from what is there. @param {Element} element @param {Record<string, any>} attributes */
 export function set(element, attributes) {
   for (const [key, value] of Object.entries(attributes)) {
     const text = String(value);
@@ -58,20 +42,12 @@ export function set(element, attributes) {
   }
 }
 
-/**
- * Set a text that differs from what is there.
- * @param {Node} node
- * @param {string} text
- */
+/** Set a text that differs from what is there. @param {Node} node @param {string} text */
 export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-/**
- * Return a function that asks for one drawing in the next frame, however often it is called.
- * @param {() => void} draw
- * @returns {() => void}
- */
+/** Return a function that asks for one drawing in the next frame, however often it is called. @param {() => void} draw */
 export function eachFrame(draw) {
   let asked = false;
   return () => {
@@ -91,9 +67,9 @@ export function eachFrame(draw) {
  * @param {T[]} items
  * @param {(item: T) => string} keyOf
  * @param {(item: T) => any} make
- * @param {(element: any, item: T) => void} update
+ * @param {(element: any, item: T) => void} [update]
  */
-export function keep(container, items, keyOf, make, update) {
+export function keep(container, items, keyOf, make, update = () => {}) {
   const known = new Map([...container.children].map((child) => [child.getAttribute("data-key"), child]));
   let before = null;
   for (const item of items) {

@@ -8,10 +8,7 @@ export const degrees = (radians) => radians * DEGREES;
 /** @param {number} degrees_ */
 export const radians = (degrees_) => degrees_ / DEGREES;
 
-/**
- * A number with as many digits as its size asks for.
- * @param {number} value
- */
+/** A number with as many digits as its size asks for. @param {number} value */
 export function number(value) {
   if (!Number.isFinite(value)) return String(value);
   if (Number.isInteger(value)) return String(value);
@@ -25,19 +22,12 @@ export function fixed(value, digits) {
   return Number(text) === 0 ? text.replace("-", "") : text;
 }
 
-/**
- * Time of day in UTC, to the second or the millisecond.
- * @param {number} utc_s
- * @param {boolean} [exact]
- */
+/** Time of day in UTC, to the second or the millisecond. @param {number} utc_s @param {boolean} [exact] */
 export function clock(utc_s, exact = false) {
   return new Date(utc_s * 1000).toISOString().slice(11, exact ? 23 : 19);
 }
 
-/**
- * How long ago, in one or two characters more than needed.
- * @param {number} age_s
- */
+/** How long ago, in one or two characters more than needed. @param {number} age_s */
 export function age(age_s) {
   if (age_s < 0.95) return "now";
   if (age_s < 9.95) return `${age_s.toFixed(0)} s`;
@@ -50,11 +40,7 @@ export function age(age_s) {
 /** How long something takes. @param {number} time_s */
 export const duration = (time_s) => (age(time_s) === "now" ? "0 s" : age(time_s));
 
-/**
- * A number of octets.
- * @param {number} count
- * @returns {{text: string, unit: string}}
- */
+/** A number of octets. @param {number} count @returns {{text: string, unit: string}} */
 export function octets(count) {
   const [size, unit] = count >= 1e9 ? [1e9, "GB"] : count >= 1e6 ? [1e6, "MB"] : count >= 1e3 ? [1e3, "kB"] : [1, "B"];
   return { text: number(count / size), unit };

@@ -41,10 +41,7 @@ export function viewsOf(asset) {
   return Object.keys(VIEWS).filter((kind) => VIEWS[kind].of !== other);
 }
 
-/**
- * @param {import("../model/session.js").Session} session
- * @param {import("../model/context.js").Context["shown"]} shown
- */
+/** @param {import("../model/session.js").Session} session @param {import("../model/context.js").Context["shown"]} shown */
 export function views(session, shown) {
   return (openmct) => {
     addView(openmct, "rover.fleet", "Rovers", "icon-object", (_, element) => FleetView.mount(element, { session, shown }));

@@ -118,7 +118,7 @@ export class AlarmsView extends View {
     set(time, { title: `first ${clock(alarm.raised, true)}, last ${clock(alarm.last, true)} UTC aboard${isActive ? "" : `, over ${clock(alarm.cleared, true)}`}` });
     say(text, alarm.occurrences > 1 ? `${alarm.text} (${alarm.occurrences} times)` : alarm.text);
     set(text, { title: alarm.source });
-    keep(/** @type {HTMLElement} */ (who), [alarm], () => `${alarm.operator}`, () => (isOpen ? this.#acknowledger(alarm) : acknowledgement(alarm)), () => {});
+    keep(/** @type {HTMLElement} */ (who), [alarm], () => `${alarm.operator}`, () => (isOpen ? this.#acknowledger(alarm) : acknowledgement(alarm)));
   }
 
   /** @param {AlarmStatus} alarm */

@@ -147,7 +147,7 @@ export class Bar extends View {
   #drawPicker() {
     const names = this.session.rovers.map((each) => each.name);
     this.#picker.hidden = names.length === 0;
-    keep(this.#picker, names, String, (each) => html("option", { value: each, textContent: each }), () => {});
+    keep(this.#picker, names, String, (each) => html("option", { value: each, textContent: each }));
     if (this.shown.name !== null && this.#picker.value !== this.shown.name) this.#picker.value = this.shown.name;
   }
 

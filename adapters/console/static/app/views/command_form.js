@@ -127,7 +127,7 @@ export class CommandForm extends View {
     const names = [...this.asset.links.keys()];
     this.#linkLine.hidden = this.draft.entry === null || names.length < 2;
     const words = (name) => (name ? `the ${name} link` : "the link by which it is there soonest");
-    keep(this.#link, ["", ...names], String, (name) => html("option", { value: name, textContent: words(name) }), () => {});
+    keep(this.#link, ["", ...names], String, (name) => html("option", { value: name, textContent: words(name) }));
   }
 
   /** What the command would come to, as far as that is known. */

@@ -160,10 +160,7 @@ function stageTable(command) {
   );
 }
 
-/**
- * What became of a command beside what was predicted of it; nothing where nothing was.
- * @param {CommandStatus} command
- */
+/** What became of a command beside what was predicted of it; nothing where nothing was. @param {CommandStatus} command */
 export function comparison(command) {
   const figures = command.history.at(-1)?.figures ?? {};
   const predicted = command.history.findLast((each) => each.stage === "PREDICTED")?.figures ?? {};

@@ -112,7 +112,7 @@ export class FilesView extends View {
     if (this.#isHere) say(this.#empty, this.#trouble || "No file was fetched yet. “fetch” does that, under “Files” of a rover.");
     else if (!asset.isReached) say(this.#empty, session.unreached(asset));
     else say(this.#empty, this.#trouble || "There are no files aboard. “takePicture” makes one.");
-    keep(this.#rows, this.#files, (file) => `${file.path} ${file.modified}`, (file) => this.#makeFile(file), () => {});
+    keep(this.#rows, this.#files, (file) => `${file.path} ${file.modified}`, (file) => this.#makeFile(file));
   }
 
   /** @param {FileEntry} file */
@@ -149,7 +149,7 @@ export class FilesView extends View {
     const words = state === "done" ? [sizeOf(size)] : [state, part, pace, detail];
     say(how, words.filter(Boolean).join(", "));
     // Buttons stay the same while somebody presses them.
-    keep(acts, [MOVING.includes(state) ? "moving" : state], String, () => html("span", {}, ...this.#actsOf(transfer)), () => {});
+    keep(acts, [MOVING.includes(state) ? "moving" : state], String, () => html("span", {}, ...this.#actsOf(transfer)));
   }
 
   /** @param {Transfer} transfer */

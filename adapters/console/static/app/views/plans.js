@@ -113,7 +113,7 @@ export class PlansView extends View {
     set(far, { title: progress?.node ?? "" });
     say(when, revision ? `${clock(revision.utc)} by ${revision.operator}, revision ${revision.revision}` : "elsewhere");
     const offered = [...(ACTS[status] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
-    keep(acts, offered, String, (each) => this.#makeAct(each, plan, revision), () => {});
+    keep(acts, offered, String, (each) => this.#makeAct(each, plan, revision));
   }
 
   /** @param {string} act the name of a command, or to show a revision */

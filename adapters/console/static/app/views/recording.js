@@ -61,11 +61,7 @@ export class RecordingView extends View {
   }
 }
 
-/**
- * Give a file of this computer to the console.
- * @param {File} file
- * @returns {Promise<string>} the name of the asset that it is shown as
- */
+/** Give a file of this computer to the console. @param {File} file @returns {Promise<string>} the name of the asset that it is shown as */
 export async function openRecording(file) {
   const { asset } = await ask(`/api/recordings/${encodeURIComponent(file.name)}`, { method: "POST", body: file });
   return asset;

@@ -24,12 +24,7 @@ export class View {
     this.draft = draft;
   }
 
-  /**
-   * Put one into an element.
-   * @param {HTMLElement} element
-   * @param {Context} context
-   * @returns {() => void} takes it out again
-   */
+  /** Put one into an element. @param {HTMLElement} element @param {Context} context @returns {() => void} takes it out again */
   static mount(element, context) {
     const view = new this(context);
     element.append(view.root);
