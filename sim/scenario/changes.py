@@ -13,7 +13,7 @@ _TIMELINE: Final = ("command", "inject", "crash")
 ROOTS: Final = ("seed", "world", "settings", "odometry", "asset", "lasts", *_TIMELINE)
 """With what a key may begin."""
 NO_FAULT: Final = "none"
-_TIMES: Final = ("at", "after")
+_TIMES: Final = ("at", "after", "near")
 _LASTS: Final = "for"
 
 
@@ -148,6 +148,8 @@ def _with_crash(raw: dict[str, Any], value: object) -> dict[str, Any]:
 
 def _end(name: str, said: dict[str, Any]) -> dict[str, Any]:
     """Return the entry that ends a fault which lasts for a time."""
+    if "near" in said:
+        raise ValueError(f"{_LASTS} does not go with near: its end would not be known")
     at_s, lasts_s = said.get("at"), said[_LASTS]
     for key, time_s in (("at", at_s), (_LASTS, lasts_s)):
         if isinstance(time_s, bool) or not isinstance(time_s, int | float) or time_s < 0:

@@ -28,12 +28,11 @@ from sim.processes.relay import Orbiter, relayed
 from sim.ros.cargo import loading
 from sim.ros.faults import FaultClient, fault_client
 from sim.rover.faults import Fault, LinkLost
-from sim.scenario.live_session import LiveSession, watched
+from sim.scenario.live_session import GLANCE_S, LiveSession, watched
 from sim.scenario.model import Cargo, Clear, Eclipse, Inject, PlayMode, Scenario
 from sim.scenario.record import Record, TruePose
 from sim.scenario.truth import look_up_requests, undelayed_s
 
-GLANCE_S: Final = 0.02
 START_S: Final = 40.0
 """The longest that it may take until a rover is ready."""
 LEAD_S: Final = 5.0
@@ -191,14 +190,20 @@ async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool 
             raise TimeoutError(f"it was ready {late_s:.0f} s too late for the planned eclipse")
         await asyncio.sleep(-late_s)
     heard, speed = scene.heard, scene.rover.speed
+    first = len(heard.true)
     files = scene.rover.aboard / "files"
     record = Record(start_utc_s, files, float if speed == 1.0 else heard.simulated_s)
+
+    def look() -> None:
+        new = heard.true[first + len(record.poses) :]
+        record.poses += [TruePose(record.since_start_s(seen.utc_s), seen.pose) for seen in new]
+
     async with watched(scene.ground, record):
         await LiveSession(
-            scenario, uri, mode, scene.load, scene.faults, record, brief, speed
+            scenario, uri, mode, scene.load, scene.faults, look, record, brief, speed
         ).play()
     scene.check()
-    true = [seen for seen in heard.true if seen.utc_s > start_utc_s]
+    true = heard.true[first:]
     heard_s = [record.since_start_s(seen.utc_s) for seen in true]
     times_s = undelayed_s(heard_s, [seen.stamp_s for seen in true])
     record.poses = [TruePose(time_s, seen.pose) for time_s, seen in zip(times_s, true, strict=True)]

@@ -63,6 +63,8 @@ from sim.scenario.timeline import Ground, Timeline
 T = TypeVar("T")
 
 LEAST_PAUSE_S: Final = 0.005
+GLANCE_S: Final = 0.02
+"""Between two looks at what may change at any time, while it is waited for."""
 LOOK_S: Final = 0.1
 """Between two questions for the mode."""
 
@@ -78,7 +80,8 @@ class LiveSession:
         mode: by which link that is.
         load: gives the rover a cargo, in kg.
         faults: has faults of the rover begin and end.
-        record: filled with all but the true poses.
+        look: puts the true poses into the record that were seen since it was called last.
+        record: filled with the rest.
         brief: whether the play ends as soon as all is played, and all that was admitted has ended.
         speed: seconds of the scenario per second, as far as the simulation keeps up.
         system: the time.
@@ -91,6 +94,7 @@ class LiveSession:
         mode: PlayMode,
         load: Callable[[float], None] | None,
         faults: FaultClient | None,
+        look: Callable[[], None],
         record: Record,
         brief: bool = False,
         speed: float = 1.0,
@@ -98,6 +102,7 @@ class LiveSession:
     ) -> None:
         self._system = system
         self._uri, self._mode, self._load, self._brief = uri, mode, load, brief
+        self._look = look
         self._speed = speed
         self._entries = len(scenario.timeline)
         self._record = record
@@ -147,6 +152,8 @@ class LiveSession:
             if now_s >= self._contact_s and not self._lost:
                 self._contact_s = inf
                 await (await self._connect()).catch_up()
+            if self._timeline.looks:
+                self._look()
             for entry in self._timeline.due(now_s):
                 await self._carry_out(entry)
                 self._record.played += 1
@@ -154,6 +161,8 @@ class LiveSession:
             contact_s = inf if self._lost else self._contact_s
             until_s = min(self._timeline.next_s(), contact_s, self._lasts_s)
             pause_s = max(LEAST_PAUSE_S, until_s - self._now_s()) / self._speed
+            if self._timeline.looks:
+                pause_s = min(pause_s, GLANCE_S)
             with suppress(TimeoutError):
                 async with asyncio.timeout(pause_s):
                     await self._news.wait()

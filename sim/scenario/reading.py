@@ -267,7 +267,7 @@ def check(scenario: Scenario) -> None:
             if said.at_s is not None and said.at_s + lasting_s > scenario.lasts_s:
                 raise FormatError(path, f"is later than the end, {scenario.lasts_s:g} s")
             if said.at_end and isinstance(said, Entry):
-                raise FormatError(path, "at or after is needed")
+                raise FormatError(path, "at, after or near is needed")
         match said:
             case Repeat(repeat=label):
                 _known(label, commands, f"{path}.repeat")
@@ -389,8 +389,8 @@ def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str,
             yield "", "files do not travel by the relay"
         case Send(replace=True) if relay:
             yield ".replace", "commands by the relay wait their turn"
-        case model.Eclipse(at_s=None) if relay:
-            yield "", "by the relay an eclipse is planned: it needs at"
+        case model.Eclipse(at_s=at_s, near=near) if relay and (at_s is None or near):
+            yield "", "by the relay an eclipse is planned: it needs at, and no near"
         case model.Eclipse(at_s=float(at_s), eclipse_s=dark_s) if relay:
             if not (at_s.is_integer() and dark_s.is_integer()):
                 yield "", "by the relay an eclipse begins and ends at whole seconds"

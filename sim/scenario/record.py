@@ -4,26 +4,37 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, unique
+from math import inf
 from pathlib import Path
 from typing import Final, TypeVar
 
 from executive.commands import Mode, Request
-from executive.geometry import Pose
+from executive.geometry import Point, Pose
 from executive.history import CommandLife, RunHistory
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.settings import figure
 from executive.state import FileEvent, Parameter, ParameterValue
 from executive.zones import Seen
 
+ENDED: Final = "ENDED"
+"""In place of a stage: whichever way the command ends."""
+_STAGES: Final = {
+    **{stage.name: (stage,) for stage in Stage},
+    ENDED: tuple(stage for stage in Stage if stage.terminal),
+}
 _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
 
 
 @dataclass(frozen=True, slots=True)
 class After:
-    """When a command first reached a stage, and so many seconds on."""
+    """When a command first reached a stage, and so many seconds on.
+
+    Attributes:
+        stage: the name of a stage, or `ENDED`.
+    """
 
     label: str
-    stage: Stage
+    stage: str
     delay_s: float = 0.0
 
     @classmethod
@@ -34,24 +45,49 @@ class After:
             ValueError: it is neither.
         """
         found = _AFTER.fullmatch(text.strip())
-        if found is None or found[2] not in Stage.__members__:
+        if found is None or found[2] not in _STAGES:
             raise ValueError(
                 f"{text!r} is not LABEL STAGE or LABEL STAGE + SECONDS, with a stage of"
-                f" {', '.join(Stage.__members__)}"
+                f" {', '.join(_STAGES)}"
             )
-        return cls(found[1], Stage[found[2]], float(found[3] or 0.0))
+        return cls(found[1], found[2], float(found[3] or 0.0))
 
     def __str__(self) -> str:
         delay = f" + {self.delay_s:g} s" if self.delay_s else ""
-        return f"{self.label} {self.stage.name}{delay}"
+        return f"{self.label} {self.stage}{delay}"
+
+    def comes_with(self, report: Report) -> bool:
+        """Return whether it is the stage of this report."""
+        return report.stage in _STAGES[self.stage]
+
+
+@dataclass(frozen=True, slots=True)
+class Near:
+    """Where the rover has to come: so near to a place."""
+
+    x_m: float
+    y_m: float
+    within_m: float = figure(0.01)
+
+    def __str__(self) -> str:
+        return f"within {self.within_m:g} m of x {self.x_m:g} y {self.y_m:g}"
+
+    def reached(self, pose: Pose) -> bool:
+        """Return whether a pose is so near."""
+        return pose.point.distance_m(Point(self.x_m, self.y_m)) <= self.within_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timed:
-    """Something that has its time: `at`, `after`, or neither."""
+    """Something that has its time: `at`, `after`, or neither.
+
+    Attributes:
+        near: where the rover must come, from that time on, before it is time.
+    """
 
     at_s: float | None = figure(default=None)
     after: After | None = None
+    near: Near | None = None
 
     def __post_init__(self) -> None:
         if self.at_s is not None and self.after is not None:
@@ -60,14 +96,16 @@ class Timed:
     @property
     def at_end(self) -> bool:
         """Whether it has no time of its own."""
-        return self.at_s is None and self.after is None
+        return self.at_s is None and self.after is None and self.near is None
 
     @property
     def when(self) -> str:
         """The time in words."""
-        if self.after is not None:
-            return f"after {self.after}"
-        return "at the end" if self.at_s is None else f"at {self.at_s:g} s"
+        if self.at_end:
+            return "at the end"
+        at = None if self.at_s is None else f"at {self.at_s:g} s"
+        after = None if self.after is None else f"after {self.after}"
+        return ", ".join(str(said) for said in (at, after, self.near) if said is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -316,11 +354,20 @@ class Record:
 
         What has no time of its own is at the end.
         """
+        begin_s, near = self._begin_s(timed), timed.near
+        if near is None or begin_s is None:
+            return begin_s
+        from_then_on = between(self.poses, begin_s, inf)
+        return next((seen.time_s for seen in from_then_on if near.reached(seen.pose)), None)
+
+    def _begin_s(self, timed: Timed) -> float | None:
+        """Return when something is to be, wherever the rover is then."""
         after = timed.after
         if after is None:
-            return self.simulated_s if timed.at_s is None else timed.at_s
+            last_s = self.simulated_s if timed.at_end else 0.0
+            return last_s if timed.at_s is None else timed.at_s
         for report in self.life(after.label):
-            if report.stage is after.stage:
+            if after.comes_with(report):
                 return self.time_of(report) + after.delay_s
         return None
 

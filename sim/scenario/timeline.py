@@ -16,7 +16,7 @@ class Timeline:
         self._record = record
         self._waiting = list(scenario.timeline)
         self._times_s: list[float] = []
-        self._known: tuple[int, int] | None = None
+        self._known: tuple[int, ...] = ()
 
     def due(self, now_s: float) -> list[Entry]:
         """Return what is to be done now, in the order of the file."""
@@ -27,15 +27,21 @@ class Timeline:
         ]
         if found:
             self._waiting = [entry for entry in self._waiting if entry not in found]
-            self._known = None
+            self._known = ()
         return found
+
+    @property
+    def looks(self) -> bool:
+        """Whether anything waits for the rover to come somewhere."""
+        return any(entry.near is not None for entry in self._waiting)
 
     def next_s(self) -> float:
         """Return the earliest time that is known of an entry; infinite if none is."""
         return min(self._times(), default=inf)
 
     def _times(self) -> list[float]:
-        known = (len(self._record.reports), len(self._record.sendings))
+        record = self._record
+        known = (len(record.reports), len(record.sendings), len(record.poses) * self.looks)
         if known != self._known:
             self._times_s = [self._time_of(entry) for entry in self._waiting]
             self._known = known

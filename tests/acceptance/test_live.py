@@ -49,8 +49,8 @@ world: {walls: [{x: 6, y: 2, to: {x: 6, y: -2}}]}
 timeline:
   - {at: 0.5, command: {setTravelSpeed: {speed: 0.3}}}
   - {at: 1, command: {moveForward: {distance: 4}}, label: go}
-  - {at: 2.5, inject: odometry_lost}
-  - {at: 3.5, clear: odometry_lost}
+  - {near: {x: 0.45, y: 0, within: 0.05}, inject: odometry_lost}
+  - {after: go ENDED, clear: odometry_lost}
   - {at: 4, inject: link_lost}
   - {at: 4.5, command: {setTravelSpeed: {speed: 0.4}}, label: unheard}
   - {at: 5.5, clear: link_lost}

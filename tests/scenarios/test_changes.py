@@ -98,12 +98,15 @@ def test_faults_are_added_with_their_time(tmp_path: Path) -> None:
         tmp_path,
         "inject=none",
         "inject={odometry_frozen, at: 2.5}",
-        "inject={after: a STARTED + 1, left_stuck: {}}",
+        "inject={after: a STARTED + 1, near: {x: 1, y: 0, within: 0.5}, left_stuck: {}}",
         "inject={slip: {factor: 0.5}, at: 3, for: 0.5}",
     )
     frozen, stuck, slip = (each for each in scenario.timeline if isinstance(each, Inject))
     assert (frozen.inject, frozen.at_s) == (OdometryFrozen(), 2.5)
-    assert (stuck.inject, str(stuck.after)) == (LeftStuck(), "a STARTED + 1 s")
+    assert (stuck.inject, stuck.when) == (
+        LeftStuck(),
+        "after a STARTED + 1 s, within 0.5 m of x 1 y 0",
+    )
     assert (slip.inject, slip.at_s) == (Slip(0.5), 3.0)
     (end,) = (each for each in scenario.timeline if isinstance(each, Clear))
     assert (end.clear, end.at_s) == (Slip, 3.5)
@@ -177,17 +180,18 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("command.stop.now=1", "timeline[3].command.stop: unknown key 'now'"),
         ("crash=3", "expected a time and its length, as {at: 3, for: 1}"),
         ("crash={at: 3}", "expected a time and its length"),
-        ("crash={for: 1}", "at or after is needed"),
+        ("crash={for: 1}", "at, after or near is needed"),
         ("crash={at: 3, for: -1}", "crash: -1 is below 0"),
         ("crash.at=3", "no key 'crash.at' can be changed"),
         ("inject=odometry_frozen", "expected a fault and its time"),
         ("inject={odometry_frozen, left_stuck, at: 1}", "expected a fault and its time"),
-        ("inject={odometry_frozen}", "at or after is needed"),
+        ("inject={odometry_frozen}", "at, after or near is needed"),
         ("inject={gremlins, at: 1}", "gremlins"),
         ("inject={odometry_frozen, at: 99}", "is later than the end"),
         ("inject={odometry_frozen, at: 1, for: 98}", "is later than the end"),
         ("inject={odometry_frozen, at: 1, for: -1}", "for is -1"),
         ("inject={odometry_frozen, after: a STARTED + 1, for: 1}", "for needs seconds, and at"),
+        ("inject={tip, at: 1, near: {x: 1, y: 0, within: 1}, for: 1}", "for does not go with near"),
     ],
 )
 def test_the_change_is_named_that_does_not_fit(tmp_path: Path, change: str, blamed: str) -> None:

@@ -46,6 +46,24 @@ expect:
   - {telemetry: 0, at: 1.1, for: 2.8}
 """
 
+CONDITIONS = """
+title: Stopped on the way, and back
+lasts: 14
+timeline:
+  - {at: 0.5, command: {moveForward: {distance: 3}}, label: ahead}
+  - {near: {x: 2, y: 0, within: 0.5}, command: stop}
+  - {after: ahead ENDED + 1, command: resume}
+  - {after: resume ENDED, command: {moveForward: {distance: 500}}, label: far}
+  - {after: far ENDED, command: {moveForward: {distance: -1}}, label: back}
+  - {after: back STARTED, near: {x: 1.5, y: 0, within: 0.1}, ask: passing}
+expect:
+  - {pose: {x: 1.55, y: 0}, tolerance: 0.06, near: {x: 2, y: 0, within: 0.5}}
+  - {command: ahead, ends: CANCELLED, reason: STOPPED}
+  - {command: far, ends: REJECTED}
+  - {command: back, ends: EXECUTED}
+  - {parameter: POS_X, value: 1.5, tolerance: 0.15, asked: passing}
+"""
+
 
 def play(*arguments: str) -> Result:
     return CliRunner().invoke(scenario, arguments, catch_exceptions=False)
@@ -98,6 +116,22 @@ def test_in_an_eclipse_nothing_is_heard_or_said_until_it_ends(tmp_path: Path) ->
     path.write_text(DARK)
     result = play(str(path))
     assert result.exit_code == 0, result.output
+
+
+def test_what_waits_for_an_end_or_a_place_is_done_then(tmp_path: Path) -> None:
+    path = tmp_path / "conditions.yaml"
+    path.write_text(CONDITIONS)
+    result = play(str(path))
+    assert result.exit_code == 0, result.output
+
+
+def test_what_waits_for_a_place_is_never_done_where_the_rover_does_not_come(tmp_path: Path) -> None:
+    path = tmp_path / "conditions.yaml"
+    path.write_text(CONDITIONS.replace("y: 0, within: 0.1", "y: 1, within: 0.1"))
+    result = play(str(path))
+    failing = [line for line in result.output.splitlines() if line.startswith("FAILS")]
+    assert result.exit_code == 1
+    assert any("all 6 entries of the timeline are played" in line for line in failing)
 
 
 @pytest.mark.parametrize("example", blocks(PAGE, "yaml"))

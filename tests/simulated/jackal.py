@@ -134,7 +134,7 @@ class RelayScene:
             process.begin()
         world.run(START_S + self.scenario.lasts_s + _DOWN_S)
         assert world.errors == []
-        record.poses = self._below.poses
+        self._look()
         look_up_requests(record, world.processes["executive"].folder / "ledger.sqlite")
         return record
 
@@ -146,10 +146,14 @@ class RelayScene:
         left_s = START_S - process.loop.time()
         assert left_s > 0.0, "it is not known in time where the rover is"
         await asyncio.sleep(left_s)
+        mode, record = PlayMode.RELAY, self.record
         session = LiveSession(
-            self.scenario, self._uri, PlayMode.RELAY, None, None, self.record, system=system
+            self.scenario, self._uri, mode, None, None, self._look, record, system=system
         )
         await session.play()
+
+    def _look(self) -> None:
+        self.record.poses = self._below.poses
 
     async def _located(self, system: SimSystem) -> None:
         needed = Parameter.POS_X.value, Parameter.CAM_PAN.value
