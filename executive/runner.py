@@ -7,7 +7,6 @@ commands fail, and the executive goes on.
 
 import logging
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -28,19 +27,12 @@ from executive.plans import PlanHost, Planner, check_plan
 from executive.ports import Downlink, MotionRover, VelocityRover, Video
 from executive.pose_keeper import PoseKeeper
 from executive.preview import Predictions, PreviewRun
+from executive.reactions import Reactions
 from executive.reasons import Figure, Reason, Refusal
-from executive.record import (
-    UNWRITTEN_LEDGER,
-    AuthorityRecord,
-    Ledger,
-    LedgerError,
-    PlanStore,
-    Retention,
-    StopLatch,
-)
+from executive.record import AuthorityRecord, Ledger, LedgerError, PlanStore, Retention, StopLatch
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
-from executive.safety import Moved, Safety, unmonitored
-from executive.settings import LinkLossAction, Settings
+from executive.safety import Safety, unmonitored
+from executive.settings import Settings
 from executive.state import (
     AuthorityUsed,
     CommandEnded,
@@ -57,12 +49,6 @@ from executive.state import (
 
 _LOG = logging.getLogger(__name__)
 
-_DONE: Final = {
-    LinkLossAction.GO_ON: "the rover goes on",
-    LinkLossAction.HOLD: "the rover holds at the end of the step",
-    LinkLossAction.STOP: "the rover is stopped",
-    LinkLossAction.RETURN: "the rover returns to where it last was",
-}
 LONGEST_EVENT: Final = 4096
 """Characters of a text that others report by `Executive.event`; the rest is left out."""
 
@@ -164,22 +150,32 @@ class Executive:
         self._pose = PoseKeeper(
             clock, settings, self.safety, self.status, ledger, self._notifications
         )
-        self._dispatcher = Dispatcher(
+        self._reactions = Reactions(
             self._context,
             self._arbiter,
             ledger,
             self._latch,
+            self._notifications,
+            self._planner,
+            self._pose,
+            self.ground,
+        )
+        self._dispatcher = Dispatcher(
+            self._context,
+            ledger,
             self._notifications,
             self._telemetry,
             self._planner,
             self.authority,
             self._predictions,
             self._pose,
+            self._reactions,
         )
         for each in unmonitored(settings):
             _LOG.info("%s (%s)", each, ", ".join(each.faults))
         self.files.tidy()
-        self._dispatcher.take_over()
+        self._dispatcher.restore_settings()
+        self._reactions.recover()
         self._notifications.flush()
         self._clock.end()
 
@@ -341,14 +337,14 @@ class Executive:
             if self.safety.history.jump is not jump:
                 self.status.forget_seen()
             if isinstance(fact, CommandEnded):
-                self._dispatcher.on_external_result(fact)
+                self._reactions.on_external_result(fact)
             if isinstance(fact, Stopped):
-                self._dispatcher.on_external_stop(fact)
+                self._reactions.on_external_stop(fact)
             if isinstance(fact, AuthorityUsed):
                 self.ground.hear()
                 self.authority.used(fact.epoch)
             if isinstance(fact, LaserScan):
-                self._watch()  # at once, whatever the tree is at
+                self._reactions.run_monitors()  # at once, whatever the tree is at
             self._arbiter.guard()
 
     def ask_authority(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
@@ -371,7 +367,7 @@ class Executive:
     def make_safe(self, danger: Refusal) -> None:
         """Stand until resumed; nothing, where the same reason holds the rover already."""
         with self._clock:
-            self._dispatcher.make_safe(danger)
+            self._reactions.enter_safe_mode(danger)
 
     def turn(self) -> None:
         """Serve what was submitted and asked; a command that was admitted is ticked at once.
@@ -414,11 +410,11 @@ class Executive:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         with self._clock:
             self._serve()
-            self._dispatcher.check_lateness()
-            self._watch()
-            self._report_other_drivers()
+            self._reactions.check_lateness()
+            self._reactions.run_monitors()
+            self._reactions.report_other_drivers()
             self._run_plan()
-            self._hold_plan()
+            self._reactions.suspend_plan_if_held()
             self._run_tree()
             self._telemetry.update()
             self.authority.tick()
@@ -426,7 +422,7 @@ class Executive:
                 try:
                     self.retention.tick()
                 except LedgerError as error:
-                    self._endanger(error)
+                    self._reactions.on_ledger_failure(error)
             self._predict()
 
     def close(self) -> None:
@@ -438,7 +434,7 @@ class Executive:
             if self.velocity != STANDING or self.moving:
                 self._arbiter.stop()
             self.tree.stop()
-            self._dispatcher.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
+            self._reactions.end_goals(Refusal(Reason.INTERRUPTED, "the executive was shut down"))
             if not self._context.latches.held:
                 self._arbiter.release()
             if self._flush():
@@ -456,42 +452,12 @@ class Executive:
         """Hold the rover for the stops that have come, and see to their records and answers."""
         for _ in range(self._inbox.stops_now):
             stop = self._inbox.take_stop()
-            self._dispatcher.stop(stop.command.identity)
+            self._reactions.stop(stop.command.identity)
             stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
 
     def _listen_for_ground(self) -> None:
-        """Do what is to be done when nothing is heard of the ground, and end it when it is."""
-        ground, lost, status = self.ground, self.ground.stage, self.status
-        pose = status.pose if status.odometry_fresh else None
-        reached = ground.look(self.mode, pose, self._dispatcher.follow_return())
-        if reached is not None:
-            action, silent_s = reached.stage.then, reached.silent_s
-            text = f"nothing was heard from the ground for {silent_s:.1f} s: {_DONE[action]}"
-            figures = (Figure("silent", silent_s, "s"),)
-            why = Refusal(Reason.LINK_LOST, text, figures)
-            self._dispatcher.lose_link(action, why, ground.trail.back)
-            holds = action is LinkLossAction.HOLD
-            self._context.goals.motion.held = why if holds else None
-        elif lost is not None and ground.stage is None:
-            self._dispatcher.regain_link()
-            self._context.goals.motion.held = None
-
-    def _hold_plan(self) -> None:
-        """Suspend a plan between two of its steps where motion is held."""
-        goals, executing = self._context.goals, self._context.plans.executing
-        if goals.motion.held is not None and goals.active is None and executing is not None:
-            text = "nothing is heard from the ground: it is held at the end of a step"
-            self._planner.suspend(Refusal(Reason.LINK_LOST, text))
-
-    def _report_other_drivers(self) -> None:
-        """Report who begins to command the base beside the executive, and who ends."""
-        history = self.safety.history
-        moved = Moved(*history.moved.sums)
-        for severity, text, figures in history.other_drivers.update(
-            history.drivers, moved.pose_m, moved.turned_rad, history.commanding
-        ):
-            self._notifications.event(severity, text, figures=figures, foreign=True)
+        self._reactions.check_ground_link(self._dispatcher.submit)
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         for downlink in self._downlinks:
@@ -500,21 +466,6 @@ class Executive:
     def _tell_of_file(self, event: FileEvent) -> None:
         for downlink in self._downlinks:
             downlink.file(event)
-
-    def _watch(self) -> None:
-        """Look at the monitors, and do what the table says of faults that begin or end."""
-        self._note_command()
-        self.safety.history.pose = self.status.pose
-        changes = self.safety.check(self.moving)
-        for fault in changes.begun:
-            self._dispatcher.begin_fault(fault)
-        for fault in changes.over:
-            self._dispatcher.end_fault(fault)
-        self._pose.update(self.safety.active)
-
-    def _note_command(self) -> None:
-        at_least, velocity = self._arbiter.expected
-        self.safety.history.command(velocity, at_least)
 
     def _run_plan(self) -> None:
         """Let the plan command what it wants; what it wants begins once it is written down."""
@@ -528,7 +479,7 @@ class Executive:
             _LOG.error("leaf %s raised", error, exc_info=error.__cause__)
             self._planner.fail(_raised(error))
         except LedgerError as error:
-            self._endanger(error)
+            self._reactions.on_ledger_failure(error)
 
     def _run_tree(self) -> None:
         self._context.intents.clear()
@@ -541,11 +492,11 @@ class Executive:
             self._arbiter.stop()
             if not self._context.latches.held:
                 self._arbiter.release()
-            self._dispatcher.fail_active(_raised(error))
+            self._reactions.fail_active(_raised(error))
         if not self.moving and isinstance(self._context.intents.motion, Velocity):
             self._context.intents.motion = STANDING  # the goal it was for has been ended
         self._arbiter.commit(self._context.intents)
-        self._note_command()
+        self._reactions.note_command()
 
     def _predict(self) -> None:
         """Work on predictions for a slice."""
@@ -562,7 +513,7 @@ class Executive:
         except LedgerError as error:
             if not known:
                 _LOG.error("%s", error)
-            self._endanger(error)
+            self._reactions.on_ledger_failure(error)
             return False
         if self._context.latches.stopped_by is None and self._latch.stopped_by is not None:
             try:
@@ -570,14 +521,6 @@ class Executive:
             except OSError as error:
                 _LOG.error("a restart will find the rover stopped: %s", error)
         return True
-
-    def _endanger(self, error: LedgerError) -> None:
-        danger = Refusal(Reason.LEDGER_FAILED, str(error))
-        self._dispatcher.make_safe(danger)
-        with suppress(OSError):  # a file of one sector takes what the ledger does not
-            self._latch.set(UNWRITTEN_LEDGER)
-        self._context.goals.camera.fail_all(danger)
-        self._context.goals.instant.fail_all(danger)
 
 
 def _latch_beside(ledger: Ledger) -> StopLatch:

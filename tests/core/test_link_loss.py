@@ -22,9 +22,9 @@ from executive.commands import (
 )
 from executive.commands.catalogue import ActivatePlan, ResumePlan, SubmitPlan
 from executive.commands.lifecycle import Refused
-from executive.dispatcher import RETURN_SOURCE
 from executive.geometry import STANDING, Point, Pose
 from executive.link_loss import Trail
+from executive.reactions import RETURN_SOURCE
 from executive.reasons import Reason
 from executive.reports import Identity, Kind, Report, Stage
 from executive.settings import LinkLoss, SettingsError, load_settings, structure

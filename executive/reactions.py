@@ -1,0 +1,336 @@
+"""How the rover reacts to stops, faults, a lost link, and commands that another link executes."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from math import inf
+from typing import Final
+
+from executive.commands import ABOARD_LINK, Command, FollowPath, Mode, MoveTo, RotateTo
+from executive.commands.intake import ABOARD_PREFIX, LONGEST_SOURCE
+from executive.commands.lifecycle import Admitted, Life, Refused, SubmitResult
+from executive.faults import Clears, Then
+from executive.goals import Context
+from executive.link_loss import GroundMonitor
+from executive.motion import Arbiter
+from executive.notifications import Notifications
+from executive.plans import Planner
+from executive.pose_keeper import PoseKeeper
+from executive.reasons import Figure, Reason, Refusal
+from executive.record import UNWRITTEN_LEDGER, LatchedFault, Ledger, LedgerError, StopLatch
+from executive.reports import Identity, Severity, Stage, printable
+from executive.safety import HOLDING, Fault, Moved
+from executive.settings import LinkLossAction, LocomotionKind
+from executive.state import CommandEnded, Stopped
+
+SLOW_RATIO: Final = 0.3
+"""Of the greatest speeds, what a fault leaves that slows the rover down."""
+RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
+"""Of the command by which the rover returns to where the ground was last heard."""
+HARD_STOP_FAULTS: Final = frozenset({"zone_ahead", "obstacle_ahead", "tick_late"})
+"""Faults that begin when the rover must brake as it does on a stop, and not by its acceleration."""
+_MOVING: Final = frozenset({Mode.MOVING, Mode.TELEOP, Mode.PLAN})
+_ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
+_LINK_LOSS_TEXT: Final = {
+    LinkLossAction.GO_ON: "the rover goes on",
+    LinkLossAction.HOLD: "the rover holds at the end of the step",
+    LinkLossAction.STOP: "the rover is stopped",
+    LinkLossAction.RETURN: "the rover returns to where it last was",
+}
+
+
+class Reactions:
+    """Holds, pauses, slows down and releases the rover, and ends goals for it."""
+
+    def __init__(
+        self,
+        context: Context,
+        arbiter: Arbiter,
+        ledger: Ledger,
+        latch: StopLatch,
+        notifications: Notifications,
+        planner: Planner,
+        pose: PoseKeeper,
+        ground: GroundMonitor,
+    ) -> None:
+        self._context = context
+        self._arbiter = arbiter
+        self._ledger = ledger
+        self._latch = latch
+        self._notifications = notifications
+        self._planner = planner
+        self._pose = pose
+        self._ground = ground
+        self._return: Life | None = None
+        self._ticked_s, self._late = inf, False
+
+    def recover(self) -> None:
+        """Recover the stop, the faults and the plans of the process before this one.
+
+        A stop and faults that only a resume ends are in force again. Unfinished commands end as
+        interrupted, and the rover stands, since one of them may still move it, or, by velocities,
+        one that had ended while the rover still slowed down.
+        """
+        for each in self._ledger.latched_faults():
+            self._context.safety.restore(each.name, each.reaction, each.refusal, each.begun_utc_s)
+        if self._latch.stopped_by != UNWRITTEN_LEDGER:
+            self._context.latches.stopped_by = self._latch.stopped_by
+        self._obey_faults()
+        if self._context.latches.held:
+            self._arbiter.stop()
+        self._planner.take_over()
+        if self._latch.stopped_by == UNWRITTEN_LEDGER:
+            text = "the ledger could not be written before the restart"
+            self.enter_safe_mode(Refusal(Reason.LEDGER_FAILED, text))
+        refusal = Refusal(Reason.INTERRUPTED, "interrupted: the executive was restarted")
+        left = self._ledger.unfinished()
+        by_velocity = self._context.settings.locomotion is LocomotionKind.VELOCITY
+        if left or (by_velocity and self._ledger.last_sequence):
+            self._arbiter.stand()
+        for command, stage in left:
+            life = Life(command, self._notifications.command, stage)
+            match stage:
+                case Stage.RECEIVED:
+                    life.reject(refusal)
+                case Stage.ACCEPTED:
+                    life.cancel(refusal)
+                case _:
+                    life.fail(refusal)
+
+    def stop(self, by: Identity) -> None:
+        """Make the rover stand until resumed, for any command; `Dispatcher.submit` judges it."""
+        stopped_by = printable(f"{by.source[:LONGEST_SOURCE]}:{by.command_id}")
+        if not self._context.latches.stopping:
+            self._context.latches.stopped_from = self._arbiter.velocity
+        self._arbiter.stop()
+        self._context.latches.stopped_by = stopped_by
+        try:
+            self._latch.set(stopped_by)
+        except OSError as error:
+            text = f"a restart will not know of the stop: {error}"
+            self._notifications.event(Severity.ALARM, text, Reason.LEDGER_FAILED)
+        self.end_goals(Refusal(Reason.STOPPED, f"stopped by {stopped_by}"))
+
+    def enter_safe_mode(self, danger: Refusal) -> None:
+        """Stand, SAFE until resumed; nothing, where the same reason holds the rover already."""
+        safety = self._context.safety
+        if all(each.refusal.reason is not danger.reason for each in safety.active):
+            self._begin_fault(safety.hold(danger, Then.SAFE))
+
+    def check_lateness(self) -> None:
+        """Report a tick later than the watchdog's bound, and pause motion; call it once a tick.
+
+        Only the first of several late ticks is reported: writing the report may take the time.
+        """
+        context, safety = self._context, self._context.safety
+        now_s, bound_s = context.clock.now_s(), context.settings.safety.watchdog_s
+        late_s, self._ticked_s = now_s - self._ticked_s - context.settings.tick_s, now_s
+        before, self._late = self._late, late_s > bound_s
+        if not self._late:
+            return
+        text = f"the tick was {late_s:.1f} s late: the process was suspended or had no processor"
+        why = Refusal(
+            Reason.TICK_LATE, text, (Figure("late", late_s, "s"), Figure("bound", bound_s, "s"))
+        )
+        if context.mode in _MOVING:
+            self._begin_fault(safety.hold(why, Then.PAUSE))
+        elif not before:
+            self._notifications.event(Severity.WARNING, text, why.reason, why.figures, foreign=True)
+
+    def check_ground_link(self, submit: Callable[[Command], SubmitResult]) -> None:
+        """Take the action of the stage of a lost link that is reached, and end it on recovery.
+
+        Args:
+            submit: takes the command to return.
+        """
+        ground, lost, status = self._ground, self._ground.stage, self._context.status
+        motion = self._context.goals.motion
+        pose = status.pose if status.odometry_fresh else None
+        reached = ground.look(self._context.mode, pose, self._update_return())
+        if reached is not None:
+            action, silent_s = reached.stage.then, reached.silent_s
+            done = _LINK_LOSS_TEXT[action]
+            text = f"nothing was heard from the ground for {silent_s:.1f} s: {done}"
+            why = Refusal(Reason.LINK_LOST, text, (Figure("silent", silent_s, "s"),))
+            self._on_link_lost(action, why, submit)
+            motion.held = why if action is LinkLossAction.HOLD else None
+        elif lost is not None and ground.stage is None:
+            self._on_link_recovered()
+            motion.held = None
+
+    def _on_link_lost(
+        self, action: LinkLossAction, why: Refusal, submit: Callable[[Command], SubmitResult]
+    ) -> None:
+        """Report a stage of a lost link, and take its action."""
+        safety = self._context.safety
+        if action is LinkLossAction.STOP:
+            self._begin_fault(safety.hold(why, Then.STOP))
+            return
+        self._notifications.event(Severity.WARNING, why.text, why.reason, why.figures)
+        if action is LinkLossAction.RETURN:
+            refusal = self._start_return(why, submit)
+            if refusal is not None:
+                text = f"the rover is stopped, as it cannot return: {refusal.text}"
+                stopped = Refusal(Reason.LINK_LOST, text, refusal.figures)
+                self._begin_fault(safety.hold(stopped, Then.STOP))
+
+    def _on_link_recovered(self) -> None:
+        """Report that the ground is heard again, and end a return."""
+        self._notifications.event(Severity.INFORMATIONAL, "the ground is heard again")
+        if self._return is not None:
+            refusal = Refusal(Reason.STOPPED, "stopped, for the ground is heard again")
+            self._context.goals.motion.cancel(self._return, refusal)
+            self._return = None
+
+    def _update_return(self) -> bool:
+        """Return whether the rover is returning; report the end of its return."""
+        life = self._return
+        if life is None or not life.stage.terminal:
+            return life is not None
+        self._return = None
+        if life.refusal is None:
+            text = "the rover is back where the ground was last heard"
+            self._notifications.event(Severity.INFORMATIONAL, text)
+        else:
+            text = f"the rover did not return: {life.refusal.text}"
+            self._notifications.event(Severity.ALARM, text, life.refusal.reason)
+        return False
+
+    def _start_return(
+        self, why: Refusal, submit: Callable[[Command], SubmitResult]
+    ) -> Refusal | None:
+        """End all motion and submit the command to return; return its refusal, if any."""
+        self._planner.suspend(why)
+        self._context.goals.motion.fail_all(why)
+        stage_before = why.reason.name.lower()
+        self._context.safety.drop(stage_before)
+        self._ledger.unlatch(stage_before)
+        self._obey_faults()
+        identity = Identity(RETURN_SOURCE, self._ledger.last_sequence + 1)
+        answer = submit(Command(identity, FollowPath(self._ground.trail.back), ABOARD_LINK))
+        if isinstance(answer, Admitted):
+            self._return = answer.life
+        return answer.refusal if isinstance(answer, Refused) else None
+
+    def _begin_fault(self, fault: Fault) -> None:
+        """Report a fault, and do what its row says."""
+        why, row = fault.refusal, fault.row
+        if row.then in {Then.STOP, Then.SAFE}:
+            self._arbiter.stop()
+        if row.then is Then.PAUSE and fault.name in HARD_STOP_FAULTS:
+            self._arbiter.stand()
+        self._notifications.event(fault.severity, why.text, why.reason, why.figures)
+        if row.clears is Clears.ON_RESUME:
+            self._ledger.latch(LatchedFault(fault.name, row.then, why, fault.begun_utc_s))
+        self._obey_faults()
+        if row.then in HOLDING:
+            self._planner.suspend(why)
+            motion = self._context.goals.motion
+            if row.then is not Then.PAUSE:
+                motion.fail_all(why)
+            elif motion.active and not isinstance(motion.active.command.request, _ABSOLUTE):
+                motion.fail(why)  # relative to where it began, it cannot go on
+
+    def _end_fault(self, fault: Fault) -> None:
+        """Report that a fault is over, and undo what no other fault asks for."""
+        self._notifications.event(
+            Severity.INFORMATIONAL, f"{fault.name} is over", Reason.FAULT_OVER
+        )
+        if fault.row.clears is Clears.ON_RESUME:
+            self._ledger.unlatch(fault.name)
+        self._obey_faults()
+
+    def _obey_faults(self) -> None:
+        """Hold, pause and slow down the rover as the faults say that are not over."""
+        latches, active = self._context.latches, self._context.safety.active
+        first = {then: _first(active, then) for then in Then}
+        latches.paused = first[Then.PAUSE]
+        latches.hazard = first[Then.SAFE] or first[Then.STOP]
+        latches.safe = first[Then.SAFE] is not None
+        self._context.status.slow_ratio = SLOW_RATIO if first[Then.SLOW_DOWN] else 1.0
+        if self._arbiter.latched and not latches.held:
+            self._arbiter.release()
+
+    def fail_active(self, refusal: Refusal) -> None:
+        """Fail the goals and stops under way."""
+        self._context.goals.fail_active(refusal)
+        for life in self._context.latches.take_stopping():
+            life.fail(refusal)
+
+    def on_external_result(self, ended: CommandEnded) -> None:
+        """End the goal of a command that the rover received over another link first."""
+        for queue in (self._context.goals.motion, self._context.goals.camera):
+            goal = queue.active
+            if goal is None or goal.command.identity != ended.identity:
+                continue
+            text = f"it came by another way first: {ended.text}"
+            if ended.executed:
+                queue.execute(text)
+            else:
+                queue.fail(Refusal(Reason.MOTION_NOT_EXECUTED, text))
+
+    def on_external_stop(self, stopped: Stopped) -> None:
+        """Cancel goals after a stop over another link; later commands may move the rover."""
+        refusal = Refusal(Reason.STOPPED, f"stopped by {stopped.by}, by another way")
+        self._planner.suspend(refusal)
+        self._context.goals.motion.cancel_all(refusal)
+        self._context.goals.camera.cancel_all(refusal)
+
+    def end_goals(self, refusal: Refusal) -> None:
+        """Suspend the plan that executes, and cancel every goal and stop under way."""
+        self._planner.suspend(refusal)
+        self._context.goals.cancel_all(refusal)
+        for life in self._context.latches.take_stopping():
+            life.cancel(refusal)
+
+    def resume(self) -> None:
+        """Let the rover move again, but for faults that end by themselves and are not over."""
+        self._context.latches.clear()
+        for fault in self._context.safety.resume():
+            self._end_fault(fault)
+        self._obey_faults()
+
+    def suspend_plan_if_held(self) -> None:
+        """Suspend a plan between two of its steps where motion is held."""
+        goals, executing = self._context.goals, self._context.plans.executing
+        if goals.motion.held is not None and goals.active is None and executing is not None:
+            text = "nothing is heard from the ground: it is held at the end of a step"
+            self._planner.suspend(Refusal(Reason.LINK_LOST, text))
+
+    def report_other_drivers(self) -> None:
+        """Report who begins to command the base beside the executive, and who ends."""
+        history = self._context.safety.history
+        moved = Moved(*history.moved.sums)
+        for severity, text, figures in history.other_drivers.update(
+            history.drivers, moved.pose_m, moved.turned_rad, history.commanding
+        ):
+            self._notifications.event(severity, text, figures=figures, foreign=True)
+
+    def run_monitors(self) -> None:
+        """Look at the monitors, and do what the table says of faults that begin or end."""
+        self.note_command()
+        safety = self._context.safety
+        safety.history.pose = self._context.status.pose
+        changes = safety.check(self._context.goals.motion.active is not None)
+        for fault in changes.begun:
+            self._begin_fault(fault)
+        for fault in changes.over:
+            self._end_fault(fault)
+        self._pose.update(safety.active)
+
+    def note_command(self) -> None:
+        """Note in the history of motion between which velocities the rover should be now."""
+        at_least, velocity = self._arbiter.expected
+        self._context.safety.history.command(velocity, at_least)
+
+    def on_ledger_failure(self, error: LedgerError) -> None:
+        """Enter SAFE, also after a restart, and fail camera goals and instant ones."""
+        danger = Refusal(Reason.LEDGER_FAILED, str(error))
+        self.enter_safe_mode(danger)
+        with suppress(OSError):  # a file of one sector takes what the ledger does not
+            self._latch.set(UNWRITTEN_LEDGER)
+        self._context.goals.camera.fail_all(danger)
+        self._context.goals.instant.fail_all(danger)
+
+
+def _first(faults: Sequence[Fault], then: Then) -> Refusal | None:
+    return next((fault.refusal for fault in faults if fault.row.then is then), None)
