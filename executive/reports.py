@@ -1,9 +1,13 @@
 """What the rover says: reports of command life cycles, of events aboard, and of plans."""
 
+import re
 from dataclasses import dataclass
 from enum import Enum, unique
+from typing import Final
 
 from executive.reasons import Figure, Reason
+
+_FIGURES: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def printable(text: str) -> str:
@@ -11,6 +15,11 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def without_figures(text: str) -> str:
+    """Return the words of a text, so that two can be compared whose figures change all the time."""
+    return _FIGURES.sub("", text)
 
 
 @dataclass(frozen=True, slots=True)

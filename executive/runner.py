@@ -30,6 +30,18 @@ from executive.preview import Predictions, PreviewRun
 from executive.reactions import Reactions
 from executive.reasons import Figure, Reason, Refusal
 from executive.record import AuthorityRecord, Ledger, LedgerError, PlanStore, Retention, StopLatch
+from executive.recorder import Recorder, TreeNodeView, life_of, recorded_ports
+from executive.recording import (
+    Call,
+    Called,
+    GroundHeard,
+    MadeSafe,
+    ModeChanged,
+    Noticed,
+    Observed,
+    Served,
+    Tape,
+)
 from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
 from executive.safety import Safety, unmonitored
 from executive.settings import Settings
@@ -70,6 +82,9 @@ class Tree(PlanHost, Protocol):
     def stop(self) -> None:
         """End every running leaf."""
 
+    def nodes(self) -> Sequence[TreeNodeView]:
+        """Return all nodes as of the last tick."""
+
 
 class Executive:
     """One asset's executive.
@@ -84,6 +99,9 @@ class Executive:
     Commands that the ledger holds unfinished are ended as interrupted, and the rover stands if a
     process before this one may have left it moving. Whether it is stopped stands in a file beside
     the ledger, `StopLatch`.
+
+    Args:
+        tape: takes a recording, by which all of it can be replayed; None for none.
 
     Attributes:
         authority: who may command.
@@ -106,12 +124,21 @@ class Executive:
         video: Video | None = None,
         solver: SharedSolver | None = None,
         inbox: Inbox | None = None,
+        tape: Tape | None = None,
     ) -> None:
         self.settings = settings
         self._clock = clock = LatchedClock(clock)
+        self._recorder = Recorder(tape, clock)
+        self.files = FileFolder(files, self._tell_of_file)
+        if tape is not None:
+            tape.put(life_of(settings, ledger, self.files, solver, video))
+            ledger.on_commit = self._recorder.on_commit
+            rover, downlinks, video, solver = recorded_ports(
+                tape, settings, rover, downlinks, video, solver
+            )
+        self._recorder.enter(Called, Call.START)
         self.status = Status(clock, settings)
         self.safety = Safety(clock, settings)
-        self.files = FileFolder(files, self._tell_of_file)
         self.wake: Callable[[], None] = lambda: None
         self.retention = Retention(ledger, settings.kept_reports)
         locomotion, mover = make_locomotion(rover, clock, settings, self.status, solver)
@@ -124,7 +151,7 @@ class Executive:
         self._ledger = ledger
         self._latch = _latch_beside(ledger)
         self._downlinks = downlinks
-        self._arbiter = Arbiter(clock, settings, rover, mover, lambda: self._inbox.stop_waits)
+        self._arbiter = Arbiter(clock, settings, rover, mover, self._stop_waits)
         self._notifications = Notifications(clock, ledger, downlinks)
         self._telemetry = Telemetry(
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
@@ -323,6 +350,7 @@ class Executive:
     def observe(self, fact: Fact) -> None:
         """Take in a fact."""
         with self._clock:
+            self._recorder.enter(Observed, fact)
             if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign:
                 others = ", ".join(fact.names)
                 self._notifications.event(
@@ -349,6 +377,7 @@ class Executive:
 
     def ask_authority(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
         """Request, take, hand over or release the authority; on the executive's thread."""
+        self._recorder.put(asked)
         return self.authority.perform(asked)
 
     def event(
@@ -359,14 +388,18 @@ class Executive:
         kind: Kind = Kind.EVENT,
     ) -> None:
         """Report something that another component noticed, or a link."""
+        within = self._clock.held
         with self._clock:
+            self._recorder.enter(Noticed, severity, text, figures, kind, within)
             text = text[:LONGEST_EVENT]
             figures = tuple(Figure(printable(f.name), f.value, printable(f.unit)) for f in figures)
             self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
 
     def make_safe(self, danger: Refusal) -> None:
         """Stand until resumed; nothing, where the same reason holds the rover already."""
+        within = self._clock.held
         with self._clock:
+            self._recorder.enter(MadeSafe, danger, within)
             self._reactions.enter_safe_mode(danger)
 
     def turn(self) -> None:
@@ -377,19 +410,24 @@ class Executive:
         is to be done, the executive wakes itself.
         """
         with self._clock:
+            self._recorder.enter(Called, Call.TURN)
             self._serve()
             self._predict()
+            self._record_state()
 
     def _serve(self) -> None:
         """Serve what was submitted and asked."""
         self._serve_stops()
-        self._listen_for_ground()
+        self._reactions.check_ground_link(self._dispatcher.submit)
+        if self.ground.heard:
+            self._recorder.put(GroundHeard())
         for _ in range(self._inbox.items_now):
             if len(self._answers) >= MOST_A_TURN:
                 break
             item = self._inbox.take()
             if isinstance(item, Submission):
                 overtaken = self._inbox.overtaken(item)
+                self._recorder.put(Served(item.command, overtaken))
                 item.prepare()
                 self._answers.append((item, self._dispatcher.submit(item.command, overtaken)))
             else:
@@ -402,13 +440,16 @@ class Executive:
                 self._run_tree()
         written = self._flush()
         for submission, admission in answers:
-            submission.reply(admission if written else Refused(unwritten(submission.command)))
+            answer = admission if written else Refused(unwritten(submission.command))
+            self._recorder.on_answer(submission.command.identity, answer)
+            submission.reply(answer)
         if not self._inbox.empty:
             self.wake()
 
     def tick(self) -> None:
         """Serve a turn, run plan and tree once, command the rover, send telemetry, prune."""
         with self._clock:
+            self._recorder.enter(Called, Call.TICK)
             self._serve()
             self._reactions.check_lateness()
             self._reactions.run_monitors()
@@ -424,6 +465,7 @@ class Executive:
                 except LedgerError as error:
                     self._reactions.on_ledger_failure(error)
             self._predict()
+            self._record_state()
 
     def close(self) -> None:
         """End everything: what moves stands, goals are cancelled, the ledger is closed.
@@ -431,6 +473,7 @@ class Executive:
         What a ledger that fails did not take is lost, as when the process is killed.
         """
         with self._clock:
+            self._recorder.enter(Called, Call.CLOSE)
             if self.velocity != STANDING or self.moving:
                 self._arbiter.stop()
             self.tree.stop()
@@ -452,12 +495,20 @@ class Executive:
         """Hold the rover for the stops that have come, and see to their records and answers."""
         for _ in range(self._inbox.stops_now):
             stop = self._inbox.take_stop()
+            self._recorder.put(Served(stop.command, overtaken=False))
             self._reactions.stop(stop.command.identity)
             stop.prepare()
             self._answers.append((stop, self._dispatcher.submit(stop.command)))
 
-    def _listen_for_ground(self) -> None:
-        self._reactions.check_ground_link(self._dispatcher.submit)
+    def _stop_waits(self) -> bool:
+        waits = self._inbox.stop_waits
+        self._recorder.on_stop_check(waits)
+        return waits
+
+    def _record_state(self) -> None:
+        if self._recorder.tape is not None:
+            mode = ModeChanged(self.mode, self.active_command, self.why)
+            self._recorder.on_state(self.tree.nodes(), mode)
 
     def _send_telemetry(self, values: Sequence[ParameterValue]) -> None:
         for downlink in self._downlinks:

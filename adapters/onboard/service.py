@@ -49,7 +49,6 @@ from executive.history import HistoryBuilder
 from executive.motion import SharedSolver
 from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
-from executive.recorded_executive import RecordedExecutive, life_of
 from executive.recording import Tapes
 from executive.reports import Severity
 from executive.runner import Executive
@@ -207,16 +206,11 @@ def executive_on(
         name = settings.asset.upper()
         relay = ExecutiveRelayLink(relay_topics, ledger, load_dictionary(), name)
     with recorded(settings, recordings) as tape:
-        make: Callable[..., Executive] = Executive
-        if tape is not None:
-            tape.put(life_of(settings, ledger, files, solver, video))
         if history is not None:
             since = ledger.last_sequence - MOST_REMEMBERED + 1
-            history.begin(settings, ledger.reports(since, count=MOST_REMEMBERED))
+            history.restore(ledger.reports(since, count=MOST_REMEMBERED))
         tapes = [each for each in (tape, history) if each is not None]
-        if tapes:
-            make = partial(RecordedExecutive, Tapes(*tapes))
-        executive = make(
+        executive = Executive(
             settings=settings,
             clock=clock,
             rover=rover,
@@ -226,6 +220,7 @@ def executive_on(
             build_tree=build_tree,
             video=video,
             solver=solver,
+            tape=Tapes(*tapes) if tapes else None,
         )
         if tape is not None:
             tape.tell = partial(_tell_of_recording, executive)

@@ -21,7 +21,6 @@ from adapters.recording.scripted import (
     StillRover,
     StillVideo,
 )
-from executive.recorded_executive import RecordedExecutive
 from executive.recording import (
     Call,
     Called,
@@ -38,6 +37,7 @@ from executive.recording import (
     is_within,
 )
 from executive.reports import Report
+from executive.runner import Executive
 from executive.settings import Settings
 from trees import Node, RoverTree
 
@@ -270,12 +270,12 @@ class _Core:
         self._folder = folder
         self._clock = RecordedClock()
         self._tape = Decisions()
-        self._inbox = ScriptedInbox(self._tape)
+        self._inbox = ScriptedInbox()
         self._solver: ScriptedSolver | None = None
         if life.solver_lead_ticks is not None:
             self._solver = ScriptedSolver(life.solver_lead_ticks)
         self._ledger: ScriptedLedger | None = None
-        self._executive: RecordedExecutive | None = None
+        self._executive: Executive | None = None
         self._states: dict[str, NodeState] = {}
         (folder / "files").mkdir(parents=True)
         (folder / "ledger.sqlite").write_bytes(life.ledger)
@@ -369,11 +369,10 @@ class _Core:
                 executive.close()
                 self._executive = None
 
-    def _start(self) -> RecordedExecutive:
+    def _start(self) -> Executive:
         settings = self._life.settings
         self._ledger = ScriptedLedger(self._folder / "ledger.sqlite")
-        executive = RecordedExecutive(
-            self._tape,
+        executive = Executive(
             settings=settings,
             clock=self._clock,
             rover=StillRover(),
@@ -384,6 +383,7 @@ class _Core:
             video=StillVideo() if self._life.video else None,
             solver=self._solver,
             inbox=self._inbox,
+            tape=self._tape,
         )
         self._inbox.core = executive
         return executive

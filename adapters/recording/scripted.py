@@ -11,11 +11,10 @@ from adapters.recording.run_file import RecordedMessage
 from executive.authority import AuthorityAsked
 from executive.commands import Stop
 from executive.geometry import Velocity
-from executive.inbox import Question, Submission
+from executive.inbox import Inbox, Question, Submission
 from executive.motion import Plan, Problem
 from executive.ports import CameraIntent, WholeMotion
 from executive.record import Ledger, LedgerError, Synchronous
-from executive.recorded_executive import RecordedExecutive, RecordedInbox, with_recorded_answer
 from executive.recording import (
     Call,
     Called,
@@ -30,6 +29,7 @@ from executive.recording import (
     SolverBusy,
     StopWaited,
 )
+from executive.runner import Executive
 
 
 class RecordedClock:
@@ -64,33 +64,32 @@ Scripted = Served | AuthorityAsked | Noticed | MadeSafe
 """What is taken from the inbox: commands, and what questions of other threads did."""
 
 
-class ScriptedInbox(RecordedInbox):
+class ScriptedInbox(Inbox):
     """Hands over the commands and the questions of the recording, in its order.
 
     Attributes:
         core: whom the questions ask.
     """
 
-    def __init__(self, tape: Decisions) -> None:
-        super().__init__(tape)
-        self._decisions = tape
+    def __init__(self) -> None:
+        super().__init__()
         self._script: list[Scripted] = []
         self._overtaken: set[int] = set()
         self._taken = 0
-        self._stop_came = inf
-        self.core: RecordedExecutive | None = None
+        self._checks, self._stop_came = 0, inf
+        self.core: Executive | None = None
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
         """Take what comes in during the next entry."""
         self._script = [each for each in inputs if isinstance(each, Scripted)]
         came = (each.looks for each in inputs if isinstance(each, StopWaited))
-        self._stop_came = next(came, inf)
+        self._checks, self._stop_came = 0, next(came, inf)
 
     @property
     def stop_waits(self) -> bool:
         """Whether a stop had come at this look."""
-        self.looks += 1
-        return self.looks > self._stop_came
+        self._checks += 1
+        return self._checks > self._stop_came
 
     @property
     def stops_now(self) -> int:
@@ -138,8 +137,7 @@ class ScriptedInbox(RecordedInbox):
         self._taken += 1
         if served.overtaken:
             self._overtaken.add(self._taken)
-        submission = Submission(self._taken, served.command, lambda _: None, lambda: None)
-        return with_recorded_answer(submission, self._decisions)
+        return Submission(self._taken, served.command, lambda _: None, lambda: None)
 
 
 class ScriptedLedger(Ledger):

@@ -11,8 +11,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from adapters.ros.conversions import IgnoredMessageError, MessageError
 from adapters.ros.parameters import Topic
-from executive.recorded_executive import without_figures
-from executive.reports import printable
+from executive.reports import printable, without_figures
 from executive.state import RejectedData, Source
 
 IGNORED_IN_A_ROW: Final = 8

@@ -65,19 +65,9 @@ class HistoryBuilder:
         self._running: dict[str, LeafRun] = {}
         self._fastest: dict[Identity, float] = {}
 
-    def begin(self, settings: Settings, known: Iterable[Report] = ()) -> None:
-        """Begin the life of an executive.
-
-        Args:
-            settings: of its asset.
-            known: what was reported before, as its ledger knows it.
-        """
-        self._allowed_mps = settings.drive.travel_speed_mps
-        self._slowing = frozenset(
-            declared.reason for declared, row in settings.faults if row.then is Then.SLOW_DOWN
-        )
-        self._leaf_paths = self._paths_of(settings)
-        for each in known:
+    def restore(self, reports: Iterable[Report]) -> None:
+        """Add the reports of process starts before this one, from the ledger."""
+        for each in reports:
             self._add_report(each)
 
     def put(self, item: Item) -> None:
@@ -110,7 +100,7 @@ class HistoryBuilder:
                     self._end_leaf(path)
             case Life(settings=settings):
                 self._gone_utc_s = self._utc_s or None
-                self.begin(settings)
+                self._begin(settings)
             case _:
                 pass
 
@@ -139,6 +129,13 @@ class HistoryBuilder:
             slowing=self._slowing,
             absences=tuple(self._absences),
         )
+
+    def _begin(self, settings: Settings) -> None:
+        self._allowed_mps = settings.drive.travel_speed_mps
+        self._slowing = frozenset(
+            declared.reason for declared, row in settings.faults if row.then is Then.SLOW_DOWN
+        )
+        self._leaf_paths = self._paths_of(settings)
 
     def _add_report(self, report: Report) -> None:
         self._reports.setdefault(report.sequence, report)

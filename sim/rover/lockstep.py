@@ -6,7 +6,6 @@ bit for bit and go many times faster than real time.
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import assert_never
 
@@ -18,7 +17,6 @@ from executive.commands.lifecycle import SubmitResult
 from executive.motion import SharedSolver, make_solver
 from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
-from executive.recorded_executive import RecordedExecutive, life_of
 from executive.recording import Tape, Truth
 from executive.reports import PlanUpdate, Report
 from executive.runner import Executive
@@ -213,20 +211,16 @@ class LockStep:
     def _start(self) -> Executive:
         self._seen = self._seen_by_executive()
         ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)
-        files = self._folder / "files"
-        make: Callable[..., Executive] = Executive
-        if self._tape is not None:
-            self._tape.put(life_of(self.settings, ledger, files, self._solver))
-            make = partial(RecordedExecutive, self._tape)
-        executive = make(
+        executive = Executive(
             settings=self.settings,
             clock=self.clock,
             rover=self._seen,
             ledger=ledger,
-            files=files,
+            files=self._folder / "files",
             downlinks=self._downlinks,
             build_tree=RoverTree,
             solver=self._solver,
+            tape=self._tape,
         )
         executive.wake = self._wake
         return executive

@@ -31,7 +31,7 @@ NO_RULES: Final = (
     "executive/motion/programme.py",
     "executive/reasons.py",  # their numbers, by which they are known to the ground
     "executive/recording.py",  # the recorder
-    "executive/recorded_executive.py",
+    "executive/recorder.py",
     "trees/cli.py",
     "trees/screen.py",
     "trees/snapshot.py",

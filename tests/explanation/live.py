@@ -81,7 +81,7 @@ class LiveBench(Bench):
         return executive
 
     def downlinks(self) -> list[Downlink]:
-        self._history.begin(self.settings, self.ledger.reports(1, count=self.kept))
+        self._history.restore(self.ledger.reports(1, count=self.kept))
         return [self.heard, self._links[-1]]
 
     def ask(self, session: Callable[[MrsClient], Awaitable[T]]) -> T:

@@ -123,7 +123,7 @@ class LinkedBench(Bench):
 
     def downlinks(self) -> list[Downlink]:
         if self._history is not None:
-            self._history.begin(self.settings, self.ledger.reports(1, count=KEPT))
+            self._history.restore(self.ledger.reports(1, count=KEPT))
         return [self.heard, self.link]
 
 

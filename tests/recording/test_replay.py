@@ -35,9 +35,9 @@ from executive.motion import Arbiter
 from executive.motion.velocity_control import DriveLaw
 from executive.reasons import Reason, Refusal
 from executive.record import Ledger, Synchronous
-from executive.recorded_executive import RecordedExecutive, life_of
 from executive.recording import CommitFailed, SolverAnswered, SwitchedVideo
 from executive.reports import Identity, Severity
+from executive.runner import Executive
 from executive.settings import config_folder, load_settings
 from executive.state import Odometry, OtherInput
 from sim.scenario.changes import Change
@@ -335,18 +335,15 @@ class Recording:
         self.tape = RunFile(self.path)
         self.clock = ManualClock()
         self.rover = rover or KinematicRover()
-        settings, files = load_settings("jackal"), folder / "files"
-        ledger = Ledger(folder / "ledger.sqlite", Synchronous.NORMAL)
-        self.tape.put(life_of(settings, ledger, files))
-        self.executive = RecordedExecutive(
-            self.tape,
-            settings=settings,
+        self.executive = Executive(
+            settings=load_settings("jackal"),
             clock=self.clock,
             rover=self.rover,
-            ledger=ledger,
-            files=files,
+            ledger=Ledger(folder / "ledger.sqlite", Synchronous.NORMAL),
+            files=folder / "files",
             downlinks=[],
             build_tree=RoverTree,
+            tape=self.tape,
         )
 
     def submit(self, number: int, request: Request, authority: int | None = None) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, sin
 from pathlib import Path
-from typing import ClassVar, Self, cast
+from typing import ClassVar, Self
 
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, MoveForward, Request
@@ -16,7 +16,6 @@ from executive.motion import SharedSolver
 from executive.ports import CameraIntent, Downlink
 from executive.reasons import Refusal
 from executive.record import Ledger, Synchronous
-from executive.recorded_executive import RecordedExecutive, life_of
 from executive.recording import Tape
 from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.runner import Executive, Tree
@@ -181,21 +180,6 @@ class Bench:
 
     def _start(self) -> Executive:
         self.ledger = Ledger(self.folder / "ledger.sqlite", Synchronous.NORMAL)
-        if self.tape is not None:
-            files = self.folder / "files"
-            self.tape.put(life_of(self.settings, self.ledger, files, self.solver, self.video))
-            return RecordedExecutive(
-                self.tape,
-                settings=self.settings,
-                clock=self.clock,
-                rover=self.rover,
-                ledger=self.ledger,
-                files=files,
-                video=self.video,
-                downlinks=self.downlinks(),
-                build_tree=cast(Callable[[Context], RoverTree], self.build_tree),
-                solver=self.solver,
-            )
         return Executive(
             settings=self.settings,
             clock=self.clock,
@@ -206,6 +190,7 @@ class Bench:
             downlinks=self.downlinks(),
             build_tree=self.build_tree,
             solver=self.solver,
+            tape=self.tape,
         )
 
     def downlinks(self) -> list[Downlink]:

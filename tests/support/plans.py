@@ -13,6 +13,7 @@ from executive.commands.lifecycle import Admitted, SubmitResult
 from executive.reasons import Refusal
 from executive.reports import PlanStatus, PlanUpdate, Report, Stage
 from tests.support.kinematic import STEP_S, Bench
+from trees import Node, snapshot_of
 
 AHEAD = '<moveForward distance="4" deadline_s="60"/>'
 BACK = '<moveForward distance="-1" deadline_s="60"/>'
@@ -72,6 +73,10 @@ class PlanBench(Bench):
         """Return how far a plan has come."""
         (found,) = (u for u in self.executive.plans() if u.plan_id == plan_id)
         return found
+
+    def nodes(self) -> tuple[Node, ...]:
+        """Return the nodes of the tree."""
+        return snapshot_of(self.executive, 0.0).nodes
 
     def until(
         self, *statuses: PlanStatus, plan_id: str = "survey", limit_s: float = 300.0

@@ -13,7 +13,7 @@ from adapters.mal import MalError
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec.tree_updates import change_update, whole_update
-from executive.recorded_executive import without_figures
+from executive.reports import without_figures
 from executive.runner import Executive
 from executive.settings import Settings
 from trees import Snapshot, snapshot_of

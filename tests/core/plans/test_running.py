@@ -120,20 +120,18 @@ def test_a_subtree_sees_what_it_is_given(bench: PlanBench) -> None:
 
 def test_a_plan_is_seen_in_the_tree(bench: PlanBench) -> None:
     bench.begin(f'<Repeat num_cycles="2"><Parallel>{AHEAD}</Parallel></Repeat>')
-    tree = bench.executive.tree
-    nodes = {node.path: node for node in tree.nodes()}  # type: ignore[attr-defined]
+    nodes = {node.path: node for node in bench.nodes()}
     assert nodes["plan:survey"].depth == 1
     assert nodes["plan:survey/Repeat/Parallel/moveForward"].status.name == "RUNNING"
     bench.ask(AbortPlan("survey"))
-    assert not any(n.path.startswith("plan:") for n in tree.nodes())  # type: ignore[attr-defined]
+    assert not any(n.path.startswith("plan:") for n in bench.nodes())
 
 
 def test_what_a_plan_has_done_stays_marked_in_the_tree(bench: PlanBench) -> None:
     def statuses() -> list[str]:
-        nodes = bench.executive.tree.nodes()  # type: ignore[attr-defined]
         return [
             f"{node.name} {node.status.name}"
-            for node in nodes
+            for node in bench.nodes()
             if node.path.startswith("plan:survey/")
         ]
 
@@ -160,7 +158,7 @@ def test_what_a_plan_has_done_stays_marked_in_the_tree(bench: PlanBench) -> None
 
 def test_a_leaf_of_a_plan_names_its_command_also_after_a_suspension(bench: PlanBench) -> None:
     def working() -> dict[str, str | None]:
-        nodes = bench.executive.tree.nodes()  # type: ignore[attr-defined]
+        nodes = bench.nodes()
         pairs = zip(nodes, served(nodes), strict=True)
         return {
             node.name: command for node, command in pairs if node.path.startswith("plan:survey/")
