@@ -9,6 +9,7 @@ from executive.faults.fault_declaration import (
     Row,
     Then,
     When,
+    Window,
 )
 from executive.faults.fault_table import DECLARED, FaultTable
 
@@ -23,4 +24,5 @@ __all__ = [
     "Row",
     "Then",
     "When",
+    "Window",
 ]

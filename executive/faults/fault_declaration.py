@@ -1,13 +1,11 @@
 """What is declared of a fault, and the row that says what an asset does about it."""
 
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum, unique
 from math import radians
 from typing import Final
 
 from executive.reasons import Reason
-
-_ANGLE: Final = {"angle": True}
 
 
 @unique
@@ -76,41 +74,62 @@ class Bound:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """What an asset does about one fault. A figure that the fault does not have is None.
+class Window:
+    """By which figures a fault shows. One that the fault does not have is None.
 
     Attributes:
+        name: of one of several, in files; the only window of a fault has none.
         for_s: how long the evidence must last before the fault begins.
         beyond, below: the bound of the figure that is compared.
         ratio: of the way, the turn or the speed in the window, added to `beyond`.
-        within_s: the window over which the figure is taken.
+        within_s: the time over which the figure is taken.
     """
 
-    when: When
-    then: Then
-    clears: Clears
+    name: str = ""
+    _: KW_ONLY
     for_s: float = 0.0
-    beyond: float | None = field(default=None, metadata=_ANGLE)
+    beyond: float | None = field(default=None, metadata={"angle": True})
     below: float | None = None
     ratio: float | None = None
     within_s: float | None = None
 
     @property
     def bound(self) -> float:
-        """The bound of a fault that has one."""
+        """The bound of a window that has one."""
         found = self.beyond if self.below is None else self.below
         assert found is not None
         return found
 
     @property
-    def window_s(self) -> float:
-        """The window of a fault that has one."""
+    def length_s(self) -> float:
+        """The time of a window that has one."""
         assert self.within_s is not None
         return self.within_s
 
     def allowed(self, amount: float) -> float:
         """Return the bound where this much was driven, turned or commanded in the window."""
         return self.bound + (self.ratio or 0.0) * abs(amount)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What an asset does about one fault, which begins where one of its windows shows it."""
+
+    when: When
+    then: Then
+    clears: Clears
+    windows: tuple[Window, ...] = (Window(),)
+
+    @property
+    def window(self) -> Window:
+        """The window of a fault that has one."""
+        (found,) = self.windows
+        return found
+
+    @property
+    def bound(self) -> float:
+        """The bound of a fault that has one window."""
+        return self.window.bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +141,7 @@ class Declaration:
         summary: one sentence on what is wrong.
         row: what is done about it unless an asset says otherwise.
         disproves: by what the pose may be wrong then; None where it may not.
-        beyond, below, ratio, within: what these figures of its row mean; None where it has none.
+        beyond, below, ratio, within: what these figures mean; None where its windows have none.
     """
 
     name: str
@@ -141,17 +160,22 @@ class Declaration:
         Raises:
             ValueError: a figure is out of its bounds, missing, or not one of this fault.
         """
+        for window in row.windows:
+            self._check(window)
+
+    def _check(self, window: Window) -> None:
+        path = ".".join(filter(None, (self.name, window.name)))
         meant = (self.beyond, self.below, self.ratio, self.within, _FOR)
-        given = (row.beyond, row.below, row.ratio, row.within_s, row.for_s)
+        given = (window.beyond, window.below, window.ratio, window.within_s, window.for_s)
         for key, bound, value in zip(FIGURES, meant, given, strict=True):
             if (bound is None) != (value is None):
                 had = [each for each, its in zip(FIGURES, meant, strict=True) if its is not None]
                 lack = (
                     "is missing" if value is None else f"is not known; known are {', '.join(had)}"
                 )
-                raise ValueError(f"{self.name}.{key} {lack}")
+                raise ValueError(f"{path}.{key} {lack}")
             if bound is not None and value is not None and (wrong := bound.fault_of(value)):
-                raise ValueError(f"{self.name}.{key}: {wrong} ({bound.what})")
+                raise ValueError(f"{path}.{key}: {wrong} ({bound.what})")
 
 
 FIGURES: Final = ("beyond", "below", "ratio", "within", "for")

@@ -17,6 +17,7 @@ from executive.faults.fault_declaration import (
     Row,
     Then,
     When,
+    Window,
 )
 from executive.reasons import Reason
 
@@ -37,7 +38,11 @@ def _fault(
     return field(default=row, metadata={"declaration": declared})
 
 
-def _window(low_s: float = 0.1) -> Bound:
+def _row(when: When, reaction: tuple[Then, Clears], *windows: Window) -> Row:
+    return Row(when, *reaction, windows)
+
+
+def _within(low_s: float = 0.1) -> Bound:
     return Bound("window", "s", low_s, 9.0)
 
 
@@ -49,7 +54,7 @@ _TOLD: Final = (Then.WARN, Clears.ITSELF)
 
 
 def _rejected(what: str) -> Any:
-    row = Row(When.ALWAYS, *_TOLD, for_s=1.1)  # the rate is known after a second
+    row = _row(When.ALWAYS, _TOLD, Window(for_s=1.1))  # the rate is known after a second
     return _fault(Reason.DATA_REJECTED, f"{what} cannot be used, or is not received.", row)
 
 
@@ -60,407 +65,368 @@ class FaultTable:
     odometry_jumped: Row = _fault(
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry is longer than the rover can have driven.",
-        Row(When.ALWAYS, *_HELD, beyond=0.2),
+        _row(When.ALWAYS, _HELD, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("step that the speed does not explain", "m", 0.02, 5.0),
     )
     odometry_turned: Row = _fault(
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry turns further than the rover can have turned.",
-        Row(When.ALWAYS, *_HELD, beyond=0.2),
+        _row(When.ALWAYS, _HELD, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("turn that the rate does not explain", "rad", 0.02, 1.5),
     )
     odometry_not_finite: Row = _fault(
         Reason.ODOMETRY_NOT_FINITE,
         "Odometry has figures that are no numbers.",
-        Row(When.MOVING, *_STOPPED, for_s=0.1),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.1)),
         disproves=Disproves.SENSORS,
     )
     odometry_stale: Row = _fault(
         Reason.ODOMETRY_STALE,
         "No odometry arrives, or always the same message.",
-        Row(When.MOVING, *_HELD, beyond=0.3),
+        _row(When.MOVING, _HELD, Window(beyond=0.3)),
         disproves=Disproves.SENSORS,
         beyond=Bound("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
     )
     odometry_behind: Row = _fault(
         Reason.ODOMETRY_STALE,
         "Odometry is older than what the other sensors tell, which comes in time.",
-        Row(When.MOVING, *_HELD, beyond=0.25),
+        _row(When.MOVING, _HELD, Window(beyond=0.25)),
         disproves=Disproves.SENSORS,
         beyond=Bound("age of the newest odometry beside theirs, by the stamps", "s", 0.05, 10.0),
     )
     odometry_late: Row = _fault(
         Reason.ODOMETRY_LATE,
         "Odometry comes too late to steer by.",
-        Row(When.MOVING, *_STOPPED, for_s=0.15, beyond=0.13),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.15, beyond=0.13)),
         disproves=Disproves.SENSORS,
         beyond=Bound("age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0),
     )
     odometry_slow: Row = _fault(
         Reason.ODOMETRY_SLOW,
         "Odometry comes too seldom to steer by.",
-        Row(When.MOVING, *_STOPPED, for_s=0.2, below=10.0, within_s=1.0),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.2, below=10.0, within_s=1.0)),
         disproves=Disproves.SENSORS,
         below=Bound("messages a second", "Hz", 0.5, 1000.0),
-        within=_window(0.5),
+        within=_within(0.5),
     )
     odometry_frozen: Row = _fault(
         Reason.ODOMETRY_FROZEN,
         "Odometry does not change at all, though the rover is commanded to move.",
-        Row(When.MOVING, *_STOPPED, within_s=0.3),
+        _row(When.MOVING, _STOPPED, Window(within_s=0.3)),
         disproves=Disproves.COMMANDS,
-        within=_window(),
+        within=_within(),
     )
     odometry_off_twist: Row = _fault(
         Reason.ODOMETRY_INCONSISTENT,
         "The pose of the odometry goes elsewhere than its own velocity says.",
-        Row(When.MOVING, *_STOPPED, beyond=0.05, ratio=0.1, within_s=0.5),
+        _row(
+            When.MOVING,
+            _STOPPED,
+            Window("quick", beyond=0.05, ratio=0.1, within_s=0.5),
+            Window("slow", for_s=0.05, beyond=0.06, ratio=0.03, within_s=4.0),
+        ),
         disproves=Disproves.COMMANDS,
         beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
         ratio=_RATIO,
-        within=_window(),
-    )
-    odometry_drifts: Row = _fault(
-        Reason.ODOMETRY_INCONSISTENT,
-        "The pose of the odometry drifts away from what its own velocity says.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.06, ratio=0.03, within_s=4.0),
-        disproves=Disproves.COMMANDS,
-        beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
-        ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     odometry_heading_off_twist: Row = _fault(
         Reason.ODOMETRY_INCONSISTENT,
         "The heading of the odometry turns otherwise than its own rate says.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
         ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     off_command: Row = _fault(
         Reason.OFF_COMMAND,
         "The rover does not go as fast as it is commanded to, by its odometry.",
-        Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("speed outside of what was commanded", "m/s", 0.02, 2.0),
         ratio=Bound("share of the speed that was commanded, where it is more", "", 0.0, 2.0),
-        within=_window(),
+        within=_within(),
     )
     turn_off_command: Row = _fault(
         Reason.OFF_COMMAND,
         "The rover does not turn as fast as it is commanded to, by its odometry.",
-        Row(When.MOVING, *_STOPPED, for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("rate outside of what was commanded", "rad/s", 0.05, 3.0),
         ratio=Bound("share of the rate that was commanded, where it is more", "", 0.0, 2.0),
-        within=_window(),
+        within=_within(),
     )
     steady_off_command: Row = _fault(
         Reason.OFF_COMMAND,
         "A rover that moves by itself goes steadily slower or faster than it was commanded to.",
-        Row(When.MOVING, *_STOPPED, for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("way by its speed beside what was commanded", "m", 0.001, 5.0),
         ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     steady_turn_off_command: Row = _fault(
         Reason.OFF_COMMAND,
         "A rover that moves by itself turns steadily slower or faster than it was commanded to.",
-        Row(When.MOVING, *_STOPPED, for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
         ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     turn_amiss: Row = _fault(
         Reason.OFF_COMMAND,
         "The rover turns more or less than it is commanded to, by its odometry.",
-        Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("turn beside what was commanded", "rad", 0.05, 3.0),
         ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     no_progress: Row = _fault(
         Reason.NO_PROGRESS,
         "Nothing comes of what is commanded, by the odometry.",
-        Row(When.MOVING, *_STOPPED, below=0.3, within_s=3.0),
+        _row(When.MOVING, _STOPPED, Window(below=0.3, within_s=3.0)),
         disproves=Disproves.COMMANDS,
         below=Bound("share of the way or turn that was commanded", "", 0.01, 1.0),
-        within=_window(1.0),
+        within=_within(1.0),
     )
     drives_uncommanded: Row = _fault(
         Reason.MOVES_UNCOMMANDED,
         "The rover drives though it should stand, and nobody else commands it.",
-        Row(When.ALWAYS, *_STOPPED, for_s=0.1, beyond=0.04, within_s=1.0),
+        _row(When.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.04, within_s=1.0)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("speed", "m/s", 0.005, 1.0),
-        within=_window(),
+        within=_within(),
     )
     turns_uncommanded: Row = _fault(
         Reason.MOVES_UNCOMMANDED,
         "The rover turns though it should stand, or its gyro says so, and nobody else commands it.",
-        Row(When.ALWAYS, *_STOPPED, for_s=0.1, beyond=0.01, within_s=1.0),
+        _row(When.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.01, within_s=1.0)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("rate", "rad/s", 0.001, 1.0),
-        within=_window(),
+        within=_within(),
     )
     odometry_silent: Row = _fault(
         Reason.ODOMETRY_SILENT,
         "There is no odometry any more, whether the rover moves or not.",
-        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, beyond=1.0),
+        _row(When.ALWAYS, _TOLD, Window(beyond=1.0)),
         disproves=Disproves.SENSORS,
         beyond=Bound("time since it last came", "s", 0.1, 3600.0),
     )
     tilted: Row = _fault(
         Reason.TILTED,
         "The rover leans.",
-        Row(When.ALWAYS, *_HELD, beyond=0.49),
+        _row(When.ALWAYS, _HELD, Window(beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
     )
     battery_low: Row = _fault(
         Reason.BATTERY_LOW,
         "The battery is nearly empty.",
-        Row(When.ALWAYS, *_HELD, below=22.0),
+        _row(When.ALWAYS, _HELD, Window(below=22.0)),
         below=Bound("voltage", "V", 1.0, 1000.0),
     )
     other_publisher: Row = _fault(
         Reason.OTHER_PUBLISHER,
         "Somebody else commands the base, which obeys them: a joystick, or another node.",
-        Row(When.MOVING, Then.PAUSE, Clears.ON_RESUME, for_s=0.2),
+        _row(When.MOVING, (Then.PAUSE, Clears.ON_RESUME), Window(for_s=0.2)),
     )
     battery_silent: Row = _fault(
         Reason.BATTERY_SILENT,
         "The battery no longer tells its voltage.",
-        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, beyond=5.0),
+        _row(When.ALWAYS, _TOLD, Window(beyond=5.0)),
         beyond=Bound("time since it last did", "s", 0.5, 3600.0),
     )
     battery_not_finite: Row = _fault(
         Reason.BATTERY_NOT_FINITE,
         "The voltage of the battery is not a number, or none that a battery has.",
-        Row(When.ALWAYS, Then.WARN, Clears.ITSELF, for_s=0.5, beyond=60.0),
+        _row(When.ALWAYS, _TOLD, Window(for_s=0.5, beyond=60.0)),
         beyond=Bound("voltage that this battery cannot have", "V", 1.0, 10_000.0),
     )
 
     wheels_off_command: Row = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("speed outside of what was commanded in the window", "m/s", 0.02, 5.0),
         ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     wheels_off_command_slowly: Row = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn, little by little, less or more far than commanded.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     wheels_unpowered: Row = _fault(
         Reason.WHEELS_UNPOWERED,
         "The wheels of a side are off their command, and their motors give no torque.",
-        Row(When.MOVING, *_STOPPED, for_s=0.1, below=0.05, within_s=0.4),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.1, below=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
         below=Bound("mean torque of a side", "Nm", 0.001, 100.0),
-        within=_window(),
+        within=_within(),
     )
     odometry_off_wheels: Row = _fault(
         Reason.ODOMETRY_OFF_WHEELS,
         "The odometry tells of another way than the wheels turned.",
-        Row(When.MOVING, *_STOPPED, beyond=0.02, ratio=0.04, within_s=0.5),
+        _row(
+            When.MOVING,
+            _STOPPED,
+            Window("quick", beyond=0.02, ratio=0.04, within_s=0.5),
+            Window("slow", for_s=0.05, beyond=0.03, ratio=0.015, within_s=3.0),
+        ),
         disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
-        within=_window(),
-    )
-    odometry_off_wheels_slowly: Row = _fault(
-        Reason.ODOMETRY_OFF_WHEELS,
-        "The odometry tells, little by little, of another way than the wheels turned.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.03, ratio=0.015, within_s=3.0),
-        disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the ways", "m", 0.01, 5.0),
-        ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     odometry_off_gyro: Row = _fault(
         Reason.ODOMETRY_OFF_GYRO,
         "The odometry tells of another turn than the gyro feels.",
-        Row(When.MOVING, *_STOPPED, beyond=0.04, ratio=0.04, within_s=0.5),
+        _row(
+            When.MOVING,
+            _STOPPED,
+            Window("quick", beyond=0.04, ratio=0.04, within_s=0.5),
+            Window("slow", for_s=0.05, beyond=0.04, ratio=0.03, within_s=4.0),
+        ),
         disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
-        within=_window(),
-    )
-    odometry_off_gyro_slowly: Row = _fault(
-        Reason.ODOMETRY_OFF_GYRO,
-        "The odometry tells, little by little, of another turn than the gyro feels.",
-        Row(When.MOVING, *_STOPPED, for_s=0.05, beyond=0.04, ratio=0.03, within_s=4.0),
-        disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
-        ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     wheels_off_gyro: Row = _fault(
         Reason.WHEELS_OFF_GYRO,
         "The rover does not turn as its wheels do.",
-        Row(When.MOVING, *_STOPPED, for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6),
+        _row(When.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6)),
         disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
-        within=_window(),
+        within=_within(),
     )
     wheels_slip: Row = _fault(
         Reason.WHEELS_SLIP,
         "The wheels gain or lose a speed that the rover does not feel.",
-        Row(When.MOVING, *_ENDED, for_s=0.05, beyond=0.48, within_s=0.6),
+        _row(
+            When.MOVING,
+            _ENDED,
+            Window("quick", for_s=0.05, beyond=0.48, within_s=0.6),
+            Window("slow", for_s=0.05, beyond=1.0, within_s=2.0),
+        ),
         disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
-        within=_window(),
-    )
-    wheels_slip_slowly: Row = _fault(
-        Reason.WHEELS_SLIP,
-        "The wheels gain or lose, little by little, a speed that the rover does not feel.",
-        Row(When.MOVING, *_ENDED, for_s=0.05, beyond=1.0, within_s=2.0),
-        disproves=Disproves.DISTANCE,
-        beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
-        within=_window(),
+        within=_within(),
     )
     blocked: Row = _fault(
         Reason.BLOCKED,
         "The wheels push with a force that does not move the rover.",
-        Row(When.MOVING, *_ENDED, for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4),
+        _row(When.MOVING, _ENDED, Window(for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4)),
         disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the forces", "N", 1.0, 100_000.0),
         ratio=Bound("share of what is felt, added to the bound", "", 0.0, 10.0),
-        within=_window(),
+        within=_within(),
     )
     tilted_by_imu: Row = _fault(
         Reason.TILTED,
         "The rover leans, by its inertial sensors.",
-        Row(When.ALWAYS, *_HELD, for_s=0.1, beyond=0.49),
+        _row(When.ALWAYS, _HELD, Window(for_s=0.1, beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
     )
     slips: Row = _fault(
         Reason.SLIPS,
-        "The second odometry tells of another way.",
-        Row(When.MOVING, *_ENDED, beyond=0.1, ratio=0.2, within_s=1.0),
+        "The second odometry tells of another way; where it corrects the pose, of a gross one.",
+        _row(
+            When.MOVING,
+            _ENDED,
+            Window("quick", beyond=0.1, ratio=0.2, within_s=1.0),
+            Window("slow", beyond=0.1, ratio=0.1, within_s=4.0),
+            Window("quick_fused", beyond=0.25, ratio=0.3, within_s=1.0),
+            Window("slow_fused", beyond=0.6, ratio=0.3, within_s=4.0),
+        ),
         disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the ways", "m", 0.01, 10.0),
         ratio=_RATIO,
-        within=_window(0.2),
-    )
-    slips_slowly: Row = _fault(
-        Reason.SLIPS,
-        "The second odometry tells, little by little, of another way.",
-        Row(When.MOVING, *_ENDED, beyond=0.1, ratio=0.1, within_s=4.0),
-        disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
-        ratio=_RATIO,
-        within=_window(0.2),
-    )
-    slips_fused: Row = _fault(
-        Reason.SLIPS,
-        "The second odometry tells of a way too different to correct the pose by it.",
-        Row(When.MOVING, *_ENDED, beyond=0.25, ratio=0.3, within_s=1.0),
-        disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
-        ratio=_RATIO,
-        within=_window(0.2),
-    )
-    slips_fused_slowly: Row = _fault(
-        Reason.SLIPS,
-        "The second odometry tells, little by little, of a way too different to correct by it.",
-        Row(When.MOVING, *_ENDED, beyond=0.6, ratio=0.3, within_s=4.0),
-        disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
-        ratio=_RATIO,
-        within=_window(0.2),
+        within=_within(0.2),
     )
     turn_slips: Row = _fault(
         Reason.TURN_SLIPS,
         "The second odometry tells of another turn.",
-        Row(When.MOVING, *_ENDED, beyond=0.06, ratio=0.05, within_s=1.0),
+        _row(
+            When.MOVING,
+            _ENDED,
+            Window("quick", beyond=0.06, ratio=0.05, within_s=1.0),
+            Window("slow", beyond=0.07, ratio=0.04, within_s=4.0),
+        ),
         disproves=Disproves.COMMANDS,
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
-        within=_window(0.2),
-    )
-    turn_slips_slowly: Row = _fault(
-        Reason.TURN_SLIPS,
-        "The second odometry tells, little by little, of another turn.",
-        Row(When.MOVING, *_ENDED, beyond=0.07, ratio=0.04, within_s=4.0),
-        disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
-        ratio=_RATIO,
-        within=_window(0.2),
+        within=_within(0.2),
     )
     slides: Row = _fault(
         Reason.SLIDES,
         "The rover moves while it is to stand, which its odometry does not see.",
-        Row(When.ALWAYS, *_TOLD, beyond=0.05, within_s=0.4),
+        _row(When.ALWAYS, _TOLD, Window(beyond=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("way between two frames of the second odometry", "m", 0.01, 10.0),
-        within=_window(0.2),
+        within=_within(0.2),
     )
     joints_silent: Row = _fault(
         Reason.SENSOR_SILENT,
         "The sensors of the wheels tell nothing: the wheels are not monitored.",
-        Row(When.ALWAYS, *_TOLD, beyond=0.5),
+        _row(When.ALWAYS, _TOLD, Window(beyond=0.5)),
         beyond=Bound("age of what they told last", "s", 0.1, 60.0),
     )
     imu_silent: Row = _fault(
         Reason.SENSOR_SILENT,
         "The inertial sensor tells nothing: slip, turns and tilt are not monitored by it.",
-        Row(When.ALWAYS, *_TOLD, beyond=0.5),
+        _row(When.ALWAYS, _TOLD, Window(beyond=0.5)),
         beyond=Bound("age of what it told last", "s", 0.1, 60.0),
     )
     second_odometry_silent: Row = _fault(
         Reason.SENSOR_SILENT,
         "The second odometry tells nothing: slip is not monitored.",
-        Row(When.ALWAYS, *_TOLD, beyond=6.0),
+        _row(When.ALWAYS, _TOLD, Window(beyond=6.0)),
         beyond=Bound("age of what it told last", "s", 0.5, 60.0),
     )
     zone_ahead: Row = _fault(
         Reason.ZONE_AHEAD,
         "The rover cannot go on much longer and still stand before a zone or a known rock.",
-        Row(When.ALWAYS, Then.STOP, Clears.ITSELF, within_s=0.16),
+        _row(When.ALWAYS, _ENDED, Window(within_s=0.16)),
         within=Bound("time until the rover brakes", "s", 0.0, 5.0),
     )
     obstacle_ahead: Row = _fault(
         Reason.OBSTACLE_AHEAD,
         "The laser sees something where the rover drives or turns to before it can stand.",
-        Row(When.ALWAYS, Then.STOP, Clears.ITSELF, below=0.05, within_s=0.25),
+        _row(When.ALWAYS, _ENDED, Window(below=0.05, within_s=0.25)),
         below=Bound("way that is left once the rover stands", "m", 0.0, 5.0),
         within=Bound("time from a scan until the rover brakes", "s", 0.0, 5.0),
     )
     obstacle_near: Row = _fault(
         Reason.OBSTACLE_NEAR,
         "The laser sees something near, in the direction in which the rover drives.",
-        Row(When.ALWAYS, Then.SLOW_DOWN, Clears.ITSELF, below=0.9),
+        _row(When.ALWAYS, (Then.SLOW_DOWN, Clears.ITSELF), Window(below=0.9)),
         below=Bound("free way", "m", 0.05, 10.0),
     )
     laser_silent: Row = _fault(
         Reason.LASER_SILENT,
         "No scan of the laser arrives, or always the same one.",
-        Row(When.MOVING, Then.STOP, Clears.ITSELF, beyond=0.35),
+        _row(When.MOVING, _ENDED, Window(beyond=0.35)),
         beyond=Bound("age of the newest scan", "s", 0.05, 10.0),
     )
     laser_blind: Row = _fault(
         Reason.LASER_BLIND,
         "The laser measures nothing usable in a sector into which the rover drives or turns.",
-        Row(When.ALWAYS, Then.STOP, Clears.ITSELF, beyond=0.8, within_s=0.3),
+        _row(When.ALWAYS, _ENDED, Window(beyond=0.8, within_s=0.3)),
         beyond=Bound("share of the rays of a sector of 15 degrees", "", 0.05, 1.0),
-        within=_window(0.0),
+        within=_within(0.0),
     )
     odometry_rejected: Row = _rejected("Odometry")
     imu_rejected: Row = _rejected("What the IMU measures")

@@ -2,60 +2,60 @@
 
 from math import isfinite
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
 from executive.state import Source
 
 
-def tilted(history: History, row: Row, _: float) -> Evidence | None:
+def tilted(history: History, window: Window, _: float) -> Evidence | None:
     """See that the rover leans, by its odometry."""
     if history.odometry is None:
         return None
     pose = history.odometry.pose
     tilt_rad = max(abs(pose.roll_rad), abs(pose.pitch_rad))
-    if tilt_rad <= row.bound:
+    if tilt_rad <= window.bound:
         return None
-    figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", row.bound, "rad")
+    figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
     return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)
 
 
-def battery_low(history: History, row: Row, _: float) -> Evidence | None:
+def battery_low(history: History, window: Window, _: float) -> Evidence | None:
     """See that the battery is nearly empty."""
-    if history.battery is None or history.battery.voltage_v >= row.bound:
+    if history.battery is None or history.battery.voltage_v >= window.bound:
         return None
     voltage_v = history.battery.voltage_v
-    figures = Figure("voltage", voltage_v, "V"), Figure("bound", row.bound, "V")
+    figures = Figure("voltage", voltage_v, "V"), Figure("bound", window.bound, "V")
     return Evidence(f"the battery is down to {voltage_v:.1f} V", figures)
 
 
-def other_publisher(history: History, _: Row, __: float) -> Evidence | None:
+def other_publisher(history: History, _: Window, __: float) -> Evidence | None:
     """See that the base obeys somebody else."""
     drivers = ", ".join(str(each) for each in history.inputs if each.above)
     return Evidence(f"{drivers} drives the rover") if drivers else None
 
 
-def battery_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+def battery_silent(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the battery no longer tells its voltage."""
     age_s = now_s - history.battery_at_s
-    if history.battery is None or age_s <= row.bound:
+    if history.battery is None or age_s <= window.bound:
         return None
-    figures = Figure("age", age_s, "s"), Figure("bound", row.bound, "s")
+    figures = Figure("age", age_s, "s"), Figure("bound", window.bound, "s")
     return Evidence(f"the battery has not told its voltage for {age_s:.0f} s", figures)
 
 
-def battery_not_finite(history: History, row: Row, _: float) -> Evidence | None:
+def battery_not_finite(history: History, window: Window, _: float) -> Evidence | None:
     """See a voltage that is no number, or higher than this battery can have."""
     if (voltage_v := history.invalid_v) is None:
         return None
     if not isfinite(voltage_v):
         return Evidence("the battery's voltage is not a number")
-    text = f"battery voltage {voltage_v:g} V exceeds {row.bound:g} V: it is not measured"
-    return Evidence(text, (Figure("voltage", voltage_v, "V"), Figure("bound", row.bound, "V")))
+    text = f"battery voltage {voltage_v:g} V exceeds {window.bound:g} V: it is not measured"
+    return Evidence(text, (Figure("voltage", voltage_v, "V"), Figure("bound", window.bound, "V")))
 
 
-def rejected(history: History, _: Row, __: float, *, source: Source) -> Evidence | None:
+def rejected(history: History, _: Window, __: float, *, source: Source) -> Evidence | None:
     """See data of a source that arrive and cannot be used, or that are not received."""
     found = history.rejections.of(source)
     if found is None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from math import inf
 from typing import Final
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
@@ -60,7 +60,7 @@ def turns(
 
 
 def silent(
-    history: History, who: str, what: str, last_s: float, row: Row, now_s: float
+    history: History, who: str, what: str, last_s: float, window: Window, now_s: float
 ) -> Evidence | None:
     """Return evidence that a source tells nothing, if so.
 
@@ -69,14 +69,14 @@ def silent(
         who: the source, for people.
         what: is not monitored then, with its verb.
         last_s: when what it told last was measured; minus infinity if it never told anything.
-        row: with the greatest age.
+        window: with the greatest age.
         now_s: the time.
     """
     unheard = last_s == -inf
     age_s = now_s - (history.start_s + FIRST_HEARD_S if unheard else last_s)
-    if age_s <= row.bound:
+    if age_s <= window.bound:
         return None
-    figures = Figure("age", age_s, "s"), Figure("bound", row.bound, "s")
+    figures = Figure("age", age_s, "s"), Figure("bound", window.bound, "s")
     if unheard:
         return Evidence(f"{who} has told nothing yet: {what} not monitored", figures)
     return Evidence(f"{who} tells nothing for {age_s:.1f} s: {what} not monitored", figures)

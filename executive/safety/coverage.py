@@ -27,28 +27,25 @@ class Unmonitored:
         return f"{self.what} is not monitored: {self.why}"
 
 
-_BY_JOINTS_AND_IMU = ("wheels_off_gyro", "wheels_slip", "wheels_slip_slowly", "blocked")
+_BY_JOINTS_AND_IMU = ("wheels_off_gyro", "wheels_slip", "blocked")
 NO_JOINTS = Unmonitored(
     "what the wheels do",
     "no wheel sensors",
     (
         *("wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered"),
-        *("odometry_off_wheels", "odometry_off_wheels_slowly"),
+        "odometry_off_wheels",
         *_BY_JOINTS_AND_IMU,
     ),
 )
 NO_IMU = Unmonitored(
     "wheel spin",
     "no IMU",
-    ("odometry_off_gyro", "odometry_off_gyro_slowly", *_BY_JOINTS_AND_IMU, "tilted_by_imu"),
+    ("odometry_off_gyro", *_BY_JOINTS_AND_IMU, "tilted_by_imu"),
 )
 NO_SECOND_ODOMETRY = Unmonitored(
     "slip",
     "no second odometry",
-    (
-        *("slips", "slips_slowly", "slips_fused", "slips_fused_slowly"),
-        *("turn_slips", "turn_slips_slowly", "slides"),
-    ),
+    ("slips", "turn_slips", "slides"),
 )
 NO_LASER = Unmonitored(
     "what stands in the way", "no laser", ("obstacle_ahead", "obstacle_near", "laser_blind")
@@ -57,7 +54,7 @@ NO_MASS = Unmonitored("pushing against something", "mass_kg is not given", ("blo
 NO_LEAN = Unmonitored(
     "wheel spin and tilt by the IMU",
     "it measures no orientation",
-    ("wheels_slip", "wheels_slip_slowly", "tilted_by_imu"),
+    ("wheels_slip", "tilted_by_imu"),
 )
 NO_TORQUES = Unmonitored(
     "the motors", "joint states have no efforts", ("wheels_unpowered", "blocked")

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.reasons import Figure
 from executive.safety.history import History
 
@@ -16,5 +16,5 @@ class Evidence:
     figures: tuple[Figure, ...] = ()
 
 
-Monitor = Callable[[History, Row, float], Evidence | None]
-"""Looks at the history with the bounds of a row, at a time; None where it shows no fault."""
+Monitor = Callable[[History, Window, float], Evidence | None]
+"""Looks at the history with the figures of a window, at a time; None where it shows no fault."""

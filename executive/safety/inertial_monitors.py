@@ -6,7 +6,7 @@ A gyro that the odometry shares is checked by the wheels alone, and by a second 
 from math import copysign
 from typing import Final
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.reasons import Figure
 from executive.safety.comparison import compared, silent, turns
 from executive.safety.evidence import Evidence
@@ -21,17 +21,17 @@ UNLEVELLED: Final = 0.1
 """Share of a turn that a gyro misses whose lean is not known: 1 - cos 25 deg."""
 
 
-def odometry_off_gyro(history: History, row: Row, now_s: float) -> Evidence | None:
+def odometry_off_gyro(history: History, window: Window, now_s: float) -> Evidence | None:
     """See odometry that tells of another turn than the gyro felt, by its rate or its heading."""
     inertia = history.inertia
     if inertia is None or not inertia.fresh(now_s):
         return None
-    window_s, to_s = row.window_s, min(inertia.sums.time_s, history.moved.time_s)
+    window_s, to_s = window.length_s, min(inertia.sums.time_s, history.moved.time_s)
     felt, moved = history.inertia_in(window_s, to_s), history.moved_in(window_s, to_s)
     if felt is None or moved is None:
         return None
     told_rad = max(moved.turn_rad, moved.pose_rad, key=lambda turn: abs(turn - felt.turn_rad))
-    bound_rad = row.allowed(max(abs(felt.turn_rad), moved.turned_rad))
+    bound_rad = window.allowed(max(abs(felt.turn_rad), moved.turned_rad))
     bound_rad += inertia.bias_error_radps * window_s
     if not inertia.leans:
         bound_rad += UNLEVELLED * abs(felt.turn_rad)
@@ -41,58 +41,58 @@ def odometry_off_gyro(history: History, row: Row, now_s: float) -> Evidence | No
     return compared("odometry and gyro disagree", figures, bound_rad, window_s)
 
 
-def wheels_off_gyro(history: History, row: Row, now_s: float) -> Evidence | None:
+def wheels_off_gyro(history: History, window: Window, now_s: float) -> Evidence | None:
     """See wheels that turn the rover, and a gyro that feels another turn."""
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not (wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None
-    window_s, to_s = row.window_s, min(wheels.sums.time_s, inertia.sums.time_s)
+    window_s, to_s = window.length_s, min(wheels.sums.time_s, inertia.sums.time_s)
     turned, felt = history.wheels_in(window_s, to_s), history.inertia_in(window_s, to_s)
     if turned is None or felt is None:
         return None
     wheels_rad = (turned.right_m - turned.left_m) / wheels.settings.track_m
-    bound_rad = row.allowed(max(abs(wheels_rad), abs(felt.turn_rad)))
+    bound_rad = window.allowed(max(abs(wheels_rad), abs(felt.turn_rad)))
     if abs(wheels_rad - felt.turn_rad) <= bound_rad:
         return None
     figures = turns(history, window_s, to_s, {"wheels": wheels_rad, "gyro": felt.turn_rad})
     return compared("the rover does not turn as its wheels do", figures, bound_rad, window_s)
 
 
-def wheels_slip(history: History, row: Row, now_s: float) -> Evidence | None:
+def wheels_slip(history: History, window: Window, now_s: float) -> Evidence | None:
     """See wheels that gain or lose a speed that the rover does not feel; its lean must be known."""
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not inertia.leans:
         return None
     if not (wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None
-    window_s, to_s = row.window_s, min(wheels.sums.time_s, inertia.sums.time_s)
+    window_s, to_s = window.length_s, min(wheels.sums.time_s, inertia.sums.time_s)
     last = history.wheels_in(SPEED_OVER_S, to_s)
     first = history.wheels_in(SPEED_OVER_S, to_s - window_s)
     felt = history.inertia_in(window_s, to_s - SPEED_OVER_S / 2)
     if first is None or last is None or felt is None:
         return None
     gained_mps = (last.way_m - first.way_m) / SPEED_OVER_S
-    if abs(gained_mps - felt.gained_mps) <= row.bound:
+    if abs(gained_mps - felt.gained_mps) <= window.bound:
         return None
     figures = (
         Figure("speed gained by the wheels", gained_mps, "m/s"),
         Figure("felt", felt.gained_mps, "m/s"),
     )
-    return compared("the wheels slip", figures, row.bound, window_s)
+    return compared("the wheels slip", figures, window.bound, window_s)
 
 
-def blocked(history: History, row: Row, now_s: float) -> Evidence | None:
+def blocked(history: History, window: Window, now_s: float) -> Evidence | None:
     """See motors that push with a force that does not move the rover.
 
     A load that is not known, and what accelerates the motors themselves, add to the force in the
-    same direction as what is felt: that is what the ratio of the row is for.
+    same direction as what is felt: that is what the ratio of the window is for.
     """
     wheels, inertia, mass_kg = history.wheels, history.inertia, history.mass_kg
     if wheels is None or inertia is None or mass_kg is None:
         return None
     if not (wheels.torques and wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None
-    window_s, to_s = row.window_s, min(wheels.sums.time_s, inertia.sums.time_s)
+    window_s, to_s = window.length_s, min(wheels.sums.time_s, inertia.sums.time_s)
     turned, felt = history.wheels_in(window_s, to_s), history.inertia_in(window_s, to_s)
     if turned is None or felt is None:
         return None
@@ -100,28 +100,28 @@ def blocked(history: History, row: Row, now_s: float) -> Evidence | None:
     rolling_nms = ROLLING_NM_PER_RADPS * wheels.count * turned.way_m / radius_m
     pushed_n = (turned.left_nms + turned.right_nms - rolling_nms) / radius_m / window_s
     felt_n = mass_kg * felt.force_mps / window_s
-    bound_n = row.allowed(max(0.0, copysign(felt_n, felt_n * pushed_n)))
+    bound_n = window.allowed(max(0.0, copysign(felt_n, felt_n * pushed_n)))
     if abs(pushed_n - felt_n) <= bound_n:
         return None
     figures = Figure("force of the wheels", pushed_n, "N"), Figure("felt", felt_n, "N")
     return compared("something holds the rover", figures, bound_n, window_s)
 
 
-def tilted_by_imu(history: History, row: Row, now_s: float) -> Evidence | None:
+def tilted_by_imu(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the rover leans, by its inertial sensors."""
     inertia = history.inertia
     if inertia is None or inertia.newest is None or not inertia.fresh(now_s):
         return None
     tilt_rad = max(abs(inertia.newest.roll_rad), abs(inertia.newest.pitch_rad))
-    if not tilt_rad > row.bound:  # nor where it is not measured
+    if not tilt_rad > window.bound:  # nor where it is not measured
         return None
-    figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", row.bound, "rad")
+    figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
     return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)
 
 
-def imu_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+def imu_silent(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the inertial sensors no longer tell anything."""
     inertia = history.inertia
     if inertia is None:
         return None
-    return silent(history, "the inertial sensor", "slip is", inertia.sums.time_s, row, now_s)
+    return silent(history, "the inertial sensor", "slip is", inertia.sums.time_s, window, now_s)

@@ -7,7 +7,7 @@ commanded is taken as all velocities that were in force in the window, since a b
 from collections.abc import Callable
 from typing import Final, TypeGuard
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.reasons import Figure
 from executive.safety.comparison import compared, speeds, turns
 from executive.safety.evidence import Evidence
@@ -27,13 +27,13 @@ LEAST_MPS, LEAST_RADPS = 0.05, 0.1
 """Commands that any base follows."""
 
 
-def jumped(history: History, _: Row, now_s: float) -> Evidence | None:
+def jumped(history: History, _: Window, now_s: float) -> Evidence | None:
     """See a step of the pose that is longer than the speed explains."""
     jump = history.jump
     return _told(jump) if _recent(jump, now_s) and jump.step_m > jump.bound_m else None
 
 
-def turned(history: History, _: Row, now_s: float) -> Evidence | None:
+def turned(history: History, _: Window, now_s: float) -> Evidence | None:
     """See a turn in one step of the pose that is greater than the rate explains."""
     jump = history.jump
     return _told(jump) if _recent(jump, now_s) and jump.step_m <= jump.bound_m else None
@@ -55,20 +55,20 @@ def _told(jump: Jump) -> Evidence:
     )
 
 
-def not_finite(history: History, _: Row, now_s: float) -> Evidence | None:
+def not_finite(history: History, _: Window, now_s: float) -> Evidence | None:
     """See odometry with figures that are no numbers."""
     if now_s - history.not_finite_at_s > SHOWN_S:
         return None
     return Evidence("odometry has figures that are not finite")
 
 
-def stale(history: History, row: Row, now_s: float) -> Evidence | None:
+def stale(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the newest odometry was measured too long ago to move by."""
     age_s = now_s - min(history.odometry_time_s, history.odometry_at_s)
-    return _old("odometry is", age_s, history, row)
+    return _old("odometry is", age_s, history, window)
 
 
-def behind(history: History, row: Row, _: float) -> Evidence | None:
+def behind(history: History, window: Window, _: float) -> Evidence | None:
     """See that the newest odometry is older than what all other fast sensors have told.
 
     What delays all of them alike, such as a busy computer, does not count.
@@ -77,28 +77,30 @@ def behind(history: History, row: Row, _: float) -> Evidence | None:
     if history.odometry is None or not others:
         return None
     behind_s = min(others) - history.odometry_time_s
-    return _old("beside other sensors odometry is", behind_s, history, row)
+    return _old("beside other sensors odometry is", behind_s, history, window)
 
 
-def late(history: History, row: Row, now_s: float) -> Evidence | None:
+def late(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that odometry comes so late that the rover cannot be steered by it."""
     age_s = history.odometry_late_s
-    if age_s <= row.bound or now_s - history.odometry_at_s > row.bound:
+    if age_s <= window.bound or now_s - history.odometry_at_s > window.bound:
         return None
-    return _told_age("odometry comes late: it is", age_s, row.bound)
+    return _told_age("odometry comes late: it is", age_s, window.bound)
 
 
-def silent(history: History, row: Row, now_s: float) -> Evidence | None:
+def silent(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that there is no odometry any more."""
     if history.odometry is None:
         return None
     age_s = now_s - history.odometry_at_s
-    return _told_age("the newest odometry is", age_s, row.bound) if age_s > row.bound else None
+    if age_s <= window.bound:
+        return None
+    return _told_age("the newest odometry is", age_s, window.bound)
 
 
-def _old(what: str, age_s: float, history: History, row: Row) -> Evidence | None:
+def _old(what: str, age_s: float, history: History, window: Window) -> Evidence | None:
     """Return evidence of odometry that is too old to move by, or to wait for any longer."""
-    bound_s = row.bound + (PATIENCE_S if history.waiting else 0.0)
+    bound_s = window.bound + (PATIENCE_S if history.waiting else 0.0)
     return _told_age(what, age_s, bound_s) if age_s > bound_s else None
 
 
@@ -107,37 +109,37 @@ def _told_age(what: str, age_s: float, bound_s: float) -> Evidence:
     return Evidence(f"{what} {age_s:.2f} s old", figures)
 
 
-def slow(history: History, row: Row, _: float) -> Evidence | None:
+def slow(history: History, window: Window, _: float) -> Evidence | None:
     """See that odometry comes too seldom to steer by."""
-    came = history.window(history.arrivals, row.window_s, history.odometry_at_s)
-    if came is None or came[0] / row.window_s >= row.bound:
+    came = history.window(history.arrivals, window.length_s, history.odometry_at_s)
+    if came is None or came[0] / window.length_s >= window.bound:
         return None
-    rate_hz = came[0] / row.window_s
-    figures = Figure("rate", rate_hz, "Hz"), Figure("bound", row.bound, "Hz")
+    rate_hz = came[0] / window.length_s
+    figures = Figure("rate", rate_hz, "Hz"), Figure("bound", window.bound, "Hz")
     return Evidence(f"odometry comes {rate_hz:.1f} times a second", figures)
 
 
-def frozen(history: History, row: Row, now_s: float) -> Evidence | None:
+def frozen(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that odometry does not change at all though the rover is commanded to move."""
     unchanged_s = now_s - history.unchanged_since_s
-    wanted = history.commands_in(row.window_s, now_s)
+    wanted = history.commands_in(window.length_s, now_s)
     moves = not wanted.travel_low_mps < LEAST_MPS or not wanted.travel_high_mps > -LEAST_MPS
     turns = not wanted.rotate_low_radps < LEAST_RADPS or not wanted.rotate_high_radps > -LEAST_RADPS
-    old = now_s - history.odometry_time_s > row.window_s / 2
-    if unchanged_s < row.window_s or old or not (moves or turns):
+    old = now_s - history.odometry_time_s > window.length_s / 2
+    if unchanged_s < window.length_s or old or not (moves or turns):
         return None
     return Evidence(
         f"odometry has been the same for {unchanged_s:.2f} s",
-        (Figure("unchanged", unchanged_s, "s"), Figure("bound", row.window_s, "s")),
+        (Figure("unchanged", unchanged_s, "s"), Figure("bound", window.length_s, "s")),
     )
 
 
-def off_twist(history: History, row: Row, _: float) -> Evidence | None:
+def off_twist(history: History, window: Window, _: float) -> Evidence | None:
     """See that the pose goes elsewhere than its own velocity says."""
-    moved = _moved(history, row)
+    moved = _moved(history, window)
     if moved is None:
         return None
-    bound_m = row.allowed(moved.driven_m)
+    bound_m = window.allowed(moved.driven_m)
     aside_m = max(0.0, abs(moved.left_m) - SIDE_SLIP_M * moved.turned_rad)
     off_m = max(abs(moved.ahead_m), aside_m)
     if off_m <= bound_m:
@@ -152,50 +154,50 @@ def off_twist(history: History, row: Row, _: float) -> Evidence | None:
     )
 
 
-def heading_off_twist(history: History, row: Row, _: float) -> Evidence | None:
+def heading_off_twist(history: History, window: Window, _: float) -> Evidence | None:
     """See that the heading turns otherwise than its own rate says."""
-    moved = _moved(history, row)
-    if moved is None or abs(moved.heading_rad) <= row.allowed(moved.turned_rad):
+    moved = _moved(history, window)
+    if moved is None or abs(moved.heading_rad) <= window.allowed(moved.turned_rad):
         return None
     return Evidence(
         f"the heading of the odometry and its rate are {abs(moved.heading_rad):.2f} rad apart",
         (
             Figure("by rate", moved.turn_rad, "rad"),
             Figure("by heading", moved.pose_rad, "rad"),
-            Figure("bound", row.allowed(moved.turned_rad), "rad"),
+            Figure("bound", window.allowed(moved.turned_rad), "rad"),
         ),
     )
 
 
-def _moved(history: History, row: Row) -> Moved | None:
-    sums = history.lately(history.moved, row.window_s, history.odometry_time_s)
+def _moved(history: History, window: Window) -> Moved | None:
+    sums = history.lately(history.moved, window.length_s, history.odometry_time_s)
     return None if sums is None else Moved(*sums)
 
 
-def off_command(history: History, row: Row, now_s: float) -> Evidence | None:
+def off_command(history: History, window: Window, now_s: float) -> Evidence | None:
     """See a speed that is outside of all that was commanded lately."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
-    wanted = history.commands_in(row.window_s, history.odometry_time_s)
+    wanted = history.commands_in(window.length_s, history.odometry_time_s)
     speed_mps = history.odometry.velocity.travel_mps
-    return _outside(row, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s")
+    return _outside(window, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s")
 
 
-def turn_off_command(history: History, row: Row, now_s: float) -> Evidence | None:
+def turn_off_command(history: History, window: Window, now_s: float) -> Evidence | None:
     """See a rate of turn that is outside of all that was commanded lately."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
-    wanted = history.commands_in(row.window_s, history.odometry_time_s)
+    wanted = history.commands_in(window.length_s, history.odometry_time_s)
     low_radps, high_radps = wanted.rotate_low_radps, wanted.rotate_high_radps
     rate_radps = history.odometry.velocity.rotate_radps
-    return _outside(row, low_radps, high_radps, rate_radps, "turn", "rad/s")
+    return _outside(window, low_radps, high_radps, rate_radps, "turn", "rad/s")
 
 
 def _outside(
-    row: Row, low: float, high: float, measured: float, verb: str, unit: str
+    window: Window, low: float, high: float, measured: float, verb: str, unit: str
 ) -> Evidence | None:
     """Return evidence of what is measured outside of what was commanded, low to high, if it is."""
-    bound = max(row.bound, (row.ratio or 0.0) * max(abs(low), abs(high)))
+    bound = max(window.bound, (window.ratio or 0.0) * max(abs(low), abs(high)))
     nearest = min(max(measured, low), high)
     if abs(measured - nearest) <= bound:
         return None
@@ -204,62 +206,64 @@ def _outside(
         (
             Figure("commanded", nearest, unit),
             Figure("odometry", measured, unit),
-            Figure("window", row.window_s, "s"),
+            Figure("window", window.length_s, "s"),
             Figure("bound", bound, unit),
         ),
     )
 
 
-def steady_off_command(history: History, row: Row, _: float) -> Evidence | None:
+def steady_off_command(history: History, window: Window, _: float) -> Evidence | None:
     """See another mean speed than the one that was commanded all the time.
 
     Both the pose and the speeds must show it: a pose that comes late is put too late, and speeds of
     a rover that counts its wheels are coarse.
     """
     to_s = history.odometry_time_s
-    moved, wanted = history.moved_in(row.window_s, to_s), history.commands_in(row.window_s, to_s)
+    moved = history.moved_in(window.length_s, to_s)
+    wanted = history.commands_in(window.length_s, to_s)
     steady = wanted.travel_low_mps == wanted.travel_high_mps
     if moved is None or not steady or abs(wanted.travel_low_mps) < LEAST_MPS:
         return None
-    wanted_m = wanted.travel_low_mps * row.window_s
+    wanted_m = wanted.travel_low_mps * window.length_s
     way_m = _nearer(wanted_m, moved.pose_ahead_m, moved.way_m)
-    bound_m = row.allowed(wanted_m)
+    bound_m = window.allowed(wanted_m)
     if abs(way_m - wanted_m) <= bound_m:
         return None
-    figures = speeds(history, row.window_s, to_s, {"odometry": way_m})
+    figures = speeds(history, window.length_s, to_s, {"odometry": way_m})
     what = "the rover does not go as fast as commanded"
-    return compared(what, figures, bound_m / row.window_s, row.window_s)
+    return compared(what, figures, bound_m / window.length_s, window.length_s)
 
 
-def steady_turn_off_command(history: History, row: Row, _: float) -> Evidence | None:
+def steady_turn_off_command(history: History, window: Window, _: float) -> Evidence | None:
     """See another mean rate of turn than the one that was commanded all the time, likewise."""
     to_s = history.odometry_time_s
-    moved, wanted = history.moved_in(row.window_s, to_s), history.commands_in(row.window_s, to_s)
+    moved = history.moved_in(window.length_s, to_s)
+    wanted = history.commands_in(window.length_s, to_s)
     steady = wanted.rotate_low_radps == wanted.rotate_high_radps
     if moved is None or not steady or abs(wanted.rotate_low_radps) < LEAST_RADPS:
         return None
-    wanted_rad = wanted.rotate_low_radps * row.window_s
+    wanted_rad = wanted.rotate_low_radps * window.length_s
     turn_rad = _nearer(wanted_rad, moved.pose_rad, moved.turn_rad)
-    bound_rad = row.allowed(wanted_rad)
+    bound_rad = window.allowed(wanted_rad)
     if abs(turn_rad - wanted_rad) <= bound_rad:
         return None
-    figures = turns(history, row.window_s, to_s, {"odometry": turn_rad})
+    figures = turns(history, window.length_s, to_s, {"odometry": turn_rad})
     what = "the rover does not turn as fast as commanded"
-    return compared(what, figures, bound_rad, row.window_s)
+    return compared(what, figures, bound_rad, window.length_s)
 
 
 def _nearer(wanted: float, one: float, other: float) -> float:
     return min(one, other, key=lambda value: abs(value - wanted))
 
 
-def turn_amiss(history: History, row: Row, _: float) -> Evidence | None:
+def turn_amiss(history: History, window: Window, _: float) -> Evidence | None:
     """See that the rover has turned more or less than it was commanded to."""
     to_s = history.odometry_time_s
-    moved = history.moved_in(row.window_s, to_s)
-    wanted = history.commanded_in(row.window_s, to_s - REACTION_S)
+    moved = history.moved_in(window.length_s, to_s)
+    wanted = history.commanded_in(window.length_s, to_s - REACTION_S)
     if moved is None or wanted is None:
         return None
-    off_rad, bound_rad = abs(moved.pose_rad - wanted.turn_rad), row.allowed(wanted.turned_rad)
+    off_rad, bound_rad = abs(moved.pose_rad - wanted.turn_rad), window.allowed(wanted.turned_rad)
     if off_rad <= bound_rad:
         return None
     return Evidence(
@@ -267,65 +271,66 @@ def turn_amiss(history: History, row: Row, _: float) -> Evidence | None:
         (
             Figure("commanded", wanted.turn_rad, "rad"),
             Figure("odometry", moved.pose_rad, "rad"),
-            Figure("window", row.window_s, "s"),
+            Figure("window", window.length_s, "s"),
             Figure("bound", bound_rad, "rad"),
         ),
     )
 
 
-def drives_uncommanded(history: History, row: Row, _: float) -> Evidence | None:
+def drives_uncommanded(history: History, window: Window, _: float) -> Evidence | None:
     """See that the rover drives though it should stand."""
-    return _uncommanded(history, row, lambda moved: moved.pose_m, "drives at {:.2f} m/s")
+    return _uncommanded(history, window, lambda moved: moved.pose_m, "drives at {:.2f} m/s")
 
 
-def turns_uncommanded(history: History, row: Row, _: float) -> Evidence | None:
+def turns_uncommanded(history: History, window: Window, _: float) -> Evidence | None:
     """See that the rover turns though it should stand."""
-    return _uncommanded(history, row, lambda moved: moved.pose_rad, "turns at {:.3f} rad/s")
+    return _uncommanded(history, window, lambda moved: moved.pose_rad, "turns at {:.3f} rad/s")
 
 
 def _uncommanded(
-    history: History, row: Row, amount: Callable[[Moved], float], what: str
+    history: History, window: Window, amount: Callable[[Moved], float], what: str
 ) -> Evidence | None:
     """Return evidence of motion in a window in which the rover should have stood.
 
     A publisher that exists and sends nothing explains no motion: what is sent is an `OtherInput`.
     """
     to_s = history.odometry_time_s
-    rests = to_s - row.window_s >= history.standing_since_s + SETTLE_S
-    moved = history.moved_in(row.window_s, to_s) if rests else None
-    rate = 0.0 if moved is None else abs(amount(moved)) / row.window_s
-    if rate <= row.bound:
+    rests = to_s - window.length_s >= history.standing_since_s + SETTLE_S
+    moved = history.moved_in(window.length_s, to_s) if rests else None
+    rate = 0.0 if moved is None else abs(amount(moved)) / window.length_s
+    if rate <= window.bound:
         return None
     names = ", ".join((*map(str, history.inputs), *history.others))
     by = f" (publishers of velocities: {names})" if names else ""
     unit = what.rpartition(" ")[2]
-    figures = Figure("odometry", rate, unit), Figure("bound", row.bound, unit)
+    figures = Figure("odometry", rate, unit), Figure("bound", window.bound, unit)
     return Evidence(f"the rover should stand, and {what.format(rate)}{by}", figures)
 
 
-def no_progress(history: History, row: Row, _: float) -> Evidence | None:
+def no_progress(history: History, window: Window, _: float) -> Evidence | None:
     """See that nothing comes of what is commanded."""
     to_s = history.odometry_time_s
-    moved = history.moved_in(row.window_s, to_s)
-    wanted = history.commanded_in(row.window_s, to_s - REACTION_S)
+    moved = history.moved_in(window.length_s, to_s)
+    wanted = history.commanded_in(window.length_s, to_s - REACTION_S)
     if moved is None or wanted is None:
         return None
-    drives = wanted.driven_m >= LEAST_MPS * row.window_s
-    turns = wanted.turned_rad >= 2 * LEAST_RADPS * row.window_s
+    drives = wanted.driven_m >= LEAST_MPS * window.length_s
+    turns = wanted.turned_rad >= 2 * LEAST_RADPS * window.length_s
     share = max(
         moved.pose_m / wanted.driven_m if drives else 0.0,
         moved.turned_rad / wanted.turned_rad if turns else 0.0,
     )
-    if not (drives or turns) or share >= row.bound:
+    if not (drives or turns) or share >= window.bound:
         return None
     return Evidence(
-        f"the rover does not come on: in {row.window_s:g} s it went {moved.pose_m:.2f} m and turned"
-        f" {moved.turned_rad:.2f} rad, of {wanted.driven_m:.2f} m and {wanted.turned_rad:.2f} rad",
+        f"the rover does not come on: in {window.length_s:g} s it went {moved.pose_m:.2f} m and"
+        f" turned {moved.turned_rad:.2f} rad, of {wanted.driven_m:.2f} m and"
+        f" {wanted.turned_rad:.2f} rad",
         (
             Figure("commanded", wanted.driven_m, "m"),
             Figure("odometry", moved.pose_m, "m"),
             Figure("turn commanded", wanted.turned_rad, "rad"),
             Figure("turn", moved.turned_rad, "rad"),
-            Figure("window", row.window_s, "s"),
+            Figure("window", window.length_s, "s"),
         ),
     )

@@ -1,7 +1,8 @@
 """Runs the monitors in each tick, and says which faults begin and which are over.
 
-A fault begins when its evidence has lasted for the time in its row. It is over with its evidence,
-or with a resume, as the row says. What is done about it is the dispatcher's.
+A fault begins when the evidence of one of its windows has lasted for the time of that window. It is
+over when no window has evidence any more, or with a resume, as its row says. What is done about it
+is the dispatcher's.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,7 +12,7 @@ from math import inf
 from typing import Final
 
 from executive.clock import Clock
-from executive.faults import DECLARED, Clears, Disproves, Row, Then, When
+from executive.faults import DECLARED, Clears, Disproves, Row, Then, When, Window
 from executive.reasons import Reason, Refusal
 from executive.reports import Severity
 from executive.safety.asset_monitors import (
@@ -57,7 +58,6 @@ from executive.safety.second_odometry_monitors import (
     second_odometry_silent,
     slides,
     slips,
-    slips_fused,
     turn_slips,
 )
 from executive.safety.surroundings import Surroundings
@@ -88,7 +88,6 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_slow": slow,
     "odometry_frozen": frozen,
     "odometry_off_twist": off_twist,
-    "odometry_drifts": off_twist,
     "odometry_heading_off_twist": heading_off_twist,
     "off_command": off_command,
     "turn_off_command": turn_off_command,
@@ -108,20 +107,13 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "wheels_off_command_slowly": wheels_off_command_slowly,
     "wheels_unpowered": wheels_unpowered,
     "odometry_off_wheels": odometry_off_wheels,
-    "odometry_off_wheels_slowly": odometry_off_wheels,
     "odometry_off_gyro": odometry_off_gyro,
-    "odometry_off_gyro_slowly": odometry_off_gyro,
     "wheels_off_gyro": wheels_off_gyro,
     "wheels_slip": wheels_slip,
-    "wheels_slip_slowly": wheels_slip,
     "blocked": blocked,
     "tilted_by_imu": tilted_by_imu,
     "slips": slips,
-    "slips_slowly": slips,
-    "slips_fused": slips_fused,
-    "slips_fused_slowly": slips_fused,
     "turn_slips": turn_slips,
-    "turn_slips_slowly": turn_slips,
     "slides": slides,
     "joints_silent": joints_silent,
     "imu_silent": imu_silent,
@@ -211,10 +203,11 @@ class Changes:
 
 @dataclass(slots=True)
 class _Watch:
-    """One fault under watch; evidence has lasted since a time, or there is none."""
+    """One window of a fault under watch; evidence has lasted since a time, or there is none."""
 
     name: str
     row: Row
+    window: Window
     monitor: Monitor
     since_s: float | None = field(default=None)
 
@@ -235,11 +228,16 @@ class Safety:
         self.active: list[Fault] = []
         self._distrusted = False
         self._slid: Fault | None = None
-        self._watches = {
-            declared.name: _Watch(declared.name, row, MONITORS[declared.name])
+        self._rows = {
+            declared.name: row
             for declared, row in settings.faults
             if row.then is not Then.IGNORE and declared.name not in NOT_OF[settings.locomotion]
         }
+        self._watches = tuple(
+            _Watch(name, row, window, MONITORS[name])
+            for name, row in self._rows.items()
+            for window in row.windows
+        )
 
     def check(self, moving: bool) -> Changes:
         """Look at all monitors.
@@ -262,12 +260,11 @@ class Safety:
     def cause_left(self) -> Refusal | None:
         """Return what a resume cannot clear yet, since its cause is there, or None."""
         now_s = self._clock.now_s()
-        for fault in self.active:
-            watch = self._watches.get(fault.name)
-            if watch is not None and fault.row.clears is Clears.ON_RESUME:
-                evidence = watch.monitor(self.history, fault.row, now_s)
-                if evidence is not None:
-                    return self._refusal(fault.name, evidence)
+        latched = [each.name for each in self.active if each.row.clears is Clears.ON_RESUME]
+        for watch in (each for name in latched for each in self._watches if each.name == name):
+            evidence = watch.monitor(self.history, watch.window, now_s)
+            if evidence is not None:
+                return self._refusal(watch.name, evidence)
         return None
 
     @property
@@ -282,8 +279,7 @@ class Safety:
 
     def restore(self, name: str, then: Then, why: Refusal, begun_utc_s: float) -> Fault:
         """Begin a fault that only a resume ends, in place of one of its name; return it."""
-        row = self._watches[name].row if name in self._watches else UNMONITORED
-        row = replace(row, then=then, clears=Clears.ON_RESUME)
+        row = replace(self._rows.get(name, UNMONITORED), then=then, clears=Clears.ON_RESUME)
         fault = Fault(name, row, why, begun_utc_s, self._clock.now_s())
         self.drop(name)
         self.active.append(fault)
@@ -315,7 +311,7 @@ class Safety:
 
         What it does is then not what was commanded here, which is no fault of the rover.
         """
-        if not any(w.name == TAKEN and w.row.then in HOLDING for w in self._watches.values()):
+        if TAKEN not in self._rows or self._rows[TAKEN].then not in HOLDING:
             return False
         return any(each.above for each in self.history.inputs)
 
@@ -323,13 +319,13 @@ class Safety:
         known = {fault.name: fault for fault in self.active}
         taken = self._taken
         held = any(fault.row.then in HOLDING for fault in self.active)
-        for watch in self._watches.values():
+        for watch in self._watches:
             evidence = None
             if taken and watch.row.when is When.MOVING and watch.name != TAKEN:
                 watch.since_s = None
                 continue
             if moving or watch.row.when is When.ALWAYS or watch.name in known:
-                evidence = watch.monitor(self.history, watch.row, now_s)
+                evidence = watch.monitor(self.history, watch.window, now_s)
             if evidence is None:
                 watch.since_s = None
                 continue
@@ -341,10 +337,11 @@ class Safety:
             holds = watch.row.then in HOLDING
             if held and (not holds or watch.row.when is When.MOVING):
                 continue
-            if now_s - watch.since_s >= watch.row.for_s - 1e-9:
+            if now_s - watch.since_s >= watch.window.for_s - 1e-9:
                 why, utc_s = self._refusal(watch.name, evidence), self._clock.utc_s()
                 fault = Fault(watch.name, watch.row, why, utc_s, now_s)
                 self.active.append(fault)
+                known[watch.name] = fault
                 if holds:
                     held, self.history.begun_s = True, now_s
                 yield fault

@@ -8,12 +8,14 @@ gross disagreement is a fault.
 from math import inf
 from typing import Final
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.safety.comparison import compared, silent, speeds, turns
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
 from executive.safety.sensor_history import Disagreement
 
+FUSED: Final = frozenset({"quick_fused", "slow_fused"})
+"""Windows of a way where the second odometry corrects the pose."""
 SLIDE_M_PER_RAD: Final = 0.08
 """By how much a turn on the spot may move the rover that its odometry does not see."""
 STILL_M: Final = 0.02
@@ -25,21 +27,15 @@ FRESH_S: Final = 1.5
 """So long a message tells of now."""
 
 
-def slips(history: History, row: Row, now_s: float) -> Evidence | None:
-    """See a second odometry that tells of another way."""
-    return _slips(history, row, now_s, fused=False)
-
-
-def slips_fused(history: History, row: Row, now_s: float) -> Evidence | None:
-    """See a second odometry that tells of a way too different to be corrected."""
-    return _slips(history, row, now_s, fused=True)
-
-
-def _slips(history: History, row: Row, now_s: float, *, fused: bool) -> Evidence | None:
-    found = _found(history, row, now_s, fused=fused)
+def slips(history: History, window: Window, now_s: float) -> Evidence | None:
+    """See a second odometry that tells of another way, by the windows that are for its kind."""
+    second = history.second
+    if second is None or second.settings.fused is not (window.name in FUSED):
+        return None
+    found = _found(history, window, now_s)
     if found is None:
         return None
-    bound_m = row.allowed(found.driven_m) + SLIDE_M_PER_RAD * found.turned_rad
+    bound_m = window.allowed(found.driven_m) + SLIDE_M_PER_RAD * found.turned_rad
     if found.off_m <= bound_m:
         return None
     span_s = found.span_s
@@ -51,12 +47,12 @@ def _slips(history: History, row: Row, now_s: float, *, fused: bool) -> Evidence
     return compared("the rover slips", figures, bound_m / span_s, span_s)
 
 
-def turn_slips(history: History, row: Row, now_s: float) -> Evidence | None:
+def turn_slips(history: History, window: Window, now_s: float) -> Evidence | None:
     """See a second odometry that tells of another turn."""
-    found = _found(history, row, now_s)
+    found = _found(history, window, now_s)
     if found is None:
         return None
-    bound_rad = row.allowed(found.turned_rad)
+    bound_rad = window.allowed(found.turned_rad)
     if found.off_rad <= bound_rad:
         return None
     figures = turns(
@@ -68,43 +64,32 @@ def turn_slips(history: History, row: Row, now_s: float) -> Evidence | None:
     return compared("the odometries disagree on the turn", figures, bound_rad, found.span_s)
 
 
-def slides(history: History, row: Row, now_s: float) -> Evidence | None:
+def slides(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the rover moves although it is to stand, and its odometry says that it does."""
-    found = _found(history, row, now_s)
+    found = _found(history, window, now_s)
     if found is None or found.from_s < history.standing_since_s + STOPPED_S:
         return None
     stands = found.driven_m <= STILL_M and found.turned_rad <= STILL_RAD
-    if not stands or found.off_m <= row.bound:
+    if not stands or found.off_m <= window.bound:
         return None
     ways_m = {"odometry": found.believed_m, "second odometry": found.seen_m}
     figures = speeds(history, found.span_s, found.to_s, ways_m)
-    bound_mps = row.bound / found.span_s
+    bound_mps = window.bound / found.span_s
     return compared("the rover slides while it is to stand", figures, bound_mps, found.span_s)
 
 
-def second_odometry_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+def second_odometry_silent(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the second odometry no longer tells anything."""
     if history.second is None:
         return None
     sightings = history.second.sightings
     last_s = sightings[-1].time_s if sightings else -inf
-    return silent(history, "the second odometry", "slip is", last_s, row, now_s)
+    return silent(history, "the second odometry", "slip is", last_s, window, now_s)
 
 
-def _found(
-    history: History, row: Row, now_s: float, *, fused: bool | None = None
-) -> Disagreement | None:
-    """Return what the odometries say of the window of a row, where it is of now.
-
-    Args:
-        history: has them.
-        row: with the window.
-        now_s: the time.
-        fused: of which second odometries the row is; None of each.
-    """
+def _found(history: History, window: Window, now_s: float) -> Disagreement | None:
+    """Return what the odometries say of a window, where it is of now."""
     second = history.second
     if second is None or now_s - second.at_s > FRESH_S:
         return None
-    if fused is not None and second.settings.fused is not fused:
-        return None
-    return second.disagreement(row.window_s, history.begun_s)
+    return second.disagreement(window.length_s, history.begun_s)

@@ -37,7 +37,7 @@ BIAS_TOLERANCE_RADPS: Final = 0.006
 """Deviation of the mean rate of a rest from the known bias, above which the gyro is wrong.
 
 Six times the noise of that mean (sd 0.004 rad/s, 15 samples); over four seconds still below the
-bound of `odometry_off_gyro_slowly`.
+bound of `odometry_off_gyro.slow`.
 """
 RELEARN_AFTER_S: Final = 30.0
 """Rest after which a changed bias is learnt; chosen, not measured."""

@@ -2,7 +2,7 @@
 
 from math import degrees, isfinite
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.geometry import arc
 from executive.reasons import Figure
 from executive.safety.evidence import Evidence
@@ -10,7 +10,7 @@ from executive.safety.history import History
 from executive.safety.surroundings import SLOWEST_MPS
 
 
-def zone_ahead(history: History, row: Row, now_s: float) -> Evidence | None:
+def zone_ahead(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the rover could not stand before a zone or a known rock if it went on."""
     del now_s
     around, velocity = history.surroundings, history.fastest
@@ -18,12 +18,12 @@ def zone_ahead(history: History, row: Row, now_s: float) -> Evidence | None:
         return None
     if abs(velocity.travel_mps) < SLOWEST_MPS:
         return None
-    path = arc(history.pose, velocity, around.braking_s(velocity, row.window_s))[0]
+    path = arc(history.pose, velocity, around.braking_s(velocity, window.length_s))[0]
     met = around.settings.zones.encounter(path, around.footprint.radius_m, 0.0)
     if met is None:
         return None
     speed_mps = abs(velocity.travel_mps)
-    braking_m = speed_mps * around.braking_s(velocity, row.window_s)
+    braking_m = speed_mps * around.braking_s(velocity, window.length_s)
     return Evidence(
         f"{met.obstacle.title} is {met.way_m:.2f} m on, and from {speed_mps:.2f} m/s the rover"
         f" stands after {braking_m:.2f} m",
@@ -35,14 +35,14 @@ def zone_ahead(history: History, row: Row, now_s: float) -> Evidence | None:
     )
 
 
-def obstacle_ahead(history: History, row: Row, now_s: float) -> Evidence | None:
+def obstacle_ahead(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the rover could not stand before what the laser sees if it went on."""
     del now_s
     around, velocity = history.surroundings, history.fastest
     if around is None or not around.laser:
         return None
-    held_s = around.braking_s(velocity, row.window_s)
-    met = around.met(velocity, held_s, row.bound)
+    held_s = around.braking_s(velocity, window.length_s)
+    met = around.met(velocity, held_s, window.bound)
     if met is None:
         return None
     speed_mps, rate_radps = abs(velocity.travel_mps), abs(velocity.rotate_radps)
@@ -53,10 +53,10 @@ def obstacle_ahead(history: History, row: Row, now_s: float) -> Evidence | None:
             (
                 Figure("distance", met.gap_m, "m"),
                 Figure("rate", rate_radps, "rad/s"),
-                Figure("bound", row.bound, "m"),
+                Figure("bound", window.bound, "m"),
             ),
         )
-    needed_m = speed_mps * held_s + row.bound
+    needed_m = speed_mps * held_s + window.bound
     return Evidence(
         f"something stands {met.gap_m:.2f} m {_side(velocity.travel_mps)}, and from"
         f" {speed_mps:.2f} m/s {needed_m:.2f} m must be free",
@@ -68,26 +68,26 @@ def obstacle_ahead(history: History, row: Row, now_s: float) -> Evidence | None:
     )
 
 
-def obstacle_near(history: History, row: Row, now_s: float) -> Evidence | None:
+def obstacle_near(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that something stands near in the direction in which the rover drives."""
     del now_s
     around, velocity = history.surroundings, history.fastest
     if around is None or not around.laser:
         return None
-    found = around.near(velocity, row.bound)
+    found = around.near(velocity, window.bound)
     if found is None:
         return None
-    figures = Figure("distance", found.gap_m, "m"), Figure("bound", row.bound, "m")
+    figures = Figure("distance", found.gap_m, "m"), Figure("bound", window.bound, "m")
     side = _side(velocity.travel_mps)
     return Evidence(f"something stands {found.gap_m:.2f} m {side}: slower", figures)
 
 
-def laser_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+def laser_silent(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that no new scan comes."""
     around = history.surroundings
-    if around is None or not around.laser or now_s - around.scanned_s <= row.bound:
+    if around is None or not around.laser or now_s - around.scanned_s <= window.bound:
         return None
-    age_s, bound = now_s - around.scanned_s, Figure("bound", row.bound, "s")
+    age_s, bound = now_s - around.scanned_s, Figure("bound", window.bound, "s")
     if not isfinite(age_s):
         return Evidence("no scan of the laser yet: the rover does not see what is ahead", (bound,))
     figures = Figure("age", age_s, "s"), bound
@@ -95,7 +95,7 @@ def laser_silent(history: History, row: Row, now_s: float) -> Evidence | None:
     return Evidence(text, figures)
 
 
-def laser_blind(history: History, row: Row, now_s: float) -> Evidence | None:
+def laser_blind(history: History, window: Window, now_s: float) -> Evidence | None:
     """See a sector into which the rover drives or turns, and in which the laser measures nothing.
 
     A scan of which nothing is usable is the widest case; a rover that stands is not judged.
@@ -103,13 +103,13 @@ def laser_blind(history: History, row: Row, now_s: float) -> Evidence | None:
     around, velocity = history.surroundings, history.fastest
     if around is None or not around.laser:
         return None
-    found = around.blind(velocity, row.bound, now_s - row.window_s)
+    found = around.blind(velocity, window.bound, now_s - window.length_s)
     if found is None:
         return None
-    figures = Figure("share", found.share), Figure("bound", row.bound)
+    figures = Figure("share", found.share), Figure("bound", window.bound)
     return Evidence(
         f"the laser is blind towards {degrees(found.bearing_rad):+.0f}°: {found.share:.0%} of its"
-        f" rays there measure nothing usable, {row.bound:.0%} are allowed",
+        f" rays there measure nothing usable, {window.bound:.0%} are allowed",
         (*figures, Figure("bearing", found.bearing_rad, "rad")),
     )
 

@@ -7,7 +7,7 @@ is not seen here.
 
 from typing import Final
 
-from executive.faults import Row
+from executive.faults import Window
 from executive.reasons import Figure
 from executive.safety.comparison import compared, silent, speeds
 from executive.safety.evidence import Evidence
@@ -20,7 +20,7 @@ OFF_COMMAND_MPS: Final = 0.06
 """How far wheels without torque are off their command, where that matters."""
 
 
-def wheels_off_command(history: History, row: Row, now_s: float) -> Evidence | None:
+def wheels_off_command(history: History, window: Window, now_s: float) -> Evidence | None:
     """See a side that is slower or faster than all that it was commanded in the window."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
@@ -29,7 +29,7 @@ def wheels_off_command(history: History, row: Row, now_s: float) -> Evidence | N
     turned = history.wheels_in(SPEED_OVER_S, to_s)
     if turned is None:
         return None
-    wanted = history.commands_in(row.window_s, to_s)
+    wanted = history.commands_in(window.length_s, to_s)
     half_m = wheels.settings.track_m / 2
     low_mps, high_mps = wanted.rotate_low_radps * half_m, wanted.rotate_high_radps * half_m
     sides = (
@@ -41,20 +41,20 @@ def wheels_off_command(history: History, row: Row, now_s: float) -> Evidence | N
         least_mps = wanted.travel_low_mps + across_low_mps
         most_mps = wanted.travel_high_mps + across_high_mps
         nearest_mps = min(max(speed_mps, least_mps), most_mps)
-        bound_mps = row.allowed(max(abs(least_mps), abs(most_mps)))
+        bound_mps = window.allowed(max(abs(least_mps), abs(most_mps)))
         if abs(speed_mps - nearest_mps) > bound_mps:
             figures = Figure("commanded", nearest_mps, "m/s"), Figure("wheels", speed_mps, "m/s")
             what = f"the {side} wheels do not follow"
-            return compared(what, figures, bound_mps, row.window_s)
+            return compared(what, figures, bound_mps, window.length_s)
     return None
 
 
-def wheels_off_command_slowly(history: History, row: Row, now_s: float) -> Evidence | None:
+def wheels_off_command_slowly(history: History, window: Window, now_s: float) -> Evidence | None:
     """See a side that has come less or more far than it was commanded to."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
         return None
-    window_s, to_s = row.window_s, wheels.sums.time_s
+    window_s, to_s = window.length_s, wheels.sums.time_s
     turned = history.wheels_in(window_s, to_s)
     wanted = history.commanded_in(window_s, to_s - REACTION_S)
     if turned is None or wanted is None:
@@ -65,7 +65,7 @@ def wheels_off_command_slowly(history: History, row: Row, now_s: float) -> Evide
         ("right", turned.right_m, wanted.way_m + across_m),
     )
     for side, way_m, wanted_m in sides:
-        bound_m = row.allowed(wanted_m)
+        bound_m = window.allowed(wanted_m)
         if abs(way_m - wanted_m) > bound_m:
             figures = (
                 Figure("commanded", wanted_m / window_s, "m/s"),
@@ -76,12 +76,12 @@ def wheels_off_command_slowly(history: History, row: Row, now_s: float) -> Evide
     return None
 
 
-def wheels_unpowered(history: History, row: Row, now_s: float) -> Evidence | None:
+def wheels_unpowered(history: History, window: Window, now_s: float) -> Evidence | None:
     """See a side that is off its command, and motors on it that do nothing about it."""
     wheels = history.wheels
     if wheels is None or not (wheels.fresh(now_s) and wheels.torques):
         return None
-    window_s, to_s = row.window_s, wheels.sums.time_s
+    window_s, to_s = window.length_s, wheels.sums.time_s
     turned, wanted = history.wheels_in(window_s, to_s), history.commanded_in(window_s, to_s)
     if turned is None or wanted is None:
         return None
@@ -92,35 +92,35 @@ def wheels_unpowered(history: History, row: Row, now_s: float) -> Evidence | Non
     )
     for side, way_m, torque_nms, wanted_m in sides:
         off_mps, torque_nm = (way_m - wanted_m) / window_s, torque_nms / window_s
-        if abs(torque_nm) < row.bound and abs(off_mps) > OFF_COMMAND_MPS:
+        if abs(torque_nm) < window.bound and abs(off_mps) > OFF_COMMAND_MPS:
             figures = (
                 Figure("commanded", wanted_m / window_s, "m/s"),
                 Figure("wheels", way_m / window_s, "m/s"),
                 Figure("torque", torque_nm, "Nm"),
             )
-            return compared(f"the {side} motors give no torque", figures, row.bound, window_s)
+            return compared(f"the {side} motors give no torque", figures, window.bound, window_s)
     return None
 
 
-def odometry_off_wheels(history: History, row: Row, now_s: float) -> Evidence | None:
+def odometry_off_wheels(history: History, window: Window, now_s: float) -> Evidence | None:
     """See odometry that tells of another way than the wheels turned."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
         return None
-    window_s, to_s = row.window_s, min(wheels.sums.time_s, history.moved.time_s)
+    window_s, to_s = window.length_s, min(wheels.sums.time_s, history.moved.time_s)
     turned, moved = history.wheels_in(window_s, to_s), history.moved_in(window_s, to_s)
     if turned is None or moved is None:
         return None
-    bound_m = row.allowed(max(abs(turned.way_m), moved.driven_m))
+    bound_m = window.allowed(max(abs(turned.way_m), moved.driven_m))
     if abs(turned.way_m - moved.way_m) <= bound_m:
         return None
     figures = speeds(history, window_s, to_s, {"wheels": turned.way_m, "odometry": moved.way_m})
     return compared("odometry and wheels disagree", figures, bound_m / window_s, window_s)
 
 
-def joints_silent(history: History, row: Row, now_s: float) -> Evidence | None:
+def joints_silent(history: History, window: Window, now_s: float) -> Evidence | None:
     """See that the sensors of the wheels no longer tell anything."""
     if history.wheels is None:
         return None
     last_s = history.wheels.sums.time_s
-    return silent(history, "the wheels' sensor", "the wheels are", last_s, row, now_s)
+    return silent(history, "the wheels' sensor", "the wheels are", last_s, window, now_s)

@@ -28,6 +28,7 @@ from executive.settings.asset_settings import (
     load_settings,
 )
 from executive.settings.controller import Controller
+from executive.settings.fault_rows import settings_reader
 from executive.settings.mpc_settings import Mpc, Slip, YawResponse
 from executive.settings.prediction_settings import (
     BatterySettings,
@@ -108,6 +109,7 @@ __all__ = [
     "parse_yaml",
     "read_yaml",
     "require_above_zero",
+    "settings_reader",
     "shown",
     "structure",
     "unstructure",

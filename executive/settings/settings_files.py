@@ -14,8 +14,8 @@ from typing import Any, Final, TypeVar
 
 import yaml
 
-from executive.faults import DECLARED, FaultTable
-from executive.settings.strict_reader import FormatError, StrictReader, unknown_keys
+from executive.settings.fault_rows import settings_reader
+from executive.settings.strict_reader import FormatError, StrictReader
 
 T = TypeVar("T")
 
@@ -76,22 +76,7 @@ def faults_of(origin: object) -> Iterator[None]:
 @cache
 def _reader() -> StrictReader:
     """Return the reader of settings, which compiles code for each dataclass that it meets first."""
-    rows = StrictReader({})  # a figure of a row has the unit of its fault, not one of its own
-
-    def read_faults(raw: object) -> FaultTable:
-        given = rows.read(raw, dict[str, Any])
-        if unknown := given.keys() - DECLARED.keys():
-            raise ValueError(unknown_keys(unknown, list(DECLARED)))
-        changed = {name: rows.overlay(DECLARED[name].row, row, name) for name, row in given.items()}
-        return FaultTable(**changed)
-
-    def plain_faults(table: FaultTable) -> dict[str, dict[str, Any]]:
-        return {
-            name: {key: value for key, value in row.items() if value is not None}
-            for name, row in rows.plain(table).items()
-        }
-
-    return StrictReader({FaultTable: read_faults}, {FaultTable: plain_faults}, units=True)
+    return settings_reader(units=True)
 
 
 class _Loader(yaml.CSafeLoader):

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from executive.settings import StrictReader, config_folder, load_settings, names_in
+from executive.settings import config_folder, load_settings, names_in, settings_reader
 from sim.rover import World
 from sim.rover.jackal import OdometrySettings
 from sim.scenario.reading import scenario_folder
@@ -28,7 +28,7 @@ def _changes() -> Iterator[str]:
         "odometry": OdometrySettings(),
         "settings": load_settings("jackal"),
     }
-    reader = StrictReader({})
+    reader = settings_reader({})
     for root, value in parts.items():
         yield from (f"{root}.{path}=" for path in _paths(reader.plain(value)))
 

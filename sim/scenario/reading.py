@@ -31,6 +31,7 @@ from executive.settings import (
     load_settings,
     load_yaml,
     named_file,
+    settings_reader,
     shown,
 )
 from sim.rover import World, load_world
@@ -142,7 +143,7 @@ def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
 @cache
 def _reader() -> StrictReader:
     """Return the reader of scenarios; to make one costs more than to read a hundred files."""
-    reader = StrictReader(
+    reader = settings_reader(
         {
             After: lambda raw: After.parse(_text(raw, "")),
             Request: lambda raw: read_request(raw, reader),

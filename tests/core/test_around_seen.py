@@ -30,7 +30,7 @@ from trees.motion import MOST_EVADED
 
 pytestmark = pytest.mark.alike
 
-WATCHED = ignoring("odometry_off_twist", "odometry_drifts")
+WATCHED = ignoring("odometry_off_twist")
 SEEING = replace(WATCHED, sensors=replace(WATCHED.sensors, laser=LaserSettings(rate_hz=10)))
 ROCK = Disc(2.0, 0.1, 0.3)
 THERE = MoveTo(Waypoint(4.0, 0.0))

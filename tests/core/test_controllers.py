@@ -110,7 +110,7 @@ def test_the_controller_of_the_asset_gives_way_to_that_of_the_command(
 def test_it_stays_after_a_pause_and_while_slow(
     controller: Controller, then: Then, tmp_path: Path, solver: MinimumTime
 ) -> None:
-    row = replace(OFFERING.faults.battery_low, then=then, clears=Clears.ITSELF, for_s=0.0)
+    row = replace(OFFERING.faults.battery_low, then=then, clears=Clears.ITSELF)
     settings = replace(OFFERING, faults=replace(OFFERING.faults, battery_low=row))
     with Bench(tmp_path, settings, solver=solver) as bench:
         bench.submit(MoveTo(Waypoint(0.0, 2.5, pi), controller), 1)

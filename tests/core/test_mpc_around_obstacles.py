@@ -34,7 +34,7 @@ BAR = KeepOut("bar", ((2.0, -4.0), (2.5, -4.0), (2.5, 1.5), (2.0, 1.5)))
 YARD = KeepIn("yard", ((-2.0, -3.0), (8.0, -3.0), (8.0, 3.0), (-2.0, 3.0)))
 AMONG_ROCK = Zones(rocks=(ROCK,))
 JACKAL = replace(load_settings("jackal"), controller=Controller.MPC)
-WATCHED = ignoring("odometry_off_twist", "odometry_drifts")
+WATCHED = ignoring("odometry_off_twist")
 PLAIN = replace(
     WATCHED,
     controller=Controller.MPC,

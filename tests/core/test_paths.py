@@ -184,7 +184,7 @@ def test_a_speed_set_on_the_way_holds_from_then_on(bench: Bench, rover: Noted) -
 
 
 def weak(then: Then) -> Settings:
-    row = replace(SMOOTH.faults.battery_low, then=then, clears=Clears.ITSELF, for_s=0.0)
+    row = replace(SMOOTH.faults.battery_low, then=then, clears=Clears.ITSELF)
     return replace(SMOOTH, faults=replace(SMOOTH.faults, battery_low=row))
 
 

@@ -12,7 +12,7 @@ from executive.reasons import Reason
 from executive.reports import Identity, Stage
 from executive.settings import load_settings
 from executive.state import ForeignPublishers, Imu, Joints, Odometry, SecondOdometry
-from tests.support.kinematic import STEP_S, Bench, KinematicRover, ignoring
+from tests.support.kinematic import STEP_S, Bench, KinematicRover, ignoring, with_figures
 
 
 class SlidingBench(Bench):
@@ -346,7 +346,7 @@ def test_a_motion_whose_wheels_stopped_before_the_rover_did_is_not_executed(ice:
 
 def test_a_stop_waits_for_odometry_that_shows_standstill(tmp_path: Path) -> None:
     settings = load_settings("jackal")
-    late = replace(settings.faults.odometry_stale, beyond=3.0)
+    late = with_figures(settings.faults.odometry_stale, beyond=3.0)
     settings = replace(settings, faults=replace(settings.faults, odometry_stale=late))
     with Bench(tmp_path, settings) as bench:
         bench.run(1.0)

@@ -25,7 +25,7 @@ from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring
 
 JACKAL = load_settings("jackal")
-WATCHED = ignoring("odometry_off_twist", "odometry_drifts")
+WATCHED = ignoring("odometry_off_twist")
 GOALS = Path(__file__).parents[1] / "benchmarks" / "goals.json"
 SCENES: list[dict[str, Any]] = json.loads(GOALS.read_text())["rock_scenes"]
 RADIUS_M, MARGIN_M = 0.3335, 0.1

@@ -143,7 +143,7 @@ def test_an_arc_ends_where_many_small_steps_end(travel: float, rotate: float, la
 
 @pytest.fixture
 def zoned(tmp_path: Path) -> Iterator[Bench]:
-    watched = ignoring("odometry_off_twist", "odometry_drifts")
+    watched = ignoring("odometry_off_twist")
     with Bench(tmp_path, replace(watched, zones=ZONES)) as bench:
         yield bench
 

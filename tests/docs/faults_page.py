@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.faults import DECLARED, FIGURES, Bound, Clears, Declaration, Row, Then
+from executive.faults import DECLARED, FIGURES, Bound, Clears, Declaration, Row, Then, Window
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
 TITLE = "| fault | reason | what is wrong | watched | shows | then | pose uncertain by |"
@@ -36,23 +36,30 @@ def _then(row: Row) -> str:
 
 
 def _shows(declared: Declaration) -> str:
-    row = declared.row
+    first, *others = declared.row.windows
+    said = [f"`{each.name}: {{{_plain(each)}}}`" for each in (first, *others) if others]
     meant = (declared.beyond, declared.below, declared.ratio, declared.within)
-    given = (row.beyond, row.below, row.ratio, row.within_s)
-    said = [
-        _figure(key, bound, value)
-        for key, bound, value in zip(FIGURES, meant, given, strict=False)
-        if bound is not None and value is not None
-    ]
-    if row.for_s:
-        said.append(f"`for` {row.for_s:g} s")
+    for key, bound, value in zip(FIGURES, meant, _figures(first), strict=False):
+        if bound is not None and value is not None:
+            figure = f"in {bound.unit}" if others else f"{value:g} {bound.unit}"
+            said.append(_bounded(key, figure if bound.unit or not others else "", bound))
+    if first.for_s and not others:
+        said.append(f"`for` {first.for_s:g} s")
     return "<br>".join(said) or "at once"
 
 
-def _figure(key: str, bound: Bound, value: float) -> str:
-    most = f"{bound.low:g} to {bound.high:g}"
+def _plain(window: Window) -> str:
+    figures = zip(FIGURES, _figures(window), strict=True)
+    return ", ".join(f"{key}: {value:g}" for key, value in figures if value)
+
+
+def _figures(window: Window) -> tuple[float | None, ...]:
+    return window.beyond, window.below, window.ratio, window.within_s, window.for_s
+
+
+def _bounded(key: str, figure: str, bound: Bound) -> str:
     what = "" if key == "within" else f": {bound.what}"
-    return f"`{key}` {value:g} {bound.unit}".rstrip() + f"{what} ({most})"
+    return f"`{key}` {figure}".rstrip() + f"{what} ({bound.low:g} to {bound.high:g})"
 
 
 if __name__ == "__main__":

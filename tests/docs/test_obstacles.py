@@ -22,7 +22,7 @@ def test_the_zones_are_some_and_refuse_and_are_gone_around_as_told(tmp_path: Pat
     said = parse_yaml(example, PAGE.name)
     assert isinstance(said, dict)
     settings: Settings = replace(
-        ignoring("odometry_off_twist", "odometry_drifts"),
+        ignoring("odometry_off_twist"),
         footprint=structure(said["footprint"], Footprint, PAGE.name),
         zones=structure(said["zones"], Zones, PAGE.name),
     )
@@ -34,7 +34,7 @@ def test_the_zones_are_some_and_refuse_and_are_gone_around_as_told(tmp_path: Pat
 
 
 def test_what_comes_into_view_is_gone_around_as_told(tmp_path: Path) -> None:
-    asset = ignoring("odometry_off_twist", "odometry_drifts")
+    asset = ignoring("odometry_off_twist")
     seeing = replace(asset, sensors=replace(asset.sensors, laser=LaserSettings(rate_hz=10)))
     rover = LookingRover()
     with Bench(tmp_path, seeing, rover=rover) as bench:
@@ -52,5 +52,5 @@ def test_the_rows_of_faults_are_some() -> None:
     said = parse_yaml(dedent(found[0]), PAGE.name)
     assert isinstance(said, dict)
     table = structure(said["faults"], FaultTable, "the page")
-    assert (table.obstacle_near.below, table.obstacle_ahead.within_s) == (1.5, 0.3)
+    assert (table.obstacle_near.bound, table.obstacle_ahead.window.length_s) == (1.5, 0.3)
     assert table.laser_silent.then is Then.WARN

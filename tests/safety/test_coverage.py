@@ -53,4 +53,4 @@ def test_the_log_says_at_start_what_is_not_monitored_in_a_line_for_each_cause(
         "slip is not monitored: no second odometry",
         "what stands in the way is not monitored: no laser",
     ]
-    assert "turn_slips_slowly" in said[2]
+    assert "turn_slips" in said[2]

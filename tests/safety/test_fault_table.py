@@ -1,3 +1,5 @@
+from dataclasses import replace
+from math import radians
 from pathlib import Path
 
 import pytest
@@ -40,9 +42,18 @@ def refused(**sections: object) -> str:
 def test_a_row_says_only_what_differs() -> None:
     faults = asset(faults={"battery_low": {"below": 20, "for": 2, "then": "warn"}}).faults
     row, usual = faults.battery_low, FaultTable().battery_low
-    assert (row.below, row.for_s, row.then) == (20.0, 2.0, Then.WARN)
+    assert (row.window.below, row.window.for_s, row.then) == (20.0, 2.0, Then.WARN)
     assert (row.when, row.clears) == (usual.when, Clears.ON_RESUME)
     assert faults.tilted == FaultTable().tilted
+
+
+def test_a_window_of_several_says_only_what_differs() -> None:
+    usual = FaultTable().odometry_off_gyro
+    quick, slow = usual.windows
+    row = asset(faults={"odometry_off_gyro": {"slow": {"beyond": "3deg"}}}).faults.odometry_off_gyro
+    assert row.windows == (quick, replace(slow, beyond=radians(3.0)))
+    row = asset(faults={"odometry_off_gyro": {"then": "warn"}}).faults.odometry_off_gyro
+    assert row == replace(usual, then=Then.WARN)
 
 
 @pytest.mark.parametrize(
@@ -56,6 +67,11 @@ def test_a_row_says_only_what_differs() -> None:
         ({"battery_low": {"then": "panic"}}, "none of ignore, warn, slow_down, pause, stop, safe"),
         ({"battery_low": {"for": -1}}, "-1 is not in 0 .. 60 s"),
         ({"battery_low": 22}, "expected keys and values"),
+        ({"slips": {"beyond": 1}}, "known are when, then, clears, quick, slow, quick_fused"),
+        ({"slips": {"slo": {"beyond": 1}}}, "slips: unknown key 'slo' (did you mean slow?)"),
+        ({"slips": {"slow": {"below": 1}}}, "slips.slow.below is not known; known are beyond"),
+        ({"slips": {"slow": {"beyond": 99}}}, "slips.slow.beyond: 99 is not in 0.01 .. 10 m"),
+        ({"slips": {"slow": 1}}, "slips.slow: expected keys and values"),
         ([], "faults: expected keys and values, got []"),
     ],
 )
@@ -70,13 +86,14 @@ def test_an_angle_may_be_written_in_degrees() -> None:
 
 
 def test_scenarios_change_rows_as_strictly() -> None:
-    def with_bound(value: str) -> Settings:
-        change = Change("settings.faults.tilted.beyond", value)
-        return load_scenario("motion_turn", PlayMode.LOCK_STEP, [change]).settings
+    def changed(key: str, value: str) -> FaultTable:
+        change = Change(f"settings.faults.{key}", value)
+        return load_scenario("motion_turn", PlayMode.LOCK_STEP, [change]).settings.faults
 
-    assert with_bound("20deg").faults.tilted.bound == pytest.approx(0.349, abs=1e-3)
+    assert changed("tilted.beyond", "20deg").tilted.bound == pytest.approx(0.349, abs=1e-3)
+    assert changed("slips.slow.beyond", "0.2").slips.windows[1].bound == 0.2
     with pytest.raises(SettingsError, match="were degrees meant"):
-        with_bound("28")
+        changed("tilted.beyond", "28")
 
 
 @pytest.mark.parametrize("name", ["jackal", "mocup"])
@@ -97,12 +114,15 @@ def test_every_figure_is_within_what_its_fault_allows_or_refused(name: str, valu
     bound = declared.below or declared.beyond
     if bound is None:
         return
-    if bound.low <= value <= bound.high:
-        table = structure({name: {key: value}}, FaultTable, "rover.yaml")
-        assert getattr(table, name).bound == value
-    else:
-        with pytest.raises(SettingsError, match=rf"^rover.yaml: .*{name}\.{key}: "):
-            structure({name: {key: value}}, FaultTable, "rover.yaml")
+    for index, window in enumerate(declared.row.windows):
+        said: object = {window.name: {key: value}} if window.name else {key: value}
+        if bound.low <= value <= bound.high:
+            table = structure({name: said}, FaultTable, "rover.yaml")
+            assert getattr(table, name).windows[index].bound == value
+        else:
+            path = rf"{name}\.({window.name}\.)?{key}: "
+            with pytest.raises(SettingsError, match=rf"^rover.yaml: .*{path}"):
+                structure({name: said}, FaultTable, "rover.yaml")
 
 
 @pytest.mark.parametrize("asset", names_in(config_folder()))

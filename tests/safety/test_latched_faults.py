@@ -8,7 +8,7 @@ import pytest
 
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
 from executive.commands.lifecycle import Admitted
-from executive.faults import DECLARED, Clears, Row, Then, When
+from executive.faults import DECLARED, Clears, Row, Then, When, Window
 from executive.geometry import STANDING
 from executive.reasons import Figure, Reason, Refusal
 from executive.reports import Stage
@@ -20,7 +20,7 @@ from executive.settings import (
     Settings,
     load_settings,
 )
-from tests.support.kinematic import Bench
+from tests.support.kinematic import Bench, with_figures
 from tests.support.self_moving import SelfMovingRover
 
 pytestmark = pytest.mark.alike
@@ -39,7 +39,7 @@ class Cause:
     def __init__(self) -> None:
         self.there = False
 
-    def __call__(self, _: History, row: Row, __: float) -> Evidence | None:
+    def __call__(self, _: History, __: Window, ___: float) -> Evidence | None:
         return Evidence("the cause is there", (Figure("seen", 2.5, "m"),)) if self.there else None
 
 
@@ -52,7 +52,7 @@ def watching(asset: str, name: str, row: Row) -> Settings:
     """Return settings of an asset that watches for one fault all the time, and for no other."""
     settings = load_settings(asset)
     rows = {each: replace(known.row, then=Then.IGNORE) for each, known in DECLARED.items()}
-    rows[name] = replace(row, when=When.ALWAYS, for_s=0.0)
+    rows[name] = with_figures(replace(row, when=When.ALWAYS), for_s=0.0)
     return replace(settings, faults=replace(settings.faults, **rows))
 
 

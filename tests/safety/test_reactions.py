@@ -12,7 +12,7 @@ from executive.geometry import STANDING
 from executive.reasons import Reason
 from executive.reports import Kind, Report, Severity, Stage
 from executive.settings import load_settings
-from tests.support.kinematic import Bench
+from tests.support.kinematic import Bench, with_figures
 
 LOW_V, FULL_V = 20.0, 26.0
 Make = Callable[..., "WeakBench"]
@@ -41,7 +41,8 @@ def make(tmp_path: Path) -> Iterator[Make]:
 
         def make_bench(then: Then, clears: Clears, for_s: float = 0.0) -> WeakBench:
             settings = load_settings("jackal")
-            row = replace(settings.faults.battery_low, then=then, clears=clears, for_s=for_s)
+            row = replace(settings.faults.battery_low, then=then, clears=clears)
+            row = with_figures(row, for_s=for_s)
             faults = replace(settings.faults, battery_low=row)
             return stack.enter_context(WeakBench(tmp_path, replace(settings, faults=faults)))
 

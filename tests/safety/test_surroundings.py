@@ -64,7 +64,7 @@ def test_what_must_be_free_grows_with_the_square_of_the_speed(
     needed_m = speed**2 / 4 + 0.25 * speed + 0.05
     ahead_m = sign * (FRONT_M + free)
     seen = history(Velocity(sign * speed), (ahead_m, 0.0), (ahead_m, 0.02))
-    evidence = obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0)
+    evidence = obstacle_ahead(seen, ROWS.obstacle_ahead.window, 0.0)
     if abs(free - needed_m) > 0.03:
         assert (evidence is not None) == (free < needed_m)
     if evidence is not None:
@@ -90,7 +90,7 @@ def test_what_must_be_free_grows_with_the_square_of_the_speed(
 def test_what_is_met_by_a_velocity(
     velocity: Velocity, points: list[tuple[float, float]], met: bool
 ) -> None:
-    evidence = obstacle_ahead(history(velocity, *points), ROWS.obstacle_ahead, 0.0)
+    evidence = obstacle_ahead(history(velocity, *points), ROWS.obstacle_ahead.window, 0.0)
     assert (evidence is not None) == met
 
 
@@ -118,9 +118,9 @@ def test_a_rover_that_stands_close_may_go_away_but_not_nearer() -> None:
     wall = [(0.29, y / 50) for y in range(-15, 16)]
     for travel_mps, met in ((0.3, True), (-0.3, False)):
         seen = history(Velocity(travel_mps), *wall)
-        assert (obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0) is not None) == met
+        assert (obstacle_ahead(seen, ROWS.obstacle_ahead.window, 0.0) is not None) == met
     beside = [(x / 50, 0.25) for x in range(-30, 31)]
-    assert obstacle_ahead(history(Velocity(1.0), *beside), ROWS.obstacle_ahead, 0.0) is None
+    assert obstacle_ahead(history(Velocity(1.0), *beside), ROWS.obstacle_ahead.window, 0.0) is None
 
 
 def test_a_single_return_and_returns_that_are_no_distance_count_for_nothing() -> None:
@@ -128,10 +128,10 @@ def test_a_single_return_and_returns_that_are_no_distance_count_for_nothing() ->
     ranges_m = [inf] * 360
     ranges_m[0], ranges_m[1], ranges_m[2], ranges_m[3] = 0.4, nan, 0.01, 0.02
     seen.observe(LaserScan(2.0, 0.0, radians(1), 0.05, 20.0, tuple(ranges_m)))
-    assert obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0) is None
+    assert obstacle_ahead(seen, ROWS.obstacle_ahead.window, 0.0) is None
     ranges_m[1] = 0.4
     seen.observe(LaserScan(3.0, 0.0, radians(1), 0.05, 20.0, tuple(ranges_m)))
-    assert obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0) is not None
+    assert obstacle_ahead(seen, ROWS.obstacle_ahead.window, 0.0) is not None
 
 
 def test_what_is_too_near_to_measure_stands_at_the_edge_of_the_footprint() -> None:
@@ -146,7 +146,7 @@ def test_what_is_too_near_to_measure_stands_at_the_edge_of_the_footprint() -> No
         ranges_m = [-inf if ray in rays else inf for ray in range(360)]
         seen = history(velocity)
         seen.observe(LaserScan(2.0, 0.0, radians(1), 0.05, 20.0, tuple(ranges_m)))
-        assert (obstacle_ahead(seen, ROWS.obstacle_ahead, 0.0) is not None) == met
+        assert (obstacle_ahead(seen, ROWS.obstacle_ahead.window, 0.0) is not None) == met
 
 
 @pytest.mark.parametrize(
@@ -171,9 +171,9 @@ def test_a_sector_of_which_nothing_is_measured_is_blind(
     ranges_m = tuple(nan if ray in lost else inf for ray in range(360))
     for stamp_s in (2.0, 3.0):
         seen.observe(LaserScan(stamp_s, 0.0, radians(1), 0.05, 20.0, ranges_m))
-    row = ROWS.laser_blind
-    assert laser_blind(seen, row, 0.2) is None
-    evidence = laser_blind(seen, row, 0.3)
+    window = ROWS.laser_blind.window
+    assert laser_blind(seen, window, 0.2) is None
+    evidence = laser_blind(seen, window, 0.3)
     assert (evidence is not None) == blind
     if evidence is not None:
         assert [each.name for each in evidence.figures] == ["share", "bound", "bearing"]
@@ -185,14 +185,14 @@ def test_single_rays_without_a_measurement_are_no_blind_sector() -> None:
     ranges_m = tuple(nan if ray % 4 else inf for ray in range(360))
     for stamp_s in (2.0, 3.0):
         seen.observe(LaserScan(stamp_s, 0.0, radians(1), 0.05, 20.0, ranges_m))
-    assert laser_blind(seen, ROWS.laser_blind, 9.0) is None
+    assert laser_blind(seen, ROWS.laser_blind.window, 9.0) is None
 
 
 def test_what_is_near_in_the_direction_of_the_drive_slows_it() -> None:
     points = [(1.0, 0.0), (1.0, 0.02)]
     for travel_mps, near in ((0.3, True), (-0.3, False), (0.0, False)):
         seen = history(Velocity(travel_mps), *points)
-        assert (obstacle_near(seen, ROWS.obstacle_near, 0.0) is not None) == near
+        assert (obstacle_near(seen, ROWS.obstacle_near.window, 0.0) is not None) == near
 
 
 def test_before_a_zone_a_rover_must_be_able_to_stand() -> None:
@@ -203,7 +203,7 @@ def test_before_a_zone_a_rover_must_be_able_to_stand() -> None:
         for more_m, met in ((0.03, False), (-0.03, True)):
             seen = history(Velocity(travel_mps), settings=replace(JACKAL, zones=zones))
             seen.pose = Pose(reach_m - braking_m - more_m)
-            evidence = zone_ahead(seen, ROWS.zone_ahead, 0.0)
+            evidence = zone_ahead(seen, ROWS.zone_ahead.window, 0.0)
             assert (evidence is not None) == met
             if evidence is not None:
                 assert "rock 'boulder' is" in evidence.text

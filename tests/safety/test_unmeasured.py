@@ -13,7 +13,7 @@ from executive.reports import Kind
 from executive.safety import unmonitored
 from executive.settings import BatterySettings, LaserSettings, Settings, load_settings
 from executive.state import Battery, Imu, Joints
-from tests.support.kinematic import Bench
+from tests.support.kinematic import Bench, with_figures
 from trees import snapshot_of
 
 SENSED = load_settings("jackal")
@@ -96,7 +96,7 @@ def test_a_voltage_that_no_battery_has_is_invalid(bench: Bench, voltage_v: float
 
 
 def test_the_highest_voltage_is_that_of_the_asset(tmp_path: Path) -> None:
-    row = replace(SENSED.faults.battery_not_finite, beyond=500.0)
+    row = with_figures(SENSED.faults.battery_not_finite, beyond=500.0)
     tall = replace(SENSED, faults=replace(SENSED.faults, battery_not_finite=row))
     with Bench(tmp_path, tall) as bench:
         bench.voltage_v = 400.0

@@ -14,8 +14,8 @@ from executive.settings import (
     SecondOdometrySettings,
     Sensor,
     SettingsError,
-    StrictReader,
     load_settings,
+    settings_reader,
 )
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
@@ -141,7 +141,7 @@ def leaves(plain: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path) -> None:
     plain = load(tmp_path)
-    reader = StrictReader({})
+    reader = settings_reader({})
     values = {
         path: value
         for root in ("world", "settings", "odometry")

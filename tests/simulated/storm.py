@@ -52,6 +52,7 @@ from tests.simulated.processes import (
 )
 from tests.simulated.rovers import check_apart, second, seen
 from tests.simulated.world import World, make_folder
+from tests.support.kinematic import with_figures
 from tests.support.patience import BY_ARRIVAL, UNTIMED
 
 QUIET_S: Final = 1600.0
@@ -70,7 +71,7 @@ def patient_settings(asset: str) -> Settings:
     settings = load_settings(asset)
     names = (*UNTIMED, *BY_ARRIVAL.get(asset, ()))
     faults = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in names}
-    faults["odometry_stale"] = replace(settings.faults.odometry_stale, beyond=_STALE_S)
+    faults["odometry_stale"] = with_figures(settings.faults.odometry_stale, beyond=_STALE_S)
     return replace(
         settings,
         faults=replace(settings.faults, **faults),

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import cos, sin
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from executive.clock import ManualClock
 from executive.commands import Arrival, Command, MoveForward, Request
 from executive.commands.lifecycle import Refused, SubmitResult
-from executive.faults import Then
+from executive.faults import Row, Then
 from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
 from executive.motion import SharedSolver
@@ -33,6 +33,11 @@ def ignoring(*faults: str) -> Settings:
     settings = load_settings("jackal")
     rows = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in faults}
     return replace(settings, faults=replace(settings.faults, **rows))
+
+
+def with_figures(row: Row, **figures: Any) -> Row:
+    """Return a row with other figures in each of its windows."""
+    return replace(row, windows=tuple(replace(each, **figures) for each in row.windows))
 
 
 @dataclass

@@ -25,7 +25,6 @@ BY_ARRIVAL: Final = {
     "mocup": (
         "odometry_off_twist",
         "odometry_heading_off_twist",
-        "odometry_drifts",
         "odometry_jumped",
         "odometry_turned",
     )

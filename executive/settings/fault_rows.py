@@ -1,0 +1,95 @@
+"""Reads and writes settings with the rows of faults in them, which have keys of their own.
+
+A row says `when`, `then` and `clears`, and the figures of its window: beside them where a fault has
+one window, else under the name of each. It says only what differs from the fault's declaration.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import cache
+from typing import Any, Final
+
+from executive.faults import (
+    DECLARED,
+    FIGURES,
+    Clears,
+    FaultTable,
+    Row,
+    Then,
+    When,
+    Window,
+)
+from executive.settings.strict_reader import FormatError, StrictReader, unknown_keys
+
+_CHOICES: Final = {"when": When, "then": Then, "clears": Clears}
+
+
+def settings_reader(
+    special: Mapping[Any, Callable[[Any], Any]] | None = None, *, units: bool = False
+) -> StrictReader:
+    """Return a reader of settings.
+
+    Args:
+        special: reads each of these types, in place of what its type says.
+        units: whether keys carry the units of their fields.
+    """
+    read = {**(special or {}), FaultTable: _read_faults}
+    return StrictReader(read, {FaultTable: _plain_faults}, units=units)
+
+
+@cache
+def _figures() -> StrictReader:
+    """Return the reader of rows; a figure has the unit of its fault, not one of its own."""
+    return StrictReader({})
+
+
+def _read_faults(raw: object) -> FaultTable:
+    if isinstance(raw, FaultTable):
+        return raw
+    given = _mapping(raw, DECLARED, "")
+    return FaultTable(**{name: _read_row(name, row) for name, row in given.items()})
+
+
+def _read_row(name: str, raw: object) -> Row:
+    row = DECLARED[name].row
+    several = {each.name: each for each in row.windows if each.name}
+    given = _mapping(raw, [*_CHOICES, *(several or FIGURES)], name)
+    choices: dict[str, Any] = {
+        key: _figures().read(given[key], kind, f"{name}.{key}")
+        for key, kind in _CHOICES.items()
+        if key in given
+    }
+    if several:
+        windows = [
+            _read_window(each, given.get(window, {}), f"{name}.{window}")
+            for window, each in several.items()
+        ]
+    else:
+        figures = {key: value for key, value in given.items() if key not in _CHOICES}
+        windows = [_read_window(row.window, figures, name)]
+    changed: Row = replace(row, windows=tuple(windows), **choices)
+    return changed
+
+
+def _read_window(window: Window, raw: object, path: str) -> Window:
+    return _figures().overlay(window, _mapping(raw, FIGURES, path), path)
+
+
+def _mapping(raw: object, known: Iterable[str], path: str) -> dict[str, Any]:
+    given: dict[str, Any] = _figures().read(raw, dict[str, Any], path)
+    if unknown := given.keys() - set(known):
+        raise FormatError(path, unknown_keys(unknown, list(known)))
+    return given
+
+
+def _plain_faults(table: FaultTable) -> dict[str, dict[str, Any]]:
+    return {declared.name: _plain_row(row) for declared, row in table}
+
+
+def _plain_row(row: Row) -> dict[str, Any]:
+    found: dict[str, Any] = {key: getattr(row, key).value for key in _CHOICES}
+    for window in row.windows:
+        said = _figures().plain(window)
+        figures = {key: said[key] for key in FIGURES if said[key] is not None}
+        found |= {window.name: figures} if window.name else figures
+    return found
