@@ -140,6 +140,7 @@ class Declaration:
         name: in files, reports and at the command line.
         summary: one sentence on what is wrong.
         row: what is done about it unless an asset says otherwise.
+        source: which measurement gave the figures of the row, or that none is known.
         disproves: by what the pose may be wrong then; None where it may not.
         beyond, below, ratio, within: what these figures mean; None where its windows have none.
     """
@@ -148,6 +149,7 @@ class Declaration:
     reason: Reason
     summary: str
     row: Row
+    source: str
     disproves: Disproves | None = None
     beyond: Bound | None = None
     below: Bound | None = None

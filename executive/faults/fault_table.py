@@ -27,6 +27,7 @@ def _fault(
     summary: str,
     row: Row,
     *,
+    source: str,
     disproves: Disproves | None = None,
     beyond: Bound | None = None,
     below: Bound | None = None,
@@ -34,7 +35,9 @@ def _fault(
     within: Bound | None = None,
 ) -> Any:
     """Return a field of `FaultTable` that declares a fault."""
-    declared = Declaration("", reason, summary, row, disproves, beyond, below, ratio, within)
+    declared = Declaration(
+        "", reason, summary, row, source, disproves, beyond, below, ratio, within
+    )
     return field(default=row, metadata={"declaration": declared})
 
 
@@ -54,8 +57,9 @@ _TOLD: Final = (Then.WARN, Clears.ITSELF)
 
 
 def _rejected(what: str) -> Any:
-    row = _row(When.ALWAYS, _TOLD, Window(for_s=1.1))  # the rate is known after a second
-    return _fault(Reason.DATA_REJECTED, f"{what} cannot be used, or is not received.", row)
+    row = _row(When.ALWAYS, _TOLD, Window(for_s=1.1))
+    summary = f"{what} cannot be used, or is not received."
+    return _fault(Reason.DATA_REJECTED, summary, row, source="The rate is known after a second.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,10 @@ class FaultTable:
         _row(When.ALWAYS, _HELD, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("step that the speed does not explain", "m", 0.02, 5.0),
+        source=(
+            "Judgement. Normal driving with 0.05 m + 30 % of the way: 3 %. The real Husky has"
+            " no such step in 359 m."
+        ),
     )
     odometry_turned: Row = _fault(
         Reason.ODOMETRY_JUMPED,
@@ -75,12 +83,14 @@ class FaultTable:
         _row(When.ALWAYS, _HELD, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
         beyond=Bound("turn that the rate does not explain", "rad", 0.02, 1.5),
+        source="Judgement, as `odometry_jumped`; recorded runs with 0.05 rad.",
     )
     odometry_not_finite: Row = _fault(
         Reason.ODOMETRY_NOT_FINITE,
         "Odometry has figures that are no numbers.",
         _row(When.MOVING, _STOPPED, Window(for_s=0.1)),
         disproves=Disproves.SENSORS,
+        source="Recorded runs: three messages in a row, 0.06 s; 0.1 s are two ticks.",
     )
     odometry_stale: Row = _fault(
         Reason.ODOMETRY_STALE,
@@ -88,6 +98,10 @@ class FaultTable:
         _row(When.MOVING, _HELD, Window(beyond=0.3)),
         disproves=Disproves.SENSORS,
         beyond=Bound("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
+        source=(
+            "Normal driving: 70 %. With 0.25 s a computer under load had one false stop in 30"
+            " min, at 0.27 s."
+        ),
     )
     odometry_behind: Row = _fault(
         Reason.ODOMETRY_STALE,
@@ -95,6 +109,9 @@ class FaultTable:
         _row(When.MOVING, _HELD, Window(beyond=0.25)),
         disproves=Disproves.SENSORS,
         beyond=Bound("age of the newest odometry beside theirs, by the stamps", "s", 0.05, 10.0),
+        source=(
+            "Odometry that jitters by 0.2 s is at most 0.24 s behind IMU and wheels; check: 88 %."
+        ),
     )
     odometry_late: Row = _fault(
         Reason.ODOMETRY_LATE,
@@ -102,6 +119,10 @@ class FaultTable:
         _row(When.MOVING, _STOPPED, Window(for_s=0.15, beyond=0.13)),
         disproves=Disproves.SENSORS,
         beyond=Bound("age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0),
+        source=(
+            "Normal driving: 75 % of 0.12 s. 0.13 s lies between two ages of odometry at 50"
+            " Hz, 0.12 and 0.14 s. Check: 138 %, by jitter of 0.2 s, for less than `for`."
+        ),
     )
     odometry_slow: Row = _fault(
         Reason.ODOMETRY_SLOW,
@@ -110,6 +131,10 @@ class FaultTable:
         disproves=Disproves.SENSORS,
         below=Bound("messages a second", "Hz", 0.5, 1000.0),
         within=_within(0.5),
+        source=(
+            "Normal driving: 24 %. The real Husky, at 10.1 Hz ± 10 %, shows it 245 times: such"
+            " an asset sets less."
+        ),
     )
     odometry_frozen: Row = _fault(
         Reason.ODOMETRY_FROZEN,
@@ -117,6 +142,7 @@ class FaultTable:
         _row(When.MOVING, _STOPPED, Window(within_s=0.3)),
         disproves=Disproves.COMMANDS,
         within=_within(),
+        source="As `odometry_stale`; no measurement of its own.",
     )
     odometry_off_twist: Row = _fault(
         Reason.ODOMETRY_INCONSISTENT,
@@ -131,6 +157,11 @@ class FaultTable:
         beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_within(),
+        source=(
+            "`quick`: recorded runs; normal driving: below 1 %. `slow`: judgement; check:"
+            " below 2 %. The real Husky, whose velocity is a mean over 1 s, shows this or the"
+            " next 43 times."
+        ),
     )
     odometry_heading_off_twist: Row = _fault(
         Reason.ODOMETRY_INCONSISTENT,
@@ -140,6 +171,7 @@ class FaultTable:
         beyond=Bound("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(),
+        source="Recorded runs; normal driving: below 1 %.",
     )
     off_command: Row = _fault(
         Reason.OFF_COMMAND,
@@ -149,6 +181,7 @@ class FaultTable:
         beyond=Bound("speed outside of what was commanded", "m/s", 0.02, 2.0),
         ratio=Bound("share of the speed that was commanded, where it is more", "", 0.0, 2.0),
         within=_within(),
+        source="Recorded runs; normal driving: 25 %.",
     )
     turn_off_command: Row = _fault(
         Reason.OFF_COMMAND,
@@ -158,6 +191,7 @@ class FaultTable:
         beyond=Bound("rate outside of what was commanded", "rad/s", 0.05, 3.0),
         ratio=Bound("share of the rate that was commanded, where it is more", "", 0.0, 2.0),
         within=_within(),
+        source="Recorded runs; normal driving: 86 %.",
     )
     steady_off_command: Row = _fault(
         Reason.OFF_COMMAND,
@@ -167,6 +201,7 @@ class FaultTable:
         beyond=Bound("way by its speed beside what was commanded", "m", 0.001, 5.0),
         ratio=_RATIO,
         within=_within(),
+        source="Judgement: encoders that are 10 % wrong show in lines of 2 s. Check, MOCUP: 28 %.",
     )
     steady_turn_off_command: Row = _fault(
         Reason.OFF_COMMAND,
@@ -176,6 +211,7 @@ class FaultTable:
         beyond=Bound("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
         ratio=_RATIO,
         within=_within(),
+        source="Judgement: encoders that are 18 % wrong show in turns of 1 s. Check, MOCUP: 40 %.",
     )
     turn_amiss: Row = _fault(
         Reason.OFF_COMMAND,
@@ -185,6 +221,10 @@ class FaultTable:
         beyond=Bound("turn beside what was commanded", "rad", 0.05, 3.0),
         ratio=_RATIO,
         within=_within(),
+        source=(
+            "Normal driving: 91 %. With 0.25 rad it showed twice, where the odometry truly was"
+            " more than 10 cm off."
+        ),
     )
     no_progress: Row = _fault(
         Reason.NO_PROGRESS,
@@ -193,6 +233,7 @@ class FaultTable:
         disproves=Disproves.COMMANDS,
         below=Bound("share of the way or turn that was commanded", "", 0.01, 1.0),
         within=_within(1.0),
+        source="Judgement; check: 32 %.",
     )
     drives_uncommanded: Row = _fault(
         Reason.MOVES_UNCOMMANDED,
@@ -201,6 +242,10 @@ class FaultTable:
         disproves=Disproves.COMMANDS,
         beyond=Bound("speed", "m/s", 0.005, 1.0),
         within=_within(),
+        source=(
+            "Normal driving: 18 %. A pose with white noise of 0.45 mm at 50 Hz shows it: such"
+            " an asset sets more."
+        ),
     )
     turns_uncommanded: Row = _fault(
         Reason.MOVES_UNCOMMANDED,
@@ -209,6 +254,7 @@ class FaultTable:
         disproves=Disproves.COMMANDS,
         beyond=Bound("rate", "rad/s", 0.001, 1.0),
         within=_within(),
+        source="Normal driving: 58 %; recorded runs with 0.006 rad/s.",
     )
     odometry_silent: Row = _fault(
         Reason.ODOMETRY_SILENT,
@@ -216,6 +262,7 @@ class FaultTable:
         _row(When.ALWAYS, _TOLD, Window(beyond=1.0)),
         disproves=Disproves.SENSORS,
         beyond=Bound("time since it last came", "s", 0.1, 3600.0),
+        source="Judgement; check: 22 %.",
     )
     tilted: Row = _fault(
         Reason.TILTED,
@@ -223,29 +270,34 @@ class FaultTable:
         _row(When.ALWAYS, _HELD, Window(beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
+        source="As `tilted_by_imu`.",
     )
     battery_low: Row = _fault(
         Reason.BATTERY_LOW,
         "The battery is nearly empty.",
         _row(When.ALWAYS, _HELD, Window(below=22.0)),
         below=Bound("voltage", "V", 1.0, 1000.0),
+        source="3.14 V for each of the Jackal's seven cells; judgement. An asset sets its own.",
     )
     other_publisher: Row = _fault(
         Reason.OTHER_PUBLISHER,
         "Somebody else commands the base, which obeys them: a joystick, or another node.",
         _row(When.MOVING, (Then.PAUSE, Clears.ON_RESUME), Window(for_s=0.2)),
+        source="Judgement: four ticks.",
     )
     battery_silent: Row = _fault(
         Reason.BATTERY_SILENT,
         "The battery no longer tells its voltage.",
         _row(When.ALWAYS, _TOLD, Window(beyond=5.0)),
         beyond=Bound("time since it last did", "s", 0.5, 3600.0),
+        source="Judgement; check: 18 %.",
     )
     battery_not_finite: Row = _fault(
         Reason.BATTERY_NOT_FINITE,
         "The voltage of the battery is not a number, or none that a battery has.",
         _row(When.ALWAYS, _TOLD, Window(for_s=0.5, beyond=60.0)),
         beyond=Bound("voltage that this battery cannot have", "V", 1.0, 10_000.0),
+        source="Judgement, below 65.535 V, which is 0xFFFF mV and no measurement.",
     )
 
     wheels_off_command: Row = _fault(
@@ -256,6 +308,10 @@ class FaultTable:
         beyond=Bound("speed outside of what was commanded in the window", "m/s", 0.02, 5.0),
         ratio=_RATIO,
         within=_within(),
+        source=(
+            "Recorded runs, with 0.15 m/s + 30 % for 0.2 s; normal driving: 46 %. These are"
+            " tighter; check: 8 %."
+        ),
     )
     wheels_off_command_slowly: Row = _fault(
         Reason.WHEELS_OFF_COMMAND,
@@ -265,6 +321,7 @@ class FaultTable:
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_within(),
+        source="Judgement, beside the other, which commands that change hide from; check: 40 %.",
     )
     wheels_unpowered: Row = _fault(
         Reason.WHEELS_UNPOWERED,
@@ -273,6 +330,10 @@ class FaultTable:
         disproves=Disproves.COMMANDS,
         below=Bound("mean torque of a side", "Nm", 0.001, 100.0),
         within=_within(),
+        source=(
+            "Recorded runs; normal driving: 29 %. The torque alone, without 0.06 m/s off the"
+            " command, showed in 13 of 20 sessions without a fault."
+        ),
     )
     odometry_off_wheels: Row = _fault(
         Reason.ODOMETRY_OFF_WHEELS,
@@ -287,6 +348,10 @@ class FaultTable:
         beyond=Bound("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_within(),
+        source=(
+            "Recorded runs, with 0.06 m + 6 % and 0.05 m + 3 %; normal driving: 4 and 11 %."
+            " These are tighter; check: 10 % and 14 %."
+        ),
     )
     odometry_off_gyro: Row = _fault(
         Reason.ODOMETRY_OFF_GYRO,
@@ -301,6 +366,10 @@ class FaultTable:
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(),
+        source=(
+            "`quick`: recorded runs, with 0.05 rad + 5 %; normal driving: 10 %. These are"
+            " tighter; check: 22 %. `slow`: recorded runs; normal driving: 55 %."
+        ),
     )
     wheels_off_gyro: Row = _fault(
         Reason.WHEELS_OFF_GYRO,
@@ -310,6 +379,11 @@ class FaultTable:
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(),
+        source=(
+            "Recorded runs; normal driving: 51 %. The wheels of the real Husky turn 0.95 times"
+            " as much as its gyro measures, those of a skid-steered robot of 0.73 m track 1.25"
+            " to 1.32 times."
+        ),
     )
     wheels_slip: Row = _fault(
         Reason.WHEELS_SLIP,
@@ -323,6 +397,10 @@ class FaultTable:
         disproves=Disproves.DISTANCE,
         beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
         within=_within(),
+        source=(
+            "Recorded runs; normal driving: 97 and 75 %. With 0.36 m/s it showed 10 to 15"
+            " times in 5.4 h, in true slides on slopes."
+        ),
     )
     blocked: Row = _fault(
         Reason.BLOCKED,
@@ -332,6 +410,10 @@ class FaultTable:
         beyond=Bound("difference of the forces", "N", 1.0, 100_000.0),
         ratio=Bound("share of what is felt, added to the bound", "", 0.0, 10.0),
         within=_within(),
+        source=(
+            "Recorded runs, without `ratio`; normal driving: 71 %. `ratio` and `for`:"
+            " judgement, for a load that is not known; check: 50 %."
+        ),
     )
     tilted_by_imu: Row = _fault(
         Reason.TILTED,
@@ -339,6 +421,10 @@ class FaultTable:
         _row(When.ALWAYS, _HELD, Window(for_s=0.1, beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
+        source=(
+            "28°: judgement. Normal driving, on slopes up to 15°: 57 %. `for`: recorded runs,"
+            " six samples at 50 Hz."
+        ),
     )
     slips: Row = _fault(
         Reason.SLIPS,
@@ -355,6 +441,10 @@ class FaultTable:
         beyond=Bound("difference of the ways", "m", 0.01, 10.0),
         ratio=_RATIO,
         within=_within(0.2),
+        source=(
+            "Recorded runs. Slopes: 130 and 320 %; 238 times in 0.84 h, where the odometry"
+            " truly was more than 10 cm + 2 % off. Fused, normal driving: 76 and 71 %."
+        ),
     )
     turn_slips: Row = _fault(
         Reason.TURN_SLIPS,
@@ -369,6 +459,7 @@ class FaultTable:
         beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(0.2),
+        source="Recorded runs; normal driving: 30 and 46 %.",
     )
     slides: Row = _fault(
         Reason.SLIDES,
@@ -377,30 +468,38 @@ class FaultTable:
         disproves=Disproves.COMMANDS,
         beyond=Bound("way between two frames of the second odometry", "m", 0.01, 10.0),
         within=_within(0.2),
+        source=(
+            "Recorded runs; normal driving: 69 %. `within`: judgement, less than the 0.5 s"
+            " between frames at 2 Hz."
+        ),
     )
     joints_silent: Row = _fault(
         Reason.SENSOR_SILENT,
         "The sensors of the wheels tell nothing: the wheels are not monitored.",
         _row(When.ALWAYS, _TOLD, Window(beyond=0.5)),
         beyond=Bound("age of what they told last", "s", 0.1, 60.0),
+        source="Judgement; check: 4 %.",
     )
     imu_silent: Row = _fault(
         Reason.SENSOR_SILENT,
         "The inertial sensor tells nothing: slip, turns and tilt are not monitored by it.",
         _row(When.ALWAYS, _TOLD, Window(beyond=0.5)),
         beyond=Bound("age of what it told last", "s", 0.1, 60.0),
+        source="Judgement; check: 2 %.",
     )
     second_odometry_silent: Row = _fault(
         Reason.SENSOR_SILENT,
         "The second odometry tells nothing: slip is not monitored.",
         _row(When.ALWAYS, _TOLD, Window(beyond=6.0)),
         beyond=Bound("age of what it told last", "s", 0.5, 60.0),
+        source="Judgement, above the gaps of the simulated one, up to 4 s; check: 82 %.",
     )
     zone_ahead: Row = _fault(
         Reason.ZONE_AHEAD,
         "The rover cannot go on much longer and still stand before a zone or a known rock.",
         _row(When.ALWAYS, _ENDED, Window(within_s=0.16)),
         within=Bound("time until the rover brakes", "s", 0.0, 5.0),
+        source="Judgement.",
     )
     obstacle_ahead: Row = _fault(
         Reason.OBSTACLE_AHEAD,
@@ -408,18 +507,21 @@ class FaultTable:
         _row(When.ALWAYS, _ENDED, Window(below=0.05, within_s=0.25)),
         below=Bound("way that is left once the rover stands", "m", 0.0, 5.0),
         within=Bound("time from a scan until the rover brakes", "s", 0.0, 5.0),
+        source="Recorded runs; normal driving: 72 %.",
     )
     obstacle_near: Row = _fault(
         Reason.OBSTACLE_NEAR,
         "The laser sees something near, in the direction in which the rover drives.",
         _row(When.ALWAYS, (Then.SLOW_DOWN, Clears.ITSELF), Window(below=0.9)),
         below=Bound("free way", "m", 0.05, 10.0),
+        source="Judgement.",
     )
     laser_silent: Row = _fault(
         Reason.LASER_SILENT,
         "No scan of the laser arrives, or always the same one.",
         _row(When.MOVING, _ENDED, Window(beyond=0.35)),
         beyond=Bound("age of the newest scan", "s", 0.05, 10.0),
+        source="Judgement, above three periods at 10 Hz; check: 24 %.",
     )
     laser_blind: Row = _fault(
         Reason.LASER_BLIND,
@@ -427,6 +529,11 @@ class FaultTable:
         _row(When.ALWAYS, _ENDED, Window(beyond=0.8, within_s=0.3)),
         beyond=Bound("share of the rays of a sector of 15 degrees", "", 0.05, 1.0),
         within=_within(0.0),
+        source=(
+            "A Hokuyo URG-04LX reports 0 for 46 to 49 % of its rays, and in 11 to 47 % of its"
+            " scans for more than 80 % of a sector: `zero_is_free` is for those. `within`:"
+            " judgement."
+        ),
     )
     odometry_rejected: Row = _rejected("Odometry")
     imu_rejected: Row = _rejected("What the IMU measures")

@@ -1,4 +1,4 @@
-"""Writes the table of docs/faults.md anew: `python -m tests.docs.faults_page`."""
+"""Writes the tables of docs/faults.md anew: `python -m tests.docs.faults_page`."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,13 +7,25 @@ from executive.faults import DECLARED, FIGURES, Bound, Clears, Declaration, Row,
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
 TITLE = "| fault | reason | what is wrong | watched | shows | then | pose uncertain by |"
+SOURCES = "| fault | source of its figures |"
 
 
 def faults_page() -> str:
-    """Return the page with the table as the declarations have it."""
-    before, _, after = PAGE.read_text(encoding="utf-8").partition(TITLE)
-    rest = after.partition("\n\n")[2]
-    return before + "\n".join(_rows()) + "\n\n" + rest
+    """Return the page with its tables as the declarations have them."""
+    page = PAGE.read_text(encoding="utf-8")
+    for rows in (_rows(), _sources()):
+        title = next(rows)
+        before, _, after = page.partition(title)
+        rest = after.partition("\n\n")[2]
+        page = before + "\n".join((title, *rows)) + "\n\n" + rest
+    return page
+
+
+def _sources() -> Iterator[str]:
+    yield SOURCES
+    yield "|---|---|"
+    for declared in DECLARED.values():
+        yield f"| `{declared.name}` | {declared.source} |"
 
 
 def _rows() -> Iterator[str]:
