@@ -20,7 +20,7 @@ BindAddress = tuple[str | int | bytes, ...]
 
 
 class System(Protocol):
-    """The computer of a process. It serves as the `executive.clock.Clock` of one, too."""
+    """The computer of a process. It serves as the `executive.values.clock.Clock` of one, too."""
 
     def now_s(self) -> float:
         """Return seconds that never step back."""

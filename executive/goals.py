@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from executive.clock import Clock
 from executive.commands import (
     PLAN_LINK,
     CameraWork,
@@ -17,15 +16,16 @@ from executive.commands import (
 )
 from executive.commands.intake import expired
 from executive.commands.lifecycle import Life
-from executive.geometry import Pose
-from executive.journey import Journey
 from executive.motion import Intents, Latches, Leg, LegProgress, Locomotion, Verification
 from executive.plans import ActivePlans
-from executive.ports import Video
-from executive.reasons import Figure, Refusal
 from executive.safety import Safety
 from executive.settings import Settings
-from executive.state import FileFolder, Source, Status
+from executive.state import FileFolder, MotionStatistics, Status
+from executive.values.clock import Clock
+from executive.values.facts import Source
+from executive.values.geometry import Pose
+from executive.values.ports import Video
+from executive.values.reasons import Figure, Refusal
 
 
 class Goal:
@@ -51,7 +51,7 @@ class Goal:
         self.begun = self.origin = Pose()
         self.verification: Verification | None = None
         self.slid_m = 0.0
-        self.journey: Journey | None = None
+        self.journey: MotionStatistics | None = None
 
     def became(self, known: tuple[Figure, ...]) -> tuple[Figure, ...]:
         """Return figures of what became of it beside what was predicted, but for known names."""

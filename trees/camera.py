@@ -4,10 +4,11 @@ from py_trees.common import Status
 
 from executive.commands import MoveCameraAngles, SetCameraAngles
 from executive.goals import Context, Goal, GoalQueue
-from executive.ports import CameraIntent
-from executive.reasons import Figure, Reason, Refusal
 from executive.safety import frame_fault
-from executive.state import CameraAngles, Source, store_picture
+from executive.state import store_picture
+from executive.values.facts import CameraAngles, Source
+from executive.values.ports import CameraIntent
+from executive.values.reasons import Figure, Reason, Refusal
 from trees.leaf import GoalLeaf
 
 MARGIN_S = 3.0

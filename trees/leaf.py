@@ -10,11 +10,11 @@ from types import UnionType
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from executive.core.runner import LeafError
 from executive.goals import Context, Goal, GoalQueue
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Identity
-from executive.runner import LeafError
-from executive.state import Source
+from executive.values.facts import Source
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity
 
 
 def path_of(behaviour: Behaviour) -> str:

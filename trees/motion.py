@@ -25,7 +25,6 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands import Motion as CommandedMotion
-from executive.geometry import STANDING, Point, Pose, on_arc, wrap_rad
 from executive.goals import Context, Goal
 from executive.motion import (
     FUSED_NEAR_M,
@@ -40,9 +39,10 @@ from executive.motion import (
     passes_by,
     plan_leg,
 )
-from executive.reasons import Figure, Reason, Refusal
+from executive.obstacles.zones import Encounter
 from executive.state import listed
-from executive.zones import Encounter
+from executive.values.geometry import STANDING, Point, Pose, on_arc, wrap_rad
+from executive.values.reasons import Figure, Reason, Refusal
 from trees.leaf import GoalLeaf
 from trees.standstill import STOP_DEADLINE_S, beside_odometry, refusal, unconfirmed
 

@@ -8,7 +8,6 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import ParallelPolicy, Status
 from py_trees.composites import Parallel, Selector, Sequence
 
-from executive.clock import ManualClock
 from executive.commands import (
     CameraPointing,
     DeleteFile,
@@ -20,16 +19,17 @@ from executive.commands import (
     TakePicture,
 )
 from executive.commands.actions import perform
-from executive.geometry import STANDING
+from executive.core.runner import Executive
 from executive.goals import Context, Goals
 from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
-from executive.reasons import Figure, Reason, Refusal
-from executive.runner import Executive
 from executive.safety import Safety, summary, unmonitored
 from executive.settings import Settings
 from executive.state import FileFolder, listed
 from executive.state import Status as AssetStatus
+from executive.values.clock import ManualClock
+from executive.values.geometry import STANDING
+from executive.values.reasons import Figure, Reason, Refusal
 from trees.camera import Capture, PanTilt
 from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
 from trees.motion import Drive, FinishLeg, HoldVelocity, PlanLeg, Turn

@@ -13,7 +13,7 @@ from py_trees.common import Status
 from py_trees.decorators import Decorator
 
 from executive.commands.intake import SOURCE_PREFIX
-from executive.reports import Identity
+from executive.values.reports import Identity
 from trees.leaf import Condition, TakeGoal
 from trees.plan import ParallelBranch
 

@@ -3,8 +3,8 @@
 from typing import Final
 
 from executive.goals import Context
-from executive.reasons import Figure, Reason, Refusal
 from executive.state import SourceMotion
+from executive.values.reasons import Figure, Reason, Refusal
 
 STOP_DEADLINE_S: Final = 5.0
 """For each source to confirm that the rover stands, from a stop or the end of a motion."""

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adapters.recording import RecordingError, RunReader
-from executive.geometry import Pose
-from executive.recording import Called, Drove, Halted, Life, Observed, Truth
+from executive.core.recording import Called, Drove, Halted, Life, Observed, Truth
 from executive.settings import Settings
-from executive.state import Joints, Odometry, SecondOdometry
+from executive.values.facts import Joints, Odometry, SecondOdometry
+from executive.values.geometry import Pose
 
 Series = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from adapters.explanation import Entry, Wanted, When, entries, entry_line
 from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
 from executive.commands import Mode
 from executive.history import RunHistory
-from executive.reports import Severity
+from executive.values.reports import Severity
 
 if TYPE_CHECKING:
     from adapters.mrs.ground import MrsClient

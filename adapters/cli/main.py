@@ -70,7 +70,7 @@ class Commands(click.Group):
                 raise
             raise click.ClickException(text) from error
         except (ConnectionError, TimeoutError) as error:
-            from executive.reports import printable
+            from executive.values.reports import printable
 
             click.echo(f"Error: cannot reach the rover: {printable(str(error))}", err=True)
             ctx.exit(UNREACHABLE)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from adapters.recording import Moment, RecordedMoments
-from executive.reports import Report
+from executive.values.reports import Report
 from trees import COLOURS, branches, line, looks
 
 Row = tuple[str, str, str, float | None]

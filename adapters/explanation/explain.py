@@ -12,9 +12,9 @@ from adapters.explanation.log import names
 from executive.commands import Family, Mode, declared
 from executive.faults import DECLARED
 from executive.history import CommandLife, LeafRun, RunHistory, Situation
-from executive.reasons import PREDICTED, Figure, Reason
-from executive.reports import Identity, Kind, Report, Stage
 from executive.state import Uncertainty
+from executive.values.reasons import PREDICTED, Figure, Reason
+from executive.values.reports import Identity, Kind, Report, Stage
 
 MOMENT_S: Final = 0.1
 """A shorter wait is none."""

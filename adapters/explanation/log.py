@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from executive.commands import Mode
 from executive.history import CommandLife, RunHistory
-from executive.reports import Identity, Report, Severity
+from executive.values.reports import Identity, Report, Severity
 
 
 @dataclass(frozen=True, slots=True)

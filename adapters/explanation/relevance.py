@@ -11,7 +11,7 @@ from adapters.explanation.explain import (
 )
 from adapters.explanation.log import names
 from executive.history import CommandLife, RunHistory
-from executive.reports import Kind, Report
+from executive.values.reports import Kind, Report
 
 LAST_KNOWN: Final = 5
 """Commands that are named where one is asked for that is not known."""

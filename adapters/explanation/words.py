@@ -5,8 +5,8 @@ from collections.abc import Callable
 from adapters.explanation.explain import Explanation
 from adapters.explanation.log import Entry
 from executive.history import CommandLife
-from executive.reasons import PREDICTED
-from executive.reports import Report, Stage, printable
+from executive.values.reasons import PREDICTED
+from executive.values.reports import Report, Stage, printable
 
 When = Callable[[float], str]
 """Returns a time aboard, seconds since 1970-01-01 UTC, in words."""

@@ -25,7 +25,6 @@ from adapters.mops import (
     is_last,
     reply_of,
 )
-from executive.clock import Clock
 from executive.commands import (
     DriveFor,
     MoveForward,
@@ -37,20 +36,20 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
 from executive.record import Grant
-from executive.reports import Identity, PlanUpdate, Report, Stage
 from executive.settings import AuthoritySettings
-from executive.state import (
+from executive.values.clock import Clock
+from executive.values.facts import (
     AuthorityUsed,
     CommandEnded,
     CommandUnderWay,
-    FileEvent,
     MotionEnded,
     MotionStarted,
-    ParameterValue,
     Stopped,
 )
+from executive.values.parameters import ParameterValue
+from executive.values.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Stage
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -18,9 +18,9 @@ from adapters.mops.codec import (
     values_of,
 )
 from executive.commands import Request, declared
-from executive.reports import Identity
 from executive.settings import SettingsError, config_folder, read_yaml
-from executive.state import Parameter
+from executive.values.parameters import Parameter
+from executive.values.reports import Identity
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from typing import Final, TypeVar
 from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, require_within, values_of
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
 from executive.commands import RELAY_LINK
-from executive.reasons import Reason
-from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
+from executive.values.reasons import Reason
+from executive.values.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
 TO_ALL: Final = "ALL"
 """For whom that is which nobody asked for: events, telemetry."""

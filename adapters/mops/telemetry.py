@@ -9,8 +9,9 @@ from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, requi
 from adapters.mops.dictionary import OtherEntry, TelemetryEntry
 from adapters.mops.reports import TO_ALL
 from executive.commands import Mode
-from executive.geometry import Pose, Velocity
-from executive.state import Battery, CameraAngles, Odometry, Parameter, ParameterValue
+from executive.values.facts import Battery, CameraAngles, Odometry
+from executive.values.geometry import Pose, Velocity
+from executive.values.parameters import Parameter, ParameterValue
 
 
 @dataclass(frozen=True, slots=True)

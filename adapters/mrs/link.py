@@ -25,11 +25,11 @@ from adapters.mrs.fleet import FleetService
 from adapters.mrs.spec import PORT, HousekeepingParameter, housekeeping_values
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.system import OPERATING_SYSTEM, System
+from executive.core.runner import Executive
 from executive.history import HistoryBuilder
-from executive.reports import PlanUpdate, Report
-from executive.runner import Executive
 from executive.settings import Settings
-from executive.state import FileEvent, ParameterValue
+from executive.values.parameters import ParameterValue
+from executive.values.reports import FileEvent, PlanUpdate, Report
 
 _LOG: Final = logging.getLogger(__name__)
 HOUSEKEEPING_S: Final = 5.0
@@ -78,8 +78,8 @@ async def _keep_house(gateway: Gateway, asset: AssetServices, housekeeping: Hous
 class MrsLink:
     """Takes commands and questions to an executive, and sends its reports and telemetry.
 
-    It implements `executive.ports.Downlink`: `report` and `telemetry` only hand over to the link's
-    thread. What comes while the link does not run is not sent; clients catch up by
+    It implements `executive.values.ports.Downlink`: `report` and `telemetry` only hand over to the
+    link's thread. What comes while the link does not run is not sent; clients catch up by
     `getNotifications`.
 
     Args:

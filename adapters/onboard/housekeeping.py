@@ -13,7 +13,7 @@ from adapters.mrs.spec import (
 )
 from adapters.process import ProcessUsage
 from adapters.ros import TickStatistics
-from executive.runner import Executive
+from executive.core.runner import Executive
 
 
 @runtime_checkable

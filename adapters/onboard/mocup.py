@@ -26,11 +26,11 @@ from adapters.ros import (
     declare_topic,
     publish_heartbeat,
 )
-from executive.clock import Clock
-from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import AuthorityRecord, Ledger, LedgerError
 from executive.settings import Settings
-from executive.state import Fact
+from executive.values.clock import Clock
+from executive.values.facts import Fact
+from executive.values.ports import CameraIntent, Downlink, WholeMotion
 
 SOURCE: Final = "EXEC"
 REMIND_S: Final = 0.5

@@ -43,16 +43,16 @@ from adapters.ros import (
 )
 from adapters.ros.node import ExecutiveNode, clock_of
 from adapters.video import VideoForwarder
-from executive.clock import Clock
+from executive.core.recording import Tapes
+from executive.core.runner import Executive
 from executive.goals import Context
 from executive.history import HistoryBuilder
 from executive.motion import SharedSolver
-from executive.ports import Downlink, Video
 from executive.record import Ledger, LedgerError
-from executive.recording import Tapes
-from executive.reports import Severity
-from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings, SettingsError
+from executive.values.clock import Clock
+from executive.values.ports import Downlink, Video
+from executive.values.reports import Severity
 from trees import RoverTree, leaf_paths
 
 NODE_NAME: Final = "executive"

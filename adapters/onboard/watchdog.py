@@ -6,10 +6,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, Self
 
-from executive.geometry import STANDING
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Severity
-from executive.runner import Executive
+from executive.core.runner import Executive
+from executive.values.geometry import STANDING
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Severity
 
 LOOKS: Final = 10
 """Looks in a row without a beat that make an alarm."""

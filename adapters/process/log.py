@@ -16,7 +16,7 @@ class OneLineFormatter(logging.Formatter):
     default_msec_format = "%s.%03dZ"
 
     def __init__(self) -> None:
-        from executive.reports import printable  # `rover --help` imports no room
+        from executive.values.reports import printable  # `rover --help` imports no room
 
         self._printable = printable
         super().__init__("%(asctime)s %(levelname)-7s %(message)s")

@@ -18,7 +18,7 @@ from typing import Final
 
 from adapters.recording.completion import complete
 from adapters.recording.run_file import SUFFIX, RunFile, part_of
-from executive.recording import Entry, Item, is_within
+from executive.core.recording import Entry, Item, is_within
 from executive.settings import RecordingSettings
 
 _LOG: Final = logging.getLogger(__name__)

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from executive.geometry import Point, Pose
-from executive.reports import Severity
+from executive.values.geometry import Point, Pose
+from executive.values.reports import Severity
 
 Plain = dict[str, Any]
 

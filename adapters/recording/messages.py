@@ -21,7 +21,7 @@ from cattrs.strategies import configure_tagged_union
 
 from adapters.recording.rows import text_of
 from executive.commands import Request
-from executive.recording import (
+from executive.core.recording import (
     Call,
     Called,
     Decision,
@@ -37,7 +37,7 @@ from executive.recording import (
 )
 from executive.safety import END_WITHIN
 from executive.settings import Settings, structure, unstructure
-from executive.state import Fact, Frame
+from executive.values.facts import Fact, Frame
 from trees import NodeStatus
 
 LIFE: Final = "/life"

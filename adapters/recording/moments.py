@@ -8,8 +8,7 @@ from adapters.recording.container import RecordingError
 from adapters.recording.run_file import RunReader
 from adapters.recording.timed import read_timed
 from adapters.recording.tree import RecordedTree
-from executive.geometry import Pose
-from executive.recording import (
+from executive.core.recording import (
     Call,
     Called,
     Life,
@@ -18,8 +17,9 @@ from executive.recording import (
     Reported,
     TreeChanged,
 )
-from executive.reports import Kind, Report
-from executive.state import Odometry
+from executive.values.facts import Odometry
+from executive.values.geometry import Pose
+from executive.values.reports import Kind, Report
 from trees import Snapshot
 
 

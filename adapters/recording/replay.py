@@ -21,7 +21,7 @@ from adapters.recording.scripted import (
     StillRover,
     StillVideo,
 )
-from executive.recording import (
+from executive.core.recording import (
     Call,
     Called,
     Entry,
@@ -36,9 +36,9 @@ from executive.recording import (
     TreeChanged,
     is_within,
 )
-from executive.reports import Report
-from executive.runner import Executive
+from executive.core.runner import Executive
 from executive.settings import Settings
+from executive.values.reports import Report
 from trees import Node, RoverTree
 
 NOTHING: Final = "nothing"

@@ -25,7 +25,7 @@ from adapters.recording.messages import TOPICS, Topic, decode, plain_of, topic_o
 from adapters.recording.rows import Row, RowReader, RowWriter, text_of
 from adapters.recording.view import TOPICS as VIEW_TOPICS
 from adapters.recording.view import View
-from executive.recording import Entry, Item, is_within
+from executive.core.recording import Entry, Item, is_within
 
 _LOG = logging.getLogger(__name__)
 

@@ -8,14 +8,10 @@ from typing import assert_never
 
 from adapters.recording.messages import DECISIONS, encode, topic_of
 from adapters.recording.run_file import RecordedMessage
-from executive.authority import AuthorityAsked
 from executive.commands import Stop
-from executive.geometry import Velocity
-from executive.inbox import Inbox, Question, Submission
-from executive.motion import Plan, Problem
-from executive.ports import CameraIntent, WholeMotion
-from executive.record import Ledger, LedgerError, Synchronous
-from executive.recording import (
+from executive.core.authority import AuthorityAsked
+from executive.core.inbox import Inbox, Question, Submission
+from executive.core.recording import (
     Call,
     Called,
     CommitFailed,
@@ -29,7 +25,11 @@ from executive.recording import (
     SolverBusy,
     StopWaited,
 )
-from executive.runner import Executive
+from executive.core.runner import Executive
+from executive.motion import Plan, Problem
+from executive.record import Ledger, LedgerError, Synchronous
+from executive.values.geometry import Velocity
+from executive.values.ports import CameraIntent, WholeMotion
 
 
 class RecordedClock:

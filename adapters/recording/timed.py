@@ -6,7 +6,7 @@ from typing import Final, get_args
 
 from adapters.recording.container import RecordingError
 from adapters.recording.run_file import RunReader
-from executive.recording import Entry, Item, Life, Truth
+from executive.core.recording import Entry, Item, Life, Truth
 
 _ALWAYS: Final = frozenset({Life, *get_args(Entry)})
 

@@ -3,7 +3,7 @@
 from typing import Final
 
 from executive.commands.intake import SOURCE_PREFIX
-from executive.recording import NodeState, TreeChanged
+from executive.core.recording import NodeState, TreeChanged
 from executive.settings import Settings
 from trees import Node, NodeKind, NodeStatus, preview
 

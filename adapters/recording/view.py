@@ -38,8 +38,7 @@ from adapters.recording.foxglove import (
     scene,
 )
 from executive.commands import Line, Motion
-from executive.geometry import Point, Pose
-from executive.recording import (
+from executive.core.recording import (
     Call,
     Called,
     Drove,
@@ -54,9 +53,9 @@ from executive.recording import (
     TreeChanged,
     Truth,
 )
-from executive.reports import Identity, Report, Stage
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock
 from executive.settings import Settings
-from executive.state import (
+from executive.values.facts import (
     Battery,
     CameraAngles,
     Fact,
@@ -65,10 +64,11 @@ from executive.state import (
     Joints,
     LaserScan,
     Odometry,
-    Parameter,
     SecondOdometry,
 )
-from executive.zones import KeepIn, KeepOut, KnownRock
+from executive.values.geometry import Point, Pose
+from executive.values.parameters import Parameter
+from executive.values.reports import Identity, Report, Stage
 
 ODOM: Final = "odom"
 BASE_LINK: Final = "base_link"

@@ -39,11 +39,9 @@ from adapters.ros.sensor_messages import (
 )
 from adapters.ros.sensors import declare_sensor_topics
 from adapters.ros.tree_topic import TREE_TOPIC, to_json
-from executive.geometry import Velocity
-from executive.recording import Drove, Item, Life, Observed, Reported, Truth
-from executive.reports import Report, Severity
+from executive.core.recording import Drove, Item, Life, Observed, Reported, Truth
 from executive.settings import Sensor, Settings, config_folder
-from executive.state import (
+from executive.values.facts import (
     Battery,
     CameraAngles,
     Fact,
@@ -53,6 +51,8 @@ from executive.state import (
     Odometry,
     SecondOdometry,
 )
+from executive.values.geometry import Velocity
+from executive.values.reports import Report, Severity
 from trees import Snapshot
 
 NODE_NAME: Final = "executive"

@@ -11,8 +11,8 @@ from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry as OdometryMessage
 from sensor_msgs.msg import BatteryState, CompressedImage
 
-from executive.geometry import Pose, Velocity
-from executive.state import Battery, Frame, Odometry
+from executive.values.facts import Battery, Frame, Odometry
+from executive.values.geometry import Pose, Velocity
 
 _NORM_TOLERANCE: Final = 0.01
 PERCENT: Final = 100.0

@@ -14,7 +14,7 @@ from executive.safety import summary, unmonitored
 from trees import NodeStatus, Snapshot
 
 if TYPE_CHECKING:
-    from executive.runner import Executive
+    from executive.core.runner import Executive
 
 
 @dataclass(slots=True)

@@ -35,13 +35,13 @@ from adapters.ros.robot_model import RobotModelPublisher, base_transform, camera
 from adapters.ros.rover import RosAsset, foreign_publishers
 from adapters.ros.sensors import MESSAGES, PolledSensors, SensorTopics
 from adapters.ros.tree_topic import TreePublisher
-from executive.clock import Clock, SystemClock, kept_s
 from executive.commands import Command, Mode, Stop
-from executive.reasons import Reason, Refusal
-from executive.reports import Identity, Severity
-from executive.runner import Executive
-from executive.state import CameraAngles, Fact, ForeignPublishers, Frame, Source
-from executive.state import Odometry as OdometryFact
+from executive.core.runner import Executive
+from executive.values.clock import Clock, SystemClock, kept_s
+from executive.values.facts import CameraAngles, Fact, ForeignPublishers, Frame, Source
+from executive.values.facts import Odometry as OdometryFact
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, Severity
 from trees import snapshot_of
 
 HEALTH_S: Final = 1.0

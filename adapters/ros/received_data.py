@@ -11,8 +11,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from adapters.ros.conversions import IgnoredMessageError, MessageError
 from adapters.ros.parameters import Topic
-from executive.reports import printable, without_figures
-from executive.state import RejectedData, Source
+from executive.values.facts import RejectedData, Source
+from executive.values.reports import printable, without_figures
 
 IGNORED_IN_A_ROW: Final = 8
 """Ignored messages after which none that is used is expected: other joints are published a few

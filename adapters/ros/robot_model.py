@@ -20,9 +20,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from adapters.ros.conversions import BASE_LINK, ODOM, quaternion, time_message
-from executive.geometry import Pose
 from executive.settings import Settings
-from executive.state import CameraAngles, Odometry
+from executive.values.facts import CameraAngles, Odometry
+from executive.values.geometry import Pose
 
 CAMERA_PAN: Final = "camera_pan_link"
 CAMERA_LINK: Final = "camera_link"

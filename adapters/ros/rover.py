@@ -17,12 +17,12 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Bool, Float64
 
 from adapters.ros.parameters import ParameterError, Topic, Topics
-from executive.clock import Clock
-from executive.geometry import STANDING, Velocity
-from executive.ports import CameraIntent, Downlink, MotionRover, VelocityRover
 from executive.record import Ledger
 from executive.settings import MuxSettings, Settings
-from executive.state import VELOCITY_TOPIC, Fact, OtherInput
+from executive.values.clock import Clock
+from executive.values.facts import VELOCITY_TOPIC, Fact, OtherInput
+from executive.values.geometry import STANDING, Velocity
+from executive.values.ports import CameraIntent, Downlink, MotionRover, VelocityRover
 
 GUARD_NAME: Final = "executive_guard"
 """The node of the process that has the rover stand when the executive is gone."""

@@ -28,8 +28,8 @@ from adapters.ros.conversions import (
     stamp_s,
     time_message,
 )
-from executive.geometry import Pose
-from executive.state import Imu, Joints, LaserScan, SecondOdometry
+from executive.values.facts import Imu, Joints, LaserScan, SecondOdometry
+from executive.values.geometry import Pose
 
 MOST_RAYS: Final = 20_000
 UNKNOWN: Final = -1.0

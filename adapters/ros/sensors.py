@@ -27,7 +27,7 @@ from adapters.ros.sensor_messages import (
     second_odometry_fact,
 )
 from executive.settings import Sensor, Sensors
-from executive.state import Fact, Source
+from executive.values.facts import Fact, Source
 
 MESSAGES: Final[Mapping[Sensor, type]] = {
     Sensor.IMU: Imu,

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from executive.runner import Executive
+from executive.core.runner import Executive
 from trees import Snapshot, snapshot_of
 
 TREE_TOPIC: Final = "~/tree"

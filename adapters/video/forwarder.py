@@ -141,7 +141,7 @@ class ForwardingThread:
 
 
 class VideoForwarder:
-    """Implements `executive.ports.Video`: while it is on, its port is open, else it is not.
+    """Implements `executive.values.ports.Video`: while it is on, its port is open, else it is not.
 
     It looks into no datagram, so any stream over UDP will do.
     """

@@ -22,13 +22,13 @@ from executive.commands import (
     Turn,
     Waypoint,
 )
-from executive.geometry import Pose
 from executive.motion import Bounds, duration_s
+from executive.obstacles.zones import Zones
 from executive.plans import PlanNode, Step, expected_course
-from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings, Way, curved_m
 from executive.state import Status
-from executive.zones import Zones
+from executive.values.geometry import Pose
+from executive.values.reasons import Figure, Reason, Refusal
 
 DETOUR: Final = 1.5
 """What motion on the way home may take, of what the straight way home takes."""

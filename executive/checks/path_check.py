@@ -12,7 +12,6 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Final, assert_never
 
-from executive.clock import Clock
 from executive.commands import (
     Arc,
     FollowPath,
@@ -25,12 +24,13 @@ from executive.commands import (
     Turn,
     Waypoint,
 )
-from executive.geometry import Point, Pose, arc
 from executive.goals import Goal
-from executive.reasons import Figure, Reason, Refusal
+from executive.obstacles.detour import Way, find_way
+from executive.obstacles.zones import Encounter, Obstacle, Seen, Zones
 from executive.settings import LocomotionKind, Settings, TurnDrive
-from executive.way_around import Way, find_way
-from executive.zones import Encounter, Obstacle, Seen, Zones
+from executive.values.clock import Clock
+from executive.values.geometry import Point, Pose, arc
+from executive.values.reasons import Figure, Reason, Refusal
 
 ROOM_M: Final = 0.02
 """What a way around leaves beside the margin, for how exactly its places are reached."""

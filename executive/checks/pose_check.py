@@ -5,10 +5,10 @@ motion itself may be off by, the tolerances of its settings, comes on top of the
 """
 
 from executive.commands import Line, Motion, Reference, Request
-from executive.geometry import Pose
-from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.state import PROMISED_M, PROMISED_RAD, PROMISED_RATIO, Uncertainty
+from executive.values.geometry import Pose
+from executive.values.reasons import Figure, Reason, Refusal
 
 
 def check_pose(

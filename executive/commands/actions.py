@@ -3,8 +3,8 @@
 from enum import Enum, unique
 from typing import Final
 
-from executive.ports import Video
-from executive.reasons import Reason, Refusal
+from executive.values.ports import Video
+from executive.values.reasons import Reason, Refusal
 
 
 @unique

@@ -26,9 +26,9 @@ from executive.commands.declaration import (
     within,
 )
 from executive.commands.segments import Arc, Line, Reference, Segment, Turn
-from executive.geometry import Point, Pose, Velocity, wrap_rad
-from executive.reports import Identity
 from executive.settings import Controller
+from executive.values.geometry import Point, Pose, Velocity, wrap_rad
+from executive.values.reports import Identity
 
 SLOWEST = 0.01
 

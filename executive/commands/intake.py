@@ -32,11 +32,12 @@ from executive.commands.declaration import (
     declaration_of,
     declared,
 )
-from executive.geometry import Point
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import printable
 from executive.settings import Controller, LocomotionKind, Settings
-from executive.state import Source, Status, check_path
+from executive.state import Status, check_path
+from executive.values.facts import Source
+from executive.values.geometry import Point
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import printable
 
 _Check = Callable[[Any, Settings], Refusal | None]
 

@@ -12,8 +12,8 @@ from typing import Final, Generic, TypeVar
 from transitions import Machine
 
 from executive.commands.catalogue import Command
-from executive.reasons import Figure, Refusal
-from executive.reports import Report, Stage
+from executive.values.reasons import Figure, Refusal
+from executive.values.reports import Report, Stage
 
 E = TypeVar("E", bound=Enum)
 S = TypeVar("S", bound=Enum)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
-from executive.geometry import Pose, Velocity, on_arc
+from executive.values.geometry import Pose, Velocity, on_arc
 
 
 class Reference(Enum):

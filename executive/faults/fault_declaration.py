@@ -5,7 +5,7 @@ from enum import Enum, unique
 from math import radians
 from typing import Final
 
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 
 
 @unique

@@ -19,7 +19,7 @@ from executive.faults.fault_declaration import (
     When,
     Window,
 )
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 
 
 def _fault(

@@ -6,17 +6,7 @@ from typing import Any, Final
 
 from executive.commands import Command, request_text
 from executive.commands.intake import LONGEST_SOURCE
-from executive.faults import Then
-from executive.history.run_history import (
-    Declined,
-    Fastest,
-    LeafRun,
-    ReceivedCommand,
-    RunHistory,
-    Situation,
-)
-from executive.reasons import Reason, Refusal
-from executive.recording import (
+from executive.core.recording import (
     Answered,
     Call,
     Called,
@@ -30,8 +20,18 @@ from executive.recording import (
     Served,
     TreeChanged,
 )
-from executive.reports import Identity, Report
+from executive.faults import Then
+from executive.history.run_history import (
+    Declined,
+    Fastest,
+    LeafRun,
+    ReceivedCommand,
+    RunHistory,
+    Situation,
+)
 from executive.settings import Settings
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, Report
 
 KINDS: Final = (Served, Answered, Reported, ModeChanged, TreeChanged, Drove)
 """The kinds of items that are of use, beside lives and entries."""

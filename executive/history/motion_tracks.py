@@ -5,10 +5,10 @@ from enum import Enum
 from statistics import mean
 from typing import Final
 
-from executive.geometry import Pose, Velocity
-from executive.recording import Drove, Entry, Halted, Item, Life, Observed, Truth
+from executive.core.recording import Drove, Entry, Halted, Item, Life, Observed, Truth
 from executive.settings import Settings
-from executive.state import Joints, Odometry, SecondOdometry
+from executive.values.facts import Joints, Odometry, SecondOdometry
+from executive.values.geometry import Pose, Velocity
 
 
 class TrackSource(Enum):

@@ -9,8 +9,8 @@ from typing import Final
 
 from executive.commands import Arrival, Mode
 from executive.faults import DECLARED, Then
-from executive.reasons import Reason, Refusal
-from executive.reports import TERMINAL, Identity, Kind, Report, Stage
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import TERMINAL, Identity, Kind, Report, Stage
 
 SLOWING: Final = frozenset(
     each.reason for each in DECLARED.values() if each.row.then is Then.SLOW_DOWN

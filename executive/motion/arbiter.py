@@ -13,18 +13,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, assert_never
 
-from executive.clock import Clock
 from executive.commands.lifecycle import Life
-from executive.geometry import STANDING, Velocity
 from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
 from executive.motion.locomotion import Locomotion, Mover
 from executive.motion.plan import PlanSolver
 from executive.motion.predictive_control import PredictiveLocomotion
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
-from executive.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted
-from executive.reasons import Refusal
 from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.state import Status
+from executive.values.clock import Clock
+from executive.values.geometry import STANDING, Velocity
+from executive.values.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted
+from executive.values.reasons import Refusal
 
 NO_SOLVER: Final = "mpc needs a solver of plans, and the executive was started without one"
 

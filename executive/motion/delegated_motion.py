@@ -5,14 +5,15 @@ from itertools import count
 from math import copysign
 from typing import Final, assert_never
 
-from executive.clock import Clock
 from executive.commands import Command, DriveFor, Waypoint
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.motion.locomotion import Bounds, Leg, Motion, duration_s
-from executive.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
-from executive.reasons import Reason, Refusal
 from executive.settings import DriveLimits, Settings
-from executive.state import MotionEnded, Status, is_slow
+from executive.state import Status, is_slow
+from executive.values.clock import Clock
+from executive.values.facts import MotionEnded
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
+from executive.values.reasons import Reason, Refusal
 
 BEGINS_WITHIN_S: Final = 4.0
 """In which a rover that does not say when has begun a motion, also if messages were lost."""

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from executive.geometry import Point
-from executive.zones import Encounter
+from executive.obstacles.zones import Encounter
+from executive.values.geometry import Point
 
 
 @dataclass(slots=True)

@@ -15,11 +15,11 @@ from math import copysign, pi, sqrt
 from typing import Final, Protocol, assert_never
 
 from executive.commands import Command, DriveFor, MoveForward, RotateBy, RotateTo, Waypoint
-from executive.geometry import Point, Pose, Velocity, wrap_rad
-from executive.ports import Wanted
-from executive.reasons import Refusal
 from executive.settings import Profile, Settings
 from executive.state import Status
+from executive.values.geometry import Point, Pose, Velocity, wrap_rad
+from executive.values.ports import Wanted
+from executive.values.reasons import Refusal
 
 
 @dataclass(frozen=True, slots=True)

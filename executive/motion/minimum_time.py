@@ -5,13 +5,13 @@ from copy import copy
 from itertools import islice, pairwise
 from typing import Final
 
-from executive.geometry import Point, wrap_rad
 from executive.motion.locomotion import Bounds, duration_s
 from executive.motion.motion_model import MotionModel, MotionState
 from executive.motion.obstacles import Obstacles
 from executive.motion.plan import PASSED_AT_ONCE, SHORTEST_S, Plan, Problem, Target
 from executive.motion.polylines import Polyline, polylines
 from executive.motion.programme import Programme
+from executive.values.geometry import Point, wrap_rad
 
 FASTEST_SHARE: Final = 0.6
 """Of the least time by what is commanded: a rover that drives turns faster than commanded."""

@@ -6,8 +6,8 @@ from math import cos, exp, sin, sqrt, tanh
 from types import SimpleNamespace
 from typing import Any, Final
 
-from executive.geometry import Point, Pose, Velocity
 from executive.settings import Slip, YawResponse
+from executive.values.geometry import Point, Pose, Velocity
 
 _GAUSS: Final = (0.5 - sqrt(3.0) / 6, 0.5 + sqrt(3.0) / 6)
 """Of a step, where it is integrated from: two points of Gauss make it of fourth order."""

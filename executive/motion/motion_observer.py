@@ -5,11 +5,12 @@ from itertools import pairwise
 from math import inf
 from typing import Final
 
-from executive.geometry import Velocity, wrap_rad
 from executive.motion.motion_model import MotionModel, MotionState
 from executive.motion.velocity_control import VelocityMover
 from executive.settings import Settings
-from executive.state import Odometry, Status
+from executive.state import Status
+from executive.values.facts import Odometry
+from executive.values.geometry import Velocity, wrap_rad
 
 LEARN: Final = 0.3
 """Of a difference in the rate of turn, what each tick makes of it."""

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Final
 
-from executive.geometry import Point
-from executive.way_around import find_way
-from executive.zones import KeepIn, KeepOut, Zones
+from executive.obstacles.detour import find_way
+from executive.obstacles.zones import KeepIn, KeepOut, Zones
+from executive.values.geometry import Point
 
 SLOTS: Final = 2
 """Rows of each place: for so many obstacles, those that are nearest."""

@@ -7,9 +7,9 @@ from itertools import pairwise
 from math import pi
 from typing import Final, Protocol
 
-from executive.geometry import Point, Pose, Velocity
 from executive.motion.motion_model import MotionState
 from executive.motion.obstacles import Obstacles
+from executive.values.geometry import Point, Pose, Velocity
 
 SHORTEST_S: Final = 0.05
 PASSED_AT_ONCE: Final = 1

@@ -6,8 +6,8 @@ from itertools import pairwise, product
 from math import copysign, cos, pi, sin
 from typing import Final
 
-from executive.geometry import Point, wrap_rad
 from executive.motion.locomotion import Bounds, duration_s
+from executive.values.geometry import Point, wrap_rad
 
 OFFSETS_M: Final = (0.3, 0.8)
 """How far ahead of the start and behind the end, or the reverse, lines may begin and end."""

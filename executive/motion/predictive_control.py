@@ -9,9 +9,7 @@ from itertools import pairwise
 from math import hypot
 from typing import Final
 
-from executive.clock import Clock
 from executive.commands import Command, Waypoint, controller_of
-from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.motion.locomotion import (
     Bounds,
     Leg,
@@ -26,9 +24,11 @@ from executive.motion.obstacles import Obstacles
 from executive.motion.plan import ANY_RAD, Plan, PlanSolver, Problem, Target
 from executive.motion.route import AIM_SHARE, Route, aim_within_m
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
-from executive.ports import Wanted
 from executive.settings import Controller, Settings
 from executive.state import Status
+from executive.values.clock import Clock
+from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
+from executive.values.ports import Wanted
 
 BRAKE_SHARE: Final = 2 / 3
 KEEP_BRAKING_SHARE: Final = 0.93

@@ -12,11 +12,11 @@ from itertools import accumulate, islice, pairwise
 from math import inf, isfinite
 from typing import Any, Final
 
-from executive.geometry import Point
 from executive.motion.motion_model import MotionModel, MotionState
 from executive.motion.obstacles import ROW, SLOTS, Obstacles
 from executive.motion.plan import Plan, Problem, sampled
 from executive.settings import SettingsError
+from executive.values.geometry import Point
 
 MISS_COST: Final = 30.0
 """Seconds for each metre and radian beyond the aim: so there is an answer to every problem."""

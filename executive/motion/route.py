@@ -6,8 +6,8 @@ from math import hypot
 from typing import Final
 
 from executive.commands import Waypoint
-from executive.geometry import Point
 from executive.motion.plan import ANY_RAD, PASSED_AT_ONCE, Target
+from executive.values.geometry import Point
 
 AIM_SHARE: Final = 0.4
 """Of the tolerances: within which a plan ends, or passes a place."""

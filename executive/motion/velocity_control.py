@@ -9,9 +9,7 @@ from dataclasses import replace
 from math import copysign, cos, pi, sin
 from typing import Final
 
-from executive.clock import Clock
 from executive.commands import Command, DriveFor, Waypoint
-from executive.geometry import STANDING, Point, Velocity, on_arc, wrap_rad
 from executive.motion.locomotion import (
     Bounds,
     Leg,
@@ -22,9 +20,11 @@ from executive.motion.locomotion import (
     make_profile,
     turn_bounds,
 )
-from executive.ports import VelocityRover, Wanted
 from executive.settings import Settings
 from executive.state import Status
+from executive.values.clock import Clock
+from executive.values.geometry import STANDING, Point, Velocity, on_arc, wrap_rad
+from executive.values.ports import VelocityRover, Wanted
 
 STEER_PER_M = 2.0
 STEER_PER_S = 3.0

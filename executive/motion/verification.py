@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final
 
-from executive.reasons import Figure, Reason, Refusal
 from executive.settings import Settings
 from executive.state import FramePair, Status, disagreement
+from executive.values.reasons import Figure, Reason, Refusal
 
 WAIT_S: Final = 6.0
 """For a frame that was taken standing: longer than frames usually fail to come."""

@@ -16,7 +16,6 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.intake import check_arguments
-from executive.geometry import Point
 from executive.plans.model import (
     DEADLINE,
     LEAVES,
@@ -50,8 +49,9 @@ from executive.plans.plan_xml import (
     read_xml,
     suggest,
 )
-from executive.reasons import Reason, Refusal
 from executive.settings import Settings
+from executive.values.geometry import Point
+from executive.values.reasons import Reason, Refusal
 
 MOST_NODES: Final = 500
 MOST_TIMES: Final = 1000

@@ -23,12 +23,12 @@ from enum import Enum
 from itertools import islice
 from typing import Final, Protocol
 
-from executive.clock import Clock
 from executive.commands.lifecycle import Life
 from executive.plans.model import Place, PlanNode, Step, TimeoutNode, steps
-from executive.reasons import Figure, Reason, Refusal
 from executive.record import Outcome, PlanStore
-from executive.reports import Identity, PlanUpdate, Stage
+from executive.values.clock import Clock
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity, PlanUpdate, Stage
 
 
 class Progress(Enum):
@@ -46,7 +46,7 @@ class PlanTree(Protocol):
         """Run every branch that is due once.
 
         Raises:
-            executive.runner.LeafError: a leaf raised.
+            executive.core.runner.LeafError: a leaf raised.
         """
 
 

@@ -16,7 +16,7 @@ from typing import Final
 from xml.parsers.expat import ExpatError, ParserCreate, XMLParserType
 
 from executive.commands import Argument, Waypoint
-from executive.reasons import Figure, Reason, Refusal
+from executive.values.reasons import Figure, Reason, Refusal
 
 PLAN_ARGUMENT = 1
 """Index of the plan among the parts of `submitPlan`."""

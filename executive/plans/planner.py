@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, assert_never
 
-from executive.clock import Clock
 from executive.commands import (
     PLAN_LINK,
     AbortPlan,
@@ -27,15 +26,15 @@ from executive.commands.lifecycle import (
     final_states,
     make_machine,
 )
-from executive.journey import Journey
-from executive.notifications import Notifications
 from executive.plans.builder import check_plan
 from executive.plans.execution import Cancel, Plan, PlanExecution, PlanHost, PlanTree, Progress
 from executive.plans.model import PlanNode, steps
-from executive.reasons import Figure, Reason, Refusal
-from executive.record import PlanStore
-from executive.reports import Identity, PlanStatus, PlanUpdate, Severity
+from executive.record import Notifications, PlanStore
 from executive.settings import Settings
+from executive.state import MotionStatistics
+from executive.values.clock import Clock
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity, PlanStatus, PlanUpdate, Severity
 
 
 class ActivePlans:
@@ -109,7 +108,7 @@ class _Run:
 
     execution: PlanExecution
     tree: PlanTree
-    journey: Journey | None
+    journey: MotionStatistics | None
 
     @property
     def became(self) -> tuple[Figure, ...]:
@@ -117,7 +116,7 @@ class _Run:
         return () if self.journey is None else self.journey.figures()
 
 
-Foretell = Callable[[str, PlanNode, Callable[[], bool]], Journey]
+Foretell = Callable[[str, PlanNode, Callable[[], bool]], MotionStatistics]
 """Has the plan of an id predicted while that is wanted, and returns what becomes of it."""
 
 
@@ -242,7 +241,7 @@ class Planner:
 
         Raises:
             executive.record.ledger.LedgerError: the journal cannot be read.
-            executive.runner.LeafError: a leaf raised.
+            executive.core.runner.LeafError: a leaf raised.
         """
         plan = self._plans[plan_id]
         run = self._run or self._begin(plan)

@@ -5,12 +5,12 @@ from dataclasses import replace
 from math import inf
 from typing import Final
 
-from executive.clock import ManualClock
-from executive.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
 from executive.motion import MotionState, Plan, PlanSolver, Problem, model_of, profile_of
-from executive.ports import CameraIntent, Hold, WholeMotion
 from executive.settings import Settings
-from executive.state import Fact, MotionEnded, Odometry
+from executive.values.clock import ManualClock
+from executive.values.facts import Fact, MotionEnded, Odometry
+from executive.values.geometry import STANDING, Pose, Velocity, on_arc, wrap_rad
+from executive.values.ports import CameraIntent, Hold, WholeMotion
 
 FINEST_S: Final = 1e-9
 FOLLOWED_S: Final = 0.5

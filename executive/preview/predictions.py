@@ -13,11 +13,8 @@ from math import degrees
 from typing import Final
 
 from executive.commands import PLAN_LINK, Arrival, Command, DriveFor, Motion
-from executive.geometry import Pose
 from executive.goals import Context, Goal
-from executive.journey import Journey
 from executive.motion import SharedSolver
-from executive.notifications import Notifications
 from executive.plans import PlanNode
 from executive.preview.preview import (
     Preview,
@@ -26,7 +23,10 @@ from executive.preview.preview import (
     Ticked,
     plans_by_mpc,
 )
-from executive.reasons import PREDICTED, Figure, Refusal
+from executive.record import Notifications
+from executive.state import MotionStatistics
+from executive.values.geometry import Pose
+from executive.values.reasons import PREDICTED, Figure, Refusal
 
 _LOG = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class _Work:
     name: str
     what: Motion | PlanNode
     start: Pose
-    journey: Journey
+    journey: MotionStatistics
     command: Command | None
     wanted: Callable[[], bool]
     since_s: float
@@ -123,7 +123,7 @@ class Predictions:
             )
         )
 
-    def of_plan(self, plan_id: str, root: PlanNode, wanted: Callable[[], bool]) -> Journey:
+    def of_plan(self, plan_id: str, root: PlanNode, wanted: Callable[[], bool]) -> MotionStatistics:
         """Have a plan that begins here predicted; return what notes what becomes of it."""
         journey, start = self._journey(), self._context.status.pose
         journey.begin()
@@ -131,10 +131,10 @@ class Predictions:
         self._waiting.append(_Work(f"plan {plan_id}", root, start, journey, None, wanted, now_s))
         return journey
 
-    def _journey(self) -> Journey:
+    def _journey(self) -> MotionStatistics:
         battery = self._context.settings.battery
         capacity_j = None if battery is None else battery.capacity_j
-        return Journey(self._context.clock, self._context.status, capacity_j)
+        return MotionStatistics(self._context.clock, self._context.status, capacity_j)
 
     def advance(self) -> bool:
         """Work for one slice; return whether something was told."""

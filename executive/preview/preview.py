@@ -10,7 +10,6 @@ from math import ceil
 from typing import Final, Protocol, assert_never
 
 from executive.checks import check_pose, check_request
-from executive.clock import ManualClock
 from executive.commands import (
     ABOARD_LINK,
     Command,
@@ -23,17 +22,18 @@ from executive.commands import (
 )
 from executive.commands.intake import ABOARD_PREFIX, check_arguments
 from executive.commands.lifecycle import Life
-from executive.geometry import STANDING, Pose, wrap_rad
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, PlanSolver, make_locomotion
+from executive.obstacles.zones import Zones
 from executive.plans import PlanNode, Step, TimeoutEnd, TimeoutNode, expected_course, steps
 from executive.preview.copied_rover import DelegatedBase, FollowedPlans, KinematicBase, ModelledBase
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Identity
 from executive.safety import Safety
 from executive.settings import Controller, End, LocomotionKind, Sensors, Settings, Way, curved_m
 from executive.state import FileFolder, Status, Uncertainty
-from executive.zones import Zones
+from executive.values.clock import ManualClock
+from executive.values.geometry import STANDING, Pose, wrap_rad
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity
 
 LONGEST_S: Final = 300.0
 """Of the motion that is previewed, so that no preview computes for long."""

@@ -9,6 +9,7 @@ from executive.record.database import (
     connect_to_file,
 )
 from executive.record.ledger import PRUNED, LatchedFault, Ledger, digest
+from executive.record.notifications import Notifications
 from executive.record.plan_store import Outcome, PlanStore
 from executive.record.pose_record import PoseRecord
 from executive.record.relay_record import RelayedCommand, RelayRecord
@@ -25,6 +26,7 @@ __all__ = [
     "LatchedFault",
     "Ledger",
     "LedgerError",
+    "Notifications",
     "Outcome",
     "PlanStore",
     "PoseRecord",

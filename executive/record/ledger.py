@@ -11,9 +11,9 @@ from cattrs.preconf.json import make_converter
 
 from executive.commands import Command, Request, Resume, Setting, Stop
 from executive.faults import Then
-from executive.reasons import Figure, Reason, Refusal
 from executive.record.database import Connect, Database, Synchronous, connect_to_file
-from executive.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS commands (

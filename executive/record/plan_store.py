@@ -13,7 +13,7 @@ from typing import Final
 from executive.commands import PlanArgument, PlanDefinition
 from executive.commands.intake import SOURCE_PREFIX, source_of
 from executive.record.ledger import TERMINAL_STAGES, Ledger
-from executive.reports import Identity, PlanStatus, PlanUpdate, Stage
+from executive.values.reports import Identity, PlanStatus, PlanUpdate, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS plans (

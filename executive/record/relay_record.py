@@ -6,7 +6,7 @@ from typing import Final
 
 from executive.commands import Command
 from executive.record.ledger import Ledger
-from executive.reports import Identity, Stage
+from executive.values.reports import Identity, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS relayed (

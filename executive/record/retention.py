@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from executive.record.ledger import SETTINGS, STOP_AND_RESUME, TERMINAL_STAGES, Ledger
-from executive.reports import Identity, Stage
+from executive.values.reports import Identity, Stage
 
 SLICE: Final = 100
 """Reports that are deleted in one commit."""

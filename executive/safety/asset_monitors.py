@@ -3,10 +3,10 @@
 from math import isfinite
 
 from executive.faults import Window
-from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
-from executive.state import Source
+from executive.values.facts import Source
+from executive.values.reasons import Figure
 
 
 def tilted(history: History, window: Window, _: float) -> Evidence | None:

@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from executive.reasons import Figure, Reason, Refusal
-from executive.state import Frame
+from executive.values.facts import Frame
+from executive.values.reasons import Figure, Reason, Refusal
 
 EARLY_S: Final = 0.1
 """By which a stamp may lie before the request: offsets of clocks are known no better."""

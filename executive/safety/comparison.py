@@ -5,9 +5,9 @@ from math import inf
 from typing import Final
 
 from executive.faults import Window
-from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
+from executive.values.reasons import Figure
 
 FIRST_HEARD_S: Final = 10.0
 """After the start, in which nodes find each other: so long a sensor may be unheard."""

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executive.faults import Window
-from executive.reasons import Figure
 from executive.safety.history import History
+from executive.values.reasons import Figure
 
 
 @dataclass(frozen=True, slots=True)

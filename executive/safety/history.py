@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from math import cos, hypot, inf, sin
 from typing import Final, NamedTuple
 
-from executive.clock import Clock
 from executive.faults import FaultTable
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.safety.channel import GRID_S, SLOTS, Channel, StampClock
 from executive.safety.inertial_velocity import InertialVelocity
 from executive.safety.other_drivers import Driver, OtherDrivers
@@ -27,7 +25,9 @@ from executive.safety.sensor_history import (
 )
 from executive.safety.surroundings import Surroundings
 from executive.settings import Sensors
-from executive.state import (
+from executive.state import Rejections
+from executive.values.clock import Clock
+from executive.values.facts import (
     Battery,
     Fact,
     ForeignPublishers,
@@ -38,9 +38,9 @@ from executive.state import (
     Odometry,
     OtherInput,
     RejectedData,
-    Rejections,
     SecondOdometry,
 )
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 
 STALL_S: Final = 0.25
 """A base that is commanded more seldom may have stopped by itself in between."""

@@ -7,10 +7,10 @@ from math import copysign
 from typing import Final
 
 from executive.faults import Window
-from executive.reasons import Figure
 from executive.safety.comparison import compared, silent, turns
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
+from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.06
 """Over which speeds of the wheels at both ends of a window are taken."""

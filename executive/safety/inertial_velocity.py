@@ -8,11 +8,12 @@ A rover whose wheels lock on ice thus keeps its speed here until it has felt the
 from math import cos, hypot, inf, isfinite, sin
 from typing import Final
 
-from executive.geometry import GRAVITY_MPS2, Velocity
-from executive.reasons import Figure
 from executive.safety.channel import Channel
 from executive.safety.sensor_history import BIAS_OVER_S, FRESH_S, extended, side_slip_m
-from executive.state import Imu, SourceMotion, is_slow
+from executive.state import SourceMotion, is_slow
+from executive.values.facts import Imu
+from executive.values.geometry import GRAVITY_MPS2, Velocity
+from executive.values.reasons import Figure
 
 DRAWN_OVER_S: Final = 0.3
 """Time constant by which the wheels draw the sum: slip of less than 0.2 m/s2 is not noticed."""

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from typing import Final, TypeGuard
 
 from executive.faults import Window
-from executive.reasons import Figure
 from executive.safety.comparison import compared, speeds, turns
 from executive.safety.evidence import Evidence
 from executive.safety.history import History, Jump, Moved
+from executive.values.reasons import Figure
 
 SHOWN_S: Final = 0.1
 """For which a single message is evidence."""

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from executive.reasons import Figure
-from executive.reports import Severity
-from executive.state import OtherInput
+from executive.values.facts import OtherInput
+from executive.values.reasons import Figure
+from executive.values.reports import Severity
 
 INPUT_S: Final = 0.5
 """Timeout of a publisher; twist_mux masks lower inputs for the same time after a message."""

@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Final
 
-from executive.clock import Clock
 from executive.faults import Disproves
-from executive.geometry import Point, Pose, wrap_rad
 from executive.safety.comparison import FIRST_HEARD_S
 from executive.safety.history import History
 from executive.safety.pose_divergence import LOOKBACK_S, Divergence, PoseDivergence
 from executive.safety.safety import Fault
 from executive.settings import Settings
 from executive.state import Disagreement, FramePair, Status, Uncertainty, disagreement
+from executive.values.clock import Clock
+from executive.values.geometry import Point, Pose, wrap_rad
 
 AGREES_M: Final = 0.05
 AGREES_PER_M: Final = 0.015

@@ -11,10 +11,7 @@ from functools import partial
 from math import inf
 from typing import Final
 
-from executive.clock import Clock
 from executive.faults import DECLARED, Clears, Disproves, Row, Then, When, Window
-from executive.reasons import Reason, Refusal
-from executive.reports import Severity
 from executive.safety.asset_monitors import (
     battery_low,
     battery_not_finite,
@@ -76,7 +73,10 @@ from executive.safety.wheel_monitors import (
     wheels_unpowered,
 )
 from executive.settings import LocomotionKind, Settings
-from executive.state import Fact, Source
+from executive.values.clock import Clock
+from executive.values.facts import Fact, Source
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Severity
 
 MONITORS: Final[Mapping[str, Monitor]] = {
     "odometry_jumped": jumped,

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from math import copysign, cos, hypot, inf, isfinite, sin, sqrt
 from typing import Final, NamedTuple
 
-from executive.geometry import GRAVITY_MPS2, Pose, wrap_rad
 from executive.safety.channel import Channel
 from executive.settings import JointsSettings, SecondOdometrySettings
-from executive.state import FRAME_WAY_M, Imu, Joints, SecondOdometry
+from executive.state import FRAME_WAY_M
+from executive.values.facts import Imu, Joints, SecondOdometry
+from executive.values.geometry import GRAVITY_MPS2, Pose, wrap_rad
 
 GAP_S: Final = 0.3
 """Messages that are further apart have a gap between them."""

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from math import atan2, ceil, cos, hypot, inf, isfinite, isnan, pi, radians, sin
 from typing import Final, NamedTuple
 
-from executive.geometry import Velocity, wrap_rad
+from executive.obstacles.local_map import directions_of
+from executive.obstacles.zones import Footprint
 from executive.settings import Settings
-from executive.state import LaserScan, directions_of
-from executive.zones import Footprint
+from executive.values.facts import LaserScan
+from executive.values.geometry import Velocity, wrap_rad
 
 FEWEST_POINTS: Final = 2
 """Of a scan that are something: a single one may be dust."""

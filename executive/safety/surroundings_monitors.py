@@ -3,11 +3,11 @@
 from math import degrees, isfinite
 
 from executive.faults import Window
-from executive.geometry import arc
-from executive.reasons import Figure
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
 from executive.safety.surroundings import SLOWEST_MPS
+from executive.values.geometry import arc
+from executive.values.reasons import Figure
 
 
 def zone_ahead(history: History, window: Window, now_s: float) -> Evidence | None:

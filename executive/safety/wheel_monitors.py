@@ -8,11 +8,11 @@ is not seen here.
 from typing import Final
 
 from executive.faults import Window
-from executive.reasons import Figure
 from executive.safety.comparison import compared, silent, speeds
 from executive.safety.evidence import Evidence
 from executive.safety.history import History
 from executive.safety.odometry_monitors import REACTION_S
+from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.04
 """Over which the present speed of wheels is taken."""

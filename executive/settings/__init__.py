@@ -1,6 +1,6 @@
 """The settings of an asset, read from its YAML and checked as a whole.
 
-The sections `faults:` and `zones:` are those of `executive.faults` and `executive.zones`.
+The sections `faults:` and `zones:` are those of `executive.faults` and `executive.obstacles.zones`.
 """
 
 from executive.settings.asset_settings import (

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from executive.faults import FaultTable
+from executive.obstacles.zones import Footprint, Zones
 from executive.settings.controller import Controller
 from executive.settings.mpc_settings import Mpc
 from executive.settings.prediction_settings import BatterySettings, PredictionSettings
@@ -17,7 +18,6 @@ from executive.settings.settings_files import (
     read_yaml,
     require_above_zero,
 )
-from executive.zones import Footprint, Zones
 
 HIGHEST_PORT: Final = 65535
 HIGHEST_PRIORITY: Final = 255

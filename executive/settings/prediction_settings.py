@@ -5,9 +5,9 @@ from enum import Enum, auto
 from math import hypot
 from typing import Final, assert_never
 
-from executive.geometry import Point
+from executive.obstacles.zones import FARTHEST_M
 from executive.settings.settings_files import HIGHEST_FIGURE, require_above_zero
-from executive.zones import FARTHEST_M
+from executive.values.geometry import Point
 
 
 class End(Enum):

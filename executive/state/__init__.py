@@ -1,42 +1,18 @@
-"""What the rover knows: facts, status, parameters, telemetry, files and pictures."""
+"""What the rover knows: status, telemetry, files and pictures."""
 
-from executive.state.facts import (
-    VELOCITY_TOPIC,
-    AuthorityUsed,
-    Battery,
-    CameraAngles,
-    CommandEnded,
-    CommandUnderWay,
-    Fact,
-    ForeignPublishers,
-    Frame,
-    Imu,
-    Joints,
-    LaserScan,
-    MotionEnded,
-    MotionStarted,
-    Odometry,
-    OtherInput,
-    RejectedData,
-    SecondOdometry,
-    Source,
-    Stopped,
-)
 from executive.state.files import (
     LONGEST_PATH,
-    FileEvent,
-    FileEventKind,
     FileFolder,
     FileStamp,
     check_path,
     store_picture,
 )
 from executive.state.fusion import Disagreement, FramePair, disagreement
-from executive.state.local_map import directions_of
+from executive.state.motion_statistics import MotionStatistics
 from executive.state.rejections import Rejections
 from executive.state.standstill import FRAME_WAY_M, SourceMotion, is_slow, listed
 from executive.state.status import Status
-from executive.state.telemetry import Parameter, ParameterValue, Telemetry
+from executive.state.telemetry import Telemetry
 from executive.state.uncertainty import (
     PROMISED_M,
     PROMISED_RAD,
@@ -50,41 +26,17 @@ __all__ = [
     "PROMISED_M",
     "PROMISED_RAD",
     "PROMISED_RATIO",
-    "VELOCITY_TOPIC",
-    "AuthorityUsed",
-    "Battery",
-    "CameraAngles",
-    "CommandEnded",
-    "CommandUnderWay",
     "Disagreement",
-    "Fact",
-    "FileEvent",
-    "FileEventKind",
     "FileFolder",
     "FileStamp",
-    "ForeignPublishers",
-    "Frame",
     "FramePair",
-    "Imu",
-    "Joints",
-    "LaserScan",
-    "MotionEnded",
-    "MotionStarted",
-    "Odometry",
-    "OtherInput",
-    "Parameter",
-    "ParameterValue",
-    "RejectedData",
+    "MotionStatistics",
     "Rejections",
-    "SecondOdometry",
-    "Source",
     "SourceMotion",
     "Status",
-    "Stopped",
     "Telemetry",
     "Uncertainty",
     "check_path",
-    "directions_of",
     "disagreement",
     "is_slow",
     "listed",

@@ -10,40 +10,21 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from enum import Enum, unique
 from hashlib import sha256
 from pathlib import Path
 from stat import S_ISREG
 from typing import Final
 
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Identity
-from executive.state.facts import Frame
-from executive.state.telemetry import Parameter, ParameterValue
+from executive.values.facts import Frame
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import FileEvent, FileEventKind, Identity
 
 LONGEST_PATH: Final = 255
 LONGEST_NAME: Final = 240
 """Octets of one part of a path, so that a file system's 255 hold the part file's name too."""
 ABOUT: Final = ".about"
 PART: Final = ".part"
-
-
-@unique
-class FileEventKind(Enum):
-    """What happened to a file (numbers as on the MRS wire)."""
-
-    STORED = 1
-    CHANGED = 2
-    DELETED = 3
-    TRANSFERRED = 4
-
-
-@dataclass(frozen=True, slots=True)
-class FileEvent:
-    """Something that happened to a file of the folder."""
-
-    kind: FileEventKind
-    path: str
 
 
 @dataclass(frozen=True, slots=True)

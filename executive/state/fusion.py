@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 from math import cos, hypot, sin
 from typing import Final
 
-from executive.geometry import Point, Pose, wrap_rad
-from executive.state.facts import Odometry, SecondOdometry
+from executive.values.facts import Odometry, SecondOdometry
+from executive.values.geometry import Point, Pose, wrap_rad
 
 KEPT_S: Final = 3.0
 MOST_KEPT: Final = 1024

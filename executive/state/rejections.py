@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from executive.clock import Clock
-from executive.state.facts import RejectedData, Source
+from executive.values.clock import Clock
+from executive.values.facts import RejectedData, Source
 
 REPEATED_S: Final = 2.5
 """Time after which a rejection has ended: adapters repeat it each second."""

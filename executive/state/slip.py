@@ -9,9 +9,9 @@ from dataclasses import replace
 from math import copysign, cos, exp, sin, sqrt
 from typing import Final
 
-from executive.geometry import Velocity, wrap_rad
 from executive.settings import Slip
-from executive.state.facts import Odometry
+from executive.values.facts import Odometry
+from executive.values.geometry import Velocity, wrap_rad
 
 LONGEST_S: Final = 0.2
 """Between two messages of odometry; beyond it nothing is known of the motion between them."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from math import cos, hypot, inf, isfinite, sin
 from typing import Final
 
-from executive.clock import Clock
-from executive.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
-from executive.reasons import Figure
-from executive.state.facts import Imu, Joints, Odometry, SecondOdometry
+from executive.values.clock import Clock
+from executive.values.facts import Imu, Joints, Odometry, SecondOdometry
+from executive.values.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
+from executive.values.reasons import Figure
 
 WINDOW_S: Final = 0.2
 """For how long each fast source must show the rover standing."""

@@ -4,11 +4,16 @@ from dataclasses import replace
 from math import cos, inf, isfinite, nan, sin
 from typing import Final
 
-from executive.clock import Clock
-from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
-from executive.reports import Identity
+from executive.obstacles.local_map import LocalMap
+from executive.obstacles.zones import MAX_MARGIN_M, Seen, Zones
 from executive.settings import Settings
-from executive.state.facts import (
+from executive.state.fusion import Fusion
+from executive.state.rejections import Rejections
+from executive.state.slip import SlipCorrection
+from executive.state.standstill import Standstill, is_slow
+from executive.state.uncertainty import Uncertainty
+from executive.values.clock import Clock
+from executive.values.facts import (
     AuthorityUsed,
     Battery,
     CameraAngles,
@@ -28,14 +33,9 @@ from executive.state.facts import (
     SecondOdometry,
     Stopped,
 )
-from executive.state.fusion import Fusion
-from executive.state.local_map import LocalMap
-from executive.state.rejections import Rejections
-from executive.state.slip import SlipCorrection
-from executive.state.standstill import Standstill, is_slow
-from executive.state.telemetry import Parameter, ParameterValue
-from executive.state.uncertainty import Uncertainty
-from executive.zones import MAX_MARGIN_M, Seen, Zones
+from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reports import Identity
 
 COUNTED_M: Final = 0.01
 """Of way, in pieces of which it is counted, so that the noise of odometry at rest is not."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import degrees
 from typing import Final
 
-from executive.reasons import Figure
+from executive.values.reasons import Figure
 
 PROMISED_M: Final = 0.15
 PROMISED_RATIO: Final = 0.05

@@ -11,10 +11,10 @@ from random import Random
 from typing import Final, get_args
 
 from adapters.mops import TO_ALL, Dictionary, Message, MopsError, MopsStream, encode
-from executive.geometry import Pose
-from executive.reasons import Reason
-from executive.reports import Stage
-from executive.state import Parameter
+from executive.values.geometry import Pose
+from executive.values.parameters import Parameter
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from sim.brick.machine import Machine, Senses, SetPoints, Work
 from sim.brick.motion import StuckError
 from sim.brick.settings import BrickSettings

@@ -15,7 +15,7 @@ from executive.commands import (
     SetRotateSpeed,
     SetTravelSpeed,
 )
-from executive.geometry import Point, Pose
+from executive.values.geometry import Point, Pose
 from sim.brick.motion import Course, Motion, course
 from sim.brick.odometry import CountOdometry, Rims
 from sim.brick.settings import BrickSettings

@@ -10,7 +10,7 @@ from math import copysign, sqrt
 from typing import Protocol, assert_never
 
 from executive.commands import DriveFor, MoveForward, MoveTo, RotateBy, RotateTo
-from executive.geometry import Point, Pose, wrap_rad
+from executive.values.geometry import Point, Pose, wrap_rad
 from sim.brick.odometry import CountOdometry, Rims
 from sim.brick.settings import BrickSettings
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import cos, radians, sin
 from typing import Final
 
-from executive.geometry import Pose, Velocity, wrap_rad
+from executive.values.geometry import Pose, Velocity, wrap_rad
 
 WINDOW: Final = 5
 """Periods over which speed is measured, and after which a rover that has not moved stands."""

@@ -9,8 +9,8 @@ from adapters.calibration import plan_xml
 from adapters.recording import RunFile
 from executive.commands import ActivatePlan, Command, PlanDefinition, SubmitPlan
 from executive.plans import FINAL_STATUSES, FORMAT
-from executive.reports import Identity, PlanStatus, PlanUpdate
 from executive.settings import Settings
+from executive.values.reports import Identity, PlanStatus, PlanUpdate
 from sim.rover import World
 from sim.rover.lockstep import LockStep
 

@@ -18,7 +18,7 @@ import click
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 
-from executive.reports import printable
+from executive.values.reports import printable
 from sim.campaign.worker import Software, software
 
 J = TypeVar("J")

@@ -17,8 +17,8 @@ import pyarrow.parquet as pq
 from cattrs import Converter
 from cattrs.strategies import configure_union_passthrough
 
-from executive.reasons import Reason
 from executive.settings import SettingsError
+from executive.values.reasons import Reason
 from sim.campaign.draws import Kind, Quantity, quantities
 from sim.campaign.model import Campaign, Scalar
 from sim.campaign.where import EVERYWHERE, Where

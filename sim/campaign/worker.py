@@ -13,8 +13,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from executive.reports import printable
 from executive.settings import SettingsError
+from executive.values.reports import printable
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode, Scenario
 from sim.scenario.outcome import Figures, play_once

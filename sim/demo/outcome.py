@@ -17,9 +17,9 @@ from rich.table import Table
 from adapters.mal import Typed
 from adapters.mrs.spec import Stage
 from executive.commands import Stop, TakePicture, Waypoint
-from executive.geometry import Point, Pose, wrap_rad
-from executive.reasons import Reason
 from executive.settings import config_folder
+from executive.values.geometry import Point, Pose, wrap_rad
+from executive.values.reasons import Reason
 from sim.demo.mission import LOG, Played
 from sim.demo.participants import Participants
 from sim.demo.script import Ending, Link, Script

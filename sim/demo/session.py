@@ -19,7 +19,7 @@ from adapters.mrs.ground import (
 )
 from adapters.mrs.spec import AreaError, AssetMode, Notification, Stage, describe_error, given_up
 from executive.commands import Command
-from executive.state import Parameter
+from executive.values.parameters import Parameter
 from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone, WhenNear, spelled
 
 

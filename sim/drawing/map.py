@@ -15,8 +15,8 @@ from matplotlib.path import Path as Shape
 from matplotlib.ticker import MultipleLocator
 
 from executive.commands import Waypoint
-from executive.geometry import Point, Pose
-from executive.zones import KeepIn, KeepOut, Seen, Zones
+from executive.obstacles.zones import KeepIn, KeepOut, Seen, Zones
+from executive.values.geometry import Point, Pose
 from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
 from sim.rover import CELL_M, FeatureKind, Outline, Rock, World, make_terrain
 

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from executive.commands import Mode
-from executive.geometry import Pose
 from executive.history import TrackSource
-from executive.zones import Zones
+from executive.obstacles.zones import Zones
+from executive.values.geometry import Pose
 from sim.drawing.lanes import LEFT_PX, RIGHT_PX, WIDTH_PX, line, write_beside
 from sim.drawing.map import SOIL, TRUE, Incident, draw_incidents, draw_rover, draw_zones, thinned
 from sim.drawing.style import DONE, FAINT, GRID, INK, MOTION, POINT, sheet

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from executive.commands import Mode
 from executive.history import CommandLife
-from executive.reports import Kind, Report, Stage
+from executive.values.reports import Kind, Report, Stage
 from sim.drawing.lanes import (
     ENDED,
     LEFT_PX,

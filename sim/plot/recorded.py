@@ -9,7 +9,6 @@ from typing import Final
 
 from adapters.recording import RecordingError, RunReader, read_timed
 from executive.commands import Mode
-from executive.geometry import Pose, Velocity, wrap_rad
 from executive.history import (
     KINDS,
     TRACK_KINDS,
@@ -20,9 +19,10 @@ from executive.history import (
     TrackSource,
     VelocityAt,
 )
-from executive.reports import Report, Severity, Stage
+from executive.obstacles.zones import Zones
 from executive.settings import LocomotionKind
-from executive.zones import Zones
+from executive.values.geometry import Pose, Velocity, wrap_rad
+from executive.values.reports import Report, Severity, Stage
 from sim.drawing import (
     CommandLane,
     Incident,

@@ -18,7 +18,7 @@ from std_msgs.msg import Float64, String
 
 from adapters.ros import declare_topics, odometry_fact, ros_node, single_threaded
 from adapters.ros.tree_topic import from_json, tree_qos
-from executive.geometry import Pose
+from executive.values.geometry import Pose
 from trees import NodeStatus, Snapshot
 
 _STARTTIME: Final = 19

@@ -40,10 +40,8 @@ from adapters.ros import (
     second_odometry_message,
     single_threaded,
 )
-from executive.geometry import Velocity
-from executive.ports import CameraIntent
 from executive.settings import LocomotionKind, Sensor, Settings, SettingsError
-from executive.state import (
+from executive.values.facts import (
     Battery,
     CameraAngles,
     Fact,
@@ -53,6 +51,8 @@ from executive.state import (
     Odometry,
     SecondOdometry,
 )
+from executive.values.geometry import Velocity
+from executive.values.ports import CameraIntent
 from sim.brick import BrickSettings, UsbPlug
 from sim.ros.camera import CameraNode, clock_message
 from sim.ros.cargo import serve_cargo

@@ -12,8 +12,8 @@ from typing import Final, TypeVar
 
 import mujoco
 
-from executive.geometry import Pose, Velocity
-from executive.state import CameraAngles, Fact, Frame
+from executive.values.facts import CameraAngles, Fact, Frame
+from executive.values.geometry import Pose, Velocity
 from sim.rover import faults
 from sim.rover.camera import Camera, PictureSettings
 from sim.rover.disturbance import Disturbance

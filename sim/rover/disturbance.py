@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.geometry import Pose
+from executive.values.geometry import Pose
 from sim.rover.model import Chassis
 from sim.rover.world import World
 

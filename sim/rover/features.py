@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.geometry import Point
+from executive.values.geometry import Point
 
 FARTHEST_M: Final = 1000.0
 BANK_M: Final = 0.1

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.state import Fact, Imu, Joints
+from executive.values.facts import Fact, Imu, Joints
 from sim.rover import faults
 from sim.rover.body import STEP_S
 from sim.rover.faults import Fault

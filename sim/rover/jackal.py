@@ -11,10 +11,10 @@ from zlib import crc32
 
 import numpy as np
 
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.ports import CameraIntent
 from executive.settings import MuxEntry, MuxSettings, Sensors
-from executive.state import VELOCITY_TOPIC, Battery, Odometry, OtherInput
+from executive.values.facts import VELOCITY_TOPIC, Battery, Odometry, OtherInput
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.ports import CameraIntent
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover import faults
 from sim.rover.body import PERIOD_S, STEP_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left

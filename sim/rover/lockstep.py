@@ -11,17 +11,18 @@ from typing import assert_never
 
 from adapters.mocup import MocupRover
 from adapters.mops import Message, MopsError, MopsStream, encode, facts_of, load_dictionary
-from executive.clock import Clock, ManualClock
 from executive.commands import Command
 from executive.commands.lifecycle import SubmitResult
+from executive.core.recording import Tape, Truth
+from executive.core.runner import Executive
 from executive.motion import SharedSolver, make_solver
-from executive.ports import CameraIntent, Downlink, WholeMotion
 from executive.record import Ledger, Synchronous
-from executive.recording import Tape, Truth
-from executive.reports import PlanUpdate, Report
-from executive.runner import Executive
 from executive.settings import LocomotionKind, Settings
-from executive.state import Fact, FileEvent, ParameterValue
+from executive.values.clock import Clock, ManualClock
+from executive.values.facts import Fact
+from executive.values.parameters import ParameterValue
+from executive.values.ports import CameraIntent, Downlink, WholeMotion
+from executive.values.reports import FileEvent, PlanUpdate, Report
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import OdometrySettings, SimulatedJackal

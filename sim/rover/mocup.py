@@ -7,8 +7,8 @@ from random import Random
 from typing import Final
 
 from adapters.mops import load_dictionary
-from executive.geometry import Pose
-from executive.state import Parameter
+from executive.values.geometry import Pose
+from executive.values.parameters import Parameter
 from sim.brick import BrickSettings, Firmware, Readings, Senses, SetPoints
 from sim.rover import faults
 from sim.rover.body import PERIOD_S, Pack, SimulatedBody, moved_left

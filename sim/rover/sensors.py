@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from executive.settings import Sensor, Sensors
-from executive.state import Fact
+from executive.values.facts import Fact
 from sim.rover.body import STEP_S, STEPS_PER_PERIOD, SimulatedBody
 from sim.rover.instruments import FaultLookup, InertialUnit, Instrument, WheelSensors
 from sim.rover.surroundings import Laser, VisualOdometry

@@ -7,8 +7,8 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from executive.geometry import Pose, wrap_rad
-from executive.state import LaserScan, SecondOdometry
+from executive.values.facts import LaserScan, SecondOdometry
+from executive.values.geometry import Pose, wrap_rad
 from sim.rover import faults
 from sim.rover.body import SimulatedBody, moved_left
 from sim.rover.instruments import FaultLookup, Instrument

@@ -13,8 +13,8 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.geometry import Pose
 from executive.settings import SettingsError, load_yaml, structure
+from executive.values.geometry import Pose
 from sim.rover.features import (
     BANK_M,
     FARTHEST_M,

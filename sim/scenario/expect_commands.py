@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from zlib import crc32
 
-from executive.reasons import Reason
-from executive.reports import Kind, PlanStatus, Report, Severity, Stage
 from executive.settings import figure
-from executive.state import FileEventKind
+from executive.values.reasons import Reason
+from executive.values.reports import FileEventKind, Kind, PlanStatus, Report, Severity, Stage
 from sim.scenario.record import (
     ALMOST_S,
     NEVER,

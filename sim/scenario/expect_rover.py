@@ -12,9 +12,9 @@ from math import degrees, hypot, radians
 from typing import Final
 
 from executive.commands import Mode
-from executive.geometry import wrap_rad
 from executive.settings import angle, figure
-from executive.state import Parameter
+from executive.values.geometry import wrap_rad
+from executive.values.parameters import Parameter
 from sim.scenario.record import NEVER, Finding, HeardValue, Lasting, Record, Timed, TruePose
 
 SHORTEST_S: Final = 0.001

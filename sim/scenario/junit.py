@@ -7,7 +7,7 @@ from enum import Enum, unique
 from typing import BinaryIO
 from xml.etree import ElementTree
 
-from executive.reports import printable
+from executive.values.reports import printable
 
 
 @unique

@@ -20,7 +20,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Validity
 from executive.commands import SetCameraAngles
 from executive.settings import LocomotionKind, config_folder, unstructure
-from executive.state import Parameter
+from executive.values.parameters import Parameter
 from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
 from sim.processes import Eclipse as Dark
 from sim.processes.recorder import Recorder, recorder

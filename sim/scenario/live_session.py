@@ -30,7 +30,7 @@ from adapters.mrs.spec import (
 from adapters.system import OPERATING_SYSTEM, System
 from adapters.video import JpegStream
 from executive.commands import Command
-from executive.state import FileEvent, FileEventKind
+from executive.values.reports import FileEvent, FileEventKind
 from sim.ros.faults import FaultClient
 from sim.rover.faults import Fault, LinkLost, fault_declaration
 from sim.scenario.model import (

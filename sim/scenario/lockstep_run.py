@@ -11,10 +11,10 @@ from zlib import crc32
 
 from executive.commands import Command, SetPositionCompensation
 from executive.commands.lifecycle import Admitted, Refused, Repeated
-from executive.geometry import wrap_rad
-from executive.reasons import Reason, Refusal
-from executive.recording import Tape
+from executive.core.recording import Tape
 from executive.settings import SettingsError
+from executive.values.geometry import wrap_rad
+from executive.values.reasons import Reason, Refusal
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import Fault, LinkLost, fault_declaration
 from sim.rover.lockstep import STEP_S, LockStep, Recorder

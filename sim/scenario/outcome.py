@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Final
 
 from executive.commands import FollowPath, Mode, MoveTo, RotateTo, SetPositionCompensation
-from executive.reasons import Reason
-from executive.recording import Tape
-from executive.reports import Kind, Report, Severity, Stage
+from executive.core.recording import Tape
 from executive.settings import SettingsError
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Report, Severity, Stage
 from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario

@@ -22,11 +22,11 @@ from executive.commands import (
     Turn,
     Waypoint,
 )
-from executive.geometry import Pose
 from executive.history import CommandLife
-from executive.reports import Identity, Stage
 from executive.settings import LocomotionKind
-from executive.state import Parameter
+from executive.values.geometry import Pose
+from executive.values.parameters import Parameter
+from executive.values.reports import Identity, Stage
 from sim.drawing import (
     CommandLane,
     Drive,

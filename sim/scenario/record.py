@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from executive.commands import Mode, Request
-from executive.geometry import Point, Pose
 from executive.history import CommandLife, RunHistory
-from executive.reports import Identity, PlanUpdate, Report, Stage
+from executive.obstacles.zones import Seen
 from executive.settings import figure
-from executive.state import FileEvent, Parameter, ParameterValue
-from executive.zones import Seen
+from executive.values.geometry import Point, Pose
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Stage
 
 ENDED: Final = "ENDED"
 """In place of a stage: whichever way the command ends."""

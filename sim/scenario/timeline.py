@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import inf
 
 from executive.commands import Arrival, Command
-from executive.reports import Identity
+from executive.values.reports import Identity
 from sim.scenario.model import Entry, Fix, Repeat, Scenario, Send
 from sim.scenario.record import ALMOST_S, Record
 

@@ -15,11 +15,11 @@ from typing import Final
 
 from executive.commands import Arc, Line, Motion, Reference, Request, Stop, Turn
 from executive.commands.intake import SOURCE_PREFIX
-from executive.geometry import Point, Pose, wrap_rad
 from executive.history import CommandLife
 from executive.record import Ledger, Synchronous
-from executive.reports import Report, Stage
-from executive.state import Parameter
+from executive.values.geometry import Point, Pose, wrap_rad
+from executive.values.parameters import Parameter
+from executive.values.reports import Report, Stage
 from sim.scenario.record import ALMOST_S, Finding, Record, Requested, TruePose
 
 NEAR_M: Final = 0.15

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from math import copysign, cos, hypot, pi, sin, sqrt
 from typing import TYPE_CHECKING, Final, Protocol
 
-from executive.geometry import Pose, Velocity, on_arc, wrap_rad
 from executive.settings import Controller, Profile
+from executive.values.geometry import Pose, Velocity, on_arc, wrap_rad
 
 if TYPE_CHECKING:
     from tests.benchmarks.mppi import Mppi

@@ -14,7 +14,7 @@ from subprocess import DEVNULL, Popen
 import psutil
 from aiohttp import ClientSession, ClientWebSocketResponse
 
-from executive.state import Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
 from tests.mrs.aboard import Aboard
 from tests.support.figures import Figure, Goal, quantile
 

@@ -13,7 +13,7 @@ from typing import Any
 from playwright.sync_api import Page
 
 from executive.commands import SetStatusInterval
-from executive.state import Parameter
+from executive.values.parameters import Parameter
 from sim.processes import HOST
 from sim.ros.video_stream import VideoStream
 from sim.rover import scenery

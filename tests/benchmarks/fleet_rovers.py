@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from executive.commands import MoveForward, SetStatusInterval
-from executive.state import Parameter
+from executive.values.parameters import Parameter
 from tests.mrs.aboard import Aboard, LinkedBench
 
 STEP_S: Final = 0.1

@@ -9,16 +9,16 @@ from pathlib import Path
 from time import process_time
 from typing import Any, Final
 
-from executive.clock import ManualClock
 from executive.commands.catalogue import Command, MoveTo, Waypoint
-from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.motion import Plan, Problem, SharedSolver, make_solver
 from executive.motion.locomotion import Bounds
 from executive.motion.velocity_control import VelocityMover
-from executive.reports import Identity, Stage
 from executive.settings import Controller as Choice
 from executive.settings import Settings, SettingsError, structure
 from executive.state import Status
+from executive.values.clock import ManualClock
+from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
+from executive.values.reports import Identity, Stage
 from sim.rover import World
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import STEP_S, LockStep

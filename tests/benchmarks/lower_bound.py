@@ -3,8 +3,8 @@
 from math import cos, pi
 from typing import Final
 
-from executive.geometry import Pose, wrap_rad
 from executive.motion.locomotion import Bounds, duration_s
+from executive.values.geometry import Pose, wrap_rad
 
 INTERVALS: Final = 400
 EXACT_S: Final = 1e-4

@@ -8,7 +8,7 @@ import psutil
 
 from adapters.mal import Consumer, Header, Stage, Subscription, UpdateHeader, encode_message
 from adapters.mrs.spec import ParameterValue, mrs_specification
-from executive.state import Parameter
+from executive.values.parameters import Parameter
 from tests.benchmarks.mal_peers import CHUNK_OCTETS, FILE, TRANSFER_OCTETS
 from tests.support.figures import Figure, Goal, cpu_s, quantile
 from tests.support.victims import workplace

@@ -17,7 +17,8 @@ from adapters.mal import AttributeType, Call, Typed
 from adapters.mrs.aboard import FileServices, ServedOperations
 from adapters.mrs.spec import ParameterValue, Pose, Validity
 from executive.settings import load_settings
-from executive.state import FileFolder, Parameter
+from executive.state import FileFolder
+from executive.values.parameters import Parameter
 
 TRANSFER_OCTETS: Final = 50_000_000
 CHUNK_OCTETS: Final = 64 * 1024

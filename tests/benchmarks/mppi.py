@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from tests.benchmarks.competitors import AIM, Seen, Task
 
 Figures = NDArray[np.float64]

@@ -18,9 +18,9 @@ from typing import Final
 ROOMS: Final = ("executive", "trees")
 NO_RULES: Final = (
     "executive/record/",  # the ledger, and what else is kept
-    "executive/clock.py",  # time and the order of arrivals are inputs
-    "executive/inbox.py",
-    "executive/notifications.py",
+    "executive/values/clock.py",  # time and the order of arrivals are inputs
+    "executive/core/inbox.py",
+    "executive/record/notifications.py",
     "executive/state/files.py",
     "executive/settings",  # those of a run are in its recording, with the rows of its faults
     "executive/faults",
@@ -29,9 +29,9 @@ NO_RULES: Final = (
     "executive/motion/obstacles.py",
     "executive/motion/polylines.py",
     "executive/motion/programme.py",
-    "executive/reasons.py",  # their numbers, by which they are known to the ground
-    "executive/recording.py",  # the recorder
-    "executive/recorder.py",
+    "executive/values/reasons.py",  # their numbers, by which they are known to the ground
+    "executive/core/recording.py",  # the recorder
+    "executive/core/recorder.py",
     "trees/cli.py",
     "trees/screen.py",
     "trees/snapshot.py",

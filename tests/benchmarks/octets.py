@@ -8,7 +8,7 @@ from adapters.mal import Codec, Header, MalUri, Stage, encode_message
 from adapters.mal.codec import decode_message
 from adapters.mrs.spec import header_of, invocation, mrs_specification
 from executive.commands.catalogue import Command, Request
-from executive.reports import Identity
+from executive.values.reports import Identity
 
 _NUMBERS = count(1)
 

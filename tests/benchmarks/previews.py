@@ -20,11 +20,11 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.geometry import Pose, wrap_rad
 from executive.preview import Preview
-from executive.reasons import Refusal
-from executive.reports import Identity, Stage
 from executive.settings import Controller, DriveLimits, Settings, load_settings
+from executive.values.geometry import Pose, wrap_rad
+from executive.values.reasons import Refusal
+from executive.values.reports import Identity, Stage
 from sim.rover import World
 from sim.rover.lockstep import LockStep
 from tests.benchmarks.competitors import OWN

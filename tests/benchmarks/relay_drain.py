@@ -30,7 +30,7 @@ from adapters.bundle import (
 from adapters.mops import MopsError, load_dictionary, messages_in, report_of
 from adapters.relay.rover import RelaySettings
 from executive.commands.catalogue import Request, Resume, SetTravelSpeed, Stop
-from executive.reports import Identity, Stage
+from executive.values.reports import Identity, Stage
 from tests.benchmarks import stop_arrivals, stop_witness
 from tests.support.figures import Figure, Goal, quantile
 from tests.support.ports import free_udp_ports

@@ -15,8 +15,8 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from executive.commands import Command, DriveFor, MoveForward, Request, SetTravelSpeed, Stop
-from executive.reports import Identity, Report, Stage
 from executive.settings import SecondOdometrySettings, Settings, load_settings
+from executive.values.reports import Identity, Report, Stage
 from sim.rover import faults
 from sim.rover.features import Patch
 from sim.rover.lockstep import LockStep

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from executive.geometry import Pose
 from executive.motion.locomotion import Bounds
 from executive.motion.polylines import polylines
+from executive.values.geometry import Pose
 from tests.benchmarks.commands import bench
 from tests.benchmarks.competitors import COMPETITORS
 from tests.benchmarks.locomotion import OWN_GOALS, read_goals

@@ -111,7 +111,7 @@ def test_what_a_recording_exercises_is_noticed(
         bench.execute(MoveForward(0.5), 1)
         bench.executive.close()
     noticed = mutant("executive/motion/arbiter.py", "+ pass", of="self._mover.commit(")
-    missed = mutant("executive/way_around.py", "+ pass", of="push_all(start, ")
+    missed = mutant("executive/obstacles/detour.py", "+ pass", of="push_all(start, ")
     monkeypatch.setattr(mutants, "sample", lambda *_: [noticed, missed])
     told: list[str] = []
     figures = {f.name: f for f in mutants.measure(2, 1, recordings, told.append)}

@@ -8,8 +8,8 @@ import pytest
 
 from adapters.mops.codec import Message, MopsStream, encode
 from adapters.mops.dictionary import load_dictionary
-from executive.geometry import Pose
-from executive.reports import TERMINAL
+from executive.values.geometry import Pose
+from executive.values.reports import TERMINAL
 from sim.brick.firmware import Firmware
 from sim.brick.machine import Senses, SetPoints
 from sim.brick.settings import BrickSettings

@@ -28,7 +28,7 @@ from executive.commands.catalogue import (
     SetTravelSpeed,
     Stop,
 )
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.support.processes import Running, executive, simulation
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

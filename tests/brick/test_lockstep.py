@@ -14,11 +14,11 @@ from executive.commands.catalogue import (
     SetCameraAngles,
     Stop,
 )
-from executive.geometry import Velocity, arc, wrap_rad
-from executive.reasons import Reason
-from executive.reports import Identity, Report, Stage
 from executive.settings import load_settings
-from executive.state import MotionStarted
+from executive.values.facts import MotionStarted
+from executive.values.geometry import Velocity, arc, wrap_rad
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Report, Stage
 from sim.rover.faults import (
     BatteryNan,
     BrickSilent,

@@ -5,7 +5,7 @@ from math import degrees, hypot, pi
 
 import pytest
 
-from executive.geometry import wrap_rad
+from executive.values.geometry import wrap_rad
 from sim.rover.faults import BatteryLow, OdometryLost
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import Ground, Scatter, World

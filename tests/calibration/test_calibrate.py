@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from adapters.calibration import Calibration, calibrate, plan_xml, read_drive, with_figures
 from executive.commands import PlanDefinition
 from executive.plans import check_plan
-from executive.reasons import Refusal
 from executive.settings import Mpc, SettingsError, load_settings
+from executive.values.reasons import Refusal
 from sim.calibration.commands import calibrate as command
 from sim.calibration.drive import drive_pattern
 

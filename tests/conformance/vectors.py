@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import click
 
-from executive.reports import printable
+from executive.values.reports import printable
 
 FILE: Final = click.argument("path", metavar="FILE", type=click.Path(path_type=Path))
 VERBOSE: Final = click.option("--verbose", is_flag=True, help="Name what agrees, too.")

@@ -15,9 +15,9 @@ from adapters.mrs.ground import MrsClient, Stream
 from adapters.mrs.spec import AssetInfo, AssetStatus, Notification
 from adapters.mrs.terms import CLEAR
 from adapters.system import OPERATING_SYSTEM
-from executive.clock import START_UTC_S as LANDED_S
 from executive.commands import MoveForward, Stop
-from executive.state import Parameter, ParameterValue
+from executive.values.clock import START_UTC_S as LANDED_S
+from executive.values.parameters import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import LIMIT_S, Operator, Said, at_console
 from tests.mrs.aboard import Aboard, LinkedBench

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from adapters.recording import RunFile, RunReader, decode
-from executive.recording import ToldParameters
+from executive.core.recording import ToldParameters
 from tests.conftest import port_of
 from tests.console.site import Site, Visitors, visitors
 from tests.console.test_browser import commands, picture

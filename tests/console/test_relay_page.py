@@ -8,7 +8,7 @@ from playwright.async_api import async_playwright, expect
 
 from adapters.console.housekeeping import EVERY_S
 from adapters.mops import LinkHealth
-from executive.state import Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
 from tests.console.conftest import Launch
 from tests.console.consoles import ALL, at_console, served
 from tests.console.site import OPTIONS

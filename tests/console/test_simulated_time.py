@@ -9,7 +9,7 @@ from typing import Any
 from sqlalchemy import inspect, text
 
 from adapters.console.archive import open_database
-from executive.clock import START_UTC_S
+from executive.values.clock import START_UTC_S
 from tests.console.conftest import NEEDED, Launch
 from tests.console.consoles import ALL, Operator, at_console
 from tests.console.test_alarms import BATTERY, LOW_V, acknowledge, is_alarm, show

@@ -17,11 +17,11 @@ from executive.commands import (
     Waypoint,
 )
 from executive.faults import Then
-from executive.geometry import Point, Pose
-from executive.reasons import Reason
-from executive.reports import Identity, Stage
+from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import LaserSettings, Settings, load_settings
-from executive.zones import KnownRock, Zones
+from executive.values.geometry import Point, Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring

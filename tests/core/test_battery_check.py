@@ -20,11 +20,11 @@ from executive.commands import (
     SubmitPlan,
     Waypoint,
 )
-from executive.geometry import Pose
 from executive.preview import Preview
-from executive.reasons import Reason, Refusal
-from executive.reports import Stage
 from executive.settings import BatterySettings, SettingsError, load_settings, structure
+from executive.values.geometry import Pose
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Stage
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 

@@ -8,12 +8,12 @@ import pytest
 
 from executive.commands import ActivatePlan, DeleteFile, DriveFor, FollowPath, SubmitPlan
 from executive.commands.lifecycle import Admitted
-from executive.geometry import STANDING, Velocity
+from executive.obstacles.zones import KnownRock, Zones
 from executive.plans.builder import MOST_NODES
-from executive.reasons import Reason
-from executive.reports import PlanStatus, Stage
 from executive.settings import load_settings
-from executive.zones import KnownRock, Zones
+from executive.values.geometry import STANDING, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import PlanStatus, Stage
 from tests.support.kinematic import Bench, KinematicRover, ignoring
 from tests.support.plans import PlanBench, plan
 

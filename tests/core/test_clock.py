@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from executive.clock import LatchedClock, ManualClock, SystemClock
 from executive.commands import Command, MoveForward, Stop
-from executive.geometry import Pose, Velocity
-from executive.reasons import Reason, Refusal
-from executive.reports import Identity, Severity
-from executive.state import Odometry
+from executive.values.clock import LatchedClock, ManualClock, SystemClock
+from executive.values.facts import Odometry
+from executive.values.geometry import Pose, Velocity
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, Severity
 from tests.support.kinematic import Bench
 
 

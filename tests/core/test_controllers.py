@@ -21,11 +21,11 @@ from executive.commands import (
 from executive.commands.intake import check_arguments
 from executive.commands.lifecycle import Repeated
 from executive.faults import Clears, Then
-from executive.geometry import Point, Velocity
 from executive.motion import MinimumTime, make_solver
-from executive.reasons import Reason
-from executive.reports import Identity, PlanStatus, Stage
 from executive.settings import Controller, Mpc, Settings, load_settings
+from executive.values.geometry import Point, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, PlanStatus, Stage
 from tests.support.kinematic import STEP_S, Bench
 from tests.support.plans import PlanBench, plan
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from executive.clock import ManualClock
 from executive.commands import (
     DriveFor,
     FollowPath,
@@ -23,12 +22,14 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.geometry import STANDING, Velocity
 from executive.motion import make_locomotion
-from executive.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
-from executive.reasons import Reason
-from executive.reports import Identity, Stage
-from executive.state import CommandEnded, CommandUnderWay, Status, Stopped
+from executive.state import Status
+from executive.values.clock import ManualClock
+from executive.values.facts import CommandEnded, CommandUnderWay, Stopped
+from executive.values.geometry import STANDING, Velocity
+from executive.values.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
 from tests.support.kinematic import WHOLE_LIFE, KinematicRover
 from tests.support.self_moving import SelfMovingBench, settings
 

@@ -17,17 +17,10 @@ from executive.commands import (
     TakePicture,
 )
 from executive.commands.lifecycle import Admitted
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Identity, Stage
-from executive.state import (
-    LONGEST_PATH,
-    FileEvent,
-    FileEventKind,
-    FileFolder,
-    FileStamp,
-    check_path,
-)
+from executive.state import LONGEST_PATH, FileFolder, FileStamp, check_path
 from executive.state.files import LONGEST_NAME
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import FileEvent, FileEventKind, Identity, Stage
 from tests.support.kinematic import Bench
 
 PARTS = st.sampled_from(

@@ -6,7 +6,6 @@ from typing import Any, get_args
 
 import pytest
 
-from executive.clock import ManualClock
 from executive.commands import (
     ACCEPTED,
     CameraWork,
@@ -32,12 +31,14 @@ from executive.commands import (
     declared,
 )
 from executive.commands.intake import bad_identity, validate
-from executive.geometry import STANDING, Pose
 from executive.plans import LEAVES
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Identity
 from executive.settings import load_settings
-from executive.state import Odometry, Status
+from executive.state import Status
+from executive.values.clock import ManualClock
+from executive.values.facts import Odometry
+from executive.values.geometry import STANDING, Pose
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity
 from tests.support.requests import GOOD
 
 SETTINGS = load_settings("jackal")

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 
 from executive.commands import Command, FollowPath, MoveTo, Stop, Waypoint
-from executive.reasons import Figure, Reason
 from executive.record import Ledger, LedgerError, RelayedCommand, RelayRecord, digest
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reasons import Figure, Reason
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 
 WRITER = """
 import sys
 from pathlib import Path
 from executive.commands import Command, Identity, MoveForward
 from executive.record.ledger import Ledger
-from executive.reports import Stage
+from executive.values.reports import Stage
 ledger = Ledger(Path(sys.argv[1]))
 number = 0
 while True:

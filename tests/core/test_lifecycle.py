@@ -5,8 +5,8 @@ from transitions import MachineError
 
 from executive.commands import Command, MoveForward
 from executive.commands.lifecycle import EDGES, Event, Life, Note
-from executive.reasons import Reason, Refusal
-from executive.reports import Identity, Stage
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, Stage
 
 COMMAND = Command(Identity("MOE", 1), MoveForward(1.0), "direct")
 REFUSAL = Refusal(Reason.STOPPED, "stopped")

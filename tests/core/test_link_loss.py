@@ -22,12 +22,12 @@ from executive.commands import (
 )
 from executive.commands.catalogue import ActivatePlan, ResumePlan, SubmitPlan
 from executive.commands.lifecycle import Refused
-from executive.geometry import STANDING, Point, Pose
-from executive.link_loss import Trail
-from executive.reactions import RETURN_SOURCE
-from executive.reasons import Reason
-from executive.reports import Identity, Kind, Report, Stage
+from executive.core.link_loss import Trail
+from executive.core.reactions import RETURN_SOURCE
 from executive.settings import LinkLoss, SettingsError, load_settings, structure
+from executive.values.geometry import STANDING, Point, Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Kind, Report, Stage
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 

@@ -9,10 +9,10 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.geometry import STANDING, Point, Pose, Velocity
-from executive.state import LaserScan
-from executive.state.local_map import KEPT_S, MOST_CIRCLES, LocalMap
-from executive.zones import Footprint, KeepIn, KeepOut, KnownRock, Zones
+from executive.obstacles.local_map import KEPT_S, MOST_CIRCLES, LocalMap
+from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock, Zones
+from executive.values.facts import LaserScan
+from executive.values.geometry import STANDING, Point, Pose, Velocity
 from tests.support.laser import Disc, look
 
 JACKAL = Footprint(0.51, 0.43)

@@ -27,12 +27,12 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.geometry import STANDING, Velocity
 from executive.motion.velocity_control import VelocityMover
-from executive.reasons import Reason
-from executive.reports import Identity, Stage
 from executive.settings import Profile, load_settings
-from executive.state import Battery, CameraAngles
+from executive.values.facts import Battery, CameraAngles
+from executive.values.geometry import STANDING, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
 from tests.support.kinematic import PICTURE, STEP_S, WHOLE_LIFE, Bench, ignoring
 
 pytestmark = pytest.mark.alike

@@ -12,15 +12,15 @@ from typing import Any
 import pytest
 
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.geometry import Point
 from executive.motion import MinimumTime, Plan, Problem, SharedSolver, make_solver
 from executive.motion.motion_model import MotionState
 from executive.motion.obstacles import Obstacles
 from executive.motion.plan import Target
-from executive.reasons import Reason
-from executive.reports import Identity, Severity, Stage
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Obstacle, Zones
 from executive.settings import Controller, LaserSettings, Mpc, Settings, load_settings
-from executive.zones import KeepIn, KeepOut, KnownRock, Obstacle, Zones
+from executive.values.geometry import Point
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Severity, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring

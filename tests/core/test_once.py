@@ -17,10 +17,10 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.lifecycle import Repeated
-from executive.geometry import STANDING, Pose
-from executive.reasons import Reason
-from executive.reports import Kind, Severity, Stage
-from executive.state import ForeignPublishers
+from executive.values.facts import ForeignPublishers
+from executive.values.geometry import STANDING, Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Severity, Stage
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 

@@ -9,11 +9,11 @@ import pytest
 
 from executive.commands import FollowPath, MoveTo, SetTravelSpeed, Waypoint
 from executive.faults import Clears, Then
-from executive.geometry import STANDING, Point, Pose
 from executive.motion import MinimumTime, Plan, Problem, make_solver
-from executive.reasons import Reason
-from executive.reports import Stage
 from executive.settings import Controller, Mpc, Settings, load_settings
+from executive.values.geometry import STANDING, Point, Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from tests.support.kinematic import STEP_S, Bench, KinematicRover
 
 pytestmark = pytest.mark.alike

@@ -20,11 +20,11 @@ from executive.commands import (
     SetPositionCompensation,
     Waypoint,
 )
-from executive.geometry import Pose, wrap_rad
-from executive.reasons import Figure, Reason
-from executive.reports import Report, Severity, Stage
+from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import BatterySettings, load_settings
-from executive.zones import KnownRock, Zones
+from executive.values.geometry import Pose, wrap_rad
+from executive.values.reasons import Figure, Reason
+from executive.values.reports import Report, Severity, Stage
 from tests.core.test_second_odometry import SeeingBench, with_second_odometry
 from tests.support.kinematic import Bench
 

@@ -18,12 +18,12 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands import ResumePlan as GoOn
-from executive.geometry import STANDING
 from executive.goals import Context
-from executive.reasons import PREDICTED, Reason
-from executive.reports import Identity, Kind, Report, Stage
+from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import load_settings
-from executive.zones import KnownRock, Zones
+from executive.values.geometry import STANDING
+from executive.values.reasons import PREDICTED, Reason
+from executive.values.reports import Identity, Kind, Report, Stage
 from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, KinematicRover
 from tests.support.plans import AHEAD, BACK, plan
 from trees import RoverTree

@@ -13,16 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from adapters.onboard.planning import BackgroundSolver
-from executive.clock import ManualClock
 from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
-from executive.geometry import Pose, Velocity, wrap_rad
 from executive.motion import MinimumTime, Plan, Problem, SharedSolver, make_locomotion, make_solver
 from executive.motion.motion_model import MotionState
 from executive.motion.plan import Target
 from executive.motion.predictive_control import model_of
-from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import Controller, SettingsError, load_settings
 from executive.state import Status
+from executive.values.clock import ManualClock
+from executive.values.geometry import Pose, Velocity, wrap_rad
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 from sim.rover import World
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep

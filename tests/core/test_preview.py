@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from executive.clock import ManualClock
 from executive.commands import (
     Command,
     ConfirmPose,
@@ -22,12 +21,10 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.core.runner import Executive
 from executive.motion import Plan, Problem, SharedSolver, make_solver
+from executive.obstacles.zones import KeepOut, KnownRock, Zones
 from executive.preview import MOST_POSES, KinematicBase, Preview, PreviewRun, preview
-from executive.reasons import Reason, Refusal
-from executive.reports import Identity, Stage
-from executive.runner import Executive
 from executive.settings import (
     Controller,
     PredictionSettings,
@@ -35,7 +32,10 @@ from executive.settings import (
     load_settings,
     structure,
 )
-from executive.zones import KeepOut, KnownRock, Zones
+from executive.values.clock import ManualClock
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, Stage
 from sim.rover import World
 from sim.rover.lockstep import LockStep
 from tests.support.kinematic import Bench

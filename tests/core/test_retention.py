@@ -24,12 +24,12 @@ from executive.commands import (
     Waypoint,
 )
 from executive.commands.lifecycle import Refused, Repeated
-from executive.reasons import Reason
+from executive.core.runner import Executive
 from executive.record import PRUNED, Retention
 from executive.record.retention import FOREIGN_SHARE, Range, merge_ranges
-from executive.reports import TERMINAL, Identity, Kind, PlanStatus, Stage
-from executive.runner import Executive
 from executive.settings import SettingsError, config_folder, load_settings
+from executive.values.reasons import Reason
+from executive.values.reports import TERMINAL, Identity, Kind, PlanStatus, Stage
 from tests.support.plans import PlanBench, plan
 
 KEPT = 12

@@ -8,11 +8,12 @@ from py_trees.common import Status
 
 from executive.commands import Mode, MoveForward, Resume, SetCameraAngles, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted, Refused
-from executive.geometry import STANDING, Pose
 from executive.goals import Context
-from executive.reasons import Reason
-from executive.reports import Stage
-from executive.state import Battery, Odometry, Parameter
+from executive.values.facts import Battery, Odometry
+from executive.values.geometry import STANDING, Pose
+from executive.values.parameters import Parameter
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from tests.support.kinematic import WHOLE_LIFE, Bench, ignoring
 from trees import RoverTree
 from trees.motion import Drive

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, Waypoint
-from executive.geometry import STANDING, Point, Pose, Velocity, wrap_rad
-from executive.reasons import Reason
-from executive.reports import Stage
 from executive.settings import SecondOdometrySettings, Settings, load_settings
-from executive.state import Odometry, SecondOdometry
 from executive.state.fusion import STEP_M, Fusion
+from executive.values.facts import Odometry, SecondOdometry
+from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from tests.support.kinematic import STEP_S, Bench, KinematicRover
 
 pytestmark = pytest.mark.alike

@@ -6,11 +6,12 @@ from math import pi
 
 import pytest
 
-from executive.clock import ManualClock
-from executive.geometry import Pose, Velocity
 from executive.settings import Controller, SettingsError, Slip, load_settings, structure
-from executive.state import Odometry, Status
+from executive.state import Status
 from executive.state.slip import LONGEST_S, SlipCorrection
+from executive.values.clock import ManualClock
+from executive.values.facts import Odometry
+from executive.values.geometry import Pose, Velocity
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import World
 from tests.sim.driving import COMMAND_PERIOD_S

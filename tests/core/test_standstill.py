@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from executive.commands import DriveFor, Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
-from executive.geometry import GRAVITY_MPS2, STANDING, Pose, Velocity
-from executive.reasons import Reason
-from executive.reports import Identity, Stage
 from executive.settings import load_settings
-from executive.state import ForeignPublishers, Imu, Joints, Odometry, SecondOdometry
+from executive.values.facts import ForeignPublishers, Imu, Joints, Odometry, SecondOdometry
+from executive.values.geometry import GRAVITY_MPS2, STANDING, Pose, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
 from tests.support.kinematic import STEP_S, Bench, KinematicRover, ignoring, with_figures
 
 

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 from executive.checks import check_request, detoured_segments, path_check, path_of
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.geometry import Point, Pose
-from executive.reasons import Reason
-from executive.reports import Identity, Severity, Stage
+from executive.obstacles.detour import Way, find_way
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import load_settings
-from executive.way_around import Way, find_way
-from executive.zones import KeepIn, KeepOut, KnownRock, Zones
+from executive.values.geometry import Point, Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Severity, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import Rock, World
 from tests.support.kinematic import Bench, ignoring

@@ -23,11 +23,11 @@ from executive.commands import (
     RotateTo,
     Waypoint,
 )
-from executive.geometry import Point, Pose, Velocity, arc
-from executive.reasons import Reason
-from executive.reports import Stage
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import SettingsError, load_settings, structure
-from executive.zones import KeepIn, KeepOut, KnownRock, Zones
+from executive.values.geometry import Point, Pose, Velocity, arc
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from tests.support.kinematic import Bench, ignoring
 
 SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))

@@ -14,8 +14,8 @@ from executive.commands.catalogue import (
     TakePicture,
     Waypoint,
 )
-from executive.geometry import Point
 from executive.settings import config_folder
+from executive.values.geometry import Point
 from sim.demo.commands import demo
 from sim.demo.script import (
     ASSETS,

@@ -61,10 +61,11 @@ from executive.commands import (
     declared,
 )
 from executive.plans.plan_xml import LARGEST_PLAN
-from executive.reasons import Reason, Refusal
-from executive.reports import Identity
 from executive.settings import load_settings
-from executive.state import LONGEST_PATH, Parameter
+from executive.state import LONGEST_PATH
+from executive.values.parameters import Parameter
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity
 
 _HEAD: Final = """# The METERON Robotic Services
 

@@ -24,11 +24,11 @@ from adapters.ros import (
     single_threaded,
 )
 from executive.commands.catalogue import MoveForward, RotateBy
-from executive.geometry import Velocity
-from executive.ports import Advance, TurnBy, WholeMotion
-from executive.reports import Identity
 from executive.settings import config_folder
-from executive.state import MotionEnded, Odometry
+from executive.values.facts import MotionEnded, Odometry
+from executive.values.geometry import Velocity
+from executive.values.ports import Advance, TurnBy, WholeMotion
+from executive.values.reports import Identity
 from tests.docs.pages import CHECKOUT, blocks, lines
 from tests.support.ground import carry_out, until_located
 from tests.support.kinematic import KinematicRover

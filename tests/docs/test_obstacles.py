@@ -7,9 +7,9 @@ from textwrap import dedent
 
 from executive.commands import MoveForward, MoveTo, Waypoint
 from executive.faults import FaultTable, Then
-from executive.reports import Stage
+from executive.obstacles.zones import Footprint, Zones
 from executive.settings import LaserSettings, Settings, parse_yaml, structure
-from executive.zones import Footprint, Zones
+from executive.values.reports import Stage
 from tests.docs.pages import CHECKOUT, blocks
 from tests.support.kinematic import Bench, ignoring
 from tests.support.laser import Disc, LookingRover

@@ -11,8 +11,8 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.text import Annotation
 
 from executive.commands import Waypoint
-from executive.geometry import Point, Pose
-from executive.zones import KeepIn, KeepOut, KnownRock, Seen, Zones
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Seen, Zones
+from executive.values.geometry import Point, Pose
 from sim.drawing import MOTION, Drive, Incident, draw_map, thinned
 from sim.drawing.map import ROCK, TRUE
 from sim.rover import Ground, Rock, World

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from executive.commands import Mode
-from executive.reports import Stage
+from executive.values.reports import Stage
 from sim.drawing import COMMAND, DONE, MOTION, WRONG, CommandLane, RunTimeline, Span, draw_timeline
 from tests.drawing.pictures import lines, spans, words, written_alike
 

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from executive.core.runner import Tree
 from executive.goals import Context
-from executive.reasons import Reason
-from executive.runner import Tree
 from executive.settings import Settings, load_settings
+from executive.values.reasons import Reason
 from tests.support.kinematic import Bench, KinematicRover
 from trees import RoverTree
 

@@ -8,12 +8,12 @@ from typing import Any, Final
 from py_trees.common import Status
 
 from executive.commands import MoveFile, MoveForward, Request, RotateBy, Stop, TakePicture
-from executive.geometry import STANDING, Velocity
 from executive.goals import Context
-from executive.reasons import Reason
+from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import LaserSettings, SecondOdometrySettings, Settings
-from executive.state import Frame, Imu, Joints, Odometry, OtherInput, SecondOdometry
-from executive.zones import KnownRock, Zones
+from executive.values.facts import Frame, Imu, Joints, Odometry, OtherInput, SecondOdometry
+from executive.values.geometry import STANDING, Velocity
+from executive.values.reasons import Reason
 from tests.explanation.case import JACKAL, Case
 from tests.support.kinematic import PICTURE, STEP_S, Bench, KinematicRover, ignoring
 from tests.support.laser import Disc, LookingRover

@@ -10,10 +10,10 @@ from typing import TypeVar
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.recording import RunFile
+from executive.core.recording import Item, Tapes
+from executive.core.runner import Executive
 from executive.history import HistoryBuilder
-from executive.ports import Downlink
-from executive.recording import Item, Tapes
-from executive.runner import Executive
+from executive.values.ports import Downlink
 from tests.explanation.case import Case
 from tests.support.kinematic import Bench
 from tests.support.sensed_drive import SensedRover

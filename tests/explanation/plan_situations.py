@@ -15,7 +15,7 @@ from executive.commands import (
     SuspendPlan,
 )
 from executive.plans.plan_xml import LARGEST_PLAN
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 from tests.explanation.case import Case
 from tests.support.kinematic import Bench
 from tests.support.plans import AHEAD, BACK, TOO_LATE, plan, xml

@@ -5,7 +5,6 @@ from dataclasses import replace
 from math import nan
 from typing import Any, Final
 
-from executive.authority import AuthorityAct, AuthorityAsked
 from executive.commands import (
     RELAY_LINK,
     ActivatePlan,
@@ -28,13 +27,14 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
+from executive.core.authority import AuthorityAct, AuthorityAsked
 from executive.faults import Clears, Then
-from executive.geometry import STANDING, Pose
-from executive.reasons import Reason, Refusal
-from executive.reports import Identity
+from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import AuthoritySettings, LinkLoss, Settings, structure
-from executive.state import CommandEnded, ForeignPublishers, Odometry, Stopped
-from executive.zones import KnownRock, Zones
+from executive.values.facts import CommandEnded, ForeignPublishers, Odometry, Stopped
+from executive.values.geometry import STANDING, Pose
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity
 from tests.core.test_pose_uncertainty import jump
 from tests.explanation.case import JACKAL, Case
 from tests.support.kinematic import Bench

@@ -23,7 +23,7 @@ from adapters.explanation import (
 from adapters.recording import RunFile, read_history
 from executive.commands import Command, MoveForward, Resume, Stop
 from executive.history import RunHistory
-from executive.reports import Identity, Kind, Report, Severity
+from executive.values.reports import Identity, Kind, Report, Severity
 from tests.explanation.case import Case
 from tests.explanation.fault_situations import FAULTS
 from tests.explanation.live import LiveBench

@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
 from executive.commands import Command, MoveForward, Resume, Stop
-from executive.reports import Identity, Severity
+from executive.values.reports import Identity, Severity
 from tests.explanation.case import Case
 from tests.explanation.live import LiveBench
 from tests.mrs.aboard import Aboard, rover

@@ -8,7 +8,7 @@ import pytest
 from adapters.mocup import ClaimAnnouncer
 from adapters.mops import Message, RelayAuthority, fingerprint, load_dictionary, messages_in
 from executive.commands.catalogue import Command, FollowPath, MoveForward, SetTravelSpeed, Waypoint
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.support.self_moving import SelfMovingBench
 
 

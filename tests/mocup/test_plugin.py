@@ -9,12 +9,18 @@ from hypothesis import strategies as st
 from adapters.mocup import MocupFact, MocupRover
 from adapters.mocup.plugin import ANSWER_TIMEOUT_S, MOST_ASKED, RETRANSMIT_S
 from adapters.mops import Message, encode, load_dictionary
-from executive.clock import ManualClock
 from executive.commands.catalogue import Stop
-from executive.geometry import Velocity
-from executive.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
-from executive.reports import Identity
-from executive.state import CommandEnded, CommandUnderWay, MotionEnded, MotionStarted, Stopped
+from executive.values.clock import ManualClock
+from executive.values.facts import (
+    CommandEnded,
+    CommandUnderWay,
+    MotionEnded,
+    MotionStarted,
+    Stopped,
+)
+from executive.values.geometry import Velocity
+from executive.values.ports import Advance, CameraIntent, Hold, TurnBy, WholeMotion
+from executive.values.reports import Identity
 
 DICTIONARY = load_dictionary()
 MOE7, MOE8 = Identity("MOE", 7), Identity("MOE", 8)

@@ -19,9 +19,9 @@ from executive.commands import (
     Waypoint,
     declared,
 )
-from executive.reports import Identity
 from executive.settings import Controller, SettingsError
-from executive.state import Parameter
+from executive.values.parameters import Parameter
+from executive.values.reports import Identity
 
 DICTIONARY = load_dictionary()
 MOE = Identity("MOE", 7)

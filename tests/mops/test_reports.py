@@ -32,10 +32,11 @@ from adapters.mops.codec import HIGHEST_ID, LATEST_UTC_S
 from adapters.mops.reports import LONGEST_TEXT
 from executive.commands import Mode
 from executive.commands.catalogue import MoveForward
-from executive.geometry import Pose, Velocity
-from executive.reasons import Reason
-from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.state import Battery, CameraAngles, Odometry, Parameter, ParameterValue
+from executive.values.facts import Battery, CameraAngles, Odometry
+from executive.values.geometry import Pose, Velocity
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 from tests.mops.test_codec import NAMES
 
 SPELLING = load_dictionary().spelling.telemetry

@@ -29,10 +29,10 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.terms import CLEAR, Terms
 from executive.commands import Request
+from executive.core.runner import Executive
 from executive.history import HistoryBuilder
-from executive.ports import Downlink
-from executive.runner import Executive
 from executive.settings import AuthoritySettings, load_settings
+from executive.values.ports import Downlink
 from tests.support.kinematic import Bench
 from tests.support.ports import free_port
 from trees import leaf_paths

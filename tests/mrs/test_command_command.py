@@ -43,7 +43,7 @@ from executive.commands import (
     declaration_of,
     declared,
 )
-from executive.runner import Executive
+from executive.core.runner import Executive
 from executive.settings import Controller
 from tests.mrs.aboard import Aboard, rover
 

@@ -28,8 +28,8 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.geometry import STANDING
-from executive.reasons import Reason
+from executive.values.geometry import STANDING
+from executive.values.reasons import Reason
 from tests.mrs.aboard import HEADER, Aboard, stages
 from tests.support.kinematic import PICTURE
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from adapters.mal import Consumer, MalError, Progress, Subscription
 from adapters.mrs.aboard import FileServices
 from adapters.mrs.spec import FileEventType, FileReport, mrs_specification
-from executive.reports import Stage
+from executive.values.reports import Stage
 from tests.mrs.aboard import HEADER, Aboard, raises
 
 BIG = random.Random(1).randbytes(1_000_000) * 50

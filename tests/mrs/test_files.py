@@ -17,7 +17,8 @@ from adapters.mrs.aboard import FileServices
 from adapters.mrs.aboard.file_access import FileWatch
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileEventType, FileInfo, mrs_specification
-from executive.state import FileEventKind, FileFolder
+from executive.state import FileFolder
+from executive.values.reports import FileEventKind
 from tests.mrs.aboard import Aboard
 
 LIMIT_S = 60.0

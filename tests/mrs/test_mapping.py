@@ -33,10 +33,10 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.spec.mapping import carrier_of
 from adapters.mrs.spec.types import Severity
-from executive import reports
 from executive.commands import Arrival, Command, MoveForward, Request, Stop, declaration_of
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Identity
+from executive.values import reports
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity
 from tests.support.timed_system import TimedSystem
 
 requests = st.one_of(*(st.from_type(kind) for kind in get_args(Request)))

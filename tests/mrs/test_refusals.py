@@ -29,7 +29,7 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 from tests.mrs.aboard import HEADER, Aboard, raises, reading, stages
 
 HEAD = reading("HEAD")

@@ -25,7 +25,7 @@ from executive.commands import (
     SubmitPlan,
 )
 from executive.plans.plan_xml import LARGEST_PLAN
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 from tests.mrs.aboard import Aboard, LinkedBench, event
 
 LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]

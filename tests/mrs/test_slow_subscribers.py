@@ -23,8 +23,8 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.spec.tree_updates import snapshot_of_update
 from executive.commands import MoveForward, SetCameraAngles, SetStatusInterval
-from executive.runner import Executive
-from executive.state import Parameter
+from executive.core.runner import Executive
+from executive.values.parameters import Parameter
 from tests.mrs.aboard import Aboard
 from tests.support.kinematic import STEP_S
 from trees import Snapshot, snapshot_of

@@ -40,8 +40,8 @@ from executive.commands import (
     Stop,
     TakePicture,
 )
-from executive.reasons import Reason
 from executive.record import LedgerError, Retention
+from executive.values.reasons import Reason
 from tests.mrs.aboard import Aboard, LinkedBench, event, raises
 
 UNITS = {

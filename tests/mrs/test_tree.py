@@ -12,7 +12,7 @@ from adapters.mrs.spec import AreaError, TreeUpdate
 from adapters.mrs.spec.tree_updates import change_update, snapshot_of_update, whole_update
 from adapters.mrs.spec.types import NodeChange, NodeStatus
 from executive.commands import ActivatePlan, MoveForward, Stop, SubmitPlan
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.mrs.aboard import Aboard, raises
 from tests.support.kinematic import STEP_S
 from tests.support.plans import AHEAD, plan

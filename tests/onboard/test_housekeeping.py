@@ -11,10 +11,10 @@ from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import EXECUTIVE_HOUSEKEEPING, Validity, to_ns
 from adapters.onboard.housekeeping import ExecutiveHousekeeping
 from adapters.ros import TickStatistics
-from executive.clock import START_UTC_S
 from executive.commands import Resume
-from executive.reasons import Reason
-from executive.reports import Report
+from executive.values.clock import START_UTC_S
+from executive.values.reasons import Reason
+from executive.values.reports import Report
 from tests.core.test_pose_uncertainty import moved
 from tests.mrs.aboard import Aboard, LinkedBench
 from tests.mrs.aboard import rover as typed

@@ -28,8 +28,8 @@ from executive.commands.catalogue import (
     Stop,
     SubmitPlan,
 )
-from executive.reasons import Reason
 from executive.settings import config_folder
+from executive.values.reasons import Reason
 from tests.benchmarks.octets import Octets
 from tests.support.ground import ask, carry_out, located, until_located
 from tests.support.plans import plan

@@ -15,8 +15,8 @@ from adapters.onboard.process import main
 from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
 from executive.commands.catalogue import SetTravelSpeed
-from executive.reasons import Reason
 from executive.settings import Settings, SettingsError, load_settings
+from executive.values.reasons import Reason
 from tests.support.certificates import Ends, make_ends, options
 from tests.support.ground import ask, carry_out
 from tests.support.processes import executive, running

@@ -10,7 +10,7 @@ from PIL import Image
 from adapters.recording import RunFile
 from executive.commands import Mode
 from executive.history import TrackSource
-from executive.reports import Stage
+from executive.values.reports import Stage
 from sim.drawing import draw_run
 from sim.plot import plot_of
 from sim.plot.commands import plot

@@ -8,7 +8,7 @@ from queue import SimpleQueue
 import pytest
 
 from adapters.recording import BackgroundTape, RunFile, RunReader, background
-from executive.recording import Call, Called, KeptFile, Life
+from executive.core.recording import Call, Called, KeptFile, Life
 from executive.settings import RecordingSettings, load_settings
 
 JACKAL = load_settings("jackal")

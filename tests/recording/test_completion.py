@@ -10,7 +10,7 @@ from mcap.reader import SeekingReader
 from adapters.recording import BackgroundTape, RunFile, RunReader, complete
 from adapters.recording.replay import replay
 from adapters.recording.rows import RowReader
-from executive.recording import Call, Called
+from executive.core.recording import Call, Called
 from executive.settings import load_settings
 
 SETTINGS = load_settings("jackal")

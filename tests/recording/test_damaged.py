@@ -12,7 +12,7 @@ from adapters.recording import RecordingError, RunFile, RunReader, complete, dec
 from adapters.recording.container import read_records
 from adapters.recording.replay import replay
 from adapters.recording.run_file import part_of
-from executive.recording import KeptFile, Life
+from executive.core.recording import KeptFile, Life
 from tests.stress.recording_mutants import batches_of, hostile, recording_of
 from tests.stress.recording_readers import MAX_CPU_S, MAX_MB, READERS, Meter, Reader
 

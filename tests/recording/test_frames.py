@@ -9,8 +9,8 @@ import pytest
 
 from adapters.recording import RecordingError, RunFile, frames
 from adapters.recording.messages import TOPICS
-from executive.recording import Call, Called, Observed
-from executive.state import LaserScan
+from executive.core.recording import Call, Called, Observed
+from executive.values.facts import LaserScan
 from tests.stress.recording_mutants import recording_of
 
 

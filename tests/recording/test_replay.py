@@ -17,8 +17,6 @@ from adapters.recording.commands import replay as replay_command
 from adapters.recording.replay import replay
 from adapters.recording.rows import RowWriter
 from adapters.recording.run_file import PROFILE, RUN, RunReader
-from executive.authority import AuthorityAct, AuthorityAsked, AuthorityState
-from executive.clock import ManualClock
 from executive.commands import (
     Command,
     DriveFor,
@@ -29,17 +27,19 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.geometry import STANDING, Pose, Velocity
+from executive.core.authority import AuthorityAct, AuthorityAsked, AuthorityState
+from executive.core.recording import CommitFailed, SolverAnswered, SwitchedVideo
+from executive.core.runner import Executive
 from executive.goals import GoalQueue
 from executive.motion import Arbiter
 from executive.motion.velocity_control import DriveLaw
-from executive.reasons import Reason, Refusal
 from executive.record import Ledger, Synchronous
-from executive.recording import CommitFailed, SolverAnswered, SwitchedVideo
-from executive.reports import Identity, Severity
-from executive.runner import Executive
 from executive.settings import config_folder, load_settings
-from executive.state import Odometry, OtherInput
+from executive.values.clock import ManualClock
+from executive.values.facts import Odometry, OtherInput
+from executive.values.geometry import STANDING, Pose, Velocity
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, Severity
 from sim.scenario.changes import Change
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode

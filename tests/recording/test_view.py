@@ -15,8 +15,7 @@ from mcap.reader import make_reader
 from adapters.recording import RunFile
 from adapters.recording.view import TOPICS, Shown, View
 from executive.commands import Command, FollowPath, Mode, MoveTo, Request, Waypoint
-from executive.geometry import Pose, Velocity
-from executive.recording import (
+from executive.core.recording import (
     Call,
     Called,
     Drove,
@@ -29,10 +28,11 @@ from executive.recording import (
     Served,
     TreeChanged,
 )
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import config_folder, load_settings
-from executive.state import Fact, Frame, LaserScan, Odometry, SecondOdometry
-from executive.zones import KeepIn, KeepOut, KnownRock, Zones
+from executive.values.facts import Fact, Frame, LaserScan, Odometry, SecondOdometry
+from executive.values.geometry import Pose, Velocity
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 
 YARD = ((-1.0, -2.0), (5.0, -2.0), (5.0, 2.0), (-1.0, 2.0))
 ZONES = Zones((KeepIn("yard", YARD),), (KeepOut("bed", YARD),), (KnownRock("boulder", 3, 1, 0.5),))

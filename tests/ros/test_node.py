@@ -42,10 +42,8 @@ from adapters.ros.robot_model import ROBOT_DESCRIPTION, kept_for_late_joiners
 from executive.commands import Mode
 from executive.commands.catalogue import Command, Resume, Stop
 from executive.commands.lifecycle import Admitted, SubmitResult
-from executive.geometry import Pose, Velocity
+from executive.core.runner import Executive
 from executive.record import Ledger, Synchronous
-from executive.reports import Identity
-from executive.runner import Executive
 from executive.settings import (
     LaserSettings,
     SecondOdometrySettings,
@@ -54,7 +52,7 @@ from executive.settings import (
     config_folder,
     load_settings,
 )
-from executive.state import (
+from executive.values.facts import (
     Battery,
     CameraAngles,
     Fact,
@@ -63,7 +61,9 @@ from executive.state import (
     OtherInput,
     SecondOdometry,
 )
-from executive.state import Imu as ImuFact
+from executive.values.facts import Imu as ImuFact
+from executive.values.geometry import Pose, Velocity
+from executive.values.reports import Identity
 from sim.ros.camera import clock_message
 from trees.rover import RoverTree
 

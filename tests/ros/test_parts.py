@@ -22,9 +22,9 @@ from adapters.ros.conversions import Kept, quaternion
 from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
-from executive.geometry import Pose, Velocity
 from executive.settings import config_folder, load_settings
-from executive.state import Odometry
+from executive.values.facts import Odometry
+from executive.values.geometry import Pose, Velocity
 from trees.rover import preview
 from trees.screen import drawn, folded
 from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot

@@ -17,9 +17,9 @@ from adapters.ros import declare_sensor_topics
 from executive.commands import MoveForward
 from executive.commands.catalogue import Command
 from executive.commands.lifecycle import Refused
-from executive.reports import Identity
 from executive.settings import ImuSettings, JointsSettings, LaserSettings, Sensor, Sensors
-from executive.state import Source
+from executive.values.facts import Source
+from executive.values.reports import Identity
 from tests.ros.test_node import Bench, started
 
 pytestmark = pytest.mark.ros

@@ -16,9 +16,9 @@ from adapters.ros.robot_model import (
     static_transforms,
     urdf,
 )
-from executive.geometry import Pose, Velocity
 from executive.settings import config_folder, load_settings
-from executive.state import CameraAngles, Odometry
+from executive.values.facts import CameraAngles, Odometry
+from executive.values.geometry import Pose, Velocity
 
 pytestmark = pytest.mark.ros
 JACKAL = load_settings("jackal")

@@ -25,8 +25,8 @@ from adapters.ros import (
     second_odometry_message,
 )
 from adapters.ros.conversions import IgnoredMessageError
-from executive.geometry import Pose
-from executive.state import Imu, Joints, LaserScan, SecondOdometry
+from executive.values.facts import Imu, Joints, LaserScan, SecondOdometry
+from executive.values.geometry import Pose
 
 WHEELS = WheelJoints(("fl", "rl"), ("fr", "rr"))
 stamps = st.integers(0, 10**6).map(lambda stamp_ms: stamp_ms / 1000)

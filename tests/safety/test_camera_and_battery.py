@@ -3,9 +3,10 @@ from math import nan
 import pytest
 
 from executive.commands import TakePicture
-from executive.reasons import Reason
-from executive.reports import Kind, Severity, Stage
-from executive.state import Frame, Parameter
+from executive.values.facts import Frame
+from executive.values.parameters import Parameter
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Severity, Stage
 from tests.support.kinematic import Bench
 
 WHOLE = b"\xff\xd8picture\xff\xd9"

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.faults import DECLARED, Clears, FaultTable, Then
-from executive.reasons import Reason
 from executive.safety import MONITORS
 from executive.settings import (
     Settings,
@@ -19,6 +18,7 @@ from executive.settings import (
     structure,
     unstructure,
 )
+from executive.values.reasons import Reason
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
 from sim.scenario.reading import load_scenario

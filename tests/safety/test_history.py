@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.clock import ManualClock
 from executive.faults import FaultTable
-from executive.geometry import STANDING, Pose, Velocity
 from executive.safety import Channel, History
-from executive.state import Odometry
+from executive.values.clock import ManualClock
+from executive.values.facts import Odometry
+from executive.values.geometry import STANDING, Pose, Velocity
 
 
 class Drive:

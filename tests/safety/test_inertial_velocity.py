@@ -4,9 +4,10 @@ from math import inf, nan, radians, sin
 
 import pytest
 
-from executive.geometry import GRAVITY_MPS2, STANDING, Velocity
 from executive.safety.inertial_velocity import InertialVelocity
-from executive.state import Imu, SourceMotion
+from executive.state import SourceMotion
+from executive.values.facts import Imu
+from executive.values.geometry import GRAVITY_MPS2, STANDING, Velocity
 
 STEP_S = 0.01
 

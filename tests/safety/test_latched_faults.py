@@ -9,9 +9,6 @@ import pytest
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
 from executive.commands.lifecycle import Admitted
 from executive.faults import DECLARED, Clears, Row, Then, When, Window
-from executive.geometry import STANDING
-from executive.reasons import Figure, Reason, Refusal
-from executive.reports import Stage
 from executive.safety import MONITORS, Evidence, History
 from executive.settings import (
     LinkLoss,
@@ -20,6 +17,9 @@ from executive.settings import (
     Settings,
     load_settings,
 )
+from executive.values.geometry import STANDING
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Stage
 from tests.support.kinematic import Bench, with_figures
 from tests.support.self_moving import SelfMovingRover
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from executive.commands import DriveFor
-from executive.geometry import Pose, Velocity
-from executive.reasons import Reason
-from executive.reports import Kind, Report, Severity, Stage
 from executive.settings import Settings
-from executive.state import Odometry
+from executive.values.facts import Odometry
+from executive.values.geometry import Pose, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Report, Severity, Stage
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
 from sim.scenario.outcome import Outcome, play_once

@@ -8,10 +8,10 @@ import pytest
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
 from executive.commands.lifecycle import Admitted
 from executive.faults import Clears, Then
-from executive.geometry import STANDING
-from executive.reasons import Reason
-from executive.reports import Kind, Report, Severity, Stage
 from executive.settings import load_settings
+from executive.values.geometry import STANDING
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Report, Severity, Stage
 from tests.support.kinematic import Bench, with_figures
 
 LOW_V, FULL_V = 20.0, 26.0

@@ -10,14 +10,9 @@ from adapters.recording import RunFile
 from adapters.recording.replay import replay
 from executive.commands import MoveForward, TakePicture
 from executive.faults import DECLARED
-from executive.reasons import Reason
-from executive.reports import Kind, Report, Severity, Stage
-from executive.state import (
-    Imu,
-    LaserScan,
-    RejectedData,
-    Source,
-)
+from executive.values.facts import Imu, LaserScan, RejectedData, Source
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Report, Severity, Stage
 from tests.support.kinematic import STEP_S, Bench
 from trees import snapshot_of
 

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from executive.commands import DriveFor, MoveForward, Resume, Stop
 from executive.faults import Clears, Then
-from executive.geometry import STANDING, Pose, Velocity
-from executive.reasons import Reason
-from executive.reports import Kind, Severity, Stage
 from executive.safety import unmonitored
 from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings
-from executive.state import Imu, Joints, SecondOdometry
+from executive.values.facts import Imu, Joints, SecondOdometry
+from executive.values.geometry import STANDING, Pose, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Severity, Stage
 from tests.support.kinematic import Bench, ignoring
 from tests.support.sensed_drive import SensedDrive, SensedRover
 

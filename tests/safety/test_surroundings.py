@@ -9,13 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.clock import ManualClock
 from executive.commands import DriveFor, Mode, MoveForward, RotateBy
 from executive.faults import FaultTable
-from executive.geometry import STANDING, Pose, Velocity
 from executive.goals import Context
-from executive.reasons import Reason
-from executive.reports import Kind, Stage
+from executive.obstacles.zones import KnownRock, Zones
 from executive.safety import History
 from executive.safety.surroundings import Surroundings
 from executive.safety.surroundings_monitors import (
@@ -25,8 +22,11 @@ from executive.safety.surroundings_monitors import (
     zone_ahead,
 )
 from executive.settings import LaserSettings, Settings, load_settings
-from executive.state import LaserScan
-from executive.zones import KnownRock, Zones
+from executive.values.clock import ManualClock
+from executive.values.facts import LaserScan
+from executive.values.geometry import STANDING, Pose, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Stage
 from tests.support.kinematic import Bench, KinematicRover
 from trees import RoverTree
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from executive.commands import MoveForward
-from executive.geometry import Pose
-from executive.reasons import Reason
-from executive.reports import Kind
 from executive.safety import unmonitored
 from executive.settings import BatterySettings, LaserSettings, Settings, load_settings
-from executive.state import Battery, Imu, Joints
+from executive.values.facts import Battery, Imu, Joints
+from executive.values.geometry import Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Kind
 from tests.support.kinematic import Bench, with_figures
 from trees import snapshot_of
 

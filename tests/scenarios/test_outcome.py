@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from executive.geometry import Pose
-from executive.reasons import Reason
-from executive.reports import Kind, Severity, Stage
-from executive.state import Parameter
+from executive.values.geometry import Pose
+from executive.values.parameters import Parameter
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Severity, Stage
 from sim.scenario.changes import Change
 from sim.scenario.model import PlayMode
 from sim.scenario.outcome import Outcome, figures_of, play_once

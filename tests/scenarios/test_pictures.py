@@ -9,7 +9,7 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from executive.commands import Mode
-from executive.reports import Stage
+from executive.values.reports import Stage
 from sim.scenario.commands import scenario as scenario_command
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario

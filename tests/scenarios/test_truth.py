@@ -20,9 +20,9 @@ from executive.commands import (
     Stop,
     Waypoint,
 )
-from executive.geometry import Pose
-from executive.reports import Identity, Kind, Report, Severity, Stage
 from executive.settings import SettingsError
+from executive.values.geometry import Pose
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 from sim.scenario.model import PlayMode
 from sim.scenario.outcome import play_once
 from sim.scenario.reading import load_scenario

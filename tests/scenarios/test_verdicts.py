@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from executive.commands import Mode
-from executive.geometry import Pose
-from executive.reports import Identity, Stage
+from executive.values.geometry import Pose
+from executive.values.reports import Identity, Stage
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
 from sim.scenario.outcome import judge

@@ -14,7 +14,6 @@ from adapters.mocup.brick.record import BrickRecord
 from adapters.mops import RelayAuthority
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AuthorityStatus, Stage
-from executive.authority import Authority, AuthorityState
 from executive.commands import (
     ActivatePlan,
     Command,
@@ -26,12 +25,13 @@ from executive.commands import (
     SubmitPlan,
 )
 from executive.commands.lifecycle import Admitted, Refused
-from executive.geometry import STANDING
-from executive.reasons import Figure, Reason, Refusal
+from executive.core.authority import Authority, AuthorityState
 from executive.record import AuthorityRecord
-from executive.reports import Identity
 from executive.settings import AuthoritySettings, SettingsError, load_settings, structure
-from executive.state import AuthorityUsed
+from executive.values.facts import AuthorityUsed
+from executive.values.geometry import STANDING
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity
 from tests.mrs.aboard import Aboard, raises, rover
 from tests.mrs.test_command_command import INTERRUPTED, typed_elsewhere, wait_for
 from tests.stress import authority_storm

@@ -7,7 +7,7 @@ import pytest
 
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mops import Message, RelayAuthority, authority_message, decode
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 from tests.mocup.brick.routing import BOTH, SPELLING, Bench, executed, forward, part, stop
 
 MOE_HOLDS = RelayAuthority(True, "MOE")

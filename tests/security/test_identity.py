@@ -24,10 +24,10 @@ from adapters.mrs.spec import (
 from adapters.mrs.terms import Terms
 from executive.commands import Command, Mode, MoveForward, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Refused
-from executive.geometry import STANDING
-from executive.reasons import Reason
-from executive.reports import Identity
 from executive.settings import AuthoritySettings
+from executive.values.geometry import STANDING
+from executive.values.reasons import Reason
+from executive.values.reports import Identity
 from tests.mrs.aboard import Aboard, raises, rover
 from tests.relay.orbiter.sky import Sky, orbiting
 from tests.support.certificates import certified, options

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.clock import START_UTC_S
 from executive.commands import MoveForward, SetTravelSpeed
 from executive.commands.lifecycle import Admitted, Refused
-from executive.reasons import Figure, Reason
 from executive.record import Ledger, Retention, Synchronous
 from executive.record.retention import FOREIGN_SHARE, merge_ranges
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.clock import START_UTC_S
+from executive.values.reasons import Figure, Reason
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 from tests.support.kinematic import Bench
 
 KEPT, AT_ONCE = 40, 10

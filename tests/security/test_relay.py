@@ -13,12 +13,12 @@ from adapters.mops.codec import LONGEST
 from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter.record import MOST_AUTHORITIES, RoverRecord
 from adapters.relay.rover.bridge import MOST_HELD_S, LastStop, Made
-from executive.clock import ManualClock
 from executive.commands import Command, ExecuteAction, Mode, MoveForward, Resume, SetTravelSpeed
 from executive.commands.catalogue import Request, Stop
-from executive.reasons import Reason
-from executive.reports import Identity, Stage
 from executive.settings import AuthoritySettings, load_settings
+from executive.values.clock import ManualClock
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
 from tests.relay.orbiter.sky import DICTIONARY, Clock, Sky, eclipse, ground, landed, orbiting
 from tests.relay.rover.ends import ROVER, Ends, octets, until
 from tests.relay.rover.relayed_bench import RelayedBench, asked

@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import describe_error
-from executive.clock import START_UTC_S
 from executive.commands import (
     ActivatePlan,
     Command,
@@ -30,11 +29,12 @@ from executive.commands import (
     SubmitPlan,
 )
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
-from executive.geometry import STANDING
-from executive.reasons import Reason, Refusal
 from executive.record import StopLatch
-from executive.reports import Identity, Stage
 from executive.settings import AuthoritySettings, load_settings
+from executive.values.clock import START_UTC_S
+from executive.values.geometry import STANDING
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, Stage
 from tests.mrs.aboard import Aboard
 from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
@@ -329,7 +329,7 @@ FILL_AND_STOP = """
 import sys, time
 from pathlib import Path
 from executive.commands import Stop
-from executive.geometry import STANDING
+from executive.values.geometry import STANDING
 from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 

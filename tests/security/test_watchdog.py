@@ -5,11 +5,11 @@ import time
 import pytest
 
 from adapters.onboard.watchdog import LOOKS, Watchdog
-from executive.clock import SystemClock
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
-from executive.geometry import STANDING
-from executive.reasons import Reason
-from executive.reports import Kind, Report, Severity, Stage
+from executive.values.clock import SystemClock
+from executive.values.geometry import STANDING
+from executive.values.reasons import Reason
+from executive.values.reports import Kind, Report, Severity, Stage
 from tests.support.kinematic import Bench
 
 BOUND_S = 0.05

@@ -3,8 +3,8 @@
 from math import copysign, sqrt
 from typing import TypeVar
 
-from executive.geometry import STANDING, Velocity
-from executive.state import Fact
+from executive.values.facts import Fact
+from executive.values.geometry import STANDING, Velocity
 from sim.rover.jackal import SimulatedJackal
 
 COMMAND_PERIOD_S = 0.05

@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from executive.geometry import Velocity
-from executive.ports import CameraIntent
-from executive.state import Frame
+from executive.values.facts import Frame
+from executive.values.geometry import Velocity
+from executive.values.ports import CameraIntent
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import Ground, Rock, World

@@ -9,12 +9,13 @@ import pytest
 from adapters.mops import Message, MopsStream, load_dictionary
 from executive.commands import Command, MoveForward
 from executive.commands.lifecycle import Refused
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.ports import CameraIntent
-from executive.reasons import Reason
-from executive.reports import Identity
 from executive.settings import LaserSettings, load_settings
-from executive.state import Battery, Frame, Odometry, Parameter
+from executive.values.facts import Battery, Frame, Odometry
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.parameters import Parameter
+from executive.values.ports import CameraIntent
+from executive.values.reasons import Reason
+from executive.values.reports import Identity
 from sim.rover import faults
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import Fault, Side, declared_faults

@@ -17,11 +17,11 @@ from executive.commands.catalogue import (
     Waypoint,
 )
 from executive.commands.lifecycle import Admitted, Refused
-from executive.geometry import STANDING, Velocity
-from executive.reasons import Reason
-from executive.reports import Identity, Stage
 from executive.settings import MuxEntry, MuxSettings, SettingsError, load_settings, structure
-from executive.state import VELOCITY_TOPIC
+from executive.values.facts import VELOCITY_TOPIC
+from executive.values.geometry import STANDING, Velocity
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
 from sim.rover import faults
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep

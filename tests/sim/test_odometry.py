@@ -6,8 +6,8 @@ from statistics import median
 
 import pytest
 
-from executive.geometry import Velocity, wrap_rad
-from executive.state import Odometry
+from executive.values.facts import Odometry
+from executive.values.geometry import Velocity, wrap_rad
 from sim.rover.jackal import OdometrySettings, SimulatedJackal
 from sim.rover.world import Ground, World
 from tests.sim.driving import told, travel, turn

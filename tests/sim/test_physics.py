@@ -4,7 +4,7 @@ from math import atan, hypot
 
 import pytest
 
-from executive.geometry import STANDING, Velocity, wrap_rad
+from executive.values.geometry import STANDING, Velocity, wrap_rad
 from sim.rover.jackal import TRACK_M, TRACK_MULTIPLIER, WHEEL_RADIUS_M, SimulatedJackal
 from sim.rover.world import Ground, World
 from tests.sim.driving import hold

@@ -13,8 +13,8 @@ from executive.commands.catalogue import (
     SubmitPlan,
 )
 from executive.commands.lifecycle import Admitted
-from executive.reports import Identity, PlanStatus
 from executive.settings import config_folder, load_settings
+from executive.values.reports import Identity, PlanStatus
 from sim.rover.lockstep import LockStep
 from sim.rover.world import World
 

@@ -5,9 +5,9 @@ from math import nan, pi, radians
 import mujoco
 import pytest
 
-from executive.geometry import STANDING, Velocity
-from executive.ports import CameraIntent
-from executive.state import Battery, CameraAngles
+from executive.values.facts import Battery, CameraAngles
+from executive.values.geometry import STANDING, Velocity
+from executive.values.ports import CameraIntent
 from sim.rover.body import SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup

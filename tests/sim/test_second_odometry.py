@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from executive.commands import Command, MoveTo, Waypoint
-from executive.geometry import Point
-from executive.reasons import Reason
-from executive.reports import Identity, Report, Stage
 from executive.settings import SecondOdometrySettings, load_settings
+from executive.values.geometry import Point
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Report, Stage
 from sim.rover.lockstep import LockStep
 from sim.rover.world import World
 

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.geometry import STANDING, Velocity, wrap_rad
 from executive.settings import (
     ImuSettings,
     JointsSettings,
@@ -16,7 +15,8 @@ from executive.settings import (
     SecondOdometrySettings,
     Sensors,
 )
-from executive.state import Fact, Imu, Joints, LaserScan, Odometry, SecondOdometry
+from executive.values.facts import Fact, Imu, Joints, LaserScan, Odometry, SecondOdometry
+from executive.values.geometry import STANDING, Velocity, wrap_rad
 from sim.rover import World, faults
 from sim.rover.faults import Fault, Side
 from sim.rover.features import Place, Wall

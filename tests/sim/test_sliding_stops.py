@@ -4,7 +4,7 @@ from typing import Final
 
 import pytest
 
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 from tests.benchmarks.sliding_stops import cases, play
 
 CASES: Final = cases(ice=360, firm=60, seed=1)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.geometry import Velocity
 from executive.settings import SettingsError
+from executive.values.geometry import Velocity
 from sim.rover.faults import Slip
 from sim.rover.features import Ditch, FeatureKind, Patch, Place, SlopeZone, Step, Wall
 from sim.rover.jackal import SimulatedJackal

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from executive.commands import Stop
-from executive.reports import Identity, Stage
+from executive.values.reports import Identity, Stage
 from tests.simulated.asks import ORBITER
 from tests.simulated.disk import rows
 from tests.simulated.ground import Journal

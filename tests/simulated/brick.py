@@ -19,11 +19,11 @@ from executive.commands import (
     SetRotateSpeed,
     SetTravelSpeed,
 )
-from executive.geometry import STANDING, Velocity
-from executive.ports import CameraIntent
-from executive.reasons import Reason
-from executive.reports import Stage
-from executive.state import Parameter
+from executive.values.geometry import STANDING, Velocity
+from executive.values.parameters import Parameter
+from executive.values.ports import CameraIntent
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from tests.simulated.process import Process
 from tests.simulated.world import World
 from tests.support.kinematic import KinematicRover

@@ -16,7 +16,7 @@ from adapters.mrs.cli import Target
 from adapters.mrs.terms import CLEAR
 from adapters.process import StartError
 from executive.commands import Request, Stop, declaration_of
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.simulated.process import Process
 from tests.simulated.processes import MRS_PORT, Place
 from tests.simulated.system import SimSystem

@@ -9,7 +9,7 @@ from typing import Any, Final
 from adapters.console.command_life import TAKEN
 from adapters.console.messages import ENDED, CommandState
 from executive.commands import Stop
-from executive.reports import TERMINAL, Identity, Stage
+from executive.values.reports import TERMINAL, Identity, Stage
 from tests.simulated.console import OPERATOR, PageJournal
 from tests.simulated.disk import rows
 from tests.simulated.judge import Finding, has_table, ledger_content

@@ -15,7 +15,7 @@ from adapters.mrs.ground.authority import SessionAuthority
 from adapters.mrs.ground.outcome import TERMINAL
 from adapters.mrs.spec import AreaError, AuthorityStatus, Notification, Stage, given_up
 from executive.commands import Command, Request
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.simulated.process import Process
 from tests.simulated.system import SimSystem
 

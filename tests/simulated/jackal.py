@@ -8,8 +8,9 @@ from typing import Final, Self
 
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Validity
-from executive.ports import Downlink
-from executive.state import Fact, Parameter
+from executive.values.facts import Fact
+from executive.values.parameters import Parameter
+from executive.values.ports import Downlink
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import SimulatedJackal
 from sim.scenario.live_session import LiveSession

@@ -16,10 +16,10 @@ from adapters.mops import Message, RelayAuthority, decode, facts_of
 from adapters.mrs.link import MrsLink
 from adapters.relay.orbiter import RelayedRoverSettings
 from adapters.ros import HeartbeatMonitor
+from executive.core.runner import Executive
 from executive.record import AuthorityRecord, Ledger, LedgerError
-from executive.runner import Executive
 from executive.settings import Settings
-from executive.state import Fact
+from executive.values.facts import Fact
 from tests.simulated.brick import DICTIONARY, NAME, SimBrick, SimSession
 from tests.simulated.process import Process
 from tests.simulated.processes import MRS_PORT, Place, tick

@@ -10,7 +10,7 @@ from adapters.mocup.brick.replies import BrickReplies
 from adapters.mocup.brick.router import Router
 from adapters.mocup.brick.service import BrickService
 from adapters.mops import Message
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 
 
 def refusal_not_recorded() -> AbstractContextManager[object]:

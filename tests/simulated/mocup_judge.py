@@ -7,7 +7,7 @@ from typing import Final
 
 from adapters.mops import Message
 from executive.commands import MoveForward, RotateBy, Stop
-from executive.reports import Identity, Stage
+from executive.values.reports import Identity, Stage
 from tests.simulated.brick import DICTIONARY, SimBrick
 from tests.simulated.disk import rows
 from tests.simulated.ground import SOURCE, Journal

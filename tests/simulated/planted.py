@@ -30,12 +30,11 @@ from adapters.relay.rover import bridge
 from adapters.relay.rover.bridge import Asked, BundleBridge, LastStop
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from executive.commands import Command
-from executive.dispatcher import Dispatcher
-from executive.notifications import Notifications
-from executive.reasons import Reason, Refusal
-from executive.record import Ledger, RelayRecord
-from executive.reports import TERMINAL, Identity, Stage
-from executive.runner import Executive
+from executive.core.dispatcher import Dispatcher
+from executive.core.runner import Executive
+from executive.record import Ledger, Notifications, RelayRecord
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import TERMINAL, Identity, Stage
 from tests.simulated import console_faults, mocup_faults, situations
 from tests.simulated.deeds import Storm, draw_console_storm, draw_mocup_storm, draw_storm
 from tests.simulated.storm import QUIET_S, play

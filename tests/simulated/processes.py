@@ -16,11 +16,11 @@ from adapters.relay.orbiter.relay import run
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from adapters.relay.rover.executive_link import LOOK_S, ExecutiveRelayLink
-from executive.ports import Downlink, VelocityRover
+from executive.core.runner import Executive
 from executive.record import Ledger
-from executive.runner import Executive
 from executive.settings import Settings
-from executive.state import Battery, Fact, Odometry
+from executive.values.facts import Battery, Fact, Odometry
+from executive.values.ports import Downlink, VelocityRover
 from tests.simulated.convergence import Convergence, Links, link_to, listen
 from tests.simulated.process import Process
 from tests.simulated.stop_watch import StopWatch

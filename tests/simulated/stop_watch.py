@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from executive.geometry import STANDING
-from executive.reports import Identity, PlanUpdate, Report, Stage
-from executive.state import FileEvent, ParameterValue
+from executive.values.geometry import STANDING
+from executive.values.parameters import ParameterValue
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Stage
 from tests.support.kinematic import KinematicRover
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from adapters.mops import RelayAuthority
-from executive.authority import Authority
 from executive.commands import MoveForward, SetTravelSpeed, Stop
+from executive.core.authority import Authority
 from executive.record import AuthorityRecord
 from tests.simulated.asks import RIVAL, Act, AskAuthority
 from tests.simulated.deeds import Deed, Kill, Link, Order, Storm

@@ -3,7 +3,7 @@
 from unittest.mock import patch
 
 from executive.commands import MoveForward, Stop
-from executive.geometry import STANDING, Velocity
+from executive.values.geometry import STANDING, Velocity
 from tests.simulated.deeds import Link, Order, Storm
 from tests.simulated.situations import CALM
 from tests.simulated.storm import play

@@ -16,7 +16,7 @@ from random import Random
 from types import TracebackType
 from typing import Any, Final, TextIO
 
-from executive.clock import START_UTC_S
+from executive.values.clock import START_UTC_S
 from tests.simulated.network import Network
 from tests.simulated.process import Life, Process, Start
 from tests.simulated.topics import Topics

@@ -14,15 +14,15 @@ from typing import Final
 from adapters.mocup import ClaimAnnouncer, relay_authority
 from adapters.mocup.brick.record import Link
 from adapters.mops import Conditions, authority_of, decode, messages_in
-from executive.authority import AuthorityState
 from executive.commands import RELAY_LINK, Command, Mode, Resume, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted
-from executive.ports import Downlink
-from executive.reasons import Refusal
+from executive.core.authority import AuthorityState
 from executive.record import AuthorityRecord
-from executive.reports import Identity
 from executive.settings import FEWEST_REPORTS, AuthoritySettings, Settings
-from executive.state import AuthorityUsed
+from executive.values.facts import AuthorityUsed
+from executive.values.ports import Downlink
+from executive.values.reasons import Refusal
+from executive.values.reports import Identity
 from tests.mocup.brick.routing import DICTIONARY, executed
 from tests.mocup.brick.routing import Bench as RouterBench
 from tests.stress.findings import Findings, Tell

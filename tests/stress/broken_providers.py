@@ -13,9 +13,9 @@ from adapters.mal.attribute_codec import READERS
 from adapters.mal.provider import ReplyPath
 from adapters.mrs.aboard import Gateway
 from executive.commands.catalogue import Command
-from executive.geometry import Velocity
-from executive.reports import Identity
-from executive.runner import Executive
+from executive.core.runner import Executive
+from executive.values.geometry import Velocity
+from executive.values.reports import Identity
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep
 

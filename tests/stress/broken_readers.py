@@ -17,9 +17,9 @@ from adapters.mops.dictionary import Entry
 from adapters.relay.orbiter.rover import RelayedRover
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from executive.commands.catalogue import SetTravelSpeed
-from executive.geometry import Velocity
-from executive.reports import Identity, Report
-from executive.runner import Executive
+from executive.core.runner import Executive
+from executive.values.geometry import Velocity
+from executive.values.reports import Identity, Report
 
 KEPT: list[Any] = []
 

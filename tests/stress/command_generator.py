@@ -16,7 +16,7 @@ from executive.commands import (
     arguments_of,
     declared,
 )
-from executive.reports import Identity
+from executive.values.reports import Identity
 
 SOURCE: Final = "KILLS"
 SMALL_FILES: Final = 1000

@@ -14,9 +14,9 @@ from typing import Final
 
 from executive.commands import Mode
 from executive.commands.catalogue import Arrival, Command, Stop
-from executive.geometry import STANDING
-from executive.reports import Identity, Report
 from executive.settings import FEWEST_REPORTS, Settings
+from executive.values.geometry import STANDING
+from executive.values.reports import Identity, Report
 from sim.rover import World
 from sim.rover.camera import Backend, PictureSettings
 from sim.rover.faults import OdometryLost

@@ -26,7 +26,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.geometry import wrap_rad
+from executive.values.geometry import wrap_rad
 from sim.processes import HOST
 from tests.stress.findings import Tell
 from tests.stress.pose_log import TruePose, read_poses

@@ -8,7 +8,7 @@ from typing import Final
 
 import psutil
 
-from executive.reports import Identity, Report, Stage
+from executive.values.reports import Identity, Report, Stage
 from tests.support.figures import Figure, Goal
 
 MOST_TOLD: Final = 10

@@ -30,7 +30,7 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.terms import CLEAR
 from executive.commands.catalogue import Command, Stop
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.stress.command_generator import SOURCE, random_command
 from tests.stress.kills_journal import Answer, Answered, Fetched, Fetching, Sent, View, Way
 

@@ -8,7 +8,7 @@ from typing import Any, Final, get_args
 from cattrs.preconf.json import make_converter
 
 from executive.commands.catalogue import Command, Request
-from executive.reports import Identity, Report
+from executive.values.reports import Identity, Report
 from tests.stress.journal import Journal, read_journal
 
 

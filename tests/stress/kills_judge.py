@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from executive.commands.catalogue import Request, Resume, Stop, TakePicture
-from executive.geometry import wrap_rad
-from executive.reports import Identity, Report, Stage
+from executive.values.geometry import wrap_rad
+from executive.values.reports import Identity, Report, Stage
 from tests.stress.findings import Finding, broken_lives, lives
 from tests.stress.kills_journal import Answer, Answered, Entry, Fetched, Heard, Sent
 from tests.stress.pose_log import TruePose

@@ -18,9 +18,9 @@ import psutil
 from adapters.mal import Connection, Encoding
 from adapters.mrs.link import MrsLink
 from adapters.mrs.terms import Terms
-from executive.geometry import STANDING
-from executive.reports import Stage
 from executive.settings import Settings
+from executive.values.geometry import STANDING
+from executive.values.reports import Stage
 from sim.rover import World
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import OdometryLost

@@ -11,12 +11,12 @@ from typing import Final
 
 from adapters.mops import Dictionary, MopsError, fingerprint
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
-from executive.clock import ManualClock
-from executive.geometry import STANDING
+from executive.core.runner import Executive
 from executive.record import Ledger, Synchronous
-from executive.reports import Identity, Stage
-from executive.runner import Executive
 from executive.settings import Settings
+from executive.values.clock import ManualClock
+from executive.values.geometry import STANDING
+from executive.values.reports import Identity, Stage
 from tests.stress.findings import Lines
 from tests.stress.mops_grammar import cut, is_sound
 from tests.stress.mops_readers import Fault, MopsFindings

@@ -34,10 +34,10 @@ from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.link_status import aboard_values
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.rover.bridge import SendQueue
-from executive.clock import ManualClock
 from executive.commands.catalogue import Request
-from executive.reports import Identity, Report
-from executive.state import ParameterValue
+from executive.values.clock import ManualClock
+from executive.values.parameters import ParameterValue
+from executive.values.reports import Identity, Report
 from tests.stress.findings import Findings, Lines
 from tests.stress.mops_grammar import Cut, Stream, cut, is_sound
 

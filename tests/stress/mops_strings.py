@@ -22,9 +22,9 @@ from adapters.mops import (
     telemetry_of,
 )
 from executive.commands.catalogue import Request
-from executive.reasons import Reason
-from executive.reports import Identity, Kind, Report, Stage
-from executive.state import Parameter
+from executive.values.parameters import Parameter
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Kind, Report, Stage
 from tests.stress.fuzzing import examples, fragments, mutate
 from tests.stress.mops_grammar import FIELDS, LONGEST
 

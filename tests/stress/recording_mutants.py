@@ -18,7 +18,7 @@ from mcap.writer import Writer
 
 from adapters.recording import PROFILE, RunFile
 from adapters.recording.run_file import RUN
-from executive.recording import Entry, Item
+from executive.core.recording import Entry, Item
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import PlayMode
 from sim.scenario.reading import load_scenario

@@ -9,7 +9,7 @@ from typing import Any
 
 from adapters.mops import Dictionary, decode, load_dictionary
 from executive.record import Ledger
-from executive.reports import Report
+from executive.values.reports import Report
 from tests.stress.findings import Finding
 from tests.stress.journal import read_journal
 from tests.stress.relay_traffic import (

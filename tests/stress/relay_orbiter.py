@@ -22,8 +22,8 @@ from adapters.relay.orbiter import load_orbiter
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover
 from executive.record import LedgerError
-from executive.reports import Report
-from executive.state import ParameterValue
+from executive.values.parameters import ParameterValue
+from executive.values.reports import Report
 from tests.stress.journal import Journal
 from tests.stress.relay_traffic import (
     ACKNOWLEDGED,

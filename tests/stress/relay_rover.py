@@ -23,8 +23,8 @@ from adapters.ros import MessageError, Topic, ros_node, single_threaded
 from executive.commands.catalogue import Command
 from executive.commands.lifecycle import Repeated, SubmitResult
 from executive.record import Ledger, Synchronous
-from executive.reports import Kind, Report, Severity, Stage
 from executive.settings import config_folder
+from executive.values.reports import Kind, Report, Severity, Stage
 from tests.stress.journal import Journal
 from tests.stress.relay_traffic import ASSET, NAME, ROVER_LEDGER, TOPIC_JOURNAL
 

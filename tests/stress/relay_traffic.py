@@ -4,7 +4,7 @@ from typing import Final
 
 from adapters.mops import Dictionary
 from executive.commands.catalogue import Command, SetTravelSpeed
-from executive.reports import Identity
+from executive.values.reports import Identity
 
 ASSET: Final = "jackal"
 NAME: Final = "JACKAL"

@@ -2,9 +2,9 @@
 
 import pytest
 
-from executive.geometry import Velocity
-from executive.runner import Executive
+from executive.core.runner import Executive
 from executive.settings import load_settings
+from executive.values.geometry import Velocity
 from tests.stress import core_storm
 
 MOTION = "storm: motion while stopped or safe"

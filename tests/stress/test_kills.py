@@ -17,8 +17,8 @@ from executive.commands.catalogue import (
     Stop,
     TakePicture,
 )
-from executive.reasons import Reason
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 from tests.stress.command_generator import random_command
 from tests.stress.findings import LifeFault
 from tests.stress.kills_journal import (

@@ -12,7 +12,7 @@ from random import Random
 import pytest
 
 from adapters.mops import load_dictionary
-from executive.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Kind, Report, Severity, Stage
 from tests.stress.fake_clock import set_clock
 from tests.stress.lossy_link import LossyLink
 from tests.stress.relay_judge import Evidence, Fault, judge

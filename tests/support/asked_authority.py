@@ -1,7 +1,7 @@
 """The authority over a bench, asked for as links do: in a turn of the core."""
 
-from executive.authority import AuthorityAct, AuthorityAsked, AuthorityState
-from executive.reasons import Refusal
+from executive.core.authority import AuthorityAct, AuthorityAsked, AuthorityState
+from executive.values.reasons import Refusal
 from tests.support.kinematic import Bench
 
 

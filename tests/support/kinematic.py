@@ -6,21 +6,22 @@ from math import cos, sin
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from executive.clock import ManualClock
 from executive.commands import Arrival, Command, MoveForward, Request
 from executive.commands.lifecycle import Refused, SubmitResult
+from executive.core.recording import Tape
+from executive.core.runner import Executive, Tree
 from executive.faults import Row, Then
-from executive.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.goals import Context
 from executive.motion import SharedSolver
-from executive.ports import CameraIntent, Downlink
-from executive.reasons import Refusal
 from executive.record import Ledger, Synchronous
-from executive.recording import Tape
-from executive.reports import Identity, PlanUpdate, Report, Stage
-from executive.runner import Executive, Tree
 from executive.settings import Sensors, Settings, load_settings
-from executive.state import Battery, CameraAngles, Fact, FileEvent, Frame, Odometry, ParameterValue
+from executive.values.clock import ManualClock
+from executive.values.facts import Battery, CameraAngles, Fact, Frame, Odometry
+from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
+from executive.values.parameters import ParameterValue
+from executive.values.ports import CameraIntent, Downlink
+from executive.values.reasons import Refusal
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Stage
 from trees import RoverTree
 
 STEP_S = 0.05

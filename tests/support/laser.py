@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import cos, hypot, inf, pi, sin, sqrt
 
-from executive.geometry import Point, Pose
-from executive.state import LaserScan
+from executive.values.facts import LaserScan
+from executive.values.geometry import Point, Pose
 from tests.support.kinematic import KinematicRover
 
 RAYS = 360

@@ -1,7 +1,7 @@
 """What was reported of the commands of a scenario, to compare links and runs."""
 
-from executive.reasons import Reason
-from executive.reports import Stage
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from sim.scenario.record import Record
 
 Lives = dict[str, list[tuple[Stage | None, Reason | None]]]

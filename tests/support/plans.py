@@ -10,8 +10,8 @@ from executive.commands import (
     SubmitPlan,
 )
 from executive.commands.lifecycle import Admitted, SubmitResult
-from executive.reasons import Refusal
-from executive.reports import PlanStatus, PlanUpdate, Report, Stage
+from executive.values.reasons import Refusal
+from executive.values.reports import PlanStatus, PlanUpdate, Report, Stage
 from tests.support.kinematic import STEP_S, Bench
 from trees import Node, snapshot_of
 

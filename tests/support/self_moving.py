@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from executive.geometry import STANDING, Velocity
-from executive.ports import Advance, Hold, TurnBy, WholeMotion
 from executive.settings import LocomotionKind, Settings, load_settings
-from executive.state import MotionEnded
+from executive.values.facts import MotionEnded
+from executive.values.geometry import STANDING, Velocity
+from executive.values.ports import Advance, Hold, TurnBy, WholeMotion
 from tests.support.kinematic import Bench, KinematicRover
 
 

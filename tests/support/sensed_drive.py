@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from math import copysign, cos, nan, sin, sqrt
 from random import Random
 
-from executive.clock import ManualClock
-from executive.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
 from executive.safety import Fault, Safety
 from executive.safety.sensor_history import SLIP_GAIN, SLIP_OFFSET_M
 from executive.settings import Settings, load_settings
-from executive.state import Fact, Imu, Joints, Odometry, SecondOdometry
+from executive.values.clock import ManualClock
+from executive.values.facts import Fact, Imu, Joints, Odometry, SecondOdometry
+from executive.values.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
 from tests.support.kinematic import KinematicRover
 
 STEP_S = 0.01

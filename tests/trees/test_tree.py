@@ -6,8 +6,8 @@ from click.testing import CliRunner
 from py_trees.common import Status
 
 from executive.commands import CameraWork, Motion, MoveTo, Request, Stop, TakePicture, Waypoint
-from executive.reports import Stage
 from executive.settings import load_settings
+from executive.values.reports import Stage
 from tests.support.kinematic import Bench
 from tests.support.requests import GOOD
 from trees import Look, Node, NodeKind, NodeStatus, RoverTree, as_svg, looks, served

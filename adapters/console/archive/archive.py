@@ -48,7 +48,7 @@ from adapters.console.messages import (
     encode,
     plain,
 )
-from executive.reports import without_figures
+from executive.values.reports import without_figures
 
 _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")

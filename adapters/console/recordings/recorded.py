@@ -32,8 +32,7 @@ from adapters.mrs.spec import (
 )
 from adapters.recording import RecordedTree, RecordingError, RunReader, Timed, read_timed
 from executive.commands import Command, declaration_of
-from executive.history import KINDS, HistoryBuilder, RunHistory
-from executive.recording import (
+from executive.core.recording import (
     Life,
     ModeChanged,
     Reported,
@@ -42,8 +41,9 @@ from executive.recording import (
     ToldPlan,
     TreeChanged,
 )
-from executive.reports import Identity, PlanUpdate, Report
+from executive.history import KINDS, HistoryBuilder, RunHistory
 from executive.settings import Settings
+from executive.values.reports import Identity, PlanUpdate, Report
 from trees import Snapshot, leaf_paths
 
 _KINDS: Final = {*KINDS, ToldParameters, ToldPlan}

@@ -33,7 +33,7 @@ from adapters.console.archive import (
 from adapters.console.messages import AlarmStatus, Notified, Quality, Sample, TreeState
 from adapters.console.web import OPERATOR, answer, body_of, page_of, refused
 from executive.faults import DECLARED
-from executive.reasons import Reason
+from executive.values.reasons import Reason
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -8,8 +8,8 @@ from typing import Final
 from zlib import crc32
 
 from adapters.mrs.spec import FileInfo
-from executive.reasons import Refusal
 from executive.state import FileFolder, FileStamp, check_path
+from executive.values.reasons import Refusal
 
 MOST_KEPT: Final = 1_000_000_000
 """Octets of files; those that were fetched longest ago go first."""

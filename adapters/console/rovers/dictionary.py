@@ -26,9 +26,9 @@ from executive.commands import (
     arguments_of,
     declared,
 )
+from executive.obstacles.zones import Footprint, KeepIn, KeepOut, KnownRock
 from executive.settings import Settings
-from executive.state import Parameter
-from executive.zones import Footprint, KeepIn, KeepOut, KnownRock
+from executive.values.parameters import Parameter
 
 _IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s"}
 

@@ -50,8 +50,8 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.terms import Terms
 from adapters.system import System
-from executive.reports import Identity
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
+from executive.values.reports import Identity
 from trees import Snapshot, looks, served
 
 _LOG: Final = logging.getLogger(__name__)

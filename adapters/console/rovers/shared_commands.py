@@ -17,7 +17,7 @@ from adapters.console.archive import (
 )
 from adapters.console.messages import CommandStatus
 from adapters.console.rovers.tracker import CommandTracker
-from executive.reports import Identity
+from executive.values.reports import Identity
 
 
 class SharedCommands:

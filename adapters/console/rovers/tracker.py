@@ -22,7 +22,7 @@ from adapters.console.command_life import (
     reach,
 )
 from adapters.console.messages import CommandState, CommandStatus, Notified, StageReached
-from executive.reports import Identity
+from executive.values.reports import Identity
 
 HEARD_WITHIN_S: Final = 10.0
 """Of a command that was sent something is to be heard within this."""

@@ -10,9 +10,9 @@ from math import inf, pi
 from typing import Final
 
 from adapters.mops import Dictionary, Message, MopsError, parameters_of
-from executive.clock import Clock
 from executive.commands import MoveCameraAngles, SetCameraAngles
-from executive.state import Parameter
+from executive.values.clock import Clock
+from executive.values.parameters import Parameter
 
 NEAR_RAD: Final = 0.02
 """As `camera.angle_tolerance_rad` of the executive."""

@@ -53,8 +53,8 @@ from adapters.ros import (
     subscribers_of,
     watch,
 )
-from executive.clock import SystemClock
-from executive.state import Battery, CameraAngles, Odometry
+from executive.values.clock import SystemClock
+from executive.values.facts import Battery, CameraAngles, Odometry
 
 NODE_NAME: Final = "nxt"
 HEALTH_S: Final = 1.0

@@ -7,10 +7,10 @@ from typing import Final
 from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
 from adapters.mocup.brick.replies_out import Cause, RepliesOut, command_of, same
 from adapters.mops import Message, MopsError, conditions_of, encode, is_last
-from executive.clock import Clock
 from executive.commands.intake import expired
-from executive.reasons import Reason, Refusal
-from executive.reports import Stage
+from executive.values.clock import Clock
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Stage
 
 _Key = tuple[str, int | None]
 

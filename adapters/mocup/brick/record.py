@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from adapters.mops import Message, decode, is_last
 from executive.record import Connect, Database, LedgerError, connect_to_file
-from executive.reports import Stage
+from executive.values.reports import Stage
 
 KEPT: Final = 10_000
 """Commands that are remembered; the oldest are forgotten."""

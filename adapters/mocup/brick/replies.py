@@ -8,9 +8,9 @@ from adapters.mocup.brick.ownership import Ownership
 from adapters.mocup.brick.record import BrickCommand, BrickRecord, Link
 from adapters.mocup.brick.replies_out import Cause, RepliesOut, command_of
 from adapters.mops import Message, MopsError, is_last
-from executive.reasons import Reason
 from executive.record import LedgerError
-from executive.reports import Stage
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 
 
 class BrickReplies:

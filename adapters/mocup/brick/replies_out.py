@@ -7,9 +7,9 @@ from typing import Final, Protocol
 
 from adapters.mocup.brick.record import Link
 from adapters.mops import Message, MopsError, encode, fingerprint, refusal_of
-from executive.reasons import Reason
 from executive.record import LedgerError
-from executive.reports import Stage
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 
 
 class RouterPorts(Protocol):

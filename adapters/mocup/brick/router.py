@@ -29,10 +29,10 @@ from adapters.mops import (
     messages_in,
     refusal_of,
 )
-from executive.clock import Clock
 from executive.commands.intake import expired, made_in_future
-from executive.reasons import Reason
 from executive.record import LedgerError
+from executive.values.clock import Clock
+from executive.values.reasons import Reason
 
 AWAY: Final = "the brick is gone"
 RESTARTED: Final = "rover-nxt was restarted: what the brick did meanwhile nobody knows"

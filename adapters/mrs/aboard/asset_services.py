@@ -42,13 +42,13 @@ from adapters.mrs.spec import (
 )
 from executive.commands import Command, Request
 from executive.commands.actions import HELP, offered
+from executive.core.runner import Executive
 from executive.faults import Clears
-from executive.reasons import Figure
-from executive.reports import PlanUpdate, Report, Severity
-from executive.runner import Executive
 from executive.safety import Fault, unmonitored
 from executive.settings import Settings
-from executive.state import Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Figure
+from executive.values.reports import PlanUpdate, Report, Severity
 
 PAGE: Final = 1000
 """Notifications that one getNotifications returns, at most."""

@@ -10,10 +10,10 @@ from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.peer_rate import PeerRate
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import AreaError, AuthorityStatus, refused, with_text
-from executive.authority import AuthorityAct, AuthorityAsked, AuthorityState
-from executive.reasons import Refusal
-from executive.reports import Identity
-from executive.runner import Executive
+from executive.core.authority import AuthorityAct, AuthorityAsked, AuthorityState
+from executive.core.runner import Executive
+from executive.values.reasons import Refusal
+from executive.values.reports import Identity
 
 Act = Callable[[Executive], AuthorityState | Refusal]
 

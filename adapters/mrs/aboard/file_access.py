@@ -13,8 +13,9 @@ from zlib import crc32
 from adapters.mal import AttributeType, MalError, NamedValue, Typed
 from adapters.mrs.spec import AreaError, FileInfo, with_text
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
-from executive.reasons import Figure
-from executive.state import LONGEST_PATH, FileEventKind, FileFolder, FileStamp
+from executive.state import LONGEST_PATH, FileFolder, FileStamp
+from executive.values.reasons import Figure
+from executive.values.reports import FileEventKind
 
 UNKNOWN_KIND: Final = "application/octet-stream"
 KINDS: Final = {

@@ -34,7 +34,8 @@ from adapters.mrs.spec import (
 )
 from adapters.system import OPERATING_SYSTEM, System
 from executive.settings import Settings
-from executive.state import FileEventKind, FileFolder, FileStamp, check_path
+from executive.state import FileFolder, FileStamp, check_path
+from executive.values.reports import FileEventKind
 
 READERS: Final = 2
 """Threads that read files: one may list a full folder while the other serves a transfer."""

@@ -10,7 +10,7 @@ from adapters.mal import StandardError
 from adapters.mrs.spec import AreaError, duplicate, refused, with_text
 from executive.commands import Command, Stop
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
-from executive.runner import Executive
+from executive.core.runner import Executive
 
 T = TypeVar("T")
 

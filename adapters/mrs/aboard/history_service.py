@@ -12,9 +12,9 @@ from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import wire_history
 from executive.commands import request_text
+from executive.core.runner import Executive
 from executive.history import HistoryBuilder, ReceivedCommand, RunHistory
-from executive.reports import Identity, Report
-from executive.runner import Executive
+from executive.values.reports import Identity, Report
 
 MOST: Final = 1000
 """Reports that are read of the ledger at once."""

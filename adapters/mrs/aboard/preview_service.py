@@ -14,7 +14,7 @@ from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import AreaError, AskedMotion, motion_of, wire_preview, with_text
 from executive.commands import Motion, PlanDefinition
 from executive.preview import Preview, PreviewRun
-from executive.reasons import Refusal
+from executive.values.reasons import Refusal
 
 SLICE_TICKS: Final = 2
 PAUSE_S: Final = 0.0005

@@ -13,9 +13,9 @@ from adapters.mal import MalError
 from adapters.mrs.aboard.gateway import Gateway
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec.tree_updates import change_update, whole_update
-from executive.reports import without_figures
-from executive.runner import Executive
+from executive.core.runner import Executive
 from executive.settings import Settings
+from executive.values.reports import without_figures
 from trees import Snapshot, snapshot_of
 
 LOOK_S: Final = 0.2

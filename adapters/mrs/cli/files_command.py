@@ -11,7 +11,7 @@ from adapters.mrs.cli.options import Target, json_option, to_option
 from adapters.mrs.cli.terminal import connect, echo_json, in_session, print_table, run, say, utc
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileInfo
-from executive.state import Parameter
+from executive.values.parameters import Parameter
 
 LARGEST_CHUNK: Final = 1 << 18
 

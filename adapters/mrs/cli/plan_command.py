@@ -24,8 +24,8 @@ from executive.commands import (
     declaration_of,
 )
 from executive.plans import DEADLINE, FORMAT, LEAVES, check_plan, help_of, most_commands, steps
-from executive.reasons import Refusal
 from executive.settings import SettingsError, load_settings
+from executive.values.reasons import Refusal
 
 COLUMNS: Final = ("plan", "status", "leaves ended", "at", "said")
 _FILE: Final = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))

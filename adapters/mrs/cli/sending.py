@@ -20,7 +20,7 @@ from adapters.mrs.spec import (
     is_prediction,
 )
 from executive.commands import Arrival, Command, Request, Stop
-from executive.reasons import PREDICTED, Reason
+from executive.values.reasons import PREDICTED, Reason
 
 
 @dataclass(frozen=True, slots=True)

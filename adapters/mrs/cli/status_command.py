@@ -42,9 +42,9 @@ from adapters.mrs.spec import (
     ServiceDescriptor,
     find_service,
 )
-from executive.reports import printable
 from executive.safety import summary
 from executive.state import Uncertainty
+from executive.values.reports import printable
 
 if TYPE_CHECKING:
     from rich.console import Group

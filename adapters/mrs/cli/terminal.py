@@ -19,7 +19,7 @@ import click
 from adapters.mal import CertificateError, MalError, NamedValue, Typed
 from adapters.mrs.cli.options import Target, to_option
 from adapters.mrs.terms import TermsError
-from executive.reports import printable
+from executive.values.reports import printable
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -21,7 +21,7 @@ from adapters.mrs.spec import (
     describe_error,
     notification_keys,
 )
-from executive.reports import Kind, Severity
+from executive.values.reports import Kind, Severity
 
 _LOG: Final = logging.getLogger(__name__)
 

@@ -30,7 +30,7 @@ from adapters.mrs.spec import (
 from adapters.mrs.terms import CLEAR, Terms
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
 from executive.commands import Arrival, Command, Request
-from executive.reports import Identity
+from executive.values.reports import Identity
 
 if TYPE_CHECKING:
     from trees import Snapshot

@@ -6,9 +6,9 @@ from typing import Final
 from adapters.mrs.spec import types
 from adapters.mrs.spec.mapping import NS_PER_S
 from executive.commands import Mode
-from executive.reasons import Figure, Reason
-from executive.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
-from executive.state import Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Figure, Reason
+from executive.values.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
 
 REASONS: Final = {each.value: each for each in Reason}
 _NAMES: Final = {each.value for each in Parameter}

@@ -5,8 +5,8 @@ from enum import Enum, unique
 from typing import Final, TypeVar
 
 from adapters.mal import AttributeType, MalError, StandardError, Typed, TypedList
-from executive.reasons import Reason, Refusal
-from executive.reports import Identity, printable
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import Identity, printable
 
 T = TypeVar("T")
 

@@ -8,8 +8,8 @@ from adapters.mrs.spec.core_values import REASONS, identity_of, report_of, utc_s
 from adapters.mrs.spec.mapping import LONGEST_TEXT, notification_of, to_ns
 from executive.commands import Arrival, Mode
 from executive.history import Declined, Fastest, LeafRun, ReceivedCommand, RunHistory, Situation
-from executive.reasons import Figure, Refusal
-from executive.reports import Identity, Report
+from executive.values.reasons import Figure, Refusal
+from executive.values.reports import Identity, Report
 
 
 def wire_history(history: RunHistory) -> types.History:

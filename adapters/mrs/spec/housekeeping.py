@@ -10,10 +10,10 @@ from adapters.mrs.spec.mapping import to_ns
 from adapters.mrs.spec.types import ParameterDefinition, ParameterValue, Validity
 from adapters.process import Usage
 from executive.commands import Limit
-from executive.reasons import Figure
-from executive.reports import Kind, Report
 from executive.settings import Settings
 from executive.state import PROMISED_M, PROMISED_RAD, Uncertainty
+from executive.values.reasons import Figure
+from executive.values.reports import Kind, Report
 
 LEAST_FREE_OCTETS: Final = 100_000_000
 """Of a disk, below which it is an alarm."""

@@ -35,9 +35,9 @@ from executive.commands import (
     arguments_of,
     declared,
 )
-from executive.reasons import Figure
-from executive.reports import Identity, Kind, PlanUpdate, Report
-from executive.state import Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Figure
+from executive.values.reports import Identity, Kind, PlanUpdate, Report
 
 FRAME: Final = "odom"
 

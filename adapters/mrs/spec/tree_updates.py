@@ -8,7 +8,7 @@ from typing import Final
 
 from adapters.mrs.spec import types
 from adapters.mrs.spec.mapping import LONGEST_TEXT, NS_PER_S, to_ns
-from executive.reports import Identity
+from executive.values.reports import Identity
 from trees import Node, NodeKind, NodeStatus, Snapshot
 
 SEPARATOR: Final = "/"

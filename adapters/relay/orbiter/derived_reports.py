@@ -12,7 +12,7 @@ from typing import Final
 
 from adapters.bundle import DeliveryStatus
 from adapters.mops import UNNUMBERED
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 
 _TAKEN: Final = (Stage.RECEIVED, Stage.ACCEPTED)
 _BEFORE: Final[Mapping[Stage, Sequence[Stage]]] = {

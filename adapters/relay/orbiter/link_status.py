@@ -26,8 +26,8 @@ from adapters.mrs.spec import (
     figure_value,
     to_ns,
 )
-from executive.reasons import Figure
-from executive.reports import Severity
+from executive.values.reasons import Figure
+from executive.values.reports import Severity
 
 CONTACT: Final = "CONTACT"
 """First word of the actions that the orbiter carries out itself."""

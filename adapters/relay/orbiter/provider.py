@@ -42,8 +42,8 @@ from adapters.relay.orbiter.rover import RelayedRover
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, ExecuteAction
 from executive.record import LedgerError
-from executive.reports import Kind, Report, Severity, Stage
-from executive.state import Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reports import Kind, Report, Severity, Stage
 
 if TYPE_CHECKING:
     import ssl

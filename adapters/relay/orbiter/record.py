@@ -15,7 +15,7 @@ from adapters.relay.orbiter.derived_reports import Loss
 from adapters.relay.orbiter.report_ledger import ReportLedger
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Stop
-from executive.reports import Identity, Report, Stage
+from executive.values.reports import Identity, Report, Stage
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS underway (

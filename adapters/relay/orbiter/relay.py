@@ -46,7 +46,7 @@ from adapters.relay.orbiter.settings import OrbiterSettings
 from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command
 from executive.record import LedgerError
-from executive.reports import Identity, Severity
+from executive.values.reports import Identity, Severity
 
 _LOG: Final = logging.getLogger(__name__)
 LOOK_S: Final = 1.0

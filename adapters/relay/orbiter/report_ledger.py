@@ -12,7 +12,7 @@ from typing import Final
 
 from adapters.mops import UNNUMBERED
 from executive.record import Connect, Ledger
-from executive.reports import Identity, Report
+from executive.values.reports import Identity, Report
 
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS recorded (

@@ -48,10 +48,10 @@ from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
 from executive.commands import Arrival, Command, Mode, Stop
 from executive.commands.intake import bad_identity, expired
-from executive.reasons import Figure
 from executive.record import LedgerError, digest
-from executive.reports import Identity, Kind, Report, Severity
-from executive.state import Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Figure
+from executive.values.reports import Identity, Kind, Report, Severity
 
 AT_ONCE: Final = 20
 """Commands that are sent once more at a time."""

@@ -30,10 +30,10 @@ from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, Mode, Stop
 from executive.commands.intake import bad_identity
 from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResult
-from executive.reasons import Reason, Refusal
 from executive.record import Ledger, LedgerError, RelayRecord, digest
-from executive.reports import Identity, Kind, PlanUpdate, Report, Stage
-from executive.state import FileEvent, Parameter, ParameterValue
+from executive.values.parameters import Parameter, ParameterValue
+from executive.values.reasons import Reason, Refusal
+from executive.values.reports import FileEvent, Identity, Kind, PlanUpdate, Report, Stage
 
 LOOK_S: Final = 0.2
 """Between two calls of `look`."""
@@ -84,13 +84,13 @@ class Told:
 class ExecutiveRelayLink:
     """Takes commands from a topic, and tells reports and telemetry on another.
 
-    It implements `executive.ports.Downlink`; all but the taking of stops runs on the executor's
-    thread, which is the core's. A string of commands is confirmed once each of them is admitted or
-    refused, and `rover-relay` has confirmed the answers that are no new reports: last reports on
-    repeats, refusals without a number. A report on a command that came by the relay, or an event,
-    is published until `rover-relay` has confirmed its string, over restarts of either; a repeated
-    number is a repeated report. Plans and files are not published: commands of either have their
-    replies.
+    It implements `executive.values.ports.Downlink`; all but the taking of stops runs on the
+    executor's thread, which is the core's. A string of commands is confirmed once each of them is
+    admitted or refused, and `rover-relay` has confirmed the answers that are no new reports: last
+    reports on repeats, refusals without a number. A report on a command that came by the relay, or
+    an event, is published until `rover-relay` has confirmed its string, over restarts of either; a
+    repeated number is a repeated report. Plans and files are not published: commands of either have
+    their replies.
 
     Args:
         topics: where strings leave.

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from pandas import Series
 
-from executive.reports import Stage
+from executive.values.reports import Stage
 from sim.campaign.draws import INJECT, Kind, Quantity, quantities
 from sim.campaign.model import Campaign, Hold, Quantile, Success
 from sim.campaign.report.charts import (

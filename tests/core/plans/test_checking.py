@@ -14,8 +14,8 @@ from executive.commands import (
 )
 from executive.commands.lifecycle import Admitted
 from executive.plans import LEAVES, check_plan, steps
-from executive.reasons import Reason, Refusal
 from executive.settings import load_settings
+from executive.values.reasons import Reason, Refusal
 from tests.support.kinematic import Bench
 from tests.support.plans import plan, xml
 

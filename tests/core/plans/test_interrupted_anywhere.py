@@ -12,11 +12,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from executive.commands import AbortPlan, Resume, ResumePlan, Stop, SuspendPlan
-from executive.geometry import STANDING, Pose
 from executive.plans import FINAL_STATUSES
 from executive.plans.planner import PLAN_EDGES
-from executive.reports import PlanStatus, Stage
-from executive.state import Odometry
+from executive.values.facts import Odometry
+from executive.values.geometry import STANDING, Pose
+from executive.values.reports import PlanStatus, Stage
 from tests.support.plans import PlanBench, plan
 
 BODY = """<Sequence>

@@ -21,10 +21,10 @@ from executive.commands import (
     SuspendPlan,
 )
 from executive.commands.lifecycle import Admitted, Refused, Repeated
-from executive.geometry import STANDING, Pose
-from executive.reasons import Reason
-from executive.reports import Identity, Kind, PlanStatus, Stage
-from executive.state import Odometry
+from executive.values.facts import Odometry
+from executive.values.geometry import STANDING, Pose
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Kind, PlanStatus, Stage
 from tests.support.kinematic import WHOLE_LIFE
 from tests.support.plans import AHEAD, BACK, TOO_LATE, PlanBench, plan
 from trees import served

@@ -12,8 +12,8 @@ from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import RESTARTED, Router
 from adapters.mocup.plugin import RETRANSMIT_S
 from adapters.mops import Message, RelayAuthority, decode, encode, is_last
-from executive.clock import ManualClock
-from executive.reports import Identity
+from executive.values.clock import ManualClock
+from executive.values.reports import Identity
 from tests.mocup.brick.models import DICTIONARY, SETTINGS, STOP, Brick, Executive, request
 
 FREE = RelayAuthority(needed=False)

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from adapters.mocup import ClaimAnnouncer, MocupFact, MocupRover
 from adapters.mops import Message, RelayAuthority, load_dictionary, messages_in
-from executive.clock import ManualClock
 from executive.commands.catalogue import MoveForward, MoveTo, Request, Stop, Waypoint
-from executive.ports import Advance, TurnBy, WholeMotion
-from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.state import CommandEnded, MotionEnded, Stopped
+from executive.values.clock import ManualClock
+from executive.values.facts import CommandEnded, MotionEnded, Stopped
+from executive.values.ports import Advance, TurnBy, WholeMotion
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 
 DICTIONARY = load_dictionary()
 STOP = DICTIONARY.spelling.commands["stop"]

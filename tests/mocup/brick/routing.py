@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from adapters.mocup.brick.record import BrickRecord, Link
 from adapters.mocup.brick.router import SOURCE, Router
 from adapters.mops import Message, RelayAuthority, decode, encode, load_dictionary
-from executive.clock import ManualClock
+from executive.values.clock import ManualClock
 
 DICTIONARY = load_dictionary()
 SPELLING = DICTIONARY.spelling

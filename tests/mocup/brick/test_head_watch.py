@@ -4,7 +4,7 @@ import pytest
 
 from adapters.mocup.brick.record import Link
 from adapters.mops import Message
-from executive.state import Parameter
+from executive.values.parameters import Parameter
 from tests.mocup.brick.routing import DICTIONARY, TELEMETRY, Bench, executed, forward, stop
 
 

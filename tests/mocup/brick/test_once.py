@@ -7,7 +7,7 @@ import pytest
 
 from adapters.mocup.brick.record import Link
 from adapters.mops import is_last
-from executive.reports import Stage
+from executive.values.reports import Stage
 from tests.mocup.brick.both_links import Desk
 from tests.mocup.brick.models import STOPS
 

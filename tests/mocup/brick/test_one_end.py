@@ -8,7 +8,7 @@ from adapters.mocup.brick.record import Link
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mocup.brick.service import BrickService
 from adapters.mops import Conditions, Message, RelayAuthority, encode, fingerprint
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.mocup.brick.routing import (
     DICTIONARY,
     Bench,

@@ -37,9 +37,9 @@ from adapters.ros import (
     ros_node,
     single_threaded,
 )
-from executive.geometry import Velocity
 from executive.settings import config_folder
-from executive.state import Battery, Odometry
+from executive.values.facts import Battery, Odometry
+from executive.values.geometry import Velocity
 from sim.brick import UsbPlug
 from tests.mocup.brick.routing import executed
 from tests.support.processes import Running, running

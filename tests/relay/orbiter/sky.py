@@ -43,8 +43,8 @@ from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings
 from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
 from executive.commands import Mode
-from executive.reports import Identity, Kind, Report, Severity, Stage
-from executive.state import Parameter
+from executive.values.parameters import Parameter
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 from tests.support.ports import free_port
 from tests.support.timed_system import TimedSystem
 

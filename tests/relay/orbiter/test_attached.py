@@ -14,9 +14,9 @@ from adapters.relay.orbiter import load_orbiter
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.rover import load_relay
 from executive.commands.catalogue import Command, MoveForward
-from executive.reports import Identity, Kind, Report
 from executive.settings import SettingsError
-from executive.state import ParameterValue
+from executive.values.parameters import ParameterValue
+from executive.values.reports import Identity, Kind, Report
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO
 from tests.docs.pages import CHECKOUT, blocks

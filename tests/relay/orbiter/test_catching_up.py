@@ -11,7 +11,7 @@ from adapters.mrs.spec import Notification, given_up
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover
 from executive.commands import MoveForward
-from executive.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Kind, Report, Severity, Stage
 from tests.relay.orbiter.sky import (
     Clock,
     FarRover,

@@ -8,7 +8,7 @@ import pytest
 from adapters.mrs.spec import notification_of
 from adapters.relay.orbiter.console import notification_line
 from executive.commands.catalogue import Stop
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, ground, landed, orbiting, rover
 
 TYPED = """

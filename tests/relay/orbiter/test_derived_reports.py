@@ -5,8 +5,8 @@ import pytest
 
 from adapters.relay.orbiter.derived_reports import with_implied_stages
 from executive.commands.lifecycle import EDGES
-from executive.reasons import Reason
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 
 SAID = Report(0, 5.0, Kind.COMMAND, Severity.WARNING, "why", Identity("MOE", 1), Stage.STARTED)
 LEGAL = {(edge.source, edge.target) for edge in EDGES}

@@ -18,7 +18,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import MoveForward
-from executive.reports import Identity, Kind, Report, Severity
+from executive.values.reports import Identity, Kind, Report, Severity
 from tests.relay.orbiter.sky import HERE, LIFE, LIMIT_S, catch_up, until
 from tests.relay.rover.ends import Rover, bridge_of
 from tests.support.ports import free_port

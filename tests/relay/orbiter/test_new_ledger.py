@@ -11,8 +11,8 @@ from adapters.mrs.spec import Stage as StageSaid
 from adapters.mrs.spec.types import Severity
 from adapters.relay.orbiter.record import LEDGER_STRIDE, MOST_LEDGERS, RoverRecord
 from executive.commands.catalogue import MoveForward
-from executive.reports import Kind, Report, Stage
-from executive.reports import Severity as ReportSeverity
+from executive.values.reports import Kind, Report, Stage
+from executive.values.reports import Severity as ReportSeverity
 from tests.relay.orbiter.sky import LIFE, Sky, catch_up, ground, landed, meeting, orbiting, until
 
 

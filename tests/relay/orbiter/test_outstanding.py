@@ -29,7 +29,7 @@ from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.orbiter.relay import GRACE_S, OrbiterRelay, recover_outbox
 from executive.commands.catalogue import Command, MoveForward, Request, Stop
 from executive.record import LedgerError
-from executive.reports import Stage
+from executive.values.reports import Stage
 from tests.mocup.brick.routing import Bench, executed
 from tests.relay.orbiter.sky import (
     DICTIONARY,

@@ -9,7 +9,7 @@ from adapters.bundle.codec.bundle import Creation
 from adapters.relay.orbiter.record import LEDGER_STRIDE, RoverRecord
 from executive.commands.catalogue import Command, MoveForward, Request, Resume, Stop
 from executive.record import LedgerError
-from executive.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Kind, Report, Severity, Stage
 
 IDENTITY = Identity("MOE", 7)
 LIFETIME_S = 100.0

@@ -30,7 +30,7 @@ from executive.commands.catalogue import (
     TakePicture,
     Waypoint,
 )
-from executive.reports import Stage
+from executive.values.reports import Stage
 from tests.relay.orbiter.sky import (
     LIFE,
     Clock,

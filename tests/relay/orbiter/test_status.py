@@ -14,7 +14,7 @@ from adapters.mrs.spec import AssetMode, Notification, Validity, describe_error
 from adapters.mrs.spec.types import Severity
 from executive.commands import Mode
 from executive.commands.catalogue import MoveForward, Stop
-from executive.reports import Stage
+from executive.values.reports import Stage
 from tests.relay.orbiter.sky import LIMIT_S, Sky, ground, meeting, orbiting, until
 
 MB = 1_000_000

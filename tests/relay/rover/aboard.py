@@ -16,10 +16,10 @@ from adapters.ros import declare_topic, ros_node, single_threaded
 from executive.commands import Mode
 from executive.commands.catalogue import Command, Request
 from executive.commands.lifecycle import SubmitResult
+from executive.core.runner import Executive
 from executive.record import Ledger, Synchronous
-from executive.reports import Identity, Report, Stage
-from executive.runner import Executive
 from executive.settings import config_folder, load_settings
+from executive.values.reports import Identity, Report, Stage
 
 LIMIT_S = 60.0
 DICTIONARY = load_dictionary()

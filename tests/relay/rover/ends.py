@@ -20,8 +20,8 @@ from adapters.mops import Message, decode, event_of, fingerprint, load_dictionar
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import SetTravelSpeed
-from executive.reports import Identity, Kind, Report, Severity
-from executive.state import Parameter
+from executive.values.parameters import Parameter
+from executive.values.reports import Identity, Kind, Report, Severity
 from tests.support.ports import free_udp_ports
 
 DICTIONARY = load_dictionary()

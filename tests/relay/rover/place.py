@@ -11,7 +11,7 @@ import pytest
 from adapters.bundle import BundleAgent
 from adapters.mops import Message, MopsError, load_dictionary, messages_in, report_of
 from adapters.relay.rover import load_relay
-from executive.reports import Identity, Report, Stage
+from executive.values.reports import Identity, Report, Stage
 from tests.conftest import port_of
 from tests.relay.rover.ends import ROVER, octets, orbiter_agent
 from tests.support.processes import Running

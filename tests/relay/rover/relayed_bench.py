@@ -5,8 +5,8 @@ from contextlib import suppress
 from adapters.mops import Message, MopsError, fingerprint, messages_in
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from executive.commands.catalogue import Request
-from executive.ports import Downlink
-from executive.reports import Identity
+from executive.values.ports import Downlink
+from executive.values.reports import Identity
 from tests.relay.rover.ends import DICTIONARY
 from tests.stress.mops_aboard import Wire
 from tests.support.kinematic import Bench

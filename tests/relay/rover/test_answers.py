@@ -7,7 +7,7 @@ import pytest
 
 from adapters.mops import Message, fingerprint, is_last
 from executive.commands.catalogue import Request, SetTravelSpeed, Stop
-from executive.reports import Stage
+from executive.values.reports import Stage
 from tests.relay.rover.relayed_bench import RelayedBench, asked
 
 SPEED = SetTravelSpeed(0.3)

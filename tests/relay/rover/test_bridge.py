@@ -20,7 +20,7 @@ from adapters.relay.rover.bridge import (
     SendQueue,
 )
 from executive.commands.catalogue import Stop
-from executive.reports import Identity
+from executive.values.reports import Identity
 from tests.relay.rover.ends import (
     DICTIONARY,
     ROVER,

@@ -13,9 +13,9 @@ from adapters.relay.rover.executive_link import PAGE
 from executive.commands import Mode
 from executive.commands.catalogue import ConfirmPose, MoveForward, Resume, SetTravelSpeed, Stop
 from executive.commands.intake import SOURCE_PREFIX
-from executive.reasons import Reason
-from executive.reports import Identity, Kind, Severity, Stage
-from executive.state import Parameter
+from executive.values.parameters import Parameter
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Kind, Severity, Stage
 from tests.relay.rover.aboard import DICTIONARY, LIFE, Aboard, Relay
 
 pytestmark = pytest.mark.ros

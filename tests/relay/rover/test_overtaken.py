@@ -7,8 +7,8 @@ import pytest
 
 from adapters.mops import Message
 from executive.commands.catalogue import MoveForward, Request, Resume, SetTravelSpeed, Stop
-from executive.reasons import Reason
-from executive.reports import Stage
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from tests.relay.rover.relayed_bench import RelayedBench, asked
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from adapters.mops import Message
 from executive.commands.catalogue import DriveFor, MoveForward, Request, SetTravelSpeed, Stop
-from executive.reasons import Reason
-from executive.reports import Identity, Stage
+from executive.values.reasons import Reason
+from executive.values.reports import Identity, Stage
 from tests.relay.rover.place import DICTIONARY, SOURCE, Orbiter, Place
 from tests.support.processes import LIMIT_S, Running, executive, simulation
 

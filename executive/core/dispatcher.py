@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Final, assert_never
 
-from executive.authority import Authority
 from executive.checks import check_battery, check_pose, check_request, expected_pose
 from executive.commands import (
     ABOARD_LINK,
@@ -31,17 +30,17 @@ from executive.commands import (
 from executive.commands.actions import action_of
 from executive.commands.intake import bad_identity, check_arguments, validate
 from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
-from executive.geometry import Pose
+from executive.core.authority import Authority
+from executive.core.pose_keeper import PoseKeeper
+from executive.core.reactions import Reactions
 from executive.goals import Context
-from executive.notifications import Notifications
 from executive.plans import Planner, PlanNode
-from executive.pose_keeper import PoseKeeper
 from executive.preview import Predictions
-from executive.reactions import Reactions
-from executive.reasons import Figure, Reason, Refusal
-from executive.record import PRUNED, Ledger, LedgerError, digest
-from executive.reports import Identity, Severity
+from executive.record import PRUNED, Ledger, LedgerError, Notifications, digest
 from executive.state import Telemetry, Uncertainty
+from executive.values.geometry import Pose
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity, Severity
 
 NOT_HELD: Final = Refusal(
     Reason.WRONG_MODE, "nothing holds the rover; a plan is resumed by resumePlan"

@@ -10,28 +10,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
-from executive.authority import Authority, AuthorityAsked, AuthorityState
 from executive.checks import check_battery, expected_pose
-from executive.clock import Clock, LatchedClock
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
 from executive.commands.intake import not_located
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
-from executive.dispatcher import Dispatcher, unwritten
-from executive.geometry import STANDING, Velocity
-from executive.goals import Context, Goals
-from executive.inbox import MOST_A_TURN, Inbox, Question, Submission
-from executive.link_loss import GroundMonitor
-from executive.motion import Arbiter, SharedSolver, make_locomotion
-from executive.notifications import Notifications
-from executive.plans import PlanHost, Planner, check_plan
-from executive.ports import Downlink, MotionRover, VelocityRover, Video
-from executive.pose_keeper import PoseKeeper
-from executive.preview import Predictions, PreviewRun
-from executive.reactions import Reactions
-from executive.reasons import Figure, Reason, Refusal
-from executive.record import AuthorityRecord, Ledger, LedgerError, PlanStore, Retention, StopLatch
-from executive.recorder import Recorder, TreeNodeView, life_of, recorded_ports
-from executive.recording import (
+from executive.core.authority import Authority, AuthorityAsked, AuthorityState
+from executive.core.dispatcher import Dispatcher, unwritten
+from executive.core.inbox import MOST_A_TURN, Inbox, Question, Submission
+from executive.core.link_loss import GroundMonitor
+from executive.core.pose_keeper import PoseKeeper
+from executive.core.reactions import Reactions
+from executive.core.recorder import Recorder, TreeNodeView, life_of, recorded_ports
+from executive.core.recording import (
     Call,
     Called,
     GroundHeard,
@@ -42,21 +32,43 @@ from executive.recording import (
     Served,
     Tape,
 )
-from executive.reports import Identity, Kind, PlanUpdate, Report, Severity, printable
+from executive.goals import Context, Goals
+from executive.motion import Arbiter, SharedSolver, make_locomotion
+from executive.plans import PlanHost, Planner, check_plan
+from executive.preview import Predictions, PreviewRun
+from executive.record import (
+    AuthorityRecord,
+    Ledger,
+    LedgerError,
+    Notifications,
+    PlanStore,
+    Retention,
+    StopLatch,
+)
 from executive.safety import Safety, unmonitored
 from executive.settings import Settings
-from executive.state import (
+from executive.state import FileFolder, Status, Telemetry
+from executive.values.clock import Clock, LatchedClock
+from executive.values.facts import (
     AuthorityUsed,
     CommandEnded,
     Fact,
-    FileEvent,
-    FileFolder,
     ForeignPublishers,
     LaserScan,
-    ParameterValue,
-    Status,
     Stopped,
-    Telemetry,
+)
+from executive.values.geometry import STANDING, Velocity
+from executive.values.parameters import ParameterValue
+from executive.values.ports import Downlink, MotionRover, VelocityRover, Video
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import (
+    FileEvent,
+    Identity,
+    Kind,
+    PlanUpdate,
+    Report,
+    Severity,
+    printable,
 )
 
 _LOG = logging.getLogger(__name__)

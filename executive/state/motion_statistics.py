@@ -1,11 +1,11 @@
-"""What becomes of a motion or a plan, beside what was predicted of it."""
+"""How long, how far and with how much energy a motion or a plan was driven, and as predicted."""
 
-from executive.clock import Clock
-from executive.reasons import Figure
-from executive.state import Status
+from executive.state.status import Status
+from executive.values.clock import Clock
+from executive.values.reasons import Figure
 
 
-class Journey:
+class MotionStatistics:
     """One motion or plan: what it took so far, and what it was predicted to take.
 
     Attributes:

@@ -6,21 +6,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Concatenate, Final, Generic, ParamSpec, Protocol, TypeVar
 
-from executive.clock import Clock
 from executive.commands.lifecycle import Refused, SubmitResult
-from executive.geometry import Velocity
-from executive.motion import Plan, Problem, SharedSolver
-from executive.ports import (
-    CameraIntent,
-    Downlink,
-    MotionRover,
-    Rover,
-    VelocityRover,
-    Video,
-    WholeMotion,
-)
-from executive.record import Ledger, LedgerError
-from executive.recording import (
+from executive.core.recording import (
     Answered,
     AskedSolver,
     CarriedOut,
@@ -48,9 +35,23 @@ from executive.recording import (
     TreeChanged,
     is_within,
 )
-from executive.reports import Identity, PlanUpdate, Report, without_figures
+from executive.motion import Plan, Problem, SharedSolver
+from executive.record import Ledger, LedgerError
 from executive.settings import LocomotionKind, Settings
-from executive.state import FileEvent, FileFolder, ParameterValue
+from executive.state import FileFolder
+from executive.values.clock import Clock
+from executive.values.geometry import Velocity
+from executive.values.parameters import ParameterValue
+from executive.values.ports import (
+    CameraIntent,
+    Downlink,
+    MotionRover,
+    Rover,
+    VelocityRover,
+    Video,
+    WholeMotion,
+)
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, without_figures
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Rover)

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from executive.geometry import Velocity
-from executive.reports import Identity, PlanUpdate, Report
-from executive.state import FileEvent, ParameterValue
+from executive.values.geometry import Velocity
+from executive.values.parameters import ParameterValue
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report
 
 
 @dataclass(frozen=True, slots=True)

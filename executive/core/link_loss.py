@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from math import sin
 from typing import Final
 
-from executive.clock import Clock
 from executive.commands import Mode, Waypoint
-from executive.geometry import Point, Pose
 from executive.settings import LinkLoss, LinkLossStage
+from executive.values.clock import Clock
+from executive.values.geometry import Point, Pose
 
 SHORTEST_M: Final = 0.3
 """Of a straight line of the way back."""

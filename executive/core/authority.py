@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final, assert_never
 
-from executive.clock import Clock
 from executive.commands import OWN_LINKS, RELAY_LINK, Command
 from executive.commands.intake import is_source
-from executive.reasons import Figure, Reason, Refusal
 from executive.record import AuthorityRecord, Grant, LedgerError
 from executive.settings import AuthoritySettings
+from executive.values.clock import Clock
+from executive.values.reasons import Figure, Reason, Refusal
 
 HOW_TO_GET: Final = "ask its holder by requestAuthority (`rover authority request`)"
 HOW_TO_REQUEST: Final = "request it first (`rover authority request`)"

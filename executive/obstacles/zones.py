@@ -10,7 +10,7 @@ from itertools import combinations, pairwise
 from math import hypot, inf, isfinite
 from typing import Final, Protocol
 
-from executive.geometry import Point
+from executive.values.geometry import Point
 
 FARTHEST_M: Final = 10_000.0
 MAX_MARGIN_M: Final = 100.0

@@ -11,9 +11,9 @@ from functools import lru_cache
 from math import atan2, ceil, cos, floor, hypot, pi, sin, sqrt
 from typing import Final
 
-from executive.geometry import STANDING, Point, Pose, Velocity, on_arc, wrap_rad
-from executive.state.facts import LaserScan
-from executive.zones import Footprint, KeepIn, Seen, Zones
+from executive.obstacles.zones import Footprint, KeepIn, Seen, Zones
+from executive.values.facts import LaserScan
+from executive.values.geometry import STANDING, Point, Pose, Velocity, on_arc, wrap_rad
 
 CELL_M: Final = 0.1
 REACH_M: Final = 4.0

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
-from executive.geometry import Pose, Velocity
-from executive.reports import Identity
+from executive.values.geometry import Pose, Velocity
+from executive.values.reports import Identity
 
 
 @dataclass(frozen=True, slots=True)

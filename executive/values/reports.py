@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Final
 
-from executive.reasons import Figure, Reason
+from executive.values.reasons import Figure, Reason
 
 _FIGURES: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
@@ -102,6 +102,24 @@ class Report:
     step_count: int | None = None
     reason: Reason | None = None
     figures: tuple[Figure, ...] = ()
+
+
+@unique
+class FileEventKind(Enum):
+    """What happened to a file (numbers as on the MRS wire)."""
+
+    STORED = 1
+    CHANGED = 2
+    DELETED = 3
+    TRANSFERRED = 4
+
+
+@dataclass(frozen=True, slots=True)
+class FileEvent:
+    """Something that happened to a file of the folder."""
+
+    kind: FileEventKind
+    path: str
 
 
 @unique

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import Protocol, TypeGuard
 
-from executive.authority import AuthorityAsked
 from executive.commands import Command, Mode
-from executive.geometry import Pose, Velocity
+from executive.core.authority import AuthorityAsked
 from executive.motion import MotionState, Plan, Target
-from executive.ports import CameraIntent, WholeMotion
-from executive.reasons import Figure, Refusal
-from executive.reports import Identity, Kind, PlanUpdate, Report, Severity
 from executive.settings import Settings
-from executive.state import Fact, FileEvent, ParameterValue
+from executive.values.facts import Fact
+from executive.values.geometry import Pose, Velocity
+from executive.values.parameters import ParameterValue
+from executive.values.ports import CameraIntent, WholeMotion
+from executive.values.reasons import Figure, Refusal
+from executive.values.reports import FileEvent, Identity, Kind, PlanUpdate, Report, Severity
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from typing import Final
 
-from executive.clock import Clock
-from executive.notifications import Notifications
-from executive.reasons import Reason
-from executive.record import Ledger, PoseRecord
-from executive.reports import Severity
+from executive.record import Ledger, Notifications, PoseRecord
 from executive.safety import Fault, PoseMonitor, Safety, StoredPose
 from executive.settings import Settings
 from executive.state import Status, Uncertainty
+from executive.values.clock import Clock
+from executive.values.reasons import Reason
+from executive.values.reports import Severity
 
 EVENT_S: Final = 1.0
 EVENT_M: Final = 0.05

@@ -8,19 +8,25 @@ from typing import Final
 from executive.commands import ABOARD_LINK, Command, FollowPath, Mode, MoveTo, RotateTo
 from executive.commands.intake import ABOARD_PREFIX, LONGEST_SOURCE
 from executive.commands.lifecycle import Admitted, Life, Refused, SubmitResult
+from executive.core.link_loss import GroundMonitor
+from executive.core.pose_keeper import PoseKeeper
 from executive.faults import Clears, Then
 from executive.goals import Context
-from executive.link_loss import GroundMonitor
 from executive.motion import Arbiter
-from executive.notifications import Notifications
 from executive.plans import Planner
-from executive.pose_keeper import PoseKeeper
-from executive.reasons import Figure, Reason, Refusal
-from executive.record import UNWRITTEN_LEDGER, LatchedFault, Ledger, LedgerError, StopLatch
-from executive.reports import Identity, Severity, Stage, printable
+from executive.record import (
+    UNWRITTEN_LEDGER,
+    LatchedFault,
+    Ledger,
+    LedgerError,
+    Notifications,
+    StopLatch,
+)
 from executive.safety import HOLDING, Fault, Moved
 from executive.settings import LinkLossAction, LocomotionKind
-from executive.state import CommandEnded, Stopped
+from executive.values.facts import CommandEnded, Stopped
+from executive.values.reasons import Figure, Reason, Refusal
+from executive.values.reports import Identity, Severity, Stage, printable
 
 SLOW_RATIO: Final = 0.3
 """Of the greatest speeds, what a fault leaves that slows the rover down."""

@@ -11,8 +11,8 @@ from itertools import count, islice
 from math import cos, pi, sin
 from typing import Final
 
-from executive.geometry import Point
-from executive.zones import FINEST_M, KeepIn, KeepOut, KnownRock, Obstacle, Zones
+from executive.obstacles.zones import FINEST_M, KeepIn, KeepOut, KnownRock, Obstacle, Zones
+from executive.values.geometry import Point
 
 RING: Final = 12
 """Nodes around each corner and rock."""

@@ -4,13 +4,13 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
-from executive.clock import Clock
 from executive.commands import Command
 from executive.commands.lifecycle import Note
-from executive.ports import Downlink
-from executive.reasons import Figure, Reason
-from executive.record import Ledger
-from executive.reports import Kind, PlanUpdate, Report, Severity, Stage, printable
+from executive.record.ledger import Ledger
+from executive.values.clock import Clock
+from executive.values.ports import Downlink
+from executive.values.reasons import Figure, Reason
+from executive.values.reports import Kind, PlanUpdate, Report, Severity, Stage, printable
 
 _LOG = logging.getLogger(__name__)
 

@@ -1,0 +1,1 @@
+"""The executive: commands in, goals for the tree, reports out."""
