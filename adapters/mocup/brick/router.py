@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from enum import Enum, unique
 from itertools import count
 from typing import Final
 
@@ -44,10 +45,22 @@ SOURCE: Final = "NXT"
 MOST_AHEAD_S: Final = 10.0
 """How far ahead of the clock here a command may have been made."""
 _NO_VISIT: Final = 0
-"""Claims and reports of the executive that wait to be recorded; the oldest are dropped."""
 _LOOKS_TO_BE_TOLD: Final = 3
 """Within so many looks after a start an executive that lives has told who has the authority."""
 _LOG: Final = logging.getLogger(__name__)
+
+
+@unique
+class _Kind(Enum):
+    """What a message of a link is."""
+
+    REPORT = "of the executive, on a command that it claimed"
+    CLAIM = "of the executive, which carries a command out in parts"
+    STOP = "a stop"
+    AUTHORITY = "of the executive, on who has the authority"
+    COMMAND = "a command"
+    ELSEWHERE = "for another"
+    NO_COMMAND = "nothing that a link may send"
 
 
 class Router:
@@ -243,30 +256,44 @@ class Router:
                 self._ownership.tell_relay(claim)
 
     def _take(self, link: Link, message: Message) -> None:
+        match self._kind_of(link, message):
+            case _Kind.REPORT:
+                self._ownership.report(message)
+                if is_last(message):
+                    self._go_on()
+            case _Kind.CLAIM:
+                self._ownership.claim(replace(message, received=False))
+            case _Kind.STOP:
+                self._stop(link, message)
+            case _Kind.AUTHORITY:
+                self._learn(message)
+            case _Kind.COMMAND:
+                if message.moe_inputs_id is not None and self._known(link, message):
+                    return
+                if link is Link.DIRECT or self._admitted(message):
+                    self._begin(link, message)
+            case _Kind.ELSEWHERE:
+                self._out.refuse(f"{link.value} link: {message} is for {message.dest}")
+            case _Kind.NO_COMMAND:
+                self._out.refuse(f"{link.value} link: {message} is no command")
+
+    def _kind_of(self, link: Link, message: Message) -> _Kind:
+        """Return what a message of a link is; the first that holds, since a stop may look alike."""
         direct = link is Link.DIRECT
         if direct and message.source == self.name and message.outputs:
-            self._ownership.report(message)
-            if is_last(message):
-                self._go_on()
-        elif message.dest != self.name:
-            self._out.refuse(f"{link.value} link: {message} is for {message.dest}")
-        elif message.received and direct and not message.outputs and not message.executed:
-            self._ownership.claim(replace(message, received=False))
-        elif self._stops(message):
-            self._stop(link, message)
-        elif message.code == self._authority_code and direct:
-            self._learn(message)
-        elif (
-            (message.outputs and direct)
-            or message.executed
-            or message.received
-            or message.code in (self._keep_alive, self._authority_code)
-        ):
-            self._out.refuse(f"{link.value} link: {message} is no command")
-        elif message.moe_inputs_id is not None and self._known(link, message):
-            pass
-        elif direct or self._admitted(message):
-            self._begin(link, message)
+            return _Kind.REPORT
+        if message.dest != self.name:
+            return _Kind.ELSEWHERE
+        if direct and message.received and not message.outputs and not message.executed:
+            return _Kind.CLAIM
+        if self._stops(message):
+            return _Kind.STOP
+        if direct and message.code == self._authority_code:
+            return _Kind.AUTHORITY
+        answers = message.executed or message.received or (direct and message.outputs)
+        if answers or message.code in (self._keep_alive, self._authority_code):
+            return _Kind.NO_COMMAND
+        return _Kind.COMMAND
 
     def _learn(self, told: Message) -> None:
         """Take what the executive tells of the authority; it holds until it tells otherwise."""
