@@ -4,9 +4,8 @@ Where there is no plan in time, or none that leads there, the next sample of the
 commanded; where that lasts, the rover stands, and the motion is abandoned.
 """
 
-from dataclasses import dataclass, replace
+from enum import Enum, unique
 from itertools import pairwise
-from math import hypot
 from typing import Final
 
 from executive.commands import Command, Waypoint, controller_of
@@ -21,7 +20,8 @@ from executive.motion.minimum_time import MinimumTime
 from executive.motion.motion_model import MotionModel, MotionState
 from executive.motion.motion_observer import FINEST_S, MotionObserver
 from executive.motion.obstacles import Obstacles
-from executive.motion.plan import ANY_RAD, Plan, PlanSolver, Problem, Target
+from executive.motion.plan import ANY_RAD, PlanSolver, Target
+from executive.motion.replanning import Course, Replanning
 from executive.motion.route import AIM_SHARE, Route, aim_within_m
 from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
 from executive.settings import Controller, Settings
@@ -35,53 +35,18 @@ KEEP_BRAKING_SHARE: Final = 0.93
 """Of the tolerances: the rover brakes where it comes to rest within, and goes on braking."""
 ANY_HEADING_RAD: Final = 0.35
 """Off the direction of turn-then-drive at most, where no heading is asked for."""
-OVER_S: Final = 0.15
-"""Left of a plan, at the end of which the rover stands."""
-AT_REST: Final = 0.01
-"""Below so many metres and radians per second a command is none: plans are exact to less."""
 SOON_S: Final = 1.0
 """To the end of the plan, from where on it may brake."""
-MISSES: Final = 5
-"""Ticks without a usable plan after which turn-then-drive takes over."""
-LATEST_S: Final = 1.0
-"""For a plan to come: the one before is driven on meanwhile, then turn-then-drive takes over."""
-STANDS: Final = 3
-"""How often a plan may be made from rest before turn-then-drive takes over."""
-OFF_M: Final = 0.1
-OFF_RAD: Final = 0.2
-"""From where the plan had it now: beyond it the odometry jumped, or something moved the rover."""
-MISSED: Final = 0.05
-"""Metres and radians beyond its aim by which a plan does not lead there."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Question:
-    """What the solver was asked last.
+@unique
+class Phase(Enum):
+    """What a predictive law is about; it ends in ABANDONED, or within the tolerances."""
 
-    Attributes:
-        asked_s: when it was asked.
-        from_s: from when on the plan is to lead.
-        end: which place of the route it is to end at.
-        waits: whether the rover stands, so that the plan leads from when it is there.
-    """
-
-    asked_s: float
-    from_s: float
-    end: int
-    waits: bool
-
-
-@dataclass(frozen=True, slots=True)
-class _Course:
-    """The plan that is driven, and the question that it answers.
-
-    Attributes:
-        from_s: from when on it leads.
-    """
-
-    plan: Plan
-    from_s: float
-    question: _Question
+    PLANNING = "no plan has come yet: the rover stands"
+    FOLLOWING = "it drives the last plan that leads on"
+    BRAKING = "it comes to rest within the tolerances if it only brakes"
+    ABANDONED = "the rover stands, and goes on by another leg"
 
 
 class PredictiveLaw(Motion):
@@ -103,7 +68,8 @@ class PredictiveLaw(Motion):
             raise TypeError(f"{leg} has no line to a place")
         self._leg, self._place = leg, leg.target
         self._settings, self._status = settings, status
-        self._solver, self._observer, self._model = solver, observer, model
+        self._lead_ticks = solver.lead_ticks
+        self._observer, self._model = observer, model
         self._near_m = leg.tolerance_m
         self._near_rad = settings.turn_drive.heading_tolerance_rad
         self._heading_rad = leg.toward_rad if leg.heading_rad is None else leg.heading_rad
@@ -119,13 +85,8 @@ class PredictiveLaw(Motion):
             observer.ahead_m,
             Target(x_m, y_m, self._heading_rad, aim, aim_rad, self._behind_m),
         )
-        self._question: _Question | None = None
-        self._course: _Course | None = None
-        self._abandons = False
-        self._heard_s: float | None = None  # when the solver last was free
-        self._misses = 0
-        self._starts = 0
-        self._braking = False
+        self._replanning = Replanning(solver, self._route, status)
+        self._phase = Phase.PLANNING
         self._obstacles: Obstacles | None = None
         self._known = self._present_obstacles
         self._limits = self._present_limits
@@ -140,18 +101,18 @@ class PredictiveLaw(Motion):
     @property
     def abandoned(self) -> bool:
         """Whether the rover stands, and is to go on by another leg."""
-        return self._abandons and self._status.standing
+        return self._phase is Phase.ABANDONED and self._status.standing
 
     @property
     def again(self) -> bool:
         """Whether it passes waypoints, or something came into view so that no plan leads on."""
-        seen = self._misses > MISSES and self._present_obstacles is not self._known
+        seen = self._replanning.misses_all and self._present_obstacles is not self._known
         return bool(self._leg.through) or seen
 
     @property
     def done(self) -> bool:
         """Whether the rover stands where the leg ends, and has passed what is before."""
-        if self._abandons or self.passed < self._route.end:
+        if self._phase is Phase.ABANDONED or self.passed < self._route.end:
             return False
         return self._status.standing and self._within(*self._seen_off, 1.0)
 
@@ -159,9 +120,10 @@ class PredictiveLaw(Motion):
     def left(self) -> str:
         """The distance left, and for how long by the plan."""
         left_m, _ = self._seen_off
-        if self._course is None:
+        course = self._replanning.course
+        if course is None:
             return f"{left_m:.3f} m left"
-        return f"{left_m:.3f} m and {self._course.plan.duration_s:.1f} s left"
+        return f"{left_m:.3f} m and {course.plan.duration_s:.1f} s left"
 
     def renew(self, _: float) -> bool:
         """Reckon anew how long it takes, if another greatest speed was set."""
@@ -175,26 +137,33 @@ class PredictiveLaw(Motion):
         """Return the velocity to command."""
         missed = self._route.observe(self._status.pose.point, now_s)
         self.passed = self._route.passed
-        if self._abandons:
+        if self._phase is Phase.ABANDONED:
             return STANDING
         if missed:
             self._abandon("a waypoint was missed")
             return STANDING
         state, effect_s = self._observer.observe(now_s), self._observer.effect_s
         takes_effect_s = now_s + self._settings.mpc.command_delay_s
-        if self._solver.lead_ticks == 0:
-            self._ask(state, effect_s, now_s)
-        self._take_answer(state, effect_s, now_s)
-        if reason := self._hopeless(now_s):
+        if self._lead_ticks == 0:
+            self._request_plan(state, effect_s, now_s)
+        self._replanning.receive(state, effect_s, now_s, self._observer.late_s)
+        if reason := self._replanning.failure(now_s):
             self._abandon(reason)
             return STANDING
-        command = STANDING
-        if self._course is not None and not self._lands(self._course, state):
-            command = self._course.plan.velocity(takes_effect_s - self._course.from_s)
-        if self._solver.lead_ticks:
+        command, course = STANDING, self._replanning.course
+        if course is not None:
+            self._phase = Phase.BRAKING if self._lands(course, state) else Phase.FOLLOWING
+            if self._phase is Phase.FOLLOWING:
+                command = course.plan.velocity(takes_effect_s - course.from_s)
+        if self._lead_ticks:
             step_s = max(takes_effect_s - effect_s, FINEST_S)
-            self._ask(self._model.moved(state, command, step_s), takes_effect_s, now_s)
+            planned = self._model.moved(state, command, step_s)
+            self._request_plan(planned, takes_effect_s, now_s)
         return command
+
+    def _request_plan(self, state: MotionState, from_s: float, now_s: float) -> None:
+        obstacles = self._present_obstacles
+        self._replanning.request(state, from_s, now_s, obstacles, self._leg.around)
 
     @property
     def _present_limits(self) -> tuple[float, float]:
@@ -239,80 +208,10 @@ class PredictiveLaw(Motion):
     def _within(self, off_m: float, off_rad: float, share: float) -> bool:
         return off_m <= share * self._near_m and off_rad <= share * self._near_rad
 
-    def _ask(self, state: MotionState, from_s: float, now_s: float) -> None:
-        """Have a plan made from a state, with the rest of the plan before as a guess.
-
-        Where the rover stands at the end of that, polylines are tried anew.
-        """
-        if self._solver.busy:
-            return
-        course, route, guess = self._course, self._route, None
-        at_rest = max(abs(state.travel_mps), abs(state.rotate_radps)) < AT_REST
-        if course is not None:
-            ahead = course.question.end - route.passed
-            rest = course.plan.after(from_s - course.from_s, max(ahead, 0))
-            over = at_rest and self._status.standing and rest.duration_s < OVER_S
-            if not over and ahead >= 0:
-                guess = rest
-                near_rad = guess.states[0].heading_rad
-                heading_rad = near_rad + wrap_rad(state.heading_rad - near_rad)
-                state = replace(state, heading_rad=heading_rad)
-        if course is None or guess is None:
-            self._starts += 1
-            first = route.passed
-        else:
-            first = course.question.end - len(guess.passes_s)
-        *through, target = route.plan_from(first, now_s)
-        waits = guess is None and at_rest
-        limits = self._present_limits
-        around = self._leg.around if self._question is None else ()
-        self._question = _Question(now_s, from_s, first + len(through), waits)
-        problem = Problem(
-            state, target, *limits, guess, tuple(through), self._present_obstacles, around
-        )
-        self._solver.ask(problem)
-
-    def _take_answer(self, state: MotionState, effect_s: float, now_s: float) -> None:
-        """Go on with the answer to the last question, if there is one that leads there."""
-        if self._heard_s is None or not self._solver.busy:
-            self._heard_s = now_s
-        course, question = self._course, self._question
-        if course is not None and self._jumped(course, state, effect_s):
-            self._misses += 1
-            return
-        if self._solver.busy or question is None:
-            return
-        plan = self._solver.answer()
-        if plan is None or plan.miss > MISSED:
-            self._misses += 1
-            return
-        self._misses = 0
-        from_s = effect_s if question.waits else question.from_s
-        self._course = _Course(plan, from_s, question)
-
-    def _hopeless(self, now_s: float) -> str | None:
-        """Return why turn-then-drive is to take over, if it is."""
-        if self._misses > MISSES:
-            return "no plan leads there"
-        if self._starts > STANDS:
-            return "it stands beside its target"
-        if self._heard_s is not None and now_s - self._heard_s > LATEST_S:
-            return "no plan comes in time"
-        return None
-
-    def _jumped(self, course: _Course, state: MotionState, effect_s: float) -> bool:
-        """Return whether the rover is elsewhere, though it was led since the plan was asked for."""
-        if self._observer.late_s > course.question.asked_s:
-            return False
-        planned = course.plan.at(effect_s - course.from_s)
-        off_m = hypot(state.x_m - planned.x_m, state.y_m - planned.y_m)
-        return off_m > OFF_M or abs(wrap_rad(state.heading_rad - planned.heading_rad)) > OFF_RAD
-
-    def _lands(self, course: _Course, state: MotionState) -> bool:
+    def _lands(self, course: Course, state: MotionState) -> bool:
         """Return whether braking now, or on, brings the rover to rest within the tolerances."""
-        plan, last = course.plan, course.question.end == self._route.end
+        plan, last = course.plan, course.request.end == self._route.end
         if plan.passes_s or not last or plan.duration_s > SOON_S:
-            self._braking = False
             return False
         drive, tick_s = self._settings.drive, self._settings.tick_s
         while state.travel_mps or state.rotate_radps:
@@ -324,9 +223,8 @@ class PredictiveLaw(Motion):
         for _ in range(2):
             state = self._model.moved(state, STANDING, tick_s)
         off_m, off_rad = self._off(Point(state.x_m, state.y_m), state.heading_rad)
-        share = KEEP_BRAKING_SHARE if self._braking else BRAKE_SHARE
-        self._braking = self._within(off_m, off_rad, share)
-        return self._braking
+        share = KEEP_BRAKING_SHARE if self._phase is Phase.BRAKING else BRAKE_SHARE
+        return self._within(off_m, off_rad, share)
 
     def _abandon(self, reason: str) -> None:
         goes_on = "turn-then-drive takes over"
@@ -335,7 +233,7 @@ class PredictiveLaw(Motion):
         elif self.again:
             goes_on = "the rover stands, and looks for another way"
         self.notice = f"mpc: {reason}; {goes_on}"
-        self._abandons = True
+        self._phase = Phase.ABANDONED
 
 
 def _toward_zero(figure: float, step: float) -> float:
