@@ -9,10 +9,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from enum import Enum, unique
 from math import pi, radians
-from typing import Any, Final, TypeVar, assert_never, dataclass_transform
+from typing import Final, NewType, TypeVar, assert_never, dataclass_transform
 
 from executive.commands import Argument, Within, argument, arguments_of, record, within
-from executive.settings import LocomotionKind, Sensor, Sensors, Settings, hint, in_degrees
+from executive.settings import (
+    FormatError,
+    LocomotionKind,
+    Sensor,
+    Sensors,
+    Settings,
+    StrictReader,
+    angle_of,
+    hint,
+)
 
 F = TypeVar("F", bound="Fault")
 
@@ -77,6 +86,8 @@ class Side(Enum):
 
 Value = float | bool | Side
 """Of a parameter."""
+_Angle = NewType("_Angle", float)
+_READER: Final = StrictReader({_Angle: angle_of}, units=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,8 +112,7 @@ class FaultDeclaration:
 
     def default(self, parameter: Argument) -> Value:
         """Return what a parameter is unless it is given."""
-        (value,) = (each.default for each in fields(self._made) if each.name == parameter.field)
-        assert isinstance(value, float | bool | Side)
+        value: Value = getattr(self.kind(), parameter.field)
         return value
 
     def make(self, given: Mapping[str, object]) -> Fault:
@@ -111,22 +121,14 @@ class FaultDeclaration:
         Raises:
             ValueError: there is no such parameter, or a value is not allowed; the text names it.
         """
-        known = {parameter.name: parameter for parameter in self.parameters}
+        known = {each.name: each for each in self.parameters}
         values: dict[str, Value] = {}
         for name, raw in given.items():
             if name not in known:
                 has = f"; known are {', '.join(known)}" if known else ", it has no parameters"
                 raise ValueError(f"{self.name}: unknown key {name!r}{hint(name, known)}{has}")
-            parameter = known[name]
-            try:
-                values[parameter.field] = _value(raw, parameter)
-            except ValueError as error:
-                raise ValueError(f"{self.name}.{name}: {error}") from error
+            values[known[name].field] = _value(raw, known[name], f"{self.name}.{name}")
         return self.kind(**values)
-
-    @property
-    def _made(self) -> Any:
-        return self.kind
 
 
 _DECLARED: Final[dict[str, FaultDeclaration]] = {}
@@ -491,38 +493,20 @@ def read_fault(raw: object) -> Fault:
 
 def written(fault: Fault) -> dict[str, dict[str, float | bool | str]]:
     """Return what `read_fault` reads."""
-    declaration = fault_declaration(type(fault))
-    values = {each.name: getattr(fault, each.field) for each in declaration.parameters}
-    return {
-        declaration.name: {
-            name: value.value if isinstance(value, Side) else value
-            for name, value in values.items()
-        }
-    }
+    declaration, plain = fault_declaration(type(fault)), _READER.plain(fault)
+    return {declaration.name: {each.name: plain[each.field] for each in declaration.parameters}}
 
 
-def _value(raw: object, parameter: Argument) -> Value:
-    if parameter.kind is bool:
-        if not isinstance(raw, bool):
-            raise ValueError(f"expected true or false, got {raw!r}")
-        return raw
-    if parameter.kind is Side:
-        try:
-            return Side(raw)
-        except ValueError as error:
-            sides = ", ".join(side.value for side in Side)
-            raise ValueError(f"{raw!r} is none of {sides}") from error
-    if isinstance(raw, str) and parameter.unit.startswith("rad"):
-        angle_rad = in_degrees(raw)
-        raw = raw if angle_rad is None else angle_rad
-    if isinstance(raw, bool) or not isinstance(raw, int | float):
-        angle = " (radians, or degrees as 90deg)" if parameter.unit.startswith("rad") else ""
-        raise ValueError(f"expected a number{angle}, got {raw!r}")
+def _value(raw: object, parameter: Argument, path: str) -> Value:
+    is_angle = parameter.unit.startswith("rad")
+    value: Value = _READER.read(raw, _Angle if is_angle else parameter.kind, path)
+    if isinstance(value, Side) or parameter.bound is None:
+        return value
     least, most = bounds(parameter)
-    if not least <= raw <= most:
-        figures = f"{raw:g} is not in {least:g} .. {most:g}"
-        raise ValueError(f"{figures} {parameter.unit}".rstrip())
-    return float(raw)
+    if not least <= value <= most:
+        figures = f"{value:g} is not in {least:g} .. {most:g}"
+        raise FormatError(path, f"{figures} {parameter.unit}".rstrip())
+    return value
 
 
 def bounds(parameter: Argument) -> tuple[float, float]:
