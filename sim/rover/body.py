@@ -125,6 +125,8 @@ def set_cargo(model: mujoco.MjModel, mass_kg: float) -> None:
 PERIOD_S: Final = 0.02
 STEP_S: Final = 0.005
 STEPS_PER_PERIOD: Final = 4
+SOON_S: Final = STEP_S / 2
+"""Times are sums of steps; what is due within half a step is due."""
 _SETTLING_S: Final = 0.5
 _FREE: Final = 7
 """Figures of the free joint: the joints of the wheels and of the head follow."""
@@ -356,20 +358,20 @@ class SimulatedBody(ABC):
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""
 
-    def _fault(self, kind: type[F]) -> F | None:
+    def fault(self, kind: type[F]) -> F | None:
         """Return the fault of a kind, if it is there."""
         found = self._faults.get(kind)
         return found if isinstance(found, kind) else None
 
     def _disturb(self) -> None:
         """Give motors and ground what the faults leave of torque and friction."""
-        brownout, dead = self._fault(faults.Brownout), self._fault(faults.MotorDead)
+        brownout, dead = self.fault(faults.Brownout), self.fault(faults.MotorDead)
         torque_ratio = 1.0 if brownout is None else brownout.factor
         self._disturbance.limit_torque(
             0.0 if dead is not None and dead.side.left else torque_ratio,
             0.0 if dead is not None and dead.side.right else torque_ratio,
         )
-        slip = self._fault(faults.Slip)
+        slip = self.fault(faults.Slip)
         self._disturbance.limit_grip(1.0 if slip is None else slip.factor)
 
     def _unstuck(self, left_radps: float, right_radps: float) -> tuple[float, float]:
@@ -386,13 +388,16 @@ class SimulatedBody(ABC):
         stuck = self._stuck_head
         return (pan_rad, tilt_rad) if stuck is None else (stuck.pan_rad, stuck.tilt_rad)
 
-    def _counted(self, turned_rad: list[float]) -> list[float]:
-        """Return what the encoders count while the wheels turn; those of the left are even."""
-        dead, scale = self._fault(faults.EncoderDead), self._fault(faults.EncoderScale)
-        if dead is not None:
+    def counted(self, turned_rad: list[float], shared: bool = False) -> list[float]:
+        """Return what the encoders count while the wheels turn; those of the left are even.
+
+        In messages of the wheels only those of their faults count that are shared.
+        """
+        dead, scale = self.fault(faults.EncoderDead), self.fault(faults.EncoderScale)
+        if dead is not None and (dead.shared or not shared):
             counts = (not dead.side.left, not dead.side.right)
             turned_rad = [turned * counts[at % 2] for at, turned in enumerate(turned_rad)]
-        if scale is not None:
+        if scale is not None and (scale.shared or not shared):
             turned_rad = [turned * scale.factor for turned in turned_rad]
         return turned_rad
 

@@ -6,20 +6,16 @@ so that none changes what another measures.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import asin, atan2
-from typing import Final, Protocol, TypeVar
+from typing import Final
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.values.facts import Fact, Imu, Joints
 from sim.rover import faults
-from sim.rover.body import STEP_S
-from sim.rover.faults import Fault
+from sim.rover.body import STEP_S, SimulatedBody
 
-F = TypeVar("F", bound=Fault)
 Vector = tuple[float, float, float]
 
 _GRAVITY_MPS2: Final = 9.81
@@ -33,32 +29,20 @@ _SHAKEN_M: Final = 0.098 / 4
 """Mean speed of the ground below the wheels, per sum of their rates."""
 
 
-class FaultLookup(Protocol):
-    """What is wrong with a rover."""
-
-    def __call__(self, kind: type[F], /) -> F | None:
-        """Return the fault of a kind, if it is there."""
-
-
 class Instrument(ABC):
-    """Something that measures at a rate.
+    """Something on a rover that measures at a rate, or as often as the steps of physics allow.
 
     Attributes:
         every: it measures each so many steps of physics.
         latency_s: from the last measurement until it is published.
     """
 
-    def __init__(self, rate_hz: float, fault: FaultLookup) -> None:
-        """Measure so often, as often as the steps allow.
-
-        Args:
-            rate_hz: how often.
-            fault: what is wrong with the rover.
-        """
+    def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
         self.every = max(1, round(1 / (rate_hz * STEP_S)))
         self.latency_s = 0.0
         self._since_s = self.every * STEP_S
-        self._fault = fault
+        self._rover, self._random = rover, random
+        self._fault = rover.fault
 
     @abstractmethod
     def measure(self, stamp_s: float) -> Fact | None:
@@ -76,24 +60,16 @@ def draws(
         yield from (mean + deviation * random.standard_normal((512, width))).tolist()
 
 
-@dataclass(frozen=True, slots=True)
-class ImuErrors:
-    """How good an inertial measurement unit is, as standard deviations.
-
-    Attributes:
-        acceleration_bias_mps2, gyro_bias_radps, lean_bias_rad: of what is constant in a run.
-        acceleration_noise_mps2: of one acceleration, to which vibration adds as the wheels turn.
-        vibration_hz: acceleration noise per wheel speed, in m/s2 per m/s.
-        gyro_noise_radps, lean_noise_rad: of one rate, and one roll or pitch.
-    """
-
-    acceleration_bias_mps2: float = 0.05
-    acceleration_noise_mps2: float = 0.03
-    vibration_hz: float = 0.3
-    gyro_bias_radps: float = 0.003
-    gyro_noise_radps: float = 0.004
-    lean_bias_rad: float = 0.005
-    lean_noise_rad: float = 0.002
+_ACCELERATION_BIAS_MPS2: Final = 0.05
+_GYRO_BIAS_RADPS: Final = 0.003
+_LEAN_BIAS_RAD: Final = 0.005
+"""Standard deviations of what is constant in a run."""
+_ACCELERATION_NOISE_MPS2: Final = 0.03
+_GYRO_NOISE_RADPS: Final = 0.004
+_LEAN_NOISE_RAD: Final = 0.002
+"""Standard deviations of one measurement."""
+_VIBRATION_HZ: Final = 0.3
+"""Acceleration noise that the wheels add, in m/s2 per m/s of their speed."""
 
 
 class InertialUnit(Instrument):
@@ -102,21 +78,15 @@ class InertialUnit(Instrument):
     It is read more often than anything else, and so written out.
     """
 
-    def __init__(
-        self,
-        rate_hz: float,
-        fault: FaultLookup,
-        random: np.random.Generator,
-        data: mujoco.MjData,
-    ) -> None:
-        super().__init__(rate_hz, fault)
-        self._errors = errors = ImuErrors()
+    def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
+        super().__init__(rover, rate_hz, random)
+        data = rover.data
         bias = random.standard_normal(8)
-        self._bias_mps2 = (errors.acceleration_bias_mps2 * bias[:3]).tolist()
+        self._bias_mps2 = (_ACCELERATION_BIAS_MPS2 * bias[:3]).tolist()
         constant = np.concatenate(
-            (errors.gyro_bias_radps * bias[3:6], np.zeros(3), errors.lean_bias_rad * bias[6:])
+            (_GYRO_BIAS_RADPS * bias[3:6], np.zeros(3), _LEAN_BIAS_RAD * bias[6:])
         )
-        deviation = [errors.gyro_noise_radps] * 3 + [1.0] * 3 + [errors.lean_noise_rad] * 2
+        deviation = [_GYRO_NOISE_RADPS] * 3 + [1.0] * 3 + [_LEAN_NOISE_RAD] * 2
         self._draws = draws(random, 8, constant, np.array(deviation))
         self._attitude, self._linear = data.qpos[3:7], data.qvel[:3]
         self._wheels = data.qvel[_WHEEL_RATES]
@@ -137,8 +107,8 @@ class InertialUnit(Instrument):
         y_mps2 += self._shoved_mps2()
         left, right, rear_left, rear_right = self._wheels.tolist()
         wheels_mps = _SHAKEN_M * (abs(left) + abs(right) + abs(rear_left) + abs(rear_right))
-        errors, (bias_x, bias_y, bias_z) = self._errors, self._bias_mps2
-        shaking_mps2 = errors.acceleration_noise_mps2 + errors.vibration_hz * wheels_mps
+        bias_x, bias_y, bias_z = self._bias_mps2
+        shaking_mps2 = _ACCELERATION_NOISE_MPS2 + _VIBRATION_HZ * wheels_mps
         w, x, y, z = now
         return Imu(
             stamp_s,
@@ -218,23 +188,18 @@ def _cut(value: float, most: float) -> float:
     return value if -most <= value <= most else max(-most, min(most, value))
 
 
+_SPEED_NOISE_RADPS: Final = 0.03
+_EFFORT_NOISE_NM: Final = 0.05
+
+
 class WheelSensors(Instrument):
     """Mean speeds of the four wheels since the last measurement, and the torques now."""
 
-    SPEED_NOISE_RADPS: Final = 0.03
-    EFFORT_NOISE_NM: Final = 0.05
-
-    def __init__(
-        self,
-        rate_hz: float,
-        fault: FaultLookup,
-        random: np.random.Generator,
-        data: mujoco.MjData,
-    ) -> None:
-        super().__init__(rate_hz, fault)
-        deviation = [self.SPEED_NOISE_RADPS] * 4 + [self.EFFORT_NOISE_NM] * 4
+    def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
+        super().__init__(rover, rate_hz, random)
+        deviation = [_SPEED_NOISE_RADPS] * 4 + [_EFFORT_NOISE_NM] * 4
         self._draws = draws(random, 8, deviation=np.array(deviation))
-        self._angles, self._efforts = data.qpos[_WHEELS], data.actuator_force[:4]
+        self._angles, self._efforts = rover.data.qpos[_WHEELS], rover.data.actuator_force[:4]
         self._before = self._angles.tolist()
 
     def measure(self, stamp_s: float) -> Joints | None:
@@ -245,13 +210,7 @@ class WheelSensors(Instrument):
         if self._fault(faults.JointsDead) is not None:
             return None
         speeds = [(a - b) / since_s for a, b in zip(now, before, strict=True)]
-        scale, dead = self._fault(faults.EncoderScale), self._fault(faults.EncoderDead)
-        if scale is not None and scale.shared:
-            speeds = [each * scale.factor for each in speeds]
-        if dead is not None and dead.shared:
-            counts = (not dead.side.left, not dead.side.right)
-            speeds = [each * counts[at % 2] for at, each in enumerate(speeds)]
-        left, right, rear_left, rear_right = speeds
+        left, right, rear_left, rear_right = self._rover.counted(speeds, shared=True)
         left_nm, right_nm, rear_left_nm, rear_right_nm = self._efforts.tolist()
         return Joints(
             stamp_s,

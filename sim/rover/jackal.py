@@ -17,7 +17,7 @@ from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.values.ports import CameraIntent
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover import faults
-from sim.rover.body import PERIOD_S, STEP_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left
+from sim.rover.body import PERIOD_S, SOON_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left
 from sim.rover.camera import PictureSettings
 from sim.rover.faults import Fault, jackal_parts
 from sim.rover.instruments import draws
@@ -32,15 +32,12 @@ TRACK_MULTIPLIER: Final = 1.5
 """Skid steering turns less than its track says; Clearpath commands this much more."""
 
 
-@dataclass(frozen=True, slots=True)
-class BaseLimits:
-    """Limits that the base keeps by itself (control.yaml of the Jackal)."""
-
-    travel_mps: float = 2.0
-    travel_mps2: float = 20.0
-    rotate_radps: float = 4.0
-    rotate_radps2: float = 25.0
-    timeout_s: float = 0.25
+_BASE_MPS: Final = 2.0
+_BASE_MPS2: Final = 20.0
+_BASE_RADPS: Final = 4.0
+_BASE_RADPS2: Final = 25.0
+_BASE_TIMEOUT_S: Final = 0.25
+"""Limits that the base keeps by itself (control.yaml of the Jackal)."""
 
 
 def _approach(now: float, target: float, bound: float, step: float) -> float:
@@ -51,8 +48,7 @@ def _approach(now: float, target: float, bound: float, step: float) -> float:
 class BaseController:
     """Turns the newest velocity command into wheel speeds, at 50 Hz."""
 
-    def __init__(self, limits: BaseLimits) -> None:
-        self._limits = limits
+    def __init__(self) -> None:
         self._command = STANDING
         self._commanded_s = float("-inf")
         self._travel_mps = 0.0
@@ -65,17 +61,13 @@ class BaseController:
 
     def wheels_radps(self, now_s: float, period_s: float) -> tuple[float, float]:
         """Return the speeds of left and right wheels for the next period."""
-        limits = self._limits
-        live = now_s - self._commanded_s <= limits.timeout_s
+        live = now_s - self._commanded_s <= _BASE_TIMEOUT_S
         wanted = self._command if live else STANDING
         self._travel_mps = _approach(
-            self._travel_mps, wanted.travel_mps, limits.travel_mps, limits.travel_mps2 * period_s
+            self._travel_mps, wanted.travel_mps, _BASE_MPS, _BASE_MPS2 * period_s
         )
         self._rotate_radps = _approach(
-            self._rotate_radps,
-            wanted.rotate_radps,
-            limits.rotate_radps,
-            limits.rotate_radps2 * period_s,
+            self._rotate_radps, wanted.rotate_radps, _BASE_RADPS, _BASE_RADPS2 * period_s
         )
         across_mps = self._rotate_radps * TRACK_MULTIPLIER * TRACK_M / 2
         return (
@@ -161,8 +153,6 @@ _BATTERY_EVERY = 50
 _STALL_EVERY_S = 4.0
 _SHORTEST_STALL = 0.28
 """Of the longest one: 50 ms of 180."""
-_SOON_S = STEP_S / 2
-"""Times are sums of steps; what is due within half a step is due."""
 
 
 class SimulatedJackal(SimulatedBody):
@@ -191,7 +181,7 @@ class SimulatedJackal(SimulatedBody):
         super().__init__(JACKAL, Pack(), world, picture, jackal_parts(sensors))
         random = np.random.default_rng(seed)
         self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
-        self._base = BaseController(BaseLimits())
+        self._base = BaseController()
         self._mux_settings = mux
         self._mux = None if mux is None else Mux(mux)
         self._servos = HeadController(HeadLimits())
@@ -199,7 +189,7 @@ class SimulatedJackal(SimulatedBody):
         self._delays = np.random.default_rng([seed, crc32(b"odometry_jitter")])
         self._published: Odometry | None = None
         self._other_command_s = 0.0
-        suite = SensorSuite(sensors, seed, self, self._fault)
+        suite = SensorSuite(sensors, seed, self)
         self._read_every, self._read_sensors = suite.every, suite.read
         self._other_input: str | None = None
         self._actuate()
@@ -277,10 +267,10 @@ class SimulatedJackal(SimulatedBody):
 
     def _sense(self, before: Pose, turned_rad: list[float]) -> None:
         """Read the sensors at the end of a period."""
-        drift = self._fault(faults.OdometryDrift)
+        drift = self.fault(faults.OdometryDrift)
         if drift is not None:
             self._odometry.pose = moved_left(self._odometry.pose, drift.rate_mps * PERIOD_S)
-        counted_rad = self._counted(turned_rad)
+        counted_rad = self.counted(turned_rad)
         self._publish_odometry(
             self._odometry.advance(
                 self.time_s,
@@ -300,7 +290,7 @@ class SimulatedJackal(SimulatedBody):
 
     def _gyro_radps(self, true_radps: float) -> float:
         """Return what the gyro measures of a rate, but for its own noise."""
-        gain, bias = self._fault(faults.GyroGain), self._fault(faults.GyroBias)
+        gain, bias = self.fault(faults.GyroGain), self.fault(faults.GyroBias)
         if faults.GyroDead in self._faults:
             return 0.0
         if gain is not None:
@@ -309,10 +299,10 @@ class SimulatedJackal(SimulatedBody):
 
     def _publish_odometry(self, measured: Odometry) -> None:
         """Publish what was measured a period ago, or earlier, as the faults let it."""
-        late = self._fault(faults.OdometryLate)
+        late = self.fault(faults.OdometryLate)
         delay_s = PERIOD_S if late is None else PERIOD_S + late.by_s
         self._in_transit.append((measured.stamp_s + self._jitter_s(), measured))
-        while self._in_transit and self._in_transit[0][0] <= self.time_s - delay_s + _SOON_S:
+        while self._in_transit and self._in_transit[0][0] <= self.time_s - delay_s + SOON_S:
             _, arrived = self._in_transit.popleft()
             if faults.OdometryLost not in self._faults:
                 self._published = self._distorted(arrived, self._published)
@@ -320,7 +310,7 @@ class SimulatedJackal(SimulatedBody):
 
     def _jitter_s(self) -> float:
         """Return how much longer than usual the next odometry is under way."""
-        jitter = self._fault(faults.OdometryJitter)
+        jitter = self.fault(faults.OdometryJitter)
         if jitter is None:
             return 0.0
         wait_s = jitter.mean_s * float(self._delays.standard_exponential())
@@ -361,8 +351,8 @@ class SimulatedJackal(SimulatedBody):
 
     def _actuate(self) -> None:
         """Give motors and head their set points for the next period."""
-        taken = self._fault(faults.CmdVelTaken)
-        if taken is not None and self.time_s >= self._other_command_s - _SOON_S:
+        taken = self.fault(faults.CmdVelTaken)
+        if taken is not None and self.time_s >= self._other_command_s - SOON_S:
             self._other_command_s += 1 / taken.rate_hz
             self.take(self._other_input, Velocity(taken.travel_mps, taken.rotate_radps))
             self._tell_of_input(self._other_input)

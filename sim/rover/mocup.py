@@ -91,10 +91,10 @@ class SimulatedMocup(SimulatedBody):
 
     def _sense(self, before: Pose, turned_rad: list[float]) -> None:
         """Have the brick live through the period."""
-        drift = self._fault(faults.OdometryDrift)
+        drift = self.fault(faults.OdometryDrift)
         if drift is not None:
             self._move_belief(drift.rate_mps * PERIOD_S)
-        counted_rad = self._counted(turned_rad)
+        counted_rad = self.counted(turned_rad)
         if counted_rad is not turned_rad:
             self._first_rad = [
                 first + turned - counted
@@ -119,7 +119,7 @@ class SimulatedMocup(SimulatedBody):
 
     def _distorted(self, readings: Readings) -> Readings | None:
         """Return what telemetry tells in place of what the brick knows."""
-        late = self._fault(faults.OdometryLate)
+        late = self.fault(faults.OdometryLate)
         self._measured.append((self.time_s, readings))
         told_s = self.time_s if late is None else self.time_s - late.by_s
         while len(self._measured) > 1 and self._measured[1][0] <= told_s:

@@ -1,19 +1,24 @@
 """The sensors that an asset's settings name, read as the physics of a Jackal goes on."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import gcd
 from typing import Final
 
-import numpy as np
+from numpy.random import default_rng
 
 from executive.settings import Sensor, Sensors
 from executive.values.facts import Fact
-from sim.rover.body import STEP_S, STEPS_PER_PERIOD, SimulatedBody
-from sim.rover.instruments import FaultLookup, InertialUnit, Instrument, WheelSensors
+from sim.rover.body import SOON_S, STEP_S, STEPS_PER_PERIOD, SimulatedBody
+from sim.rover.instruments import InertialUnit, Instrument, WheelSensors
 from sim.rover.surroundings import Laser, VisualOdometry
 
-_SOON_S: Final = STEP_S / 2
-"""Times are sums of steps; what is due within half a step is due."""
+_KINDS: Final[Mapping[Sensor, type[Instrument]]] = {
+    Sensor.IMU: InertialUnit,
+    Sensor.JOINTS: WheelSensors,
+    Sensor.SECOND_ODOMETRY: VisualOdometry,
+    Sensor.LASER: Laser,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,14 +30,18 @@ class _OnItsWay:
 class SensorSuite:
     """Reads each instrument at its rate, and holds back what is not published at once.
 
+    Each has random numbers that no other has.
+
     Attributes:
         every: it is to be read each so many steps of physics, a part of a period.
     """
 
-    def __init__(
-        self, sensors: Sensors, seed: int, rover: SimulatedBody, fault: FaultLookup
-    ) -> None:
-        self._instruments = tuple(_instruments(sensors, seed, rover, fault))
+    def __init__(self, sensors: Sensors, seed: int, rover: SimulatedBody) -> None:
+        self._instruments = tuple(
+            _KINDS[each](rover, getattr(sensors, each.value).rate_hz, default_rng([seed, number]))
+            for number, each in enumerate(Sensor, 1)
+            if each in sensors.present
+        )
         self._due_s = dict.fromkeys(self._instruments, 0.0)
         self._on_their_way: list[_OnItsWay] = []
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
@@ -56,24 +65,7 @@ class SensorSuite:
         return published
 
     def _arrived(self, time_s: float) -> list[Fact]:
-        arrived = [each for each in self._on_their_way if each.due_s <= time_s + _SOON_S]
+        arrived = [each for each in self._on_their_way if each.due_s <= time_s + SOON_S]
         if arrived:
             self._on_their_way = [each for each in self._on_their_way if each not in arrived]
         return [each.fact for each in arrived]
-
-
-def _instruments(
-    sensors: Sensors, seed: int, rover: SimulatedBody, fault: FaultLookup
-) -> list[Instrument]:
-    """Return the instruments; each has random numbers that no other has."""
-    random = {each: np.random.default_rng([seed, at]) for at, each in enumerate(Sensor, 1)}
-    made: list[Instrument] = []
-    if (imu := sensors.imu) is not None:
-        made.append(InertialUnit(imu.rate_hz, fault, random[Sensor.IMU], rover.data))
-    if (joints := sensors.joints) is not None:
-        made.append(WheelSensors(joints.rate_hz, fault, random[Sensor.JOINTS], rover.data))
-    if (second := sensors.second_odometry) is not None:
-        made.append(VisualOdometry(second.rate_hz, fault, random[Sensor.SECOND_ODOMETRY], rover))
-    if (laser := sensors.laser) is not None:
-        made.append(Laser(laser.rate_hz, fault, random[Sensor.LASER], rover))
-    return made

@@ -1,6 +1,6 @@
 """What a simulated Jackal sees of its surroundings: visual odometry, and a laser's scans."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import copysign, cos, hypot, inf, nan, pi, sin
 from typing import Final
 
@@ -11,34 +11,25 @@ from executive.values.facts import LaserScan, SecondOdometry
 from executive.values.geometry import Pose, wrap_rad
 from sim.rover import faults
 from sim.rover.body import SimulatedBody, moved_left
-from sim.rover.instruments import FaultLookup, Instrument
+from sim.rover.instruments import Instrument
 
-
-@dataclass(frozen=True, slots=True)
-class VisualOdometryErrors:
-    """How good visual odometry is.
-
-    Attributes:
-        scale: between which bounds the error of its scale is in a run, as ratios, of either sign.
-        drift_radpm: standard deviation of the drift of its heading in a run.
-        noise_m, noise_rad: standard deviations of one place and one angle.
-        latency_s: between which bounds, from a frame to what is known of it.
-        missing, missing_in_turn: ratios of frames that give nothing.
-        turn_radps: from which rate on it counts as a turn.
-        gap_s: between which bounds a gap lasts, in which no frame gives anything.
-        between_gaps_s: between which bounds, from gap to gap.
-    """
-
-    scale: tuple[float, float] = (0.01, 0.02)
-    drift_radpm: float = 0.002
-    noise_m: float = 0.006
-    noise_rad: float = 0.003
-    latency_s: tuple[float, float] = (0.3, 0.5)
-    missing: float = 0.03
-    missing_in_turn: float = 0.3
-    turn_radps: float = 1.2
-    gap_s: tuple[float, float] = (1.5, 4.0)
-    between_gaps_s: tuple[float, float] = (60.0, 120.0)
+_SCALE: Final = (0.01, 0.02)
+"""Bounds of the error of the scale in a run, as ratios, of either sign."""
+_DRIFT_RADPM: Final = 0.002
+"""Standard deviation of the drift of the heading in a run."""
+_NOISE_M: Final = 0.006
+_NOISE_RAD: Final = 0.003
+"""Standard deviations of one place and one angle."""
+_LATENCY_S: Final = (0.3, 0.5)
+"""Bounds of the time from a frame to what is known of it."""
+_MISSING: Final = 0.03
+_MISSING_IN_TURN: Final = 0.3
+"""Ratios of frames that give nothing."""
+_TURN_RADPS: Final = 1.2
+"""From this rate on it counts as a turn."""
+_GAP_S: Final = (1.5, 4.0)
+_BETWEEN_GAPS_S: Final = (60.0, 120.0)
+"""Bounds of how long no frame gives anything, and of the time from gap to gap."""
 
 
 class VisualOdometry(Instrument):
@@ -47,24 +38,15 @@ class VisualOdometry(Instrument):
     It says how sure it is by its errors that are not constant, and the scale that may be off.
     """
 
-    def __init__(
-        self,
-        rate_hz: float,
-        fault: FaultLookup,
-        random: np.random.Generator,
-        rover: SimulatedBody,
-    ) -> None:
-        super().__init__(rate_hz, fault)
-        self._errors = errors = VisualOdometryErrors()
-        self._random = random
-        self._rover = rover
-        self._scale = 1 + copysign(random.uniform(*errors.scale), random.uniform(-1, 1))
-        self._drift_radpm = errors.drift_radpm * random.standard_normal()
+    def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
+        super().__init__(rover, rate_hz, random)
+        self._scale = 1 + copysign(random.uniform(*_SCALE), random.uniform(-1, 1))
+        self._drift_radpm = _DRIFT_RADPM * random.standard_normal()
         self._way_m = 0.0
         self._true = rover.true_pose
         self._pose = Pose()
-        self._gap_from_s = random.uniform(0.0, errors.between_gaps_s[1])
-        self._gap_until_s = self._gap_from_s + random.uniform(*errors.gap_s)
+        self._gap_from_s = random.uniform(0.0, _BETWEEN_GAPS_S[1])
+        self._gap_until_s = self._gap_from_s + random.uniform(*_GAP_S)
         self._last: SecondOdometry | None = None
         self._jumped: faults.SecondOdometryJump | None = None
 
@@ -109,33 +91,32 @@ class VisualOdometry(Instrument):
 
     def _frame(self, stamp_s: float) -> tuple[SecondOdometry, bool]:
         """Return what a frame says, and whether it says anything: the same draws for each."""
-        errors, pose, random = self._errors, self._pose, self._random
+        pose, random = self._pose, self._random
         noise = random.standard_normal(6).tolist()
         late, missed = random.uniform(size=2).tolist()
-        self.latency_s = errors.latency_s[0] + (errors.latency_s[1] - errors.latency_s[0]) * late
+        self.latency_s = _LATENCY_S[0] + (_LATENCY_S[1] - _LATENCY_S[0]) * late
         measured = Pose(
-            pose.x_m + errors.noise_m * noise[0],
-            pose.y_m + errors.noise_m * noise[1],
-            pose.z_m + errors.noise_m * noise[2],
-            wrap_rad(pose.heading_rad + errors.noise_rad * noise[3]),
-            pose.roll_rad + errors.noise_rad * noise[4],
-            pose.pitch_rad + errors.noise_rad * noise[5],
+            pose.x_m + _NOISE_M * noise[0],
+            pose.y_m + _NOISE_M * noise[1],
+            pose.z_m + _NOISE_M * noise[2],
+            wrap_rad(pose.heading_rad + _NOISE_RAD * noise[3]),
+            pose.roll_rad + _NOISE_RAD * noise[4],
+            pose.pitch_rad + _NOISE_RAD * noise[5],
         )
-        turning = abs(self._rover.true_velocity.rotate_radps) > errors.turn_radps
-        seen = missed >= (errors.missing_in_turn if turning else errors.missing)
+        turning = abs(self._rover.true_velocity.rotate_radps) > _TURN_RADPS
+        seen = missed >= (_MISSING_IN_TURN if turning else _MISSING)
         fact = SecondOdometry(
             stamp_s,
             measured,
-            hypot(errors.noise_m, sum(errors.scale) / 2 * self._way_m),
-            hypot(errors.noise_rad, errors.drift_radpm * self._way_m),
+            hypot(_NOISE_M, sum(_SCALE) / 2 * self._way_m),
+            hypot(_NOISE_RAD, _DRIFT_RADPM * self._way_m),
         )
         return fact, seen and not self._in_gap(stamp_s) and not self._rover.world.dark
 
     def _in_gap(self, stamp_s: float) -> bool:
         if stamp_s >= self._gap_until_s:
-            errors = self._errors
-            self._gap_from_s = self._gap_until_s + self._random.uniform(*errors.between_gaps_s)
-            self._gap_until_s = self._gap_from_s + self._random.uniform(*errors.gap_s)
+            self._gap_from_s = self._gap_until_s + self._random.uniform(*_BETWEEN_GAPS_S)
+            self._gap_until_s = self._gap_from_s + self._random.uniform(*_GAP_S)
         return stamp_s >= self._gap_from_s
 
 
@@ -153,16 +134,9 @@ _SEEN: Final = np.array([1, 0, 0, 0, 0, 0], np.uint8)
 class Laser(Instrument):
     """One ray a degree all around, in a plane that leans with the rover."""
 
-    def __init__(
-        self,
-        rate_hz: float,
-        fault: FaultLookup,
-        random: np.random.Generator,
-        rover: SimulatedBody,
-    ) -> None:
-        super().__init__(rate_hz, fault)
+    def __init__(self, rover: SimulatedBody, rate_hz: float, random: np.random.Generator) -> None:
+        super().__init__(rover, rate_hz, random)
         self.latency_s = _SCAN_LATENCY_S
-        self._random = random
         self._model, self._data = rover.model, rover.data
         self._bearing_rad = bearing_rad = 2 * pi * np.arange(RAYS) / RAYS - pi
         self._rays = np.stack((np.cos(bearing_rad), np.sin(bearing_rad), 0 * bearing_rad), 1)
