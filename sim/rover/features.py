@@ -6,18 +6,22 @@ origin.
 
 from dataclasses import dataclass
 from enum import Enum, unique
-from math import atan2, cos, degrees, hypot, isfinite, pi, sin, tan
+from math import atan2, cos, degrees, hypot, pi, sin, tan
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.settings import figure
 from executive.values.geometry import Point
 
 FARTHEST_M: Final = 1000.0
 BANK_M: Final = 0.1
 """How far the sides of a ditch and of a slope reach into it."""
 STEEPEST_RAD: Final = 0.7
+_FRICTION: Final = (0.01, 2.0)
+_SIDE_M: Final = (0.02, 2 * FARTHEST_M)
+_RELIEF_M: Final = (0.005, 2.0)
 
 Floats = NDArray[np.float64]
 
@@ -30,15 +34,6 @@ def require(condition: bool, text: str) -> None:
     """
     if not condition:
         raise ValueError(text)
-
-
-def require_within(name: str, value: float, least: float, most: float) -> None:
-    """Do nothing where a figure is within bounds.
-
-    Raises:
-        ValueError: it is not.
-    """
-    require(least <= value <= most, f"{name} {value} is not in {least:g} .. {most:g}")
 
 
 @unique
@@ -70,21 +65,8 @@ class Outline:
 class Place:
     """A place on the ground."""
 
-    x_m: float
-    y_m: float
-
-    def __post_init__(self) -> None:
-        require_place(self.x_m, self.y_m)
-
-
-def require_place(x_m: float, y_m: float) -> None:
-    """Do nothing where figures are a place.
-
-    Raises:
-        ValueError: they are none, or it is too far away.
-    """
-    there = isfinite(x_m) and isfinite(y_m) and max(abs(x_m), abs(y_m)) <= FARTHEST_M
-    require(there, f"({x_m}, {y_m}) is farther than {FARTHEST_M:g} m from the origin")
+    x_m: float = figure(-FARTHEST_M, FARTHEST_M)
+    y_m: float = figure(-FARTHEST_M, FARTHEST_M)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,17 +79,11 @@ class Rectangle:
         width_m: across it.
     """
 
-    x_m: float
-    y_m: float
-    length_m: float
-    width_m: float
-    heading_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        require_place(self.x_m, self.y_m)
-        require_within("length_m", self.length_m, 0.02, 2 * FARTHEST_M)
-        require_within("width_m", self.width_m, 0.02, 2 * FARTHEST_M)
-        require_within("heading_rad", self.heading_rad, -2 * pi, 2 * pi)
+    x_m: float = figure(-FARTHEST_M, FARTHEST_M)
+    y_m: float = figure(-FARTHEST_M, FARTHEST_M)
+    length_m: float = figure(*_SIDE_M)
+    width_m: float = figure(*_SIDE_M)
+    heading_rad: float = figure(-2 * pi, 2 * pi, default=0.0)
 
     @property
     def corners(self) -> tuple[Point, ...]:
@@ -140,7 +116,7 @@ class Rectangle:
         return hypot(*(max(0.0, float(each)) for each in outside_m))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Wall:
     """A wall from one place to another.
 
@@ -150,18 +126,14 @@ class Wall:
         friction: of wheels on it; with that of rough ground, wheels climb it.
     """
 
-    x_m: float
-    y_m: float
+    x_m: float = figure(-FARTHEST_M, FARTHEST_M)
+    y_m: float = figure(-FARTHEST_M, FARTHEST_M)
     to: Place
-    height_m: float = 1.0
-    thickness_m: float = 0.1
-    friction: float = 0.3
+    height_m: float = figure(0.02, 10.0, default=1.0)
+    thickness_m: float = figure(0.02, 5.0, default=0.1)
+    friction: float = figure(*_FRICTION, default=0.3)
 
     def __post_init__(self) -> None:
-        require_place(self.x_m, self.y_m)
-        require_within("height_m", self.height_m, 0.02, 10)
-        require_within("thickness_m", self.thickness_m, 0.02, 5)
-        require_within("friction", self.friction, 0.01, 2)
         require(
             hypot(self.to.x_m - self.x_m, self.to.y_m - self.y_m) >= 0.05,
             "a wall is shorter than 0.05 m",
@@ -189,11 +161,7 @@ class Wall:
 class Step(Rectangle):
     """A block with upright sides, on which a rover can stand if it gets up there."""
 
-    height_m: float
-
-    def __post_init__(self) -> None:
-        Rectangle.__post_init__(self)
-        require_within("height_m", self.height_m, 0.005, 2)
+    height_m: float = figure(*_RELIEF_M)
 
     @property
     def outline(self) -> Outline:
@@ -205,11 +173,9 @@ class Step(Rectangle):
 class Ditch(Rectangle):
     """A hole in the ground; its sides take the outermost `BANK_M` of it."""
 
-    depth_m: float
+    depth_m: float = figure(*_RELIEF_M)
 
     def __post_init__(self) -> None:
-        Rectangle.__post_init__(self)
-        require_within("depth_m", self.depth_m, 0.005, 2)
         require(
             min(self.length_m, self.width_m) >= 2 * BANK_M,
             f"a ditch is shorter or narrower than {2 * BANK_M:g} m",
@@ -229,11 +195,7 @@ class Ditch(Rectangle):
 class Patch(Rectangle):
     """Ground of another friction."""
 
-    friction: float
-
-    def __post_init__(self) -> None:
-        Rectangle.__post_init__(self)
-        require_within("friction", self.friction, 0.01, 2)
+    friction: float = figure(*_FRICTION)
 
     @property
     def outline(self) -> Outline:
@@ -249,11 +211,7 @@ class SlopeZone(Rectangle):
         slope_rad: how steeply; negative falls.
     """
 
-    slope_rad: float
-
-    def __post_init__(self) -> None:
-        Rectangle.__post_init__(self)
-        require_within("slope_rad", self.slope_rad, -STEEPEST_RAD, STEEPEST_RAD)
+    slope_rad: float = figure(-STEEPEST_RAD, STEEPEST_RAD)
 
     def height_m(self, x_m: Floats, y_m: Floats) -> Floats:
         """Return what it makes of level ground at places."""

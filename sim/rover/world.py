@@ -6,14 +6,14 @@ for `sim.rover.model`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import ceil, hypot, isfinite, pi
+from math import ceil, hypot, pi
 from pathlib import Path
 from random import Random
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.settings import SettingsError, load_yaml, structure
+from executive.settings import SettingsError, figure, load_yaml, structure
 from executive.values.geometry import Pose
 from sim.rover.features import (
     BANK_M,
@@ -42,16 +42,10 @@ class Ground:
         seed: which of the random shapes.
     """
 
-    amplitude_m: float = 0.0
-    feature_m: float = 2.0
-    size_m: float = 30.0
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        require(0 <= self.amplitude_m <= 2, f"amplitude_m {self.amplitude_m} is not in 0 .. 2")
-        require(self.feature_m >= 0.3, f"feature_m {self.feature_m} is below 0.3")
-        require(2 <= self.size_m <= 60, f"size_m {self.size_m} is not in 2 .. 60")
-        require(self.seed >= 0, f"seed {self.seed} is below 0")
+    amplitude_m: float = figure(most=2.0, default=0.0)
+    feature_m: float = figure(0.3, default=2.0)
+    size_m: float = figure(2.0, 60.0, default=30.0)
+    seed: int = figure(default=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +54,8 @@ class Rock:
 
     x_m: float
     y_m: float
-    radius_m: float
-    height_m: float
-
-    def __post_init__(self) -> None:
-        require(isfinite(self.x_m) and isfinite(self.y_m), "a rock lies nowhere")
-        require(0.02 <= self.radius_m <= 5, f"radius_m {self.radius_m} is not in 0.02 .. 5")
-        require(0.01 <= self.height_m <= 5, f"height_m {self.height_m} is not in 0.01 .. 5")
+    radius_m: float = figure(0.02, 5.0)
+    height_m: float = figure(0.01, 5.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,17 +81,15 @@ class Scatter:
         clearings: where none may lie.
     """
 
-    count: int = 0
+    count: int = figure(most=500, default=0)
     size_m: float = 24.0
     smallest_m: float = 0.06
     largest_m: float = 0.4
     seed: int = 0
     clearings: tuple[Clearing, ...] = ()
-    lowest_m: float = 0.01
+    lowest_m: float = figure(0.01, 5.0, default=0.01)
 
     def __post_init__(self) -> None:
-        require(0.01 <= self.lowest_m <= 5, f"lowest_m {self.lowest_m} is not in 0.01 .. 5")
-        require(0 <= self.count <= 500, f"count {self.count} is not in 0 .. 500")
         require(
             0.02 <= self.smallest_m <= self.largest_m <= 5,
             f"smallest_m {self.smallest_m} and largest_m {self.largest_m} are not ordered in "
@@ -134,16 +121,9 @@ class Scatter:
 class Start:
     """Where the rover stands at first."""
 
-    x_m: float = 0.0
-    y_m: float = 0.0
-    heading_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        require(
-            abs(self.x_m) <= FARTHEST_M and abs(self.y_m) <= FARTHEST_M,
-            f"start is farther than {FARTHEST_M:g} m from the origin",
-        )
-        require(abs(self.heading_rad) <= pi, "start heading is not within -pi .. pi")
+    x_m: float = figure(-FARTHEST_M, FARTHEST_M, default=0.0)
+    y_m: float = figure(-FARTHEST_M, FARTHEST_M, default=0.0)
+    heading_rad: float = figure(-pi, pi, default=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,8 +147,8 @@ class World:
 
     name: str = "flat"
     ground: Ground = field(default_factory=Ground)
-    slope_rad: float = 0.0
-    friction: float = 0.6
+    slope_rad: float = figure(-1.0, 1.0, default=0.0)
+    friction: float = figure(0.05, 2.0, default=0.6)
     rocks: tuple[Rock, ...] = ()
     scatter: Scatter = field(default_factory=Scatter)
     walls: tuple[Wall, ...] = ()
@@ -177,13 +157,10 @@ class World:
     patches: tuple[Patch, ...] = ()
     slopes: tuple[SlopeZone, ...] = ()
     start: Start = field(default_factory=Start)
-    charge_ratio: float = 0.9
+    charge_ratio: float = figure(most=1.0, default=0.9)
     dark: bool = False
 
     def __post_init__(self) -> None:
-        require(abs(self.slope_rad) <= 1, f"slope_rad {self.slope_rad} is not in -1 .. 1")
-        require(0.05 <= self.friction <= 2, f"friction {self.friction} is not in 0.05 .. 2")
-        require(0 <= self.charge_ratio <= 1, f"charge_ratio {self.charge_ratio} is not in 0 .. 1")
         self._check_start()
         for number, ditch in enumerate(self.ditches):
             reach_m = max(max(abs(corner.x_m), abs(corner.y_m)) for corner in ditch.corners)

@@ -117,7 +117,7 @@ def test_the_legend_names_only_what_is_there() -> None:
 
 
 YARD = World(
-    walls=(Wall(-1.0, 1.5, Place(3.0, 1.5)),),
+    walls=(Wall(x_m=-1.0, y_m=1.5, to=Place(3.0, 1.5)),),
     steps=(Step(x_m=2.0, y_m=0.0, length_m=1.0, width_m=1.0, height_m=0.03),),
     ditches=(Ditch(x_m=1.5, y_m=-1.5, length_m=1.0, width_m=0.5, depth_m=0.2),),
     patches=(Patch(x_m=1.0, y_m=0.0, length_m=1.0, width_m=1.0, friction=0.2),),
@@ -139,7 +139,7 @@ def test_features_in_the_window_are_drawn_where_they_are_and_named() -> None:
 
 
 def test_what_is_not_in_the_window_is_not_in_the_legend() -> None:
-    far = World(walls=(Wall(50.0, 0.0, Place(51.0, 0.0)),))
+    far = World(walls=(Wall(x_m=50.0, y_m=0.0, to=Place(51.0, 0.0)),))
     assert "wall" not in words(draw_map(replace(DRIVE, world=far)))
 
 

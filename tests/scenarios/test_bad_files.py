@@ -50,7 +50,7 @@ def play(path: Path) -> Result:
         ("lasts: 2", "lasts: 2\nseed: 1.5", "seed: expected a whole number, got 1.5"),
         ("lasts: 2", "lasts: 2\nseed: -1", "seed: -1 is below 0"),
         ("lasts: 2", "lasts: 2\nworld: mars", "world: there is no world 'mars'; there are: flat"),
-        ("lasts: 2", "lasts: 2\nworld: {friction: 99}", "world: friction 99.0 is not in"),
+        ("lasts: 2", "lasts: 2\nworld: {friction: 99}", "world.friction: 99 is not in"),
         ("lasts: 2", "lasts: 2\nworld: {gravity: 1}", "world: unknown key 'gravity'"),
         ("lasts: 2", "lasts: 2\nasset: sojourner", "asset: there is no asset 'sojourner'; there"),
         ("lasts: 2", "lasts: 2\nsettings: {tick: 0}", "settings.tick: 0 s is no multiple"),

@@ -165,7 +165,7 @@ def test_each_key_that_a_shell_completes_can_be_set_to_what_it_is(tmp_path: Path
         ("asset=pluto", "there is no asset 'pluto'"),
         ("world=pluto", "there is no world 'pluto'"),
         ("world.fricton=1", "world: unknown key 'fricton'"),
-        ("world.friction=9", "world: friction 9.0 is not in"),
+        ("world.friction=9", "world.friction: 9 is not in"),
         ("world.friction.of=1", "there is nothing below 0.6 that could be 'of'"),
         ("world.rocks.7.x=1", "'7' is no place in a list of 3"),
         ("settings.drive.wings=2", "settings.drive: unknown key 'wings'"),

@@ -164,8 +164,8 @@ def test_visual_odometry_is_blind_in_the_dark_and_follows_a_push() -> None:
 
 WALLED = World(
     walls=(
-        Wall(3.0, -2.0, Place(3.0, 2.0), thickness_m=0.2),
-        Wall(-1.0, -2.0, Place(1.0, -2.0), height_m=0.15),
+        Wall(x_m=3.0, y_m=-2.0, to=Place(3.0, 2.0), thickness_m=0.2),
+        Wall(x_m=-1.0, y_m=-2.0, to=Place(1.0, -2.0), height_m=0.15),
     )
 )
 

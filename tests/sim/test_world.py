@@ -48,7 +48,7 @@ def test_reads_all_that_a_world_can_say(tmp_path: Path) -> None:
     assert world.scatter.clearings == (Clearing(0, 0, 2),)
     assert (world.slope_rad, world.friction, world.charge_ratio) == (0.1, 0.5, 0.4)
     assert (world.start.x_m, world.start.y_m, world.start.heading_rad) == (-1, 0.5, 1.5)
-    assert world.walls == (Wall(3, 1, Place(3, -1), height_m=0.5),)
+    assert world.walls == (Wall(x_m=3, y_m=1, to=Place(3, -1), height_m=0.5),)
     assert world.steps == (Step(x_m=5, y_m=0, length_m=1, width_m=2, height_m=0.05),)
     ditch = Ditch(x_m=7, y_m=0, length_m=0.5, width_m=2, depth_m=0.1, heading_rad=0.2)
     assert world.ditches == (ditch,)
@@ -66,16 +66,16 @@ def test_reads_all_that_a_world_can_say(tmp_path: Path) -> None:
     ("text", "fault"),
     [
         ("frictoin: 0.5", "frictoin"),
-        ("friction: 9", "friction 9.0 is not in"),
+        ("friction: 9", "friction: 9 is not in 0.05 .. 2"),
         ("friction: slippery", "slippery"),
         ("ground: {amplitude_m: .nan}", "ground.amplitude_m: expected a finite number, got nan"),
-        ("ground: {seed: -1}", "seed -1 is below 0"),
+        ("ground: {seed: -1}", "ground.seed: -1 is below 0"),
         (
             "rocks: [{x_m: 1, y_m: 0, radius_m: 0.2}]",
             r": rocks\[0\]: key 'height_m' is missing",
         ),
-        ("start: {heading_rad: 90}", "start heading is not within"),
-        ("start: {x_m: 1.0e+9}", "farther than 1000 m"),
+        ("start: {heading_rad: 90}", "start.heading_rad: 90 is not in"),
+        ("start: {x_m: 1.0e+9}", r"start.x_m: 1e\+09 is not in -1000 .. 1000"),
         ("start: {y_m: .nan}", "start.y_m: expected a finite number, got nan"),
         ("[1, 2]", "a world is a YAML mapping"),
         ("a: [", "flow node"),
@@ -94,19 +94,19 @@ def test_refuses_what_a_world_cannot_be(tmp_path: Path, text: str, fault: str) -
     [
         ("walls: [{x_m: 1, y_m: 0}]", r"bad.yaml: walls\[0\]: key 'to' is missing"),
         ("walls: [{x_m: 1, y_m: 0, to: {x_m: 1, y_m: 0}}]", "a wall is shorter than 0.05 m"),
-        ("walls: [{x_m: 1, y_m: 0, to: {x_m: 1.0e+9, y_m: 0}}]", "farther than 1000 m"),
-        ("walls: [{x_m: 9, y_m: 0, to: {x_m: 8, y_m: 1}, height_m: 99}]", "height_m 99.0 is not"),
+        ("walls: [{x_m: 1, y_m: 0, to: {x_m: 1.0e+9, y_m: 0}}]", r"to.x_m: 1e\+09 is not in"),
+        ("walls: [{x_m: 9, y_m: 0, to: {x_m: 8, y_m: 1}, height_m: 99}]", "height_m: 99 is not"),
         ("walls: [{x_m: 0.2, y_m: -1, to: {x_m: 0.2, y_m: 1}}]", r"walls\[0\] is nearer than 0.3"),
         ("steps: [{AT 0, height_m: 0.1}]", r"steps\[0\] is nearer than 0.35 m to the start"),
         ("steps: [{AT 3}]", r"steps\[0\]: key 'height_m' is missing"),
         ("ditches: [{x_m: 3, y_m: 0, length_m: 0.1, width_m: 1, depth_m: 0.1}]", "narrower than"),
         ("ditches: [{AT 15, depth_m: 0.1}]", r"ditches\[0\] reaches beyond the 30 m of"),
-        ("patches: [{AT 3, friction: 0}]", "friction 0.0 is not in"),
+        ("patches: [{AT 3, friction: 0}]", "friction: 0 is not in"),
         (
             "patches: [{x_m: 3, y_m: 0, length_m: 0, width_m: 1, friction: 1}]",
-            "length_m 0.0 is not",
+            "length_m: 0 is not",
         ),
-        ("slopes: [{AT 3, slope_rad: 10}]", "slope_rad 10.0 is not in"),
+        ("slopes: [{AT 3, slope_rad: 10}]", "slope_rad: 10 is not in"),
         ("slopes: [{AT 3, slope: 0.1}]", "unknown key 'slope'"),
     ],
 )
@@ -150,7 +150,7 @@ def test_a_scenario_writes_them_without_units(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(SCENARIO % "heading: 0")
     world = load_scenario(str(path)).world
-    assert world.walls == (Wall(3, 1, Place(3, -1), thickness_m=0.2),)
+    assert world.walls == (Wall(x_m=3, y_m=1, to=Place(3, -1), thickness_m=0.2),)
     (slope,) = world.slopes
     assert (slope.slope_rad, slope.heading_rad) == pytest.approx((radians(10), radians(90)))
     path.write_text(SCENARIO % "height: 1")
@@ -169,7 +169,7 @@ def driven(world: World, duration_s: float = 4.0) -> SimulatedJackal:
 
 
 def test_a_wall_holds_it_whatever_its_wheels_do() -> None:
-    rover = driven(World(walls=(Wall(1.5, -1.0, Place(1.5, 1.0)),)))
+    rover = driven(World(walls=(Wall(x_m=1.5, y_m=-1.0, to=Place(1.5, 1.0)),)))
     pose = rover.true_pose
     assert 1.0 < pose.x_m < 1.25
     assert abs(pose.pitch_rad) < 0.1
@@ -261,7 +261,7 @@ def test_rocks_may_all_be_higher_than_a_laser() -> None:
 
 
 def test_contacts_are_counted_where_the_rover_begins_to_touch() -> None:
-    wall = Wall(1.0, -1.0, Place(1.0, 1.0))
+    wall = Wall(x_m=1.0, y_m=-1.0, to=Place(1.0, 1.0))
     rover = SimulatedJackal(World(walls=(wall,), rocks=(Rock(-2.0, 0.0, 0.3, 0.3),)))
     hold(rover, Velocity(0.5), 0.8)
     assert rover.contacts == 0
