@@ -5,7 +5,6 @@ picture less.
 """
 
 import array
-import logging
 import threading
 from dataclasses import replace
 
@@ -13,12 +12,13 @@ import mujoco
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
 
 from adapters.ros import CAMERA_OPTICAL, Topics, time_message
 from sim.ros.video_stream import VideoStream
 from sim.rover import Image as Pixels
 from sim.rover.body import SimulatedBody, View
-from sim.rover.camera import Backend, Camera, PictureSettings, encode_jpeg, focal_px
+from sim.rover.camera import Camera, PictureSettings, encode_jpeg, focal_px
 
 
 def clock_message(time_s: float) -> Clock:
@@ -28,31 +28,27 @@ def clock_message(time_s: float) -> Clock:
 
 def compressed_message(jpeg: bytes, time_s: float) -> CompressedImage:
     """Return a JPEG picture."""
-    message = CompressedImage(format="jpeg", data=array.array("B", jpeg))
-    message.header.stamp = time_message(time_s)
-    message.header.frame_id = CAMERA_OPTICAL
-    return message
+    return CompressedImage(header=_header(time_s), format="jpeg", data=array.array("B", jpeg))
 
 
 def image_message(pixels: Pixels, time_s: float) -> Image:
     """Return a picture of shape (height, width, 3)."""
     height, width, channels = pixels.shape
-    message = Image(
+    return Image(
+        header=_header(time_s),
         height=height,
         width=width,
         encoding="rgb8",
         step=channels * width,
         data=array.array("B", pixels.tobytes()),
     )
-    message.header.stamp = time_message(time_s)
-    message.header.frame_id = CAMERA_OPTICAL
-    return message
 
 
 def info_message(width: int, height: int, f_px: float, time_s: float) -> CameraInfo:
     """Return how the camera projects: a pinhole of this focal length, without distortion."""
     x_px, y_px = (width - 1) / 2, (height - 1) / 2
-    message = CameraInfo(
+    return CameraInfo(
+        header=_header(time_s),
         width=width,
         height=height,
         distortion_model="plumb_bob",
@@ -61,12 +57,10 @@ def info_message(width: int, height: int, f_px: float, time_s: float) -> CameraI
         r=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p=[f_px, 0.0, x_px, 0.0, 0.0, f_px, y_px, 0.0, 0.0, 0.0, 1.0, 0.0],
     )
-    message.header.stamp = time_message(time_s)
-    message.header.frame_id = CAMERA_OPTICAL
-    return message
 
 
-_LOG = logging.getLogger(__name__)
+def _header(time_s: float) -> Header:
+    return Header(stamp=time_message(time_s), frame_id=CAMERA_OPTICAL)
 
 
 class CameraNode:
@@ -91,6 +85,7 @@ class CameraNode:
         self._video = video
         self._rover = rover
         self._settings = settings
+        self._camera = Camera(rover.model, settings)
         self._state = mujoco.MjData(rover.model)
         mujoco.mj_copyData(self._state, rover.model, rover.data)
         self._seen = View(self._state, 0.0)
@@ -103,7 +98,7 @@ class CameraNode:
     @property
     def backend(self) -> str:
         """How pictures are made."""
-        return self._settings.backend.value
+        return self._camera.backend.value
 
     def offer(self) -> None:
         """Have what the camera sees rendered, if somebody looks and the last picture is done."""
@@ -127,32 +122,22 @@ class CameraNode:
         return subscribed or self._streaming
 
     def _work(self) -> None:
-        camera = self._make_camera()
+        self._camera.image(self._state)
         self._ready.set()
         while True:
             self._offered.wait()
             if self._closing:
                 return
-            self._publish(camera)
+            self._publish()
             self._offered.clear()
 
-    def _make_camera(self) -> Camera:
-        camera = Camera(self._rover.model, self._settings)
-        try:
-            camera.image(self._state)
-        except (ImportError, RuntimeError) as error:
-            _LOG.warning("pictures come by ray casting: %s", error)
-            self._settings = replace(self._settings, backend=Backend.RAYS)
-            camera = Camera(self._rover.model, self._settings)
-        return camera
-
-    def _publish(self, camera: Camera) -> None:
+    def _publish(self) -> None:
         seen = self._seen
         if self._info.get_subscription_count():
             width, height = self._settings.width, self._settings.height
             f_px = focal_px(self._rover.model, height)
             self._info.publish(info_message(width, height, f_px, seen.time_s))
-        pixels = camera.image(seen.data)
+        pixels = self._camera.image(seen.data)
         subscribed = self._compressed.get_subscription_count()
         if subscribed or self._streaming:
             jpeg = encode_jpeg(pixels, self._settings.quality)[: seen.octets]

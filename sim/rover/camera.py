@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from importlib.util import find_spec
 from math import radians, tan
-from typing import TYPE_CHECKING, Final, assert_never
+from typing import TYPE_CHECKING, Final
 
 import mujoco
 import numpy as np
@@ -203,11 +203,16 @@ def best_backend() -> Backend:
 
 
 class Camera:
-    """The rover's camera. Must be used by one thread only, as OpenGL demands."""
+    """The rover's camera. Must be used by one thread only, as OpenGL demands.
+
+    Attributes:
+        backend: how pictures are made: by ray casting from the first on where OpenGL cannot draw.
+    """
 
     def __init__(self, model: mujoco.MjModel, settings: PictureSettings) -> None:
         self._model = model
         self._settings = settings
+        self.backend = settings.backend
         self._renderer: RayRenderer | EglRenderer | None = None
 
     def jpeg(self, data: mujoco.MjData) -> bytes:
@@ -222,19 +227,15 @@ class Camera:
 
     def _make_renderer(self) -> "RayRenderer | EglRenderer":
         size = (self._settings.width, self._settings.height)
-        match self._settings.backend:
-            case Backend.EGL:
-                from sim.rover.egl import NoGraphicsError, make_egl_renderer
+        if self.backend is Backend.EGL:
+            try:
+                from sim.rover.egl import make_egl_renderer
 
-                try:
-                    return make_egl_renderer(self._model, *size)
-                except NoGraphicsError as error:
-                    _LOG.warning("No OpenGL (%s): pictures come by ray casting", error)
-                    return RayRenderer(self._model, *size)
-            case Backend.RAYS:
-                return RayRenderer(self._model, *size)
-            case other:
-                assert_never(other)
+                return make_egl_renderer(self._model, *size)
+            except (ImportError, RuntimeError) as error:
+                _LOG.warning("No OpenGL (%s): pictures come by ray casting", error)
+                self.backend = Backend.RAYS
+        return RayRenderer(self._model, *size)
 
 
 def encode_jpeg(image: Image, quality: int) -> bytes:

@@ -16,10 +16,6 @@ from sim.rover.scenery import Image
 _GEOMS = 2000
 
 
-class NoGraphicsError(Exception):
-    """The libraries are there, but no device of theirs can draw."""
-
-
 class EglRenderer:
     """Renders with MuJoCo's OpenGL renderer; belongs to the thread that made it."""
 
@@ -62,12 +58,12 @@ def make_egl_renderer(model: mujoco.MjModel, width: int, height: int) -> EglRend
     """Return a renderer for pictures of this size.
 
     Raises:
-        NoGraphicsError: if there is no usable EGL device.
+        RuntimeError: the libraries are there, but no device of theirs can draw.
     """
     try:
         return EglRenderer(model, width, height)
-    except (ImportError, RuntimeError, Error, mujoco.FatalError) as error:
-        raise NoGraphicsError(str(error)) from error
+    except (Error, mujoco.FatalError) as error:
+        raise RuntimeError(str(error)) from error
 
 
 def _release(context: GLContext, gpu: mujoco.MjrContext) -> None:

@@ -72,11 +72,15 @@ def test_rays_take_over_where_no_device_can_draw() -> None:
         "from sim.rover.jackal import *\n"
         "from sim.rover.world import *\n"
         "settings = PictureSettings(32, 24, backend=Backend.EGL)\n"
-        "print(len(SimulatedJackal(World(), picture=settings).take_picture().data))"
+        "rover = SimulatedJackal(World())\n"
+        "camera = Camera(rover.model, settings)\n"
+        "print(camera.backend.value, len(camera.jpeg(rover.data)), camera.backend.value)"
     )
     run = run_to_end(sys.executable, "-c", script, cwd=CHECKOUT, MUJOCO_EGL_DEVICE_ID="99")
     assert "come by ray casting" in run.stderr
-    assert int(run.stdout) > 500
+    before, octets, after = run.stdout.split()
+    assert (before, after) == ("egl", "rays")
+    assert int(octets) > 500
 
 
 def test_turning_the_camera_to_the_left_moves_the_rock_to_the_right() -> None:
