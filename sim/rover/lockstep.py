@@ -21,7 +21,7 @@ from executive.settings import LocomotionKind, Settings
 from executive.values.clock import Clock, ManualClock
 from executive.values.facts import Fact
 from executive.values.parameters import ParameterValue
-from executive.values.ports import CameraIntent, Downlink, WholeMotion
+from executive.values.ports import Downlink
 from executive.values.reports import FileEvent, PlanUpdate, Report
 from sim.brick import BrickSettings
 from sim.rover.camera import PictureSettings
@@ -33,36 +33,23 @@ from trees import RoverTree
 SOURCE = "EXEC"
 
 
-class InProcessMocup:
+class InProcessMocup(MocupRover):
     """What an executive sees of a simulated MOCUP: one plugin's life, on simulated time."""
 
     def __init__(self, body: SimulatedMocup, clock: Clock, brick: str) -> None:
         self._body = body
-        self._clock = clock
         self._due: list[Fact] = []
         dictionary = load_dictionary()
         self._telemetry = dictionary.spelling.telemetry
-        self._stream = MopsStream(self._tell)
-        self._plugin = MocupRover(dictionary, clock, self._send, self._due.append, SOURCE, brick)
+        self._stream = MopsStream(_refuse)
 
-    def carry_out(self, motion: WholeMotion) -> None:
-        """Have a motion carried out."""
-        self._plugin.carry_out(motion)
+        def send(message: Message) -> None:
+            body.hear(encode(message))
 
-    def halt(self) -> None:
-        """Have the brick stop."""
-        self._plugin.halt()
-
-    def emergency_stop(self) -> None:
-        """Have the brick stop."""
-        self._plugin.emergency_stop()
+        super().__init__(dictionary, clock, send, self._due.append, SOURCE, brick)
 
     def lock(self, held: bool) -> None:
         """Do nothing: nobody else can publish to a brick."""
-
-    def point_camera(self, wanted: CameraIntent) -> None:
-        """Have the camera pointed."""
-        self._plugin.point_camera(wanted)
 
     def request_frame(self) -> None:
         """Ask for a picture: the camera is not on the brick."""
@@ -75,17 +62,14 @@ class InProcessMocup:
                 with suppress(MopsError):  # telemetry that cannot be read is lost, as over ROS
                     self._due += facts_of(message, self._telemetry, self._clock.now_s())
             else:
-                self._plugin.take(message)
+                self.take(message)
         due = [*self._due, *self._body.facts()]
         self._due.clear()
         return due
 
-    def _send(self, message: Message) -> None:
-        self._body.hear(encode(message))
 
-    @staticmethod
-    def _tell(line: str) -> None:
-        raise ValueError(f"not a MOPS message from the brick: {line}")
+def _refuse(line: str) -> None:
+    raise ValueError(f"not a MOPS message from the brick: {line}")
 
 
 STEP_S = 0.01
