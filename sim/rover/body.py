@@ -103,25 +103,6 @@ _SEEN: Final = 1
 _UNSEEN: Final = 5
 """Groups of geoms; pictures show the first three."""
 
-
-def set_cargo(model: mujoco.MjModel, mass_kg: float) -> None:
-    """Give the block on the deck a mass, spread evenly; with 0 it is gone.
-
-    The rover's state stays as it is. Call it between two steps.
-
-    Raises:
-        ValueError: it is no mass, or more than 50 kg.
-    """
-    if not (isfinite(mass_kg) and 0 <= mass_kg <= MAX_CARGO_KG):
-        raise ValueError(f"a cargo of {mass_kg:g} kg is not in 0 .. {MAX_CARGO_KG:g} kg")
-    body, geom = model.body(_BLOCK), model.geom(_BLOCK)
-    x2, y2, z2 = (half_m * half_m for half_m in geom.size)
-    body.mass[:] = mass_kg
-    body.inertia[:] = [mass_kg / 3 * each for each in (y2 + z2, x2 + z2, x2 + y2)]
-    geom.group[:] = _SEEN if mass_kg else _UNSEEN
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-
-
 PERIOD_S: Final = 0.02
 STEP_S: Final = 0.005
 STEPS_PER_PERIOD: Final = 4
@@ -266,17 +247,20 @@ class SimulatedBody(ABC):
         view = self._stale or View(self.data, self.time_s)
         return replace(view, octets=CUT_OCTETS) if faults.CameraCut in self._faults else view
 
-    def take_picture(self) -> Frame:
-        """Render what the camera sees now. Costs milliseconds; physics does not wait for it."""
-        return Frame(self.time_s, "JPG", self._camera.jpeg(self.data))
-
     def load(self, mass_kg: float) -> None:
-        """Carry so much from now on, in place of what was carried; 0 is nothing.
+        """Carry so much from now on, spread evenly, in place of what was carried; 0 is nothing.
 
         Raises:
             ValueError: it is no mass, or more than 50 kg.
         """
-        set_cargo(self.model, mass_kg)
+        if not (isfinite(mass_kg) and 0 <= mass_kg <= MAX_CARGO_KG):
+            raise ValueError(f"a cargo of {mass_kg:g} kg is not in 0 .. {MAX_CARGO_KG:g} kg")
+        body, geom = self.model.body(_BLOCK), self.model.geom(_BLOCK)
+        x2, y2, z2 = (half_m * half_m for half_m in geom.size)
+        body.mass[:] = mass_kg
+        body.inertia[:] = [mass_kg / 3 * each for each in (y2 + z2, x2 + z2, x2 + y2)]
+        geom.group[:] = _SEEN if mass_kg else _UNSEEN
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def inject(self, fault: Fault) -> None:
         """Have a fault begin; one of its kind that is there already is replaced.

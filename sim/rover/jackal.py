@@ -156,7 +156,11 @@ _SHORTEST_STALL = 0.28
 
 
 class SimulatedJackal(SimulatedBody):
-    """A Jackal in a world. The odometry frame is the world's frame."""
+    """A Jackal in a world. The odometry frame is the world's frame.
+
+    Attributes:
+        odometry: before its latency and faults.
+    """
 
     def __init__(
         self,
@@ -180,7 +184,7 @@ class SimulatedJackal(SimulatedBody):
         sensors = sensors or Sensors()
         super().__init__(JACKAL, Pack(), world, picture, jackal_parts(sensors))
         random = np.random.default_rng(seed)
-        self._odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
+        self.odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController()
         self._mux_settings = mux
         self._mux = None if mux is None else Mux(mux)
@@ -245,34 +249,25 @@ class SimulatedJackal(SimulatedBody):
         self._servos.point(wanted.pan_rad, wanted.tilt_rad)
 
     def inject(self, fault: Fault) -> None:
-        """Have a fault begin; one of its kind that is there already is replaced.
-
-        Raises:
-            ValueError: this rover cannot have it; the text says what it lacks.
-        """
+        """Have a fault begin."""
         super().inject(fault)
         match fault:
             case faults.OdometryJump(by_m):
-                self._odometry.pose = moved_left(self._odometry.pose, by_m)
+                self.odometry.pose = moved_left(self.odometry.pose, by_m)
             case faults.CmdVelTaken():
                 self._other_command_s = self.time_s + PERIOD_S
                 self._other_input = self._input_of(round(fault.priority))
             case _:
                 pass
 
-    @property
-    def odometry_pose(self) -> Pose:
-        """The newest pose of the odometry, before its latency and faults."""
-        return self._odometry.pose
-
     def _sense(self, before: Pose, turned_rad: list[float]) -> None:
         """Read the sensors at the end of a period."""
         drift = self.fault(faults.OdometryDrift)
         if drift is not None:
-            self._odometry.pose = moved_left(self._odometry.pose, drift.rate_mps * PERIOD_S)
+            self.odometry.pose = moved_left(self.odometry.pose, drift.rate_mps * PERIOD_S)
         counted_rad = self.counted(turned_rad)
         self._publish_odometry(
-            self._odometry.advance(
+            self.odometry.advance(
                 self.time_s,
                 PERIOD_S,
                 WHEEL_RADIUS_M * sum(counted_rad) / (4 * PERIOD_S),

@@ -67,11 +67,7 @@ class SimulatedMocup(SimulatedBody):
         self.brick.take(octets, self.time_s)
 
     def inject(self, fault: Fault) -> None:
-        """Have a fault begin; one of its kind that is there already is replaced.
-
-        Raises:
-            ValueError: this rover cannot have it; the text says what it lacks.
-        """
+        """Have a fault begin."""
         super().inject(fault)
         if isinstance(fault, faults.OdometryJump):
             self._move_belief(fault.by_m)
@@ -83,11 +79,6 @@ class SimulatedMocup(SimulatedBody):
         super().clear(kind)
         if kind is faults.BrickSilent:
             self.brick.mute = False
-
-    @property
-    def odometry_pose(self) -> Pose:
-        """Where the brick believes it is."""
-        return self.brick.machine.odometry.pose
 
     def _sense(self, before: Pose, turned_rad: list[float]) -> None:
         """Have the brick live through the period."""

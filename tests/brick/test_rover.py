@@ -10,6 +10,7 @@ from sim.rover.faults import BatteryLow, OdometryLost
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import Ground, Scatter, World
 from tests.brick.rig import command
+from tests.sim.driving import jpeg
 
 Script = tuple[tuple[str, ...], ...]
 
@@ -38,7 +39,7 @@ def carry_out(rover: SimulatedMocup, script: Script) -> bytes:
 
 def errors(rover: SimulatedMocup) -> tuple[float, float]:
     """Return by how many metres and degrees the brick's odometry is off."""
-    true, seen = rover.true_pose, rover.odometry_pose
+    true, seen = rover.true_pose, rover.brick.machine.odometry.pose
     turned_rad = abs(wrap_rad(true.heading_rad - seen.heading_rad))
     return hypot(true.x_m - seen.x_m, true.y_m - seen.y_m), degrees(turned_rad)
 
@@ -94,7 +95,7 @@ def test_camera_and_battery_are_as_told() -> None:
     rover.inject(BatteryLow())
     rover.advance(0.02)
     assert rover.brick.machine.senses.voltage_v == 6.0
-    assert rover.take_picture().data[:2] == b"\xff\xd8"
+    assert jpeg(rover)[:2] == b"\xff\xd8"
 
 
 def test_telemetry_that_fails_comes_back() -> None:

@@ -111,7 +111,7 @@ def test_braking_in_curves_is_known_far_better_than_to_the_odometry_alone() -> N
                 for fact in rover.facts():
                     if isinstance(fact, Odometry):
                         seen = correction.corrected(fact).pose
-        true, raw = rover.true_pose, rover.odometry_pose
+        true, raw = rover.true_pose, rover.odometry.pose
         apart_m.append(true.point.distance_m(seen.point))
         raw_m.append(true.point.distance_m(raw.point))
     assert max(apart_m) < 0.025

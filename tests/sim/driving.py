@@ -3,8 +3,9 @@
 from math import copysign, sqrt
 from typing import TypeVar
 
-from executive.values.facts import Fact
+from executive.values.facts import Fact, Frame
 from executive.values.geometry import STANDING, Velocity
+from sim.rover.body import SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 
 COMMAND_PERIOD_S = 0.05
@@ -19,6 +20,12 @@ def hold(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list[
         rover.advance(COMMAND_PERIOD_S)
         facts += rover.facts()
     return facts
+
+
+def jpeg(rover: SimulatedBody) -> bytes:
+    """Take a picture; other facts that wait are lost."""
+    rover.request_frame()
+    return next(fact.data for fact in rover.facts() if isinstance(fact, Frame))
 
 
 def told(

@@ -14,7 +14,7 @@ from executive.values.ports import CameraIntent
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.world import Ground, Rock, World
-from tests.sim.driving import hold
+from tests.sim.driving import hold, jpeg
 from tests.suite import CHECKOUT
 from tests.support.processes import run_to_end
 
@@ -25,7 +25,7 @@ BACKENDS = [Backend.RAYS, pytest.param(Backend.EGL, marks=NEEDS_EGL)]
 
 def picture(rover: SimulatedJackal) -> NDArray[np.int64]:
     """Return what the rover sees: shape (height, width, 3)."""
-    with Image.open(io.BytesIO(rover.take_picture().data)) as image:
+    with Image.open(io.BytesIO(jpeg(rover))) as image:
         return np.asarray(image).astype(np.int64)
 
 
@@ -117,6 +117,6 @@ def test_taking_pictures_does_not_disturb_the_drive(backend: Backend) -> None:
     watched, alone = rover_with(backend), rover_with(backend)
     for _ in range(5):
         hold(watched, Velocity(0.5, 0.4), 0.5)
-        watched.take_picture()
+        jpeg(watched)
         hold(alone, Velocity(0.5, 0.4), 0.5)
     assert watched.true_pose == alone.true_pose

@@ -42,7 +42,7 @@ def heard(rover: SimulatedJackal, velocity: Velocity, duration_s: float) -> list
 
 
 def off_m(rover: SimulatedJackal) -> float:
-    true, seen = rover.true_pose, rover.odometry_pose
+    true, seen = rover.true_pose, rover.odometry.pose
     return hypot(true.x_m - seen.x_m, true.y_m - seen.y_m)
 
 
@@ -145,10 +145,10 @@ def test_odometry_without_twist_says_that_it_stands(rover: SimulatedJackal) -> N
 def test_encoders_count_what_they_are_told(
     rover: SimulatedJackal, fault: Fault, ratio: float
 ) -> None:
-    before, true = rover.odometry_pose.x_m, rover.true_pose.x_m
+    before, true = rover.odometry.pose.x_m, rover.true_pose.x_m
     rover.inject(fault)
     hold(rover, AHEAD, 2.0)
-    counted_m, driven_m = rover.odometry_pose.x_m - before, rover.true_pose.x_m - true
+    counted_m, driven_m = rover.odometry.pose.x_m - before, rover.true_pose.x_m - true
     assert counted_m == pytest.approx(ratio * driven_m, abs=0.02)
 
 
@@ -283,7 +283,7 @@ def test_pushed_it_drives_on_beside_its_way_and_odometry_knows_nothing(
     assert rover.true_pose.y_m == pytest.approx(-0.7, abs=0.02)
     hold(rover, AHEAD, 1.0)
     assert rover.true_pose.y_m == pytest.approx(-0.7, abs=0.03)
-    assert rover.odometry_pose.y_m == pytest.approx(0, abs=0.03)
+    assert rover.odometry.pose.y_m == pytest.approx(0, abs=0.03)
     assert rover.true_velocity.travel_mps == pytest.approx(0.5, abs=0.02)
 
 
@@ -479,7 +479,7 @@ def test_telemetry_of_mocup_fails_as_odometry_does() -> None:
     rover.inject(faults.OdometryLate(by_s=0.6))
     said = mocup.tells(2.0)[-1][Parameter.POS_X]
     assert said is not None
-    assert rover.odometry_pose.x_m - said == pytest.approx(0.2 * 0.6, abs=0.05)
+    assert rover.brick.machine.odometry.pose.x_m - said == pytest.approx(0.2 * 0.6, abs=0.05)
     rover.clear(faults.OdometryLate)
     rover.inject(faults.BatterySilent())
     assert {each[Parameter.BATERY_VOLTAGE] for each in mocup.tells(1.0)} == {None}
@@ -491,10 +491,11 @@ def test_telemetry_of_mocup_fails_as_odometry_does() -> None:
 def test_mocup_counts_what_it_is_told(fault: Fault, ratio: float) -> None:
     mocup = Mocup()
     rover = mocup.rover
-    before, true = rover.odometry_pose.x_m, rover.true_pose.x_m
+    counted = rover.brick.machine.odometry
+    before, true = counted.pose.x_m, rover.true_pose.x_m
     rover.inject(fault)
     rover.advance(0.8)
-    counted_m, driven_m = rover.odometry_pose.x_m - before, rover.true_pose.x_m - true
+    counted_m, driven_m = counted.pose.x_m - before, rover.true_pose.x_m - true
     assert driven_m > 0.1
     assert counted_m == pytest.approx(ratio * driven_m, abs=0.01)
 

@@ -49,7 +49,7 @@ def drift(
     for seed in range(5):
         rover = SimulatedJackal(world, seed, odometry=settings)
         run(rover)
-        true, told = rover.true_pose, rover.odometry_pose
+        true, told = rover.true_pose, rover.odometry.pose
         places_m.append(hypot(true.x_m - told.x_m, true.y_m - told.y_m))
         headings_rad.append(abs(wrap_rad(true.heading_rad - told.heading_rad)))
     return median(places_m), median(headings_rad)

@@ -12,7 +12,7 @@ from sim.rover.body import SimulatedBody
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
 from sim.rover.world import World
-from tests.sim.driving import hold, told
+from tests.sim.driving import hold, jpeg, told
 
 
 def test_stops_by_itself_when_commands_cease() -> None:
@@ -113,12 +113,12 @@ def test_a_camera_that_looks_back_sees_it() -> None:
     rover.data.joint("camera_pan").qpos[:] = pi
     rover.data.joint("camera_tilt").qpos[:] = -0.6
     mujoco.mj_forward(rover.model, rover.data)
-    empty = rover.take_picture().data
+    empty = jpeg(rover)
     rover.load(10.0)
-    laden = rover.take_picture().data
+    laden = jpeg(rover)
     rover.load(0.0)
     assert laden != empty
-    assert rover.take_picture().data == empty
+    assert jpeg(rover) == empty
 
 
 @pytest.mark.parametrize("mass_kg", [-1.0, 51.0, nan])

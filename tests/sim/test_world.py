@@ -173,7 +173,7 @@ def test_a_wall_holds_it_whatever_its_wheels_do() -> None:
     pose = rover.true_pose
     assert 1.0 < pose.x_m < 1.25
     assert abs(pose.pitch_rad) < 0.1
-    assert rover.odometry_pose.x_m > 1.8
+    assert rover.odometry.pose.x_m > 1.8
 
 
 @pytest.mark.parametrize(("height_m", "climbed"), [(0.03, True), (0.12, False)])
