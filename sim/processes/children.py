@@ -149,6 +149,17 @@ class ProcessGroup:
         for child in self.children:
             child.check()
 
+    async def said(self, child: Child, pattern: re.Pattern[str]) -> str:
+        """Wait until a process has written a pattern, and return its first group.
+
+        Raises:
+            ChildError: a process ended.
+        """
+        while (found := child.said(pattern)) is None:
+            self.check()
+            await asyncio.sleep(LOOK_S / 5)
+        return found[1]
+
     async def guard(self) -> None:
         """Watch for ever.
 

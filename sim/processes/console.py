@@ -1,6 +1,5 @@
 """The operations console beside simulated rovers: `rover-console`, where its extra is installed."""
 
-import asyncio
 import os
 import re
 import socket
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.console import PORT, PORT_VARIABLE
-from sim.processes.children import LOOK_S, Child, ProcessGroup
+from sim.processes.children import Child, ProcessGroup
 from sim.processes.place import ANY_PORT, HOST
 
 SERVES: Final = re.compile(r"^(http://\S+)$", re.MULTILINE)
@@ -30,10 +29,7 @@ class OperationsConsole(ProcessGroup):
         Raises:
             ChildError: it ended.
         """
-        while (found := self._console.said(SERVES)) is None:
-            self.check()
-            await asyncio.sleep(LOOK_S)
-        return found[1]
+        return await self.said(self._console, SERVES)
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """A simulated rover as processes: simulation, executive, and what stands between them."""
 
-import asyncio
 import re
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -10,7 +9,7 @@ from typing import Final
 
 from adapters.process import ROS_ARGS
 from executive.settings import LocomotionKind, Settings, load_settings
-from sim.processes.children import LOOK_S, Child, ProcessGroup
+from sim.processes.children import Child, ProcessGroup
 from sim.processes.place import HOST, Place, free_udp_ports
 
 LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
@@ -48,10 +47,7 @@ class Deployment(ProcessGroup):
         Raises:
             ChildError: a process ended.
         """
-        while (found := self._executive.said(LISTENS)) is None:
-            self.check()
-            await asyncio.sleep(LOOK_S / 5)
-        return found[1]
+        return await self.said(self._executive, LISTENS)
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """The relay beside simulated rovers: `rover-relay` for each of them, and one `rover-mops`."""
 
-import asyncio
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +25,7 @@ from adapters.bundle import (
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_orbiter
 from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
-from sim.processes.children import LOOK_S, Child, ProcessGroup
+from sim.processes.children import Child, ProcessGroup
 from sim.processes.contacts import Eclipse, plan_text
 from sim.processes.deployment import Deployment
 from sim.processes.place import ANY_PORT, HOST, free_udp_ports
@@ -144,10 +143,7 @@ class Orbiter(ProcessGroup):
             ChildError: a process ended.
         """
         listens = re.compile(rf"^{re.escape(asset)} listens at (maltcp://\S+)", re.MULTILINE)
-        while (found := self._orbiter.said(listens)) is None:
-            self.check()
-            await asyncio.sleep(LOOK_S / 5)
-        return found[1]
+        return await self.said(self._orbiter, listens)
 
 
 @contextmanager
