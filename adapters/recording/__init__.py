@@ -6,9 +6,8 @@ from adapters.recording.container import RecordingError
 from adapters.recording.messages import decode
 from adapters.recording.moments import Moment, RecordedMoments
 from adapters.recording.run_file import PROFILE, SUFFIX, RunFile, RunReader
-from adapters.recording.run_history import read_history
 from adapters.recording.tables import frames
-from adapters.recording.timed import Timed, read_timed
+from adapters.recording.timed import Timed, read_history, read_timed
 from adapters.recording.tree import RecordedTree
 
 __all__ = [

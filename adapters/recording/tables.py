@@ -1,13 +1,12 @@
 """A recording as tables of pandas."""
 
-import json
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from adapters.recording.container import RecordingError
-from adapters.recording.messages import KIND, LIFE, TOPICS, TRUTH
+from adapters.recording.messages import KIND, LIFE, TOPICS, plain_of, topic_of
 from adapters.recording.run_file import RunReader
+from adapters.recording.timed import read_timed
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -34,31 +33,18 @@ def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, Dat
 
     rows: dict[str, list[dict[str, Any]]] = {}
     times_s: dict[str, list[float]] = {}
-    began_s: float | None = None
-    utc_s = apart_s = 0.0
-    for message in RunReader(Path(path)).messages():
-        name = message.topic.name
-        if name == LIFE:
-            continue
-        try:
-            raw = json.loads(message.data)
-            if "utc_s" in raw:
-                utc_s, apart_s = raw["utc_s"], raw["utc_s"] - raw["now_s"]
-                began_s = utc_s if began_s is None else began_s
-            if name not in topics or began_s is None:
-                continue
-            at_s = raw["time_s"] + apart_s if name == TRUTH else utc_s
-            times_s.setdefault(name, []).append(at_s - began_s)
-            rows.setdefault(name, []).append(dict(_columns(raw)))
-        except (LookupError, OverflowError, TypeError, ValueError, RecursionError) as error:
-            text = f"{path}: a message of {name} cannot be read: {error!r}"
-            raise RecordingError(text) from error
-    if began_s is None:
-        raise RecordingError(f"{path}: holds no run")
+    began_utc_s: float | None = None
+    kinds = {topic.kind for name, topic in TOPICS.items() if name in topics}
+    for timed in read_timed(RunReader(Path(path)), kinds):
+        began_utc_s = timed.utc_s if began_utc_s is None else began_utc_s
+        name = topic_of(timed.item).name
+        if name in topics and name != LIFE:
+            times_s.setdefault(name, []).append(timed.time_s)
+            rows.setdefault(name, []).append(dict(_columns(plain_of(timed.item))))
     made = {}
     for name, each in rows.items():
         table = DataFrame(each, index=Index(times_s[name], name="time_s"))
-        table.attrs["began_utc_s"] = began_s
+        table.attrs["began_utc_s"] = began_utc_s
         made[name] = table
     return made
 
