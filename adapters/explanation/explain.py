@@ -136,21 +136,15 @@ def explain_now(history: RunHistory) -> Explanation:
     elif cause is not None:
         reason, evidence = cause.reason, cause.figures
         steps.append(_event(cause))
-        ended = [
-            each
+        steps += [
+            Step(end.utc_s, _ending(each))
             for each in lives.values()
-            if each.end is not None
-            and each.end.reason is cause.reason
-            and each.end.utc_s >= cause.utc_s
+            if (end := each.end) is not None
+            if end.reason is cause.reason and end.utc_s >= cause.utc_s
         ]
-        steps += [Step(each.end.utc_s, _ending(each)) for each in ended if each.end is not None]
-    elif lives:
-        ended = [each for each in lives.values() if each.end is not None]
-        if ended:
-            last = max(ended, key=lambda each: each.end.sequence if each.end else 0)
-            assert last.end is not None
-            reason = last.end.reason
-            steps.append(Step(last.end.utc_s, f"the last that ended: {_ending(last)}"))
+    elif (last := last_ended(lives.values())) is not None and last.end is not None:
+        reason = last.end.reason
+        steps.append(Step(last.end.utc_s, f"the last that ended: {_ending(last)}"))
     shown = {each.text for each in steps}
     steps += [each for each in _conditions(history) if each.text not in shown]
     return Explanation(headline, reason, tuple(steps), evidence)
@@ -166,8 +160,7 @@ class _Life:
         self._lives = lives
         self._life = life
         self._family = _FAMILIES.get(life.request)
-        end = life.end
-        self._end_s = history.until_utc_s if end is None else end.utc_s
+        self._end_s = end_s(life, history)
 
     def explain(self) -> Explanation:
         life, end = self._life, self._life.end
@@ -236,7 +229,7 @@ class _Life:
         ]
         held = [
             each
-            for each, next_s in _spans(self._history)
+            for each, next_s in spans(self._history)
             if each.utc_s < until_s and next_s > began_s
             if each.mode in _HOLDING or (each.mode is Mode.MOVING and each.active is None)
         ]
@@ -253,8 +246,7 @@ class _Life:
         accepted, mine = other.at(Stage.ACCEPTED), self._life.at(Stage.ACCEPTED)
         if accepted is None or mine is None or accepted.sequence > mine.sequence:
             return False
-        ended_s = self._history.until_utc_s if other.end is None else other.end.utc_s
-        return ended_s > began_s
+        return end_s(other, self._history) > began_s
 
     @property
     def _leaves(self) -> list[LeafRun]:
@@ -339,14 +331,25 @@ class _Life:
 
 def last_speed_setting(lives: Iterable[CommandLife], until_utc_s: float) -> CommandLife | None:
     """Return the command that set the greatest speed that holds at a time; None if none did."""
-    found = None
-    for each in lives:
-        end = each.end
-        if end is None or end.stage is not Stage.EXECUTED or end.utc_s > until_utc_s:
-            continue
-        if each.name.startswith("setTravelSpeed"):
-            found = each
-    return found
+    settings = [
+        each
+        for each in lives
+        if (end := each.end) is not None and end.stage is Stage.EXECUTED
+        if end.utc_s <= until_utc_s and each.name.startswith("setTravelSpeed")
+    ]
+    return settings[-1] if settings else None
+
+
+def last_ended(lives: Iterable[CommandLife]) -> CommandLife | None:
+    """Return the command that ended last; None if none did."""
+    ended = ((each.end.sequence, each) for each in lives if each.end is not None)
+    _, last = max(ended, key=lambda each: each[0], default=(0, None))
+    return last
+
+
+def end_s(life: CommandLife, history: RunHistory) -> float:
+    """Return when a command ended, or the history if it has not."""
+    return history.until_utc_s if life.end is None else life.end.utc_s
 
 
 def _of_stage(end: Report) -> Reason | None:
@@ -417,12 +420,10 @@ def mentions(text: str, identity: Identity) -> bool:
     return bool(found) and not after[:1].isdigit() and not before[-1:].isalnum()
 
 
-def _spans(history: RunHistory) -> Iterator[tuple[Situation, float]]:
-    """Yield each situation with the time at which the next began."""
-    situations = history.situations
-    for index, each in enumerate(situations):
-        after = situations[index + 1].utc_s if index + 1 < len(situations) else None
-        yield each, history.until_utc_s if after is None else after
+def spans(history: RunHistory) -> Iterator[tuple[Situation, float]]:
+    """Yield each situation with the time at which the next began, or the history ended."""
+    following = (*(each.utc_s for each in history.situations[1:]), history.until_utc_s)
+    yield from zip(history.situations, following, strict=False)
 
 
 def cause_of(history: RunHistory, now: Situation) -> Report | CommandLife | None:
@@ -445,13 +446,7 @@ def cause_of(history: RunHistory, now: Situation) -> Report | CommandLife | None
 def _active_faults(
     history: RunHistory, at_utc_s: float, since_utc_s: float | None = None
 ) -> list[Report]:
-    """Return the events of the faults that had begun and were not over at a time.
-
-    Args:
-        history: of what time.
-        at_utc_s: when.
-        since_utc_s: also those that were over only after this time.
-    """
+    """Return the events of the faults that had begun and were not over at a time, or since one."""
     active: dict[str, Report] = {}
     for report in history.reports:
         if report.utc_s > at_utc_s or report.kind is not Kind.EVENT or report.reason is None:

@@ -5,9 +5,12 @@ from typing import Final
 
 from adapters.explanation.explain import (
     cause_of,
+    end_s,
+    last_ended,
     last_speed_setting,
     mentions,
     says_who_moves,
+    spans,
 )
 from adapters.explanation.log import names
 from executive.history import CommandLife, RunHistory
@@ -18,34 +21,26 @@ LAST_KNOWN: Final = 5
 
 
 def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
-    """Return a history that explains a command, or what the rover does at its end, as well.
-
-    Args:
-        history: of what time.
-        command: its number, or `SOURCE:NUMBER`; None for what the rover does.
-    """
+    """Return a history that explains a command, or what the rover does at its end, as well."""
     lives = list(history.lives().values())
     meant = [each for each in lives if command is not None and names(command, each.identity)]
     if command is None:
         began_s, ended_s = _since_of_now(history, lives), history.until_utc_s
     elif meant:
         began_s = min(each.utc_s for each in meant)
-        ended_s = max(_end_s(each, history) for each in meant)
+        ended_s = max(end_s(each, history) for each in meant)
     else:
         began_s = ended_s = history.until_utc_s
         meant = lives[-LAST_KNOWN:]
     situations = [
-        each
-        for index, each in enumerate(history.situations)
-        if each.utc_s <= ended_s
-        and (index + 1 == len(history.situations) or history.situations[index + 1].utc_s >= began_s)
+        each for each, next_s in spans(history) if each.utc_s <= ended_s and next_s >= began_s
     ]
     texts = [each.end.text for each in meant if each.end] + [each.why for each in situations]
     kept = {
         each.identity
         for each in lives
         if each in meant
-        or (each.utc_s <= ended_s and _end_s(each, history) >= began_s)
+        or (each.utc_s <= ended_s and end_s(each, history) >= began_s)
         or any(mentions(text, each.identity) for text in texts)
     }
     setting = last_speed_setting(lives, ended_s)
@@ -89,14 +84,10 @@ def _since_of_now(history: RunHistory, lives: list[CommandLife]) -> float:
     cause = cause_of(history, now)
     if cause is not None:
         since.append(cause.utc_s)
-    ended = [each for each in lives if each.end is not None]
-    if ended:
-        since.append(max(ended, key=lambda each: each.end.sequence if each.end else 0).utc_s)
+    last = last_ended(lives)
+    if last is not None:
+        since.append(last.utc_s)
     return min(since)
-
-
-def _end_s(life: CommandLife, history: RunHistory) -> float:
-    return history.until_utc_s if life.end is None else life.end.utc_s
 
 
 def _lasts(report: Report) -> bool:
