@@ -5,7 +5,7 @@ the same words. What a history does not know is left out.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.explanation.log import names
@@ -97,18 +97,14 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
             Step(each.utc_s, f"another command under this number was refused: {each.refusal.text}")
             for each in declined
         )
-        return Explanation(
-            explained.headline,
-            explained.reason,
-            (*explained.steps, *others),
-            explained.evidence,
-        )
+        return replace(explained, steps=(*explained.steps, *others))
     if declined:
         last = declined[-1]
+        reason = last.refusal.reason
         return Explanation(
             f"{last.identity} was not taken: {last.refusal.text}",
-            last.refusal.reason,
-            (Step(last.utc_s, f"refused before it had a life: {_named(last.refusal.reason)}"),),
+            reason,
+            (Step(last.utc_s, f"refused before it had a life: {reason.name} {reason.value}"),),
             last.refusal.figures,
         )
     known = [str(identity) for identity in lives][-5:]
@@ -367,10 +363,9 @@ def _ending(life: CommandLife) -> str:
     assert end is not None
     assert end.stage is not None
     took_s = end.utc_s - life.utc_s
-    why = end.reason or _of_stage(end)
-    named = f" ({_named(why)})" if why is not None else ""
     said = f": {life.outcome}" if life.outcome else ""
-    return f"{life.identity} {_ENDED[end.stage]} after {took_s:.2f} s{said}{named}"
+    why = in_brackets(end.reason or _of_stage(end))
+    return f"{life.identity} {_ENDED[end.stage]} after {took_s:.2f} s{said}{why}"
 
 
 def _asked(life: CommandLife) -> Iterator[Step]:
@@ -390,17 +385,18 @@ def _asked(life: CommandLife) -> Iterator[Step]:
     if accepted is not None:
         yield Step(accepted.utc_s, f"{life.identity} was accepted")
     elif end is not None and end.stage is Stage.REJECTED:
-        named = "" if end.reason is None else f" ({_named(end.reason)})"
-        yield Step(end.utc_s, f"{life.identity} was refused: {end.text}{named}")
+        why = in_brackets(end.reason)
+        yield Step(end.utc_s, f"{life.identity} was refused: {end.text}{why}")
 
 
-def _named(reason: Reason) -> str:
-    return f"{reason.name} {reason.value}"
+def in_brackets(reason: Reason | None) -> str:
+    """Return the name and number of a reason as they follow a text; nothing for none."""
+    return "" if reason is None else f" ({reason.name} {reason.value})"
 
 
 def _event(report: Report) -> Step:
-    named = f" ({_named(report.reason)})" if report.reason is not None else ""
-    return Step(report.utc_s, f"{report.severity.name.lower()}: {report.text}{named}")
+    text = f"{report.severity.name.lower()}: {report.text}{in_brackets(report.reason)}"
+    return Step(report.utc_s, text)
 
 
 def _said(run: LeafRun) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from adapters.explanation.explain import Explanation
+from adapters.explanation.explain import Explanation, in_brackets
 from adapters.explanation.log import Entry
 from executive.history import CommandLife
 from executive.values.reasons import PREDICTED
@@ -45,7 +45,7 @@ def _life(life: CommandLife, when: When) -> str:
         return f"{life.identity} {life.name}{link}: {', '.join(stages)}"
     stages.append(f"{end.stage.name} {when(end.utc_s).strip()}")
     outcome = f": {life.outcome}" if life.outcome else ""
-    reason = "" if end.reason is None else f" ({end.reason.name} {end.reason.value})"
+    reason = in_brackets(end.reason)
     return f"{life.identity} {life.name}{link}: {', '.join(stages)}{outcome}{reason}"
 
 
@@ -53,7 +53,6 @@ def _report(report: Report) -> str:
     word = report.severity.name if report.stage is None else report.stage.name
     whose = "" if report.identity is None else f"{report.identity} "
     step = "" if report.step is None else f"{report.step}/{report.step_count} "
-    reason = "" if report.reason is None else f" ({report.reason.name} {report.reason.value})"
     shown = [str(each) for each in report.figures if not each.name.startswith(PREDICTED)]
     figures = f" [{', '.join(shown)}]" if shown else ""
-    return f"{whose}{word} {step}{report.text}{reason}{figures}"
+    return f"{whose}{word} {step}{report.text}{in_brackets(report.reason)}{figures}"
