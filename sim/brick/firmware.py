@@ -94,14 +94,14 @@ class Firmware:
             task.begun = True
             machine.begin(task.work)
             if machine.moving:
-                self._reply(task.command, Stage.STARTED, received=True)
+                self._reply(task.command, Stage.STARTED)
         points = self._go_on(period_s)
         if task is not None and task.begun and task is self._task and not machine.moving:
             self._end(Stage.EXECUTED)
         if self._stops and machine.odometry.standing:
             self._measure()
             for stop in self._stops:
-                self._reply(stop, Stage.EXECUTED, received=True)
+                self._reply(stop, Stage.EXECUTED)
             self._stops.clear()
         if now_s > self._telemetry_number * self._settings.telemetry_s - period_s / 2:
             self._telemetry_number += 1
@@ -160,18 +160,13 @@ class Firmware:
         if task is None:
             return
         self._measure()
-        self._reply(task.command, stage, received=True, reason=reason, text=text)
+        self._reply(task.command, stage, reason, text)
 
     def _refuse(self, command: Message, reason: Reason, text: str) -> None:
-        self._reply(command, Stage.REJECTED, received=False, reason=reason, text=text)
+        self._reply(command, Stage.REJECTED, reason, text)
 
     def _reply(
-        self,
-        command: Message,
-        stage: Stage,
-        received: bool,
-        reason: Reason | None = None,
-        text: str = "",
+        self, command: Message, stage: Stage, reason: Reason | None = None, text: str = ""
     ) -> None:
         why = "" if reason is None else reason.name
         reply = replace(
@@ -180,7 +175,7 @@ class Firmware:
             dest=command.source,
             inputs=(),
             outputs=(stage.name, why, text.replace(",", ";")),
-            received=received,
+            received=stage is not Stage.REJECTED,
             executed=stage is Stage.EXECUTED,
         )
         self._said += encode(reply)

@@ -132,14 +132,13 @@ class Course:
             if not self._waiting:
                 return None
             self._segment, self._begun_m = self._waiting.popleft()(self._odometry.pose), rims_m
-        self._rolling_mps = _STILL
+        rolling_mps = None
         if self._segment is not None:
             rolled_m = (rims_m[0] - self._begun_m[0], rims_m[1] - self._begun_m[1])
             rolling_mps = self._segment.rims_mps(rolled_m, period_s)
-            if rolling_mps is None:
-                self._segment = None
-            else:
-                self._rolling_mps = rolling_mps
+        if rolling_mps is None:
+            self._segment = None
+        self._rolling_mps = rolling_mps or _STILL
         return self._rolling_mps
 
     def _look_after_wheels(self, rims_m: Rims, period_s: float) -> None:

@@ -186,7 +186,6 @@ class SimulatedJackal(SimulatedBody):
         random = np.random.default_rng(seed)
         self.odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController()
-        self._mux_settings = mux
         self._mux = None if mux is None else Mux(mux)
         self._servos = HeadController(HeadLimits())
         self._in_transit: deque[tuple[float, Odometry]] = deque()
@@ -205,7 +204,7 @@ class SimulatedJackal(SimulatedBody):
             ValueError: if a figure is not finite.
         """
         if faults.CmdVelCut not in self._faults:
-            self.take(None if self._mux_settings is None else self._mux_settings.input, velocity)
+            self.take(None if self._mux is None else self._mux.settings.input, velocity)
 
     def take(self, name: str | None, velocity: Velocity) -> None:
         """Take a velocity of an input of the mux; None of where there is no mux.
@@ -225,12 +224,12 @@ class SimulatedJackal(SimulatedBody):
 
     def lock(self, held: bool) -> None:
         """Hold the executive's lock of the mux, with zero on its input for stops, or let go."""
-        mux = self._mux_settings
-        if mux is None:
+        if self._mux is None:
             return
-        if held and mux.stop is not None:
-            self.take(mux.stop, STANDING)
-        self.take_lock(mux.lock, held)
+        settings = self._mux.settings
+        if held and settings.stop is not None:
+            self.take(settings.stop, STANDING)
+        self.take_lock(settings.lock, held)
 
     def emergency_stop(self) -> None:
         """Command to stand, and hold the lock."""
@@ -326,18 +325,17 @@ class SimulatedJackal(SimulatedBody):
 
     def _input_of(self, priority: int) -> str | None:
         """Return the input of the mux of a priority, one more where it has none."""
-        settings, mux = self._mux_settings, self._mux
-        if settings is None or mux is None:
+        if self._mux is None:
             return None
-        for name, entry in settings.topics.items():
+        for name, entry in self._mux.settings.topics.items():
             if entry.priority == priority:
                 return name
-        mux.add(ANOTHER, MuxEntry(ANOTHER, ANOTHER_TIMEOUT_S, priority))
+        self._mux.add(ANOTHER, MuxEntry(ANOTHER, ANOTHER_TIMEOUT_S, priority))
         return ANOTHER
 
     def _tell_of_input(self, name: str | None) -> None:
         """Tell the executive, which listens to its own topic and to the other inputs of the mux."""
-        settings = self._mux_settings
+        settings = None if self._mux is None else self._mux.settings
         if settings is None or name == settings.input:
             self._due.append(OtherInput(VELOCITY_TOPIC, above=True))
         elif name in settings.topics:

@@ -29,6 +29,7 @@ class Mux:
     """Decides which of its inputs drives the base."""
 
     def __init__(self, settings: MuxSettings) -> None:
+        self.settings = settings
         self._inputs = {name: _Heard(entry) for name, entry in settings.topics.items()}
         self._locks = {name: _Heard(entry) for name, entry in settings.locks.items()}
 
