@@ -1,34 +1,17 @@
 """The behaviour tree of the rover. py_trees lives only here."""
 
-from trees.rover import RoverTree, leaf_paths, preview, snapshot_of
-from trees.snapshot import (
-    COLOURS,
-    Look,
-    Node,
-    NodeKind,
-    NodeStatus,
-    Snapshot,
-    as_svg,
-    branches,
-    line,
-    looks,
-    served,
-)
-
-__all__ = [
-    "COLOURS",
-    "Look",
-    "Node",
-    "NodeKind",
-    "NodeStatus",
-    "RoverTree",
-    "Snapshot",
-    "as_svg",
-    "branches",
-    "leaf_paths",
-    "line",
-    "looks",
-    "preview",
-    "served",
-    "snapshot_of",
-]
+from trees.rover import RoverTree as RoverTree
+from trees.rover import leaf_paths as leaf_paths
+from trees.rover import preview as preview
+from trees.rover import snapshot_of as snapshot_of
+from trees.snapshot import COLOURS as COLOURS
+from trees.snapshot import Look as Look
+from trees.snapshot import Node as Node
+from trees.snapshot import NodeKind as NodeKind
+from trees.snapshot import NodeStatus as NodeStatus
+from trees.snapshot import Snapshot as Snapshot
+from trees.snapshot import as_svg as as_svg
+from trees.snapshot import branches as branches
+from trees.snapshot import line as line
+from trees.snapshot import looks as looks
+from trees.snapshot import served as served

@@ -1,73 +1,41 @@
 """Bundle Protocol version 7 (RFC 9171): an agent with a durable store; knows nothing of rovers."""
 
-from adapters.bundle.agent import BundleAgent, Delivery, Health, NeighbourHealth, make_agent
-from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS, BundleId
-from adapters.bundle.codec.eid import Eid, Ipn, node_of, parse_eid
-from adapters.bundle.codec.errors import BundleError, StoreError, StoreFull
-from adapters.bundle.links.contact import Contact, ContactOverride, ContactPlan, load_contact_plan
-from adapters.bundle.node.reporting import DeliveryStatus, Notice
-from adapters.bundle.node.security import (
-    KeySettings,
-    PolicySettings,
-    Security,
-    SecuritySettings,
-    load_security,
-    make_key,
-)
-from adapters.bundle.node.settings import (
-    DAY_S,
-    Address,
-    AgentSettings,
-    IonSettings,
-    Listen,
-    LtpLink,
-    Neighbour,
-    NodeSettings,
-    Peer,
-    engine_of,
-    listen_error,
-)
-from adapters.bundle.node.store import Queued
-from adapters.bundle.node.traffic import Traffic
-
-__all__ = [
-    "DAY_S",
-    "DTN_EPOCH_UTC_MS",
-    "Address",
-    "AgentSettings",
-    "BundleAgent",
-    "BundleError",
-    "BundleId",
-    "Contact",
-    "ContactOverride",
-    "ContactPlan",
-    "Delivery",
-    "DeliveryStatus",
-    "Eid",
-    "Health",
-    "IonSettings",
-    "Ipn",
-    "KeySettings",
-    "Listen",
-    "LtpLink",
-    "Neighbour",
-    "NeighbourHealth",
-    "NodeSettings",
-    "Notice",
-    "Peer",
-    "PolicySettings",
-    "Queued",
-    "Security",
-    "SecuritySettings",
-    "StoreError",
-    "StoreFull",
-    "Traffic",
-    "engine_of",
-    "listen_error",
-    "load_contact_plan",
-    "load_security",
-    "make_agent",
-    "make_key",
-    "node_of",
-    "parse_eid",
-]
+from adapters.bundle.agent import BundleAgent as BundleAgent
+from adapters.bundle.agent import Delivery as Delivery
+from adapters.bundle.agent import Health as Health
+from adapters.bundle.agent import NeighbourHealth as NeighbourHealth
+from adapters.bundle.agent import make_agent as make_agent
+from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS as DTN_EPOCH_UTC_MS
+from adapters.bundle.codec.bundle import BundleId as BundleId
+from adapters.bundle.codec.eid import Eid as Eid
+from adapters.bundle.codec.eid import Ipn as Ipn
+from adapters.bundle.codec.eid import node_of as node_of
+from adapters.bundle.codec.eid import parse_eid as parse_eid
+from adapters.bundle.codec.errors import BundleError as BundleError
+from adapters.bundle.codec.errors import StoreError as StoreError
+from adapters.bundle.codec.errors import StoreFull as StoreFull
+from adapters.bundle.links.contact import Contact as Contact
+from adapters.bundle.links.contact import ContactOverride as ContactOverride
+from adapters.bundle.links.contact import ContactPlan as ContactPlan
+from adapters.bundle.links.contact import load_contact_plan as load_contact_plan
+from adapters.bundle.node.reporting import DeliveryStatus as DeliveryStatus
+from adapters.bundle.node.reporting import Notice as Notice
+from adapters.bundle.node.security import KeySettings as KeySettings
+from adapters.bundle.node.security import PolicySettings as PolicySettings
+from adapters.bundle.node.security import Security as Security
+from adapters.bundle.node.security import SecuritySettings as SecuritySettings
+from adapters.bundle.node.security import load_security as load_security
+from adapters.bundle.node.security import make_key as make_key
+from adapters.bundle.node.settings import DAY_S as DAY_S
+from adapters.bundle.node.settings import Address as Address
+from adapters.bundle.node.settings import AgentSettings as AgentSettings
+from adapters.bundle.node.settings import IonSettings as IonSettings
+from adapters.bundle.node.settings import Listen as Listen
+from adapters.bundle.node.settings import LtpLink as LtpLink
+from adapters.bundle.node.settings import Neighbour as Neighbour
+from adapters.bundle.node.settings import NodeSettings as NodeSettings
+from adapters.bundle.node.settings import Peer as Peer
+from adapters.bundle.node.settings import engine_of as engine_of
+from adapters.bundle.node.settings import listen_error as listen_error
+from adapters.bundle.node.store import Queued as Queued
+from adapters.bundle.node.traffic import Traffic as Traffic

@@ -6,19 +6,12 @@ The laws are those of `executive.settings.mpc_settings`. Needs NumPy and SciPy (
 docs/controllers.md shows its use.
 """
 
-from adapters.calibration.asset_file import with_figures
-from adapters.calibration.drive_log import DriveLog, read_drive
-from adapters.calibration.fit import Calibration, CalibrationError, Fitted, calibrate
-from adapters.calibration.pattern import PATTERN, plan_xml
-
-__all__ = [
-    "PATTERN",
-    "Calibration",
-    "CalibrationError",
-    "DriveLog",
-    "Fitted",
-    "calibrate",
-    "plan_xml",
-    "read_drive",
-    "with_figures",
-]
+from adapters.calibration.asset_file import with_figures as with_figures
+from adapters.calibration.drive_log import DriveLog as DriveLog
+from adapters.calibration.drive_log import read_drive as read_drive
+from adapters.calibration.fit import Calibration as Calibration
+from adapters.calibration.fit import CalibrationError as CalibrationError
+from adapters.calibration.fit import Fitted as Fitted
+from adapters.calibration.fit import calibrate as calibrate
+from adapters.calibration.pattern import PATTERN as PATTERN
+from adapters.calibration.pattern import plan_xml as plan_xml

@@ -4,28 +4,15 @@ All of it is pure. One value goes in, a `RunHistory`: of a recording, of an exec
 from `MrsClient.get_history`. An `Explanation` or the entries of a log come out.
 """
 
-from adapters.explanation.explain import (
-    Explanation,
-    Step,
-    UnknownCommandError,
-    explain_command,
-    explain_now,
-)
-from adapters.explanation.log import Entry, Wanted, entries
-from adapters.explanation.relevance import relevant
-from adapters.explanation.words import When, entry_line, explanation_lines
-
-__all__ = [
-    "Entry",
-    "Explanation",
-    "Step",
-    "UnknownCommandError",
-    "Wanted",
-    "When",
-    "entries",
-    "entry_line",
-    "explain_command",
-    "explain_now",
-    "explanation_lines",
-    "relevant",
-]
+from adapters.explanation.explain import Explanation as Explanation
+from adapters.explanation.explain import Step as Step
+from adapters.explanation.explain import UnknownCommandError as UnknownCommandError
+from adapters.explanation.explain import explain_command as explain_command
+from adapters.explanation.explain import explain_now as explain_now
+from adapters.explanation.log import Entry as Entry
+from adapters.explanation.log import Wanted as Wanted
+from adapters.explanation.log import entries as entries
+from adapters.explanation.relevance import relevant as relevant
+from adapters.explanation.words import When as When
+from adapters.explanation.words import entry_line as entry_line
+from adapters.explanation.words import explanation_lines as explanation_lines

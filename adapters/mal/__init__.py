@@ -1,98 +1,53 @@
 """CCSDS MAL 521.0-B-3 over TCP, as implemented by mo-services-java 12; see the README."""
 
-from adapters.mal.admission import Limits
-from adapters.mal.attribute_codec import Encoding
-from adapters.mal.broker import Keys, Publisher
-from adapters.mal.codec import Codec, Header, encode_message
-from adapters.mal.connection import SCHEME, Connection, MalUri
-from adapters.mal.consumer import Consumer, Publication
-from adapters.mal.errors import (
-    DecodeError,
-    EncodeError,
-    MalError,
-    SpecificationError,
-    StandardError,
-)
-from adapters.mal.provider import Call, Handler, Interaction, Provider, UpdateError
-from adapters.mal.specification import (
-    Area,
-    CompositeType,
-    EnumerationType,
-    Field,
-    Operation,
-    Pattern,
-    Service,
-    Specification,
-    Stage,
-)
-from adapters.mal.specification_xml import load_specification
-from adapters.mal.tls import CertificateError, Certificates, address_to_listen, is_loopback
-from adapters.mal.transactions import Invocation, OnUpdate, Progress
-from adapters.mal.values import (
-    AttributeType,
-    NamedValue,
-    NullableAttribute,
-    Object,
-    ObjectIdentity,
-    ObjectRef,
-    ServiceId,
-    Subscription,
-    SubscriptionFilter,
-    Typed,
-    TypedList,
-    UpdateHeader,
-)
-
-__all__ = [
-    "SCHEME",
-    "Area",
-    "AttributeType",
-    "Call",
-    "CertificateError",
-    "Certificates",
-    "Codec",
-    "CompositeType",
-    "Connection",
-    "Consumer",
-    "DecodeError",
-    "EncodeError",
-    "Encoding",
-    "EnumerationType",
-    "Field",
-    "Handler",
-    "Header",
-    "Interaction",
-    "Invocation",
-    "Keys",
-    "Limits",
-    "MalError",
-    "MalUri",
-    "NamedValue",
-    "NullableAttribute",
-    "Object",
-    "ObjectIdentity",
-    "ObjectRef",
-    "OnUpdate",
-    "Operation",
-    "Pattern",
-    "Progress",
-    "Provider",
-    "Publication",
-    "Publisher",
-    "Service",
-    "ServiceId",
-    "Specification",
-    "SpecificationError",
-    "Stage",
-    "StandardError",
-    "Subscription",
-    "SubscriptionFilter",
-    "Typed",
-    "TypedList",
-    "UpdateError",
-    "UpdateHeader",
-    "address_to_listen",
-    "encode_message",
-    "is_loopback",
-    "load_specification",
-]
+from adapters.mal.admission import Limits as Limits
+from adapters.mal.attribute_codec import Encoding as Encoding
+from adapters.mal.broker import Keys as Keys
+from adapters.mal.broker import Publisher as Publisher
+from adapters.mal.codec import Codec as Codec
+from adapters.mal.codec import Header as Header
+from adapters.mal.codec import encode_message as encode_message
+from adapters.mal.connection import SCHEME as SCHEME
+from adapters.mal.connection import Connection as Connection
+from adapters.mal.connection import MalUri as MalUri
+from adapters.mal.consumer import Consumer as Consumer
+from adapters.mal.consumer import Publication as Publication
+from adapters.mal.errors import DecodeError as DecodeError
+from adapters.mal.errors import EncodeError as EncodeError
+from adapters.mal.errors import MalError as MalError
+from adapters.mal.errors import SpecificationError as SpecificationError
+from adapters.mal.errors import StandardError as StandardError
+from adapters.mal.provider import Call as Call
+from adapters.mal.provider import Handler as Handler
+from adapters.mal.provider import Interaction as Interaction
+from adapters.mal.provider import Provider as Provider
+from adapters.mal.provider import UpdateError as UpdateError
+from adapters.mal.specification import Area as Area
+from adapters.mal.specification import CompositeType as CompositeType
+from adapters.mal.specification import EnumerationType as EnumerationType
+from adapters.mal.specification import Field as Field
+from adapters.mal.specification import Operation as Operation
+from adapters.mal.specification import Pattern as Pattern
+from adapters.mal.specification import Service as Service
+from adapters.mal.specification import Specification as Specification
+from adapters.mal.specification import Stage as Stage
+from adapters.mal.specification_xml import load_specification as load_specification
+from adapters.mal.tls import CertificateError as CertificateError
+from adapters.mal.tls import Certificates as Certificates
+from adapters.mal.tls import address_to_listen as address_to_listen
+from adapters.mal.tls import is_loopback as is_loopback
+from adapters.mal.transactions import Invocation as Invocation
+from adapters.mal.transactions import OnUpdate as OnUpdate
+from adapters.mal.transactions import Progress as Progress
+from adapters.mal.values import AttributeType as AttributeType
+from adapters.mal.values import NamedValue as NamedValue
+from adapters.mal.values import NullableAttribute as NullableAttribute
+from adapters.mal.values import Object as Object
+from adapters.mal.values import ObjectIdentity as ObjectIdentity
+from adapters.mal.values import ObjectRef as ObjectRef
+from adapters.mal.values import ServiceId as ServiceId
+from adapters.mal.values import Subscription as Subscription
+from adapters.mal.values import SubscriptionFilter as SubscriptionFilter
+from adapters.mal.values import Typed as Typed
+from adapters.mal.values import TypedList as TypedList
+from adapters.mal.values import UpdateHeader as UpdateHeader

@@ -1,85 +1,40 @@
 """MOPS, the string messages of the relay link and of MOCUP's brick (thesis 6.1.1)."""
 
-from adapters.mops.authority import RelayAuthority, authority_message, authority_of
-from adapters.mops.codec import (
-    Message,
-    MopsError,
-    MopsStream,
-    decode,
-    encode,
-    encoded,
-    fingerprint,
-    messages_in,
-    require_asset,
-)
-from adapters.mops.dictionary import (
-    Conditions,
-    Dictionary,
-    Spelling,
-    conditions_of,
-    load_dictionary,
-    mark_overtaken,
-)
-from adapters.mops.housekeeping import Housekeeping, housekeeping_message, housekeeping_of
-from adapters.mops.reports import (
-    HIGHEST_SEQUENCE,
-    LINK,
-    TO_ALL,
-    UNNUMBERED,
-    event_of,
-    is_last,
-    ledger_of,
-    refusal_of,
-    reply_of,
-    report_of,
-)
-from adapters.mops.telemetry import (
-    LinkHealth,
-    facts_of,
-    health_message,
-    health_of,
-    mode_of,
-    parameters_of,
-    telemetry_of,
-)
-
-__all__ = [
-    "HIGHEST_SEQUENCE",
-    "LINK",
-    "TO_ALL",
-    "UNNUMBERED",
-    "Conditions",
-    "Dictionary",
-    "Housekeeping",
-    "LinkHealth",
-    "Message",
-    "MopsError",
-    "MopsStream",
-    "RelayAuthority",
-    "Spelling",
-    "authority_message",
-    "authority_of",
-    "conditions_of",
-    "decode",
-    "encode",
-    "encoded",
-    "event_of",
-    "facts_of",
-    "fingerprint",
-    "health_message",
-    "health_of",
-    "housekeeping_message",
-    "housekeeping_of",
-    "is_last",
-    "ledger_of",
-    "load_dictionary",
-    "mark_overtaken",
-    "messages_in",
-    "mode_of",
-    "parameters_of",
-    "refusal_of",
-    "reply_of",
-    "report_of",
-    "require_asset",
-    "telemetry_of",
-]
+from adapters.mops.authority import RelayAuthority as RelayAuthority
+from adapters.mops.authority import authority_message as authority_message
+from adapters.mops.authority import authority_of as authority_of
+from adapters.mops.codec import Message as Message
+from adapters.mops.codec import MopsError as MopsError
+from adapters.mops.codec import MopsStream as MopsStream
+from adapters.mops.codec import decode as decode
+from adapters.mops.codec import encode as encode
+from adapters.mops.codec import encoded as encoded
+from adapters.mops.codec import fingerprint as fingerprint
+from adapters.mops.codec import messages_in as messages_in
+from adapters.mops.codec import require_asset as require_asset
+from adapters.mops.dictionary import Conditions as Conditions
+from adapters.mops.dictionary import Dictionary as Dictionary
+from adapters.mops.dictionary import Spelling as Spelling
+from adapters.mops.dictionary import conditions_of as conditions_of
+from adapters.mops.dictionary import load_dictionary as load_dictionary
+from adapters.mops.dictionary import mark_overtaken as mark_overtaken
+from adapters.mops.housekeeping import Housekeeping as Housekeeping
+from adapters.mops.housekeeping import housekeeping_message as housekeeping_message
+from adapters.mops.housekeeping import housekeeping_of as housekeeping_of
+from adapters.mops.reports import HIGHEST_SEQUENCE as HIGHEST_SEQUENCE
+from adapters.mops.reports import LINK as LINK
+from adapters.mops.reports import TO_ALL as TO_ALL
+from adapters.mops.reports import UNNUMBERED as UNNUMBERED
+from adapters.mops.reports import event_of as event_of
+from adapters.mops.reports import is_last as is_last
+from adapters.mops.reports import ledger_of as ledger_of
+from adapters.mops.reports import refusal_of as refusal_of
+from adapters.mops.reports import reply_of as reply_of
+from adapters.mops.reports import report_of as report_of
+from adapters.mops.telemetry import LinkHealth as LinkHealth
+from adapters.mops.telemetry import facts_of as facts_of
+from adapters.mops.telemetry import health_message as health_message
+from adapters.mops.telemetry import health_of as health_of
+from adapters.mops.telemetry import mode_of as mode_of
+from adapters.mops.telemetry import parameters_of as parameters_of
+from adapters.mops.telemetry import telemetry_of as telemetry_of

@@ -3,40 +3,21 @@
 It knows no links and no rovers.
 """
 
-from adapters.process.command import (
-    EXISTING_FILE,
-    PORT_NUMBER,
-    ROS_ARGS,
-    StartError,
-    asset_option,
-    data_option,
-    log_level_option,
-    process,
-)
-from adapters.process.folder import default_folder, exclusive
-from adapters.process.log import log_to_stderr
-from adapters.process.output import guard_output
-from adapters.process.signals import Termination, termination_event
-from adapters.process.start import missing_package, require
-from adapters.process.usage import ProcessUsage, Usage
-
-__all__ = [
-    "EXISTING_FILE",
-    "PORT_NUMBER",
-    "ROS_ARGS",
-    "ProcessUsage",
-    "StartError",
-    "Termination",
-    "Usage",
-    "asset_option",
-    "data_option",
-    "default_folder",
-    "exclusive",
-    "guard_output",
-    "log_level_option",
-    "log_to_stderr",
-    "missing_package",
-    "process",
-    "require",
-    "termination_event",
-]
+from adapters.process.command import EXISTING_FILE as EXISTING_FILE
+from adapters.process.command import PORT_NUMBER as PORT_NUMBER
+from adapters.process.command import ROS_ARGS as ROS_ARGS
+from adapters.process.command import StartError as StartError
+from adapters.process.command import asset_option as asset_option
+from adapters.process.command import data_option as data_option
+from adapters.process.command import log_level_option as log_level_option
+from adapters.process.command import process as process
+from adapters.process.folder import default_folder as default_folder
+from adapters.process.folder import exclusive as exclusive
+from adapters.process.log import log_to_stderr as log_to_stderr
+from adapters.process.output import guard_output as guard_output
+from adapters.process.signals import Termination as Termination
+from adapters.process.signals import termination_event as termination_event
+from adapters.process.start import missing_package as missing_package
+from adapters.process.start import require as require
+from adapters.process.usage import ProcessUsage as ProcessUsage
+from adapters.process.usage import Usage as Usage

@@ -1,29 +1,17 @@
 """Recordings of runs as MCAP files: written, read, and replayed through the core."""
 
-from adapters.recording.background import BackgroundTape
-from adapters.recording.completion import complete
-from adapters.recording.container import RecordingError
-from adapters.recording.messages import decode
-from adapters.recording.moments import Moment, RecordedMoments
-from adapters.recording.run_file import PROFILE, SUFFIX, RunFile, RunReader
-from adapters.recording.tables import frames
-from adapters.recording.timed import Timed, read_history, read_timed
-from adapters.recording.tree import RecordedTree
-
-__all__ = [
-    "PROFILE",
-    "SUFFIX",
-    "BackgroundTape",
-    "Moment",
-    "RecordedMoments",
-    "RecordedTree",
-    "RecordingError",
-    "RunFile",
-    "RunReader",
-    "Timed",
-    "complete",
-    "decode",
-    "frames",
-    "read_history",
-    "read_timed",
-]
+from adapters.recording.background import BackgroundTape as BackgroundTape
+from adapters.recording.completion import complete as complete
+from adapters.recording.container import RecordingError as RecordingError
+from adapters.recording.messages import decode as decode
+from adapters.recording.moments import Moment as Moment
+from adapters.recording.moments import RecordedMoments as RecordedMoments
+from adapters.recording.run_file import PROFILE as PROFILE
+from adapters.recording.run_file import SUFFIX as SUFFIX
+from adapters.recording.run_file import RunFile as RunFile
+from adapters.recording.run_file import RunReader as RunReader
+from adapters.recording.tables import frames as frames
+from adapters.recording.timed import Timed as Timed
+from adapters.recording.timed import read_history as read_history
+from adapters.recording.timed import read_timed as read_timed
+from adapters.recording.tree import RecordedTree as RecordedTree

@@ -1,109 +1,53 @@
 """ROS 2: rclpy lives here and in the simulation; the executive's node is beside this face."""
 
-from adapters.ros.context import ros_node, single_threaded, steady_timer, subscribers_of
-from adapters.ros.conversions import (
-    MessageError,
-    battery_message,
-    odometry_fact,
-    odometry_message,
-    stamp_s,
-    time_message,
-)
-from adapters.ros.diagnostics import TickStatistics, diagnostic_array
-from adapters.ros.heartbeat import HeartbeatMonitor, publish_heartbeat, watch
-from adapters.ros.parameters import (
-    ParameterError,
-    Topic,
-    Topics,
-    declare_optional_topic,
-    declare_rate,
-    declare_topic,
-    declare_topics,
-    declare_value,
-)
-from adapters.ros.robot_model import (
-    CAMERA_OPTICAL,
-    ROBOT_DESCRIPTION,
-    RobotModelPublisher,
-    base_transform,
-    camera_transforms,
-    kept_for_late_joiners,
-)
-from adapters.ros.rover import (
-    GUARD_NAME,
-    LOCK_QOS,
-    MuxOnRos,
-    RosAsset,
-    RosCamera,
-    RosFrames,
-    RosMotionRover,
-    RosRover,
-    RosVelocityRover,
-    Subscribe,
-)
-from adapters.ros.sensor_messages import (
-    WheelJoints,
-    imu_fact,
-    imu_message,
-    joints_fact,
-    joints_message,
-    laser_fact,
-    laser_message,
-    second_odometry_fact,
-    second_odometry_message,
-)
-from adapters.ros.sensors import MESSAGES, SensorTopics, declare_sensor_topics
-
-__all__ = [
-    "CAMERA_OPTICAL",
-    "GUARD_NAME",
-    "LOCK_QOS",
-    "MESSAGES",
-    "ROBOT_DESCRIPTION",
-    "HeartbeatMonitor",
-    "MessageError",
-    "MuxOnRos",
-    "ParameterError",
-    "RobotModelPublisher",
-    "RosAsset",
-    "RosCamera",
-    "RosFrames",
-    "RosMotionRover",
-    "RosRover",
-    "RosVelocityRover",
-    "SensorTopics",
-    "Subscribe",
-    "TickStatistics",
-    "Topic",
-    "Topics",
-    "WheelJoints",
-    "base_transform",
-    "battery_message",
-    "camera_transforms",
-    "declare_optional_topic",
-    "declare_rate",
-    "declare_sensor_topics",
-    "declare_topic",
-    "declare_topics",
-    "declare_value",
-    "diagnostic_array",
-    "imu_fact",
-    "imu_message",
-    "joints_fact",
-    "joints_message",
-    "kept_for_late_joiners",
-    "laser_fact",
-    "laser_message",
-    "odometry_fact",
-    "odometry_message",
-    "publish_heartbeat",
-    "ros_node",
-    "second_odometry_fact",
-    "second_odometry_message",
-    "single_threaded",
-    "stamp_s",
-    "steady_timer",
-    "subscribers_of",
-    "time_message",
-    "watch",
-]
+from adapters.ros.context import ros_node as ros_node
+from adapters.ros.context import single_threaded as single_threaded
+from adapters.ros.context import steady_timer as steady_timer
+from adapters.ros.context import subscribers_of as subscribers_of
+from adapters.ros.conversions import MessageError as MessageError
+from adapters.ros.conversions import battery_message as battery_message
+from adapters.ros.conversions import odometry_fact as odometry_fact
+from adapters.ros.conversions import odometry_message as odometry_message
+from adapters.ros.conversions import stamp_s as stamp_s
+from adapters.ros.conversions import time_message as time_message
+from adapters.ros.diagnostics import TickStatistics as TickStatistics
+from adapters.ros.diagnostics import diagnostic_array as diagnostic_array
+from adapters.ros.heartbeat import HeartbeatMonitor as HeartbeatMonitor
+from adapters.ros.heartbeat import publish_heartbeat as publish_heartbeat
+from adapters.ros.heartbeat import watch as watch
+from adapters.ros.parameters import ParameterError as ParameterError
+from adapters.ros.parameters import Topic as Topic
+from adapters.ros.parameters import Topics as Topics
+from adapters.ros.parameters import declare_optional_topic as declare_optional_topic
+from adapters.ros.parameters import declare_rate as declare_rate
+from adapters.ros.parameters import declare_topic as declare_topic
+from adapters.ros.parameters import declare_topics as declare_topics
+from adapters.ros.parameters import declare_value as declare_value
+from adapters.ros.robot_model import CAMERA_OPTICAL as CAMERA_OPTICAL
+from adapters.ros.robot_model import ROBOT_DESCRIPTION as ROBOT_DESCRIPTION
+from adapters.ros.robot_model import RobotModelPublisher as RobotModelPublisher
+from adapters.ros.robot_model import base_transform as base_transform
+from adapters.ros.robot_model import camera_transforms as camera_transforms
+from adapters.ros.robot_model import kept_for_late_joiners as kept_for_late_joiners
+from adapters.ros.rover import GUARD_NAME as GUARD_NAME
+from adapters.ros.rover import LOCK_QOS as LOCK_QOS
+from adapters.ros.rover import MuxOnRos as MuxOnRos
+from adapters.ros.rover import RosAsset as RosAsset
+from adapters.ros.rover import RosCamera as RosCamera
+from adapters.ros.rover import RosFrames as RosFrames
+from adapters.ros.rover import RosMotionRover as RosMotionRover
+from adapters.ros.rover import RosRover as RosRover
+from adapters.ros.rover import RosVelocityRover as RosVelocityRover
+from adapters.ros.rover import Subscribe as Subscribe
+from adapters.ros.sensor_messages import WheelJoints as WheelJoints
+from adapters.ros.sensor_messages import imu_fact as imu_fact
+from adapters.ros.sensor_messages import imu_message as imu_message
+from adapters.ros.sensor_messages import joints_fact as joints_fact
+from adapters.ros.sensor_messages import joints_message as joints_message
+from adapters.ros.sensor_messages import laser_fact as laser_fact
+from adapters.ros.sensor_messages import laser_message as laser_message
+from adapters.ros.sensor_messages import second_odometry_fact as second_odometry_fact
+from adapters.ros.sensor_messages import second_odometry_message as second_odometry_message
+from adapters.ros.sensors import MESSAGES as MESSAGES
+from adapters.ros.sensors import SensorTopics as SensorTopics
+from adapters.ros.sensors import declare_sensor_topics as declare_sensor_topics

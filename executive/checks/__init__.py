@@ -4,29 +4,15 @@ They are run when a command arrives (the dispatcher), again when its motion begi
 by previews. The bounds of arguments are checked by `executive.commands.intake`.
 """
 
-from executive.checks.battery_check import Speeds, check_battery, reckoned_j
-from executive.checks.path_check import (
-    check_request,
-    detoured_segments,
-    expected_pose,
-    heeded,
-    path_of,
-    seen_ahead,
-    way_to,
-)
-from executive.checks.pose_check import check_pose, check_target
-
-__all__ = [
-    "Speeds",
-    "check_battery",
-    "check_pose",
-    "check_request",
-    "check_target",
-    "detoured_segments",
-    "expected_pose",
-    "heeded",
-    "path_of",
-    "reckoned_j",
-    "seen_ahead",
-    "way_to",
-]
+from executive.checks.battery_check import Speeds as Speeds
+from executive.checks.battery_check import check_battery as check_battery
+from executive.checks.battery_check import reckoned_j as reckoned_j
+from executive.checks.path_check import check_request as check_request
+from executive.checks.path_check import detoured_segments as detoured_segments
+from executive.checks.path_check import expected_pose as expected_pose
+from executive.checks.path_check import heeded as heeded
+from executive.checks.path_check import path_of as path_of
+from executive.checks.path_check import seen_ahead as seen_ahead
+from executive.checks.path_check import way_to as way_to
+from executive.checks.pose_check import check_pose as check_pose
+from executive.checks.pose_check import check_target as check_target

@@ -30,5 +30,3 @@ from executive.commands.segments import Reference as Reference
 from executive.commands.segments import Rest as Rest
 from executive.commands.segments import Segment as Segment
 from executive.commands.segments import Turn as Turn
-
-__all__ = sorted(name for name in globals() if not name.startswith("_"))

@@ -4,32 +4,17 @@
 `MotionTracks` keeps where the rover was, and how fast it went.
 """
 
-from executive.history.history_builder import KINDS, HistoryBuilder
-from executive.history.motion_tracks import KINDS as TRACK_KINDS
-from executive.history.motion_tracks import MotionTracks, PoseAt, TrackSource, VelocityAt
-from executive.history.run_history import (
-    CommandLife,
-    Declined,
-    Fastest,
-    LeafRun,
-    ReceivedCommand,
-    RunHistory,
-    Situation,
-)
-
-__all__ = [
-    "KINDS",
-    "TRACK_KINDS",
-    "CommandLife",
-    "Declined",
-    "Fastest",
-    "HistoryBuilder",
-    "LeafRun",
-    "MotionTracks",
-    "PoseAt",
-    "ReceivedCommand",
-    "RunHistory",
-    "Situation",
-    "TrackSource",
-    "VelocityAt",
-]
+from executive.history.history_builder import KINDS as KINDS
+from executive.history.history_builder import HistoryBuilder as HistoryBuilder
+from executive.history.motion_tracks import TRACK_KINDS as TRACK_KINDS
+from executive.history.motion_tracks import MotionTracks as MotionTracks
+from executive.history.motion_tracks import PoseAt as PoseAt
+from executive.history.motion_tracks import TrackSource as TrackSource
+from executive.history.motion_tracks import VelocityAt as VelocityAt
+from executive.history.run_history import CommandLife as CommandLife
+from executive.history.run_history import Declined as Declined
+from executive.history.run_history import Fastest as Fastest
+from executive.history.run_history import LeafRun as LeafRun
+from executive.history.run_history import ReceivedCommand as ReceivedCommand
+from executive.history.run_history import RunHistory as RunHistory
+from executive.history.run_history import Situation as Situation

@@ -37,7 +37,7 @@ class VelocityAt:
     velocity: Velocity
 
 
-KINDS: Final = (Odometry, SecondOdometry, Joints, Drove, Halted, Truth)
+TRACK_KINDS: Final = (Odometry, SecondOdometry, Joints, Drove, Halted, Truth)
 """The kinds of items and facts that are of use, beside lives and entries."""
 
 

@@ -13,63 +13,34 @@ With `controller: mpc`, `predictive_control` is the control law. `minimum_time` 
 keep each place of a plan away from rocks and zones.
 """
 
-from executive.motion.arbiter import Arbiter, Intents, Latches, make_locomotion
-from executive.motion.delegated_motion import MotionProfile, profile_of
-from executive.motion.leg_progress import LegProgress
-from executive.motion.locomotion import (
-    Bounds,
-    Leg,
-    Locomotion,
-    Motion,
-    Step,
-    duration_s,
-    leg_errors,
-    plan_leg,
-)
-from executive.motion.minimum_time import MinimumTime
-from executive.motion.motion_model import MotionState
-from executive.motion.plan import Plan, PlanSolver, Problem, SharedSolver, Target
-from executive.motion.predictive_control import make_solver, model_of
-from executive.motion.route import passes_by
-from executive.motion.velocity_control import VelocityLocomotion
-from executive.motion.verification import (
-    FUSED_NEAR_M,
-    TURN_NEAR_M,
-    WAIT_S,
-    Verification,
-    Verified,
-)
-
-__all__ = [
-    "FUSED_NEAR_M",
-    "TURN_NEAR_M",
-    "WAIT_S",
-    "Arbiter",
-    "Bounds",
-    "Intents",
-    "Latches",
-    "Leg",
-    "LegProgress",
-    "Locomotion",
-    "MinimumTime",
-    "Motion",
-    "MotionProfile",
-    "MotionState",
-    "Plan",
-    "PlanSolver",
-    "Problem",
-    "SharedSolver",
-    "Step",
-    "Target",
-    "VelocityLocomotion",
-    "Verification",
-    "Verified",
-    "duration_s",
-    "leg_errors",
-    "make_locomotion",
-    "make_solver",
-    "model_of",
-    "passes_by",
-    "plan_leg",
-    "profile_of",
-]
+from executive.motion.arbiter import Arbiter as Arbiter
+from executive.motion.arbiter import Intents as Intents
+from executive.motion.arbiter import Latches as Latches
+from executive.motion.arbiter import make_locomotion as make_locomotion
+from executive.motion.delegated_motion import MotionProfile as MotionProfile
+from executive.motion.delegated_motion import profile_of as profile_of
+from executive.motion.leg_progress import LegProgress as LegProgress
+from executive.motion.locomotion import Bounds as Bounds
+from executive.motion.locomotion import Leg as Leg
+from executive.motion.locomotion import Locomotion as Locomotion
+from executive.motion.locomotion import Motion as Motion
+from executive.motion.locomotion import Step as Step
+from executive.motion.locomotion import duration_s as duration_s
+from executive.motion.locomotion import leg_errors as leg_errors
+from executive.motion.locomotion import plan_leg as plan_leg
+from executive.motion.minimum_time import MinimumTime as MinimumTime
+from executive.motion.motion_model import MotionState as MotionState
+from executive.motion.plan import Plan as Plan
+from executive.motion.plan import PlanSolver as PlanSolver
+from executive.motion.plan import Problem as Problem
+from executive.motion.plan import SharedSolver as SharedSolver
+from executive.motion.plan import Target as Target
+from executive.motion.predictive_control import make_solver as make_solver
+from executive.motion.predictive_control import model_of as model_of
+from executive.motion.route import passes_by as passes_by
+from executive.motion.velocity_control import VelocityLocomotion as VelocityLocomotion
+from executive.motion.verification import FUSED_NEAR_M as FUSED_NEAR_M
+from executive.motion.verification import TURN_NEAR_M as TURN_NEAR_M
+from executive.motion.verification import WAIT_S as WAIT_S
+from executive.motion.verification import Verification as Verification
+from executive.motion.verification import Verified as Verified

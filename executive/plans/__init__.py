@@ -1,51 +1,27 @@
 """Plans: behaviour trees that mission control sends, and what becomes of them."""
 
-from executive.plans.builder import check_plan, most_commands
-from executive.plans.execution import PlanExecution, PlanHost, Progress, step_key
-from executive.plans.model import (
-    DEADLINE,
-    LEAVES,
-    FallbackNode,
-    InverterNode,
-    LoopNode,
-    ParallelNode,
-    PlanNode,
-    RepeatOn,
-    SequenceNode,
-    Step,
-    TimeoutEnd,
-    TimeoutNode,
-    expected_course,
-    help_of,
-    steps,
-)
-from executive.plans.plan_xml import FORMAT
-from executive.plans.planner import FINAL_STATUSES, ActivePlans, Planner
-
-__all__ = [
-    "DEADLINE",
-    "FINAL_STATUSES",
-    "FORMAT",
-    "LEAVES",
-    "ActivePlans",
-    "FallbackNode",
-    "InverterNode",
-    "LoopNode",
-    "ParallelNode",
-    "PlanExecution",
-    "PlanHost",
-    "PlanNode",
-    "Planner",
-    "Progress",
-    "RepeatOn",
-    "SequenceNode",
-    "Step",
-    "TimeoutEnd",
-    "TimeoutNode",
-    "check_plan",
-    "expected_course",
-    "help_of",
-    "most_commands",
-    "step_key",
-    "steps",
-]
+from executive.plans.builder import check_plan as check_plan
+from executive.plans.builder import most_commands as most_commands
+from executive.plans.execution import PlanExecution as PlanExecution
+from executive.plans.execution import PlanHost as PlanHost
+from executive.plans.execution import Progress as Progress
+from executive.plans.execution import step_key as step_key
+from executive.plans.model import DEADLINE as DEADLINE
+from executive.plans.model import LEAVES as LEAVES
+from executive.plans.model import FallbackNode as FallbackNode
+from executive.plans.model import InverterNode as InverterNode
+from executive.plans.model import LoopNode as LoopNode
+from executive.plans.model import ParallelNode as ParallelNode
+from executive.plans.model import PlanNode as PlanNode
+from executive.plans.model import RepeatOn as RepeatOn
+from executive.plans.model import SequenceNode as SequenceNode
+from executive.plans.model import Step as Step
+from executive.plans.model import TimeoutEnd as TimeoutEnd
+from executive.plans.model import TimeoutNode as TimeoutNode
+from executive.plans.model import expected_course as expected_course
+from executive.plans.model import help_of as help_of
+from executive.plans.model import steps as steps
+from executive.plans.plan_xml import FORMAT as FORMAT
+from executive.plans.planner import FINAL_STATUSES as FINAL_STATUSES
+from executive.plans.planner import ActivePlans as ActivePlans
+from executive.plans.planner import Planner as Planner

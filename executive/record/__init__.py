@@ -1,40 +1,22 @@
 """Everything durable: the ledger, its retention, recovery after a restart, and plans."""
 
-from executive.record.authority_record import AuthorityRecord, Grant
-from executive.record.database import (
-    Connect,
-    Database,
-    LedgerError,
-    Synchronous,
-    connect_to_file,
-)
-from executive.record.ledger import PRUNED, LatchedFault, Ledger, digest
-from executive.record.notifications import Notifications
-from executive.record.plan_store import Outcome, PlanStore
-from executive.record.pose_record import PoseRecord
-from executive.record.relay_record import RelayedCommand, RelayRecord
-from executive.record.retention import Retention
-from executive.record.stop_latch import UNWRITTEN_LEDGER, StopLatch
-
-__all__ = [
-    "PRUNED",
-    "UNWRITTEN_LEDGER",
-    "AuthorityRecord",
-    "Connect",
-    "Database",
-    "Grant",
-    "LatchedFault",
-    "Ledger",
-    "LedgerError",
-    "Notifications",
-    "Outcome",
-    "PlanStore",
-    "PoseRecord",
-    "RelayRecord",
-    "RelayedCommand",
-    "Retention",
-    "StopLatch",
-    "Synchronous",
-    "connect_to_file",
-    "digest",
-]
+from executive.record.authority_record import AuthorityRecord as AuthorityRecord
+from executive.record.authority_record import Grant as Grant
+from executive.record.database import Connect as Connect
+from executive.record.database import Database as Database
+from executive.record.database import LedgerError as LedgerError
+from executive.record.database import Synchronous as Synchronous
+from executive.record.database import connect_to_file as connect_to_file
+from executive.record.ledger import PRUNED as PRUNED
+from executive.record.ledger import LatchedFault as LatchedFault
+from executive.record.ledger import Ledger as Ledger
+from executive.record.ledger import digest as digest
+from executive.record.notifications import Notifications as Notifications
+from executive.record.plan_store import Outcome as Outcome
+from executive.record.plan_store import PlanStore as PlanStore
+from executive.record.pose_record import PoseRecord as PoseRecord
+from executive.record.relay_record import RelayedCommand as RelayedCommand
+from executive.record.relay_record import RelayRecord as RelayRecord
+from executive.record.retention import Retention as Retention
+from executive.record.stop_latch import UNWRITTEN_LEDGER as UNWRITTEN_LEDGER
+from executive.record.stop_latch import StopLatch as StopLatch

@@ -1,29 +1,19 @@
 """What the executive watches for, and when a fault begins and ends."""
 
-from executive.safety.camera_checks import END_WITHIN, frame_fault
-from executive.safety.channel import Channel
-from executive.safety.coverage import Unmonitored, summary, unmonitored
-from executive.safety.evidence import Evidence, Monitor
-from executive.safety.history import History, Moved
-from executive.safety.pose_uncertainty import PoseMonitor, StoredPose
-from executive.safety.safety import HOLDING, MONITORS, Changes, Fault, Safety
-
-__all__ = [
-    "END_WITHIN",
-    "HOLDING",
-    "MONITORS",
-    "Changes",
-    "Channel",
-    "Evidence",
-    "Fault",
-    "History",
-    "Monitor",
-    "Moved",
-    "PoseMonitor",
-    "Safety",
-    "StoredPose",
-    "Unmonitored",
-    "frame_fault",
-    "summary",
-    "unmonitored",
-]
+from executive.safety.camera_checks import END_WITHIN as END_WITHIN
+from executive.safety.camera_checks import frame_fault as frame_fault
+from executive.safety.channel import Channel as Channel
+from executive.safety.coverage import Unmonitored as Unmonitored
+from executive.safety.coverage import summary as summary
+from executive.safety.coverage import unmonitored as unmonitored
+from executive.safety.evidence import Evidence as Evidence
+from executive.safety.evidence import Monitor as Monitor
+from executive.safety.history import History as History
+from executive.safety.history import Moved as Moved
+from executive.safety.pose_uncertainty import PoseMonitor as PoseMonitor
+from executive.safety.pose_uncertainty import StoredPose as StoredPose
+from executive.safety.safety import HOLDING as HOLDING
+from executive.safety.safety import MONITORS as MONITORS
+from executive.safety.safety import Changes as Changes
+from executive.safety.safety import Fault as Fault
+from executive.safety.safety import Safety as Safety

@@ -1,44 +1,22 @@
 """What the rover knows: status, telemetry, files and pictures."""
 
-from executive.state.files import (
-    LONGEST_PATH,
-    FileFolder,
-    FileStamp,
-    check_path,
-    store_picture,
-)
-from executive.state.fusion import Disagreement, FramePair, disagreement
-from executive.state.motion_statistics import MotionStatistics
-from executive.state.rejections import Rejections
-from executive.state.standstill import FRAME_WAY_M, SourceMotion, is_slow, listed
-from executive.state.status import Status
-from executive.state.telemetry import Telemetry
-from executive.state.uncertainty import (
-    PROMISED_M,
-    PROMISED_RAD,
-    PROMISED_RATIO,
-    Uncertainty,
-)
-
-__all__ = [
-    "FRAME_WAY_M",
-    "LONGEST_PATH",
-    "PROMISED_M",
-    "PROMISED_RAD",
-    "PROMISED_RATIO",
-    "Disagreement",
-    "FileFolder",
-    "FileStamp",
-    "FramePair",
-    "MotionStatistics",
-    "Rejections",
-    "SourceMotion",
-    "Status",
-    "Telemetry",
-    "Uncertainty",
-    "check_path",
-    "disagreement",
-    "is_slow",
-    "listed",
-    "store_picture",
-]
+from executive.state.files import LONGEST_PATH as LONGEST_PATH
+from executive.state.files import FileFolder as FileFolder
+from executive.state.files import FileStamp as FileStamp
+from executive.state.files import check_path as check_path
+from executive.state.files import store_picture as store_picture
+from executive.state.fusion import Disagreement as Disagreement
+from executive.state.fusion import FramePair as FramePair
+from executive.state.fusion import disagreement as disagreement
+from executive.state.motion_statistics import MotionStatistics as MotionStatistics
+from executive.state.rejections import Rejections as Rejections
+from executive.state.standstill import FRAME_WAY_M as FRAME_WAY_M
+from executive.state.standstill import SourceMotion as SourceMotion
+from executive.state.standstill import is_slow as is_slow
+from executive.state.standstill import listed as listed
+from executive.state.status import Status as Status
+from executive.state.telemetry import Telemetry as Telemetry
+from executive.state.uncertainty import PROMISED_M as PROMISED_M
+from executive.state.uncertainty import PROMISED_RAD as PROMISED_RAD
+from executive.state.uncertainty import PROMISED_RATIO as PROMISED_RATIO
+from executive.state.uncertainty import Uncertainty as Uncertainty

@@ -4,86 +4,47 @@ They are made of plain data (`Drive`, `RunTimeline`), whoever ran the run, as ma
 Importing this package loads matplotlib, so commands import it late.
 """
 
-from sim.drawing.lanes import (
-    ENDED,
-    LEFT_PX,
-    RECEIVED,
-    RIGHT_PX,
-    SENT,
-    STARTED,
-    TURN,
-    WIDTH_PX,
-    WORK,
-    add_legend_row,
-    draw_rule,
-    line,
-    mark,
-    write_beside,
-)
-from sim.drawing.map import Drive, Incident, draw_map, thinned
-from sim.drawing.run_plot import Panel, RunPlot, Series, Track, draw_run
-from sim.drawing.style import (
-    COMMAND,
-    DONE,
-    DPI,
-    FAINT,
-    GRID,
-    INK,
-    MOTION,
-    POINT,
-    RULE,
-    WARNED,
-    WRONG,
-    as_png,
-    as_svg,
-    sheet,
-    write_drawing,
-)
-from sim.drawing.timeline import CommandLane, RunTimeline, Span, draw_timeline, events_of, lane_of
-
-__all__ = [
-    "COMMAND",
-    "DONE",
-    "DPI",
-    "ENDED",
-    "FAINT",
-    "GRID",
-    "INK",
-    "LEFT_PX",
-    "MOTION",
-    "POINT",
-    "RECEIVED",
-    "RIGHT_PX",
-    "RULE",
-    "SENT",
-    "STARTED",
-    "TURN",
-    "WARNED",
-    "WIDTH_PX",
-    "WORK",
-    "WRONG",
-    "CommandLane",
-    "Drive",
-    "Incident",
-    "Panel",
-    "RunPlot",
-    "RunTimeline",
-    "Series",
-    "Span",
-    "Track",
-    "add_legend_row",
-    "as_png",
-    "as_svg",
-    "draw_map",
-    "draw_rule",
-    "draw_run",
-    "draw_timeline",
-    "events_of",
-    "lane_of",
-    "line",
-    "mark",
-    "sheet",
-    "thinned",
-    "write_beside",
-    "write_drawing",
-]
+from sim.drawing.lanes import ENDED as ENDED
+from sim.drawing.lanes import LEFT_PX as LEFT_PX
+from sim.drawing.lanes import RECEIVED as RECEIVED
+from sim.drawing.lanes import RIGHT_PX as RIGHT_PX
+from sim.drawing.lanes import SENT as SENT
+from sim.drawing.lanes import STARTED as STARTED
+from sim.drawing.lanes import TURN as TURN
+from sim.drawing.lanes import WIDTH_PX as WIDTH_PX
+from sim.drawing.lanes import WORK as WORK
+from sim.drawing.lanes import add_legend_row as add_legend_row
+from sim.drawing.lanes import draw_rule as draw_rule
+from sim.drawing.lanes import line as line
+from sim.drawing.lanes import mark as mark
+from sim.drawing.lanes import write_beside as write_beside
+from sim.drawing.map import Drive as Drive
+from sim.drawing.map import Incident as Incident
+from sim.drawing.map import draw_map as draw_map
+from sim.drawing.map import thinned as thinned
+from sim.drawing.run_plot import Panel as Panel
+from sim.drawing.run_plot import RunPlot as RunPlot
+from sim.drawing.run_plot import Series as Series
+from sim.drawing.run_plot import Track as Track
+from sim.drawing.run_plot import draw_run as draw_run
+from sim.drawing.style import COMMAND as COMMAND
+from sim.drawing.style import DONE as DONE
+from sim.drawing.style import DPI as DPI
+from sim.drawing.style import FAINT as FAINT
+from sim.drawing.style import GRID as GRID
+from sim.drawing.style import INK as INK
+from sim.drawing.style import MOTION as MOTION
+from sim.drawing.style import POINT as POINT
+from sim.drawing.style import RULE as RULE
+from sim.drawing.style import WARNED as WARNED
+from sim.drawing.style import WRONG as WRONG
+from sim.drawing.style import as_png as as_png
+from sim.drawing.style import as_svg as as_svg
+from sim.drawing.style import sheet as sheet
+from sim.drawing.style import write_drawing as write_drawing
+from sim.drawing.timeline import CommandLane as CommandLane
+from sim.drawing.timeline import RunTimeline as RunTimeline
+from sim.drawing.timeline import Span as Span
+from sim.drawing.timeline import draw_timeline as draw_timeline
+from sim.drawing.timeline import events_of as events_of
+from sim.drawing.timeline import lane_of as lane_of

@@ -1,24 +1,16 @@
 """A simulated rover as processes: started and ended, found, listened to."""
 
-from sim.processes.children import LOOK_S, ChildError, ProcessGroup
-from sim.processes.console import OperationsConsole, operations_console
-from sim.processes.contacts import Eclipse
-from sim.processes.deployment import Deployment, deployed
-from sim.processes.place import ANY_PORT, HOST, Place, PlaceError, free_place, known_place
-
-__all__ = [
-    "ANY_PORT",
-    "HOST",
-    "LOOK_S",
-    "ChildError",
-    "Deployment",
-    "Eclipse",
-    "OperationsConsole",
-    "Place",
-    "PlaceError",
-    "ProcessGroup",
-    "deployed",
-    "free_place",
-    "known_place",
-    "operations_console",
-]
+from sim.processes.children import LOOK_S as LOOK_S
+from sim.processes.children import ChildError as ChildError
+from sim.processes.children import ProcessGroup as ProcessGroup
+from sim.processes.console import OperationsConsole as OperationsConsole
+from sim.processes.console import operations_console as operations_console
+from sim.processes.contacts import Eclipse as Eclipse
+from sim.processes.deployment import Deployment as Deployment
+from sim.processes.deployment import deployed as deployed
+from sim.processes.place import ANY_PORT as ANY_PORT
+from sim.processes.place import HOST as HOST
+from sim.processes.place import Place as Place
+from sim.processes.place import PlaceError as PlaceError
+from sim.processes.place import free_place as free_place
+from sim.processes.place import known_place as known_place

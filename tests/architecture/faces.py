@@ -1,14 +1,18 @@
 """The import contract `faces`: what a room does not export, nobody outside it imports."""
 
+import re
 from pathlib import Path
-from typing import cast
+from typing import Final, cast
 
 from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output
 
+RE_EXPORT: Final = re.compile(r"^from \S+ import (\w+) as \1$", re.MULTILINE)
+"""How a name is made public, once (PEP 484); the line says in which module it is defined."""
+
 
 class FacesContract(Contract):
-    """A package whose `__init__` has `__all__` is imported from by that face alone.
+    """A package whose `__init__` has `from … import X as X` is imported from by that face alone.
 
     Modules inside it import each other directly, never their own face. The packages are read below
     the working directory, where import-linter is started.
@@ -43,7 +47,7 @@ class FacesContract(Contract):
 
 def _is_face(module: str) -> bool:
     init = Path(*module.split("."), "__init__.py")
-    return init.is_file() and "\n__all__" in init.read_text(encoding="utf-8")
+    return init.is_file() and RE_EXPORT.search(init.read_text(encoding="utf-8")) is not None
 
 
 def _room_of(module: str, faces: set[str]) -> str | None:

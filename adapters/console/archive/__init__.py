@@ -11,117 +11,59 @@ command by source and number, with the stages that either received
 (`adapters.console.command_life`).
 """
 
-from adapters.console.archive.alarms import (
-    Change,
-    Cleared,
-    Raised,
-    acknowledge_alarms,
-    change_alarms,
-    read_alarms,
-    standing_alarms,
-)
-from adapters.console.archive.archive import LOOK_S, Archive, Written, to_us
-from adapters.console.archive.database import ArchiveError, cause_of, open_database
-from adapters.console.archive.exports import (
-    Exported,
-    ExportRow,
-    Kept,
-    Place,
-    export_page,
-    kept_page,
-)
-from adapters.console.archive.objects import (
-    Conflict,
-    Stored,
-    delete_object,
-    get_object,
-    list_objects,
-    put_object,
-)
-from adapters.console.archive.plans import PlanRevision, get_plan, keep_plan, list_plans
-from adapters.console.archive.presence import (
-    ConsolePages,
-    forget_pages,
-    read_pages,
-    write_pages,
-)
-from adapters.console.archive.queries import (
-    MOST_SAMPLES,
-    Page,
-    Parameter,
-    Strategy,
-    Wanted,
-    changed_commands,
-    find_command,
-    find_parameters,
-    last_commands,
-    last_notification,
-    last_revision,
-    read_command,
-    read_commands,
-    read_last_sample,
-    read_notifications,
-    read_records,
-    read_samples,
-)
-from adapters.console.archive.retention import Retention, delete_old, retain
-from adapters.console.archive.tables import METADATA, SAMPLE_MINUTE
-
-__all__ = [
-    "LOOK_S",
-    "METADATA",
-    "MOST_SAMPLES",
-    "SAMPLE_MINUTE",
-    "Archive",
-    "ArchiveError",
-    "Change",
-    "Cleared",
-    "Conflict",
-    "ConsolePages",
-    "ExportRow",
-    "Exported",
-    "Kept",
-    "Page",
-    "Parameter",
-    "Place",
-    "PlanRevision",
-    "Raised",
-    "Retention",
-    "Stored",
-    "Strategy",
-    "Wanted",
-    "Written",
-    "acknowledge_alarms",
-    "cause_of",
-    "change_alarms",
-    "changed_commands",
-    "delete_object",
-    "delete_old",
-    "export_page",
-    "find_command",
-    "find_parameters",
-    "forget_pages",
-    "get_object",
-    "get_plan",
-    "keep_plan",
-    "kept_page",
-    "last_commands",
-    "last_notification",
-    "last_revision",
-    "list_objects",
-    "list_plans",
-    "open_database",
-    "put_object",
-    "read_alarms",
-    "read_command",
-    "read_commands",
-    "read_last_sample",
-    "read_notifications",
-    "read_pages",
-    "read_records",
-    "read_samples",
-    "retain",
-    "standing_alarms",
-    "to_us",
-    "write_pages",
-]
+from adapters.console.archive.alarms import Change as Change
+from adapters.console.archive.alarms import Cleared as Cleared
+from adapters.console.archive.alarms import Raised as Raised
+from adapters.console.archive.alarms import acknowledge_alarms as acknowledge_alarms
+from adapters.console.archive.alarms import change_alarms as change_alarms
+from adapters.console.archive.alarms import read_alarms as read_alarms
+from adapters.console.archive.alarms import standing_alarms as standing_alarms
+from adapters.console.archive.archive import LOOK_S as LOOK_S
+from adapters.console.archive.archive import Archive as Archive
+from adapters.console.archive.archive import Written as Written
+from adapters.console.archive.archive import to_us as to_us
+from adapters.console.archive.database import ArchiveError as ArchiveError
+from adapters.console.archive.database import cause_of as cause_of
+from adapters.console.archive.database import open_database as open_database
+from adapters.console.archive.exports import Exported as Exported
+from adapters.console.archive.exports import ExportRow as ExportRow
+from adapters.console.archive.exports import Kept as Kept
+from adapters.console.archive.exports import Place as Place
+from adapters.console.archive.exports import export_page as export_page
+from adapters.console.archive.exports import kept_page as kept_page
+from adapters.console.archive.objects import Conflict as Conflict
+from adapters.console.archive.objects import Stored as Stored
+from adapters.console.archive.objects import delete_object as delete_object
+from adapters.console.archive.objects import get_object as get_object
+from adapters.console.archive.objects import list_objects as list_objects
+from adapters.console.archive.objects import put_object as put_object
+from adapters.console.archive.plans import PlanRevision as PlanRevision
+from adapters.console.archive.plans import get_plan as get_plan
+from adapters.console.archive.plans import keep_plan as keep_plan
+from adapters.console.archive.plans import list_plans as list_plans
+from adapters.console.archive.presence import ConsolePages as ConsolePages
+from adapters.console.archive.presence import forget_pages as forget_pages
+from adapters.console.archive.presence import read_pages as read_pages
+from adapters.console.archive.presence import write_pages as write_pages
+from adapters.console.archive.queries import MOST_SAMPLES as MOST_SAMPLES
+from adapters.console.archive.queries import Page as Page
+from adapters.console.archive.queries import Parameter as Parameter
+from adapters.console.archive.queries import Strategy as Strategy
+from adapters.console.archive.queries import Wanted as Wanted
+from adapters.console.archive.queries import changed_commands as changed_commands
+from adapters.console.archive.queries import find_command as find_command
+from adapters.console.archive.queries import find_parameters as find_parameters
+from adapters.console.archive.queries import last_commands as last_commands
+from adapters.console.archive.queries import last_notification as last_notification
+from adapters.console.archive.queries import last_revision as last_revision
+from adapters.console.archive.queries import read_command as read_command
+from adapters.console.archive.queries import read_commands as read_commands
+from adapters.console.archive.queries import read_last_sample as read_last_sample
+from adapters.console.archive.queries import read_notifications as read_notifications
+from adapters.console.archive.queries import read_records as read_records
+from adapters.console.archive.queries import read_samples as read_samples
+from adapters.console.archive.retention import Retention as Retention
+from adapters.console.archive.retention import delete_old as delete_old
+from adapters.console.archive.retention import retain as retain
+from adapters.console.archive.tables import METADATA as METADATA
+from adapters.console.archive.tables import SAMPLE_MINUTE as SAMPLE_MINUTE

@@ -4,88 +4,39 @@ Times are seconds since 1970-01-01 UTC; figures are in SI units and radians. The
 `adapters.console` lists the messages. They stand on the standard library alone.
 """
 
-from adapters.console.messages.commands import (
-    ENDED,
-    AuthorityHeld,
-    CommandState,
-    CommandStatus,
-    StageReached,
-)
-from adapters.console.messages.pages import (
-    PROTOCOL,
-    DictionaryChanged,
-    Hello,
-    ObjectChanged,
-    Presence,
-    Present,
-)
-from adapters.console.messages.reports import (
-    AlarmStatus,
-    FileChanged,
-    Notified,
-    PlanProgress,
-    Transfer,
-    TransferState,
-)
-from adapters.console.messages.telemetry import (
-    AssetState,
-    Gap,
-    Link,
-    LinkState,
-    LinkStatus,
-    Quality,
-    Sample,
-    Scalar,
-    TreeNode,
-    TreeState,
-)
-from adapters.console.messages.wire import (
-    Broadcast,
-    Latest,
-    Message,
-    decode_command,
-    decode_transfer,
-    encode,
-    is_wanted,
-    plain,
-    topic_of,
-)
-
-__all__ = [
-    "ENDED",
-    "PROTOCOL",
-    "AlarmStatus",
-    "AssetState",
-    "AuthorityHeld",
-    "Broadcast",
-    "CommandState",
-    "CommandStatus",
-    "DictionaryChanged",
-    "FileChanged",
-    "Gap",
-    "Hello",
-    "Latest",
-    "Link",
-    "LinkState",
-    "LinkStatus",
-    "Message",
-    "Notified",
-    "ObjectChanged",
-    "PlanProgress",
-    "Presence",
-    "Present",
-    "Quality",
-    "Sample",
-    "Scalar",
-    "StageReached",
-    "Transfer",
-    "TransferState",
-    "TreeNode",
-    "TreeState",
-    "decode_command",
-    "decode_transfer",
-    "encode",
-    "is_wanted",
-    "plain",
-    "topic_of",
-]
+from adapters.console.messages.commands import ENDED as ENDED
+from adapters.console.messages.commands import AuthorityHeld as AuthorityHeld
+from adapters.console.messages.commands import CommandState as CommandState
+from adapters.console.messages.commands import CommandStatus as CommandStatus
+from adapters.console.messages.commands import StageReached as StageReached
+from adapters.console.messages.pages import PROTOCOL as PROTOCOL
+from adapters.console.messages.pages import DictionaryChanged as DictionaryChanged
+from adapters.console.messages.pages import Hello as Hello
+from adapters.console.messages.pages import ObjectChanged as ObjectChanged
+from adapters.console.messages.pages import Presence as Presence
+from adapters.console.messages.pages import Present as Present
+from adapters.console.messages.reports import AlarmStatus as AlarmStatus
+from adapters.console.messages.reports import FileChanged as FileChanged
+from adapters.console.messages.reports import Notified as Notified
+from adapters.console.messages.reports import PlanProgress as PlanProgress
+from adapters.console.messages.reports import Transfer as Transfer
+from adapters.console.messages.reports import TransferState as TransferState
+from adapters.console.messages.telemetry import AssetState as AssetState
+from adapters.console.messages.telemetry import Gap as Gap
+from adapters.console.messages.telemetry import Link as Link
+from adapters.console.messages.telemetry import LinkState as LinkState
+from adapters.console.messages.telemetry import LinkStatus as LinkStatus
+from adapters.console.messages.telemetry import Quality as Quality
+from adapters.console.messages.telemetry import Sample as Sample
+from adapters.console.messages.telemetry import Scalar as Scalar
+from adapters.console.messages.telemetry import TreeNode as TreeNode
+from adapters.console.messages.telemetry import TreeState as TreeState
+from adapters.console.messages.wire import Broadcast as Broadcast
+from adapters.console.messages.wire import Latest as Latest
+from adapters.console.messages.wire import Message as Message
+from adapters.console.messages.wire import decode_command as decode_command
+from adapters.console.messages.wire import decode_transfer as decode_transfer
+from adapters.console.messages.wire import encode as encode
+from adapters.console.messages.wire import is_wanted as is_wanted
+from adapters.console.messages.wire import plain as plain
+from adapters.console.messages.wire import topic_of as topic_of

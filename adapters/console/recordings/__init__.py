@@ -1,8 +1,4 @@
 """Recordings as assets with an archive each."""
 
-from adapters.console.recordings.recordings import Recordings, is_connected
-
-__all__ = [
-    "Recordings",
-    "is_connected",
-]
+from adapters.console.recordings.recordings import Recordings as Recordings
+from adapters.console.recordings.recordings import is_connected as is_connected

@@ -4,30 +4,15 @@ Each module has the handlers of one subject, as `routes()`. They answer by `adap
 and command by `adapters.console.rovers`.
 """
 
-from adapters.console.requests.alarms import Alarms
-from adapters.console.requests.commanding import Commanding
-from adapters.console.requests.explaining import Explaining
-from adapters.console.requests.export import Export
-from adapters.console.requests.file_store import FileStore
-from adapters.console.requests.files import Files
-from adapters.console.requests.history import History
-from adapters.console.requests.objects import Objects
-from adapters.console.requests.operations import Operations
-from adapters.console.requests.plans import Plans
-from adapters.console.requests.transfers import Transfers
-from adapters.console.requests.video import Video
-
-__all__ = [
-    "Alarms",
-    "Commanding",
-    "Explaining",
-    "Export",
-    "FileStore",
-    "Files",
-    "History",
-    "Objects",
-    "Operations",
-    "Plans",
-    "Transfers",
-    "Video",
-]
+from adapters.console.requests.alarms import Alarms as Alarms
+from adapters.console.requests.commanding import Commanding as Commanding
+from adapters.console.requests.explaining import Explaining as Explaining
+from adapters.console.requests.export import Export as Export
+from adapters.console.requests.file_store import FileStore as FileStore
+from adapters.console.requests.files import Files as Files
+from adapters.console.requests.history import History as History
+from adapters.console.requests.objects import Objects as Objects
+from adapters.console.requests.operations import Operations as Operations
+from adapters.console.requests.plans import Plans as Plans
+from adapters.console.requests.transfers import Transfers as Transfers
+from adapters.console.requests.video import Video as Video

@@ -1,42 +1,25 @@
 """Sessions with rovers: what is heard as messages, what is commanded as requests."""
 
-from adapters.console.rovers.authority_desk import Act, Asked, AuthorityDesk
-from adapters.console.rovers.dictionary import (
-    FORMS,
-    AssetEntry,
-    RecordingEntry,
-    command_entries,
-    parameter_entries,
-    zone_entries,
-)
-from adapters.console.rovers.fleet import NS_PER_S, Asset, Fleet, figures_of, notified, tree_of
-from adapters.console.rovers.posted import BadArgument, args_of, request_of
-from adapters.console.rovers.rover_link import Known, RoverLink
-from adapters.console.rovers.shared_commands import SharedCommands
-from adapters.console.rovers.tracker import HEARD_WITHIN_S, CommandTracker
-
-__all__ = [
-    "FORMS",
-    "HEARD_WITHIN_S",
-    "NS_PER_S",
-    "Act",
-    "Asked",
-    "Asset",
-    "AssetEntry",
-    "AuthorityDesk",
-    "BadArgument",
-    "CommandTracker",
-    "Fleet",
-    "Known",
-    "RecordingEntry",
-    "RoverLink",
-    "SharedCommands",
-    "args_of",
-    "command_entries",
-    "figures_of",
-    "notified",
-    "parameter_entries",
-    "request_of",
-    "tree_of",
-    "zone_entries",
-]
+from adapters.console.rovers.authority_desk import Act as Act
+from adapters.console.rovers.authority_desk import Asked as Asked
+from adapters.console.rovers.authority_desk import AuthorityDesk as AuthorityDesk
+from adapters.console.rovers.dictionary import FORMS as FORMS
+from adapters.console.rovers.dictionary import AssetEntry as AssetEntry
+from adapters.console.rovers.dictionary import RecordingEntry as RecordingEntry
+from adapters.console.rovers.dictionary import command_entries as command_entries
+from adapters.console.rovers.dictionary import parameter_entries as parameter_entries
+from adapters.console.rovers.dictionary import zone_entries as zone_entries
+from adapters.console.rovers.fleet import NS_PER_S as NS_PER_S
+from adapters.console.rovers.fleet import Asset as Asset
+from adapters.console.rovers.fleet import Fleet as Fleet
+from adapters.console.rovers.fleet import figures_of as figures_of
+from adapters.console.rovers.fleet import notified as notified
+from adapters.console.rovers.fleet import tree_of as tree_of
+from adapters.console.rovers.posted import BadArgument as BadArgument
+from adapters.console.rovers.posted import args_of as args_of
+from adapters.console.rovers.posted import request_of as request_of
+from adapters.console.rovers.rover_link import Known as Known
+from adapters.console.rovers.rover_link import RoverLink as RoverLink
+from adapters.console.rovers.shared_commands import SharedCommands as SharedCommands
+from adapters.console.rovers.tracker import HEARD_WITHIN_S as HEARD_WITHIN_S
+from adapters.console.rovers.tracker import CommandTracker as CommandTracker

@@ -7,38 +7,18 @@
 loop, on which all else runs.
 """
 
-from adapters.mrs.aboard.asset_services import (
-    LAST_SEQUENCE,
-    PAGE,
-    AssetServices,
-    own_info,
-    page_size,
-    past_notifications,
-    present_values,
-    serve_commands,
-)
-from adapters.mrs.aboard.authority_service import serve_authority
-from adapters.mrs.aboard.file_services import FileServices
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.history_service import HistoryService
-from adapters.mrs.aboard.preview_service import PreviewService
-from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.aboard.tree_service import TreeService
-
-__all__ = [
-    "LAST_SEQUENCE",
-    "PAGE",
-    "AssetServices",
-    "FileServices",
-    "Gateway",
-    "HistoryService",
-    "PreviewService",
-    "ServedOperations",
-    "TreeService",
-    "own_info",
-    "page_size",
-    "past_notifications",
-    "present_values",
-    "serve_authority",
-    "serve_commands",
-]
+from adapters.mrs.aboard.asset_services import LAST_SEQUENCE as LAST_SEQUENCE
+from adapters.mrs.aboard.asset_services import PAGE as PAGE
+from adapters.mrs.aboard.asset_services import AssetServices as AssetServices
+from adapters.mrs.aboard.asset_services import own_info as own_info
+from adapters.mrs.aboard.asset_services import page_size as page_size
+from adapters.mrs.aboard.asset_services import past_notifications as past_notifications
+from adapters.mrs.aboard.asset_services import present_values as present_values
+from adapters.mrs.aboard.asset_services import serve_commands as serve_commands
+from adapters.mrs.aboard.authority_service import serve_authority as serve_authority
+from adapters.mrs.aboard.file_services import FileServices as FileServices
+from adapters.mrs.aboard.gateway import Gateway as Gateway
+from adapters.mrs.aboard.history_service import HistoryService as HistoryService
+from adapters.mrs.aboard.preview_service import PreviewService as PreviewService
+from adapters.mrs.aboard.served_operations import ServedOperations as ServedOperations
+from adapters.mrs.aboard.tree_service import TreeService as TreeService

@@ -4,6 +4,4 @@ Every executive is a service layer where other assets register and publish, and 
 one itself. docs/mrs-rules.md lists what is stored, bounded and passed on.
 """
 
-from adapters.mrs.fleet.fleet_service import FleetService
-
-__all__ = ["FleetService"]
+from adapters.mrs.fleet.fleet_service import FleetService as FleetService

@@ -7,42 +7,22 @@
 the rover answers as an error is raised as MalError; if it does not come back, ConnectionError.
 """
 
-from adapters.mrs.ground.blocking import BlockingClient
-from adapters.mrs.ground.client import SOURCE, CommandNumbers, MrsClient
-from adapters.mrs.ground.file_retrieval import FileNews, TransferError
-from adapters.mrs.ground.notification_stream import Stream
-from adapters.mrs.ground.outcome import (
-    DTN_OLDEST,
-    DTN_QUEUED,
-    LAST_HEARD,
-    NEXT_CONTACT,
-    OVERRIDE,
-    TERMINAL,
-    Outcome,
-    describe_next_contact,
-    where_stored,
-)
-from adapters.mrs.ground.rover_consumer import Dialer
-from adapters.mrs.ground.session import UnknownHostError, parse_address
-
-__all__ = [
-    "DTN_OLDEST",
-    "DTN_QUEUED",
-    "LAST_HEARD",
-    "NEXT_CONTACT",
-    "OVERRIDE",
-    "SOURCE",
-    "TERMINAL",
-    "BlockingClient",
-    "CommandNumbers",
-    "Dialer",
-    "FileNews",
-    "MrsClient",
-    "Outcome",
-    "Stream",
-    "TransferError",
-    "UnknownHostError",
-    "describe_next_contact",
-    "parse_address",
-    "where_stored",
-]
+from adapters.mrs.ground.blocking import BlockingClient as BlockingClient
+from adapters.mrs.ground.client import SOURCE as SOURCE
+from adapters.mrs.ground.client import CommandNumbers as CommandNumbers
+from adapters.mrs.ground.client import MrsClient as MrsClient
+from adapters.mrs.ground.file_retrieval import FileNews as FileNews
+from adapters.mrs.ground.file_retrieval import TransferError as TransferError
+from adapters.mrs.ground.notification_stream import Stream as Stream
+from adapters.mrs.ground.outcome import DTN_OLDEST as DTN_OLDEST
+from adapters.mrs.ground.outcome import DTN_QUEUED as DTN_QUEUED
+from adapters.mrs.ground.outcome import LAST_HEARD as LAST_HEARD
+from adapters.mrs.ground.outcome import NEXT_CONTACT as NEXT_CONTACT
+from adapters.mrs.ground.outcome import OVERRIDE as OVERRIDE
+from adapters.mrs.ground.outcome import TERMINAL as TERMINAL
+from adapters.mrs.ground.outcome import Outcome as Outcome
+from adapters.mrs.ground.outcome import describe_next_contact as describe_next_contact
+from adapters.mrs.ground.outcome import where_stored as where_stored
+from adapters.mrs.ground.rover_consumer import Dialer as Dialer
+from adapters.mrs.ground.session import UnknownHostError as UnknownHostError
+from adapters.mrs.ground.session import parse_address as parse_address

@@ -3,213 +3,105 @@
 It opens no connection. `tree_updates` needs `trees` and is imported late.
 """
 
-from adapters.mrs.spec.core_values import (
-    mode_of,
-    plan_update_of,
-    report_of,
-    rover_values_of,
-    utc_s_of,
-)
-from adapters.mrs.spec.errors import (
-    AreaError,
-    describe_error,
-    duplicate,
-    invalid,
-    look_up,
-    refused,
-    require_few,
-    with_text,
-)
-from adapters.mrs.spec.histories import history_of, wire_history
-from adapters.mrs.spec.housekeeping import (
-    ABOARD_HOUSEKEEPING,
-    CONSOLE,
-    CONSOLE_HOUSEKEEPING,
-    EXECUTIVE,
-    EXECUTIVE_HOUSEKEEPING,
-    ORBITER,
-    ORBITER_HOUSEKEEPING,
-    POSE_HOUSEKEEPING,
-    HousekeepingParameter,
-    figure_value,
-    housekeeping_limits,
-    housekeeping_values,
-    reported_uncertainty,
-    uncertainty_figures,
-    usage_figures,
-)
-from adapters.mrs.spec.mapping import (
-    DEFINED,
-    LINK,
-    LONGEST_NAME,
-    LONGEST_SOURCE,
-    LONGEST_TEXT,
-    MOST_FIGURES,
-    NUMBER_TYPES,
-    REQUESTS,
-    command_of,
-    cursor_of,
-    definition_of,
-    figure_values,
-    figures,
-    forwarded,
-    given_up,
-    header_of,
-    invocation,
-    is_prediction,
-    is_valid_name,
-    is_valid_notification,
-    is_valid_value,
-    notification_keys,
-    notification_of,
-    parameter_value,
-    pose,
-    speeds,
-    supplements_of,
-    to_ns,
-    wire_definition,
-    wire_update,
-)
-from adapters.mrs.spec.previews import AskedMotion, asked_motion, motion_of, wire_preview
-from adapters.mrs.spec.specification import find_service, mrs_specification, service_id
-from adapters.mrs.spec.types import (
-    ActiveFault,
-    AssetInfo,
-    AssetMode,
-    AssetStatus,
-    AuthorityStatus,
-    CameraState,
-    CommandHeader,
-    Controller,
-    FaultReaction,
-    FaultStatus,
-    FileChunk,
-    FileEventType,
-    FileInfo,
-    FileReport,
-    History,
-    Notification,
-    NotificationKind,
-    ParameterDefinition,
-    ParameterValue,
-    PlanDefinition,
-    PlanStatus,
-    PlanUpdate,
-    Pose,
-    Preview,
-    PreviewPose,
-    ServiceDescriptor,
-    Severity,
-    Speeds,
-    Stage,
-    TreeUpdate,
-    Unmonitored,
-    Validity,
-    Waypoint,
-)
-from adapters.mrs.terms import NAME, PORT
-
-__all__ = [
-    "ABOARD_HOUSEKEEPING",
-    "CONSOLE",
-    "CONSOLE_HOUSEKEEPING",
-    "DEFINED",
-    "EXECUTIVE",
-    "EXECUTIVE_HOUSEKEEPING",
-    "LINK",
-    "LONGEST_NAME",
-    "LONGEST_SOURCE",
-    "LONGEST_TEXT",
-    "MOST_FIGURES",
-    "NAME",
-    "NUMBER_TYPES",
-    "ORBITER",
-    "ORBITER_HOUSEKEEPING",
-    "PORT",
-    "POSE_HOUSEKEEPING",
-    "REQUESTS",
-    "ActiveFault",
-    "AreaError",
-    "AskedMotion",
-    "AssetInfo",
-    "AssetMode",
-    "AssetStatus",
-    "AuthorityStatus",
-    "CameraState",
-    "CommandHeader",
-    "Controller",
-    "FaultReaction",
-    "FaultStatus",
-    "FileChunk",
-    "FileEventType",
-    "FileInfo",
-    "FileReport",
-    "History",
-    "HousekeepingParameter",
-    "Notification",
-    "NotificationKind",
-    "ParameterDefinition",
-    "ParameterValue",
-    "PlanDefinition",
-    "PlanStatus",
-    "PlanUpdate",
-    "Pose",
-    "Preview",
-    "PreviewPose",
-    "ServiceDescriptor",
-    "Severity",
-    "Speeds",
-    "Stage",
-    "TreeUpdate",
-    "Unmonitored",
-    "Validity",
-    "Waypoint",
-    "asked_motion",
-    "command_of",
-    "cursor_of",
-    "definition_of",
-    "describe_error",
-    "duplicate",
-    "figure_value",
-    "figure_values",
-    "figures",
-    "find_service",
-    "forwarded",
-    "given_up",
-    "header_of",
-    "history_of",
-    "housekeeping_limits",
-    "housekeeping_values",
-    "invalid",
-    "invocation",
-    "is_prediction",
-    "is_valid_name",
-    "is_valid_notification",
-    "is_valid_value",
-    "look_up",
-    "mode_of",
-    "motion_of",
-    "mrs_specification",
-    "notification_keys",
-    "notification_of",
-    "parameter_value",
-    "plan_update_of",
-    "pose",
-    "refused",
-    "report_of",
-    "reported_uncertainty",
-    "require_few",
-    "rover_values_of",
-    "service_id",
-    "speeds",
-    "supplements_of",
-    "to_ns",
-    "uncertainty_figures",
-    "usage_figures",
-    "utc_s_of",
-    "wire_definition",
-    "wire_history",
-    "wire_preview",
-    "wire_update",
-    "with_text",
-]
+from adapters.mrs.spec.core_values import mode_of as mode_of
+from adapters.mrs.spec.core_values import plan_update_of as plan_update_of
+from adapters.mrs.spec.core_values import report_of as report_of
+from adapters.mrs.spec.core_values import rover_values_of as rover_values_of
+from adapters.mrs.spec.core_values import utc_s_of as utc_s_of
+from adapters.mrs.spec.errors import AreaError as AreaError
+from adapters.mrs.spec.errors import describe_error as describe_error
+from adapters.mrs.spec.errors import duplicate as duplicate
+from adapters.mrs.spec.errors import invalid as invalid
+from adapters.mrs.spec.errors import look_up as look_up
+from adapters.mrs.spec.errors import refused as refused
+from adapters.mrs.spec.errors import require_few as require_few
+from adapters.mrs.spec.errors import with_text as with_text
+from adapters.mrs.spec.histories import history_of as history_of
+from adapters.mrs.spec.histories import wire_history as wire_history
+from adapters.mrs.spec.housekeeping import ABOARD_HOUSEKEEPING as ABOARD_HOUSEKEEPING
+from adapters.mrs.spec.housekeeping import CONSOLE as CONSOLE
+from adapters.mrs.spec.housekeeping import CONSOLE_HOUSEKEEPING as CONSOLE_HOUSEKEEPING
+from adapters.mrs.spec.housekeeping import EXECUTIVE as EXECUTIVE
+from adapters.mrs.spec.housekeeping import EXECUTIVE_HOUSEKEEPING as EXECUTIVE_HOUSEKEEPING
+from adapters.mrs.spec.housekeeping import ORBITER as ORBITER
+from adapters.mrs.spec.housekeeping import ORBITER_HOUSEKEEPING as ORBITER_HOUSEKEEPING
+from adapters.mrs.spec.housekeeping import POSE_HOUSEKEEPING as POSE_HOUSEKEEPING
+from adapters.mrs.spec.housekeeping import HousekeepingParameter as HousekeepingParameter
+from adapters.mrs.spec.housekeeping import figure_value as figure_value
+from adapters.mrs.spec.housekeeping import housekeeping_limits as housekeeping_limits
+from adapters.mrs.spec.housekeeping import housekeeping_values as housekeeping_values
+from adapters.mrs.spec.housekeeping import reported_uncertainty as reported_uncertainty
+from adapters.mrs.spec.housekeeping import uncertainty_figures as uncertainty_figures
+from adapters.mrs.spec.housekeeping import usage_figures as usage_figures
+from adapters.mrs.spec.mapping import DEFINED as DEFINED
+from adapters.mrs.spec.mapping import LINK as LINK
+from adapters.mrs.spec.mapping import LONGEST_NAME as LONGEST_NAME
+from adapters.mrs.spec.mapping import LONGEST_SOURCE as LONGEST_SOURCE
+from adapters.mrs.spec.mapping import LONGEST_TEXT as LONGEST_TEXT
+from adapters.mrs.spec.mapping import MOST_FIGURES as MOST_FIGURES
+from adapters.mrs.spec.mapping import NUMBER_TYPES as NUMBER_TYPES
+from adapters.mrs.spec.mapping import REQUESTS as REQUESTS
+from adapters.mrs.spec.mapping import command_of as command_of
+from adapters.mrs.spec.mapping import cursor_of as cursor_of
+from adapters.mrs.spec.mapping import definition_of as definition_of
+from adapters.mrs.spec.mapping import figure_values as figure_values
+from adapters.mrs.spec.mapping import figures as figures
+from adapters.mrs.spec.mapping import forwarded as forwarded
+from adapters.mrs.spec.mapping import given_up as given_up
+from adapters.mrs.spec.mapping import header_of as header_of
+from adapters.mrs.spec.mapping import invocation as invocation
+from adapters.mrs.spec.mapping import is_prediction as is_prediction
+from adapters.mrs.spec.mapping import is_valid_name as is_valid_name
+from adapters.mrs.spec.mapping import is_valid_notification as is_valid_notification
+from adapters.mrs.spec.mapping import is_valid_value as is_valid_value
+from adapters.mrs.spec.mapping import notification_keys as notification_keys
+from adapters.mrs.spec.mapping import notification_of as notification_of
+from adapters.mrs.spec.mapping import parameter_value as parameter_value
+from adapters.mrs.spec.mapping import pose as pose
+from adapters.mrs.spec.mapping import speeds as speeds
+from adapters.mrs.spec.mapping import supplements_of as supplements_of
+from adapters.mrs.spec.mapping import to_ns as to_ns
+from adapters.mrs.spec.mapping import wire_definition as wire_definition
+from adapters.mrs.spec.mapping import wire_update as wire_update
+from adapters.mrs.spec.previews import AskedMotion as AskedMotion
+from adapters.mrs.spec.previews import asked_motion as asked_motion
+from adapters.mrs.spec.previews import motion_of as motion_of
+from adapters.mrs.spec.previews import wire_preview as wire_preview
+from adapters.mrs.spec.specification import find_service as find_service
+from adapters.mrs.spec.specification import mrs_specification as mrs_specification
+from adapters.mrs.spec.specification import service_id as service_id
+from adapters.mrs.spec.types import ActiveFault as ActiveFault
+from adapters.mrs.spec.types import AssetInfo as AssetInfo
+from adapters.mrs.spec.types import AssetMode as AssetMode
+from adapters.mrs.spec.types import AssetStatus as AssetStatus
+from adapters.mrs.spec.types import AuthorityStatus as AuthorityStatus
+from adapters.mrs.spec.types import CameraState as CameraState
+from adapters.mrs.spec.types import CommandHeader as CommandHeader
+from adapters.mrs.spec.types import Controller as Controller
+from adapters.mrs.spec.types import FaultReaction as FaultReaction
+from adapters.mrs.spec.types import FaultStatus as FaultStatus
+from adapters.mrs.spec.types import FileChunk as FileChunk
+from adapters.mrs.spec.types import FileEventType as FileEventType
+from adapters.mrs.spec.types import FileInfo as FileInfo
+from adapters.mrs.spec.types import FileReport as FileReport
+from adapters.mrs.spec.types import History as History
+from adapters.mrs.spec.types import Notification as Notification
+from adapters.mrs.spec.types import NotificationKind as NotificationKind
+from adapters.mrs.spec.types import ParameterDefinition as ParameterDefinition
+from adapters.mrs.spec.types import ParameterValue as ParameterValue
+from adapters.mrs.spec.types import PlanDefinition as PlanDefinition
+from adapters.mrs.spec.types import PlanStatus as PlanStatus
+from adapters.mrs.spec.types import PlanUpdate as PlanUpdate
+from adapters.mrs.spec.types import Pose as Pose
+from adapters.mrs.spec.types import Preview as Preview
+from adapters.mrs.spec.types import PreviewPose as PreviewPose
+from adapters.mrs.spec.types import ServiceDescriptor as ServiceDescriptor
+from adapters.mrs.spec.types import Severity as Severity
+from adapters.mrs.spec.types import Speeds as Speeds
+from adapters.mrs.spec.types import Stage as Stage
+from adapters.mrs.spec.types import TreeUpdate as TreeUpdate
+from adapters.mrs.spec.types import Unmonitored as Unmonitored
+from adapters.mrs.spec.types import Validity as Validity
+from adapters.mrs.spec.types import Waypoint as Waypoint
+from adapters.mrs.terms import NAME as NAME
+from adapters.mrs.terms import PORT as PORT

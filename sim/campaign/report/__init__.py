@@ -10,7 +10,5 @@ repeated with their drawn values. The page carries a policy by which a browser l
 runs no script.
 """
 
-from sim.campaign.report.junit import write_campaign_junit
-from sim.campaign.report.page import write_report
-
-__all__ = ["write_campaign_junit", "write_report"]
+from sim.campaign.report.junit import write_campaign_junit as write_campaign_junit
+from sim.campaign.report.page import write_report as write_report
