@@ -10,7 +10,7 @@ from types import UnionType
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.core.runner import LeafError
+from executive.core.tree import LeafError
 from executive.goals import Context, Goal, GoalQueue
 from executive.values.facts import Source
 from executive.values.reasons import Figure, Reason, Refusal

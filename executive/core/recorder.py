@@ -2,9 +2,8 @@
 
 import hashlib
 from collections.abc import Callable, Sequence
-from enum import Enum
 from pathlib import Path
-from typing import Concatenate, Final, Generic, ParamSpec, Protocol, TypeVar
+from typing import Concatenate, Final, Generic, ParamSpec, TypeVar
 
 from executive.commands.lifecycle import Refused, SubmitResult
 from executive.core.recording import (
@@ -35,6 +34,7 @@ from executive.core.recording import (
     TreeChanged,
     is_within,
 )
+from executive.core.tree import TreeNodeView
 from executive.motion import Plan, Problem, SharedSolver
 from executive.record import Ledger, LedgerError
 from executive.settings import LocomotionKind, Settings
@@ -55,22 +55,6 @@ from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, wi
 
 P = ParamSpec("P")
 R = TypeVar("R", bound=Rover)
-
-
-class TreeNodeView(Protocol):
-    """A node of the tree, as of the last tick."""
-
-    @property
-    def path(self) -> str:
-        """Names from the root."""
-
-    @property
-    def status(self) -> Enum:
-        """Its result."""
-
-    @property
-    def message(self) -> str:
-        """Its message."""
 
 
 class Recorder:

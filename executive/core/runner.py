@@ -8,7 +8,7 @@ commands fail, and the executive goes on.
 import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from executive.checks import check_battery, expected_pose
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
@@ -20,7 +20,7 @@ from executive.core.inbox import MOST_A_TURN, Inbox, Question, Submission
 from executive.core.link_loss import GroundMonitor
 from executive.core.pose_keeper import PoseKeeper
 from executive.core.reactions import Reactions
-from executive.core.recorder import Recorder, TreeNodeView, life_of, recorded_ports
+from executive.core.recorder import Recorder, life_of, recorded_ports
 from executive.core.recording import (
     Call,
     Called,
@@ -32,9 +32,10 @@ from executive.core.recording import (
     Served,
     Tape,
 )
+from executive.core.tree import LeafError, Tree
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, SharedSolver, make_locomotion
-from executive.plans import PlanHost, Planner, check_plan
+from executive.plans import Planner, check_plan
 from executive.preview import Predictions, PreviewRun
 from executive.record import (
     AuthorityRecord,
@@ -75,27 +76,6 @@ _LOG = logging.getLogger(__name__)
 
 LONGEST_EVENT: Final = 4096
 """Characters of a text that others report by `Executive.event`; the rest is left out."""
-
-
-class LeafError(Exception):
-    """A leaf of the tree raised; the text is its path, the cause is what it raised."""
-
-
-class Tree(PlanHost, Protocol):
-    """The behaviour tree, as the runner needs it, beside which the trees of plans grow."""
-
-    def tick(self) -> None:
-        """Run every branch that is due once.
-
-        Raises:
-            LeafError: a leaf raised.
-        """
-
-    def stop(self) -> None:
-        """End every running leaf."""
-
-    def nodes(self) -> Sequence[TreeNodeView]:
-        """Return all nodes as of the last tick."""
 
 
 class Executive:

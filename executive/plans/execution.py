@@ -46,7 +46,7 @@ class PlanTree(Protocol):
         """Run every branch that is due once.
 
         Raises:
-            executive.core.runner.LeafError: a leaf raised.
+            executive.core.tree.LeafError: a leaf raised.
         """
 
 

@@ -241,7 +241,7 @@ class Planner:
 
         Raises:
             executive.record.ledger.LedgerError: the journal cannot be read.
-            executive.core.runner.LeafError: a leaf raised.
+            executive.core.tree.LeafError: a leaf raised.
         """
         plan = self._plans[plan_id]
         run = self._run or self._begin(plan)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from executive.core.runner import Tree
+from executive.core.tree import Tree
 from executive.goals import Context
 from executive.settings import Settings, load_settings
 from executive.values.reasons import Reason

@@ -9,7 +9,8 @@ from typing import Any, ClassVar, Self
 from executive.commands import Arrival, Command, MoveForward, Request
 from executive.commands.lifecycle import Refused, SubmitResult
 from executive.core.recording import Tape
-from executive.core.runner import Executive, Tree
+from executive.core.runner import Executive
+from executive.core.tree import Tree
 from executive.faults import Row, Then
 from executive.goals import Context
 from executive.motion import SharedSolver
