@@ -15,10 +15,10 @@ from executive.commands import (
     Motion,
 )
 from executive.commands.intake import expired
-from executive.commands.lifecycle import Life
-from executive.motion import Intents, Latches, Leg, LegProgress, Locomotion, Verification
+from executive.commands.lifecycle import CommandLifecycle
+from executive.motion import Intents, Latches, Leg, LegProgress, Locomotion, MotionVerification
 from executive.plans import ActivePlans
-from executive.safety import Safety
+from executive.safety import FaultMonitor
 from executive.settings import Settings
 from executive.state import FileFolder, MotionStatistics, Status
 from executive.values.clock import Clock
@@ -41,7 +41,7 @@ class Goal:
         journey: what notes what becomes of it; None where nobody asks.
     """
 
-    def __init__(self, life: Life, arrived_s: float, arrived_utc_s: float) -> None:
+    def __init__(self, life: CommandLifecycle, arrived_s: float, arrived_utc_s: float) -> None:
         self.life = life
         self.arrived_s = arrived_s
         self.arrived_utc_s = arrived_utc_s
@@ -49,7 +49,7 @@ class Goal:
         self.progress = LegProgress()
         self.leg = Leg(None, None, False, None, 0.0)
         self.begun = self.origin = Pose()
-        self.verification: Verification | None = None
+        self.verification: MotionVerification | None = None
         self.slid_m = 0.0
         self.journey: MotionStatistics | None = None
 
@@ -102,7 +102,7 @@ class GoalQueue:
             yield self.active
         yield from self._waiting
 
-    def add(self, life: Life) -> Goal:
+    def add(self, life: CommandLifecycle) -> Goal:
         """Put an accepted command's goal at the end, and return it."""
         goal = Goal(life, self._clock.now_s(), self._clock.utc_s())
         self._waiting.append(goal)
@@ -132,7 +132,7 @@ class GoalQueue:
         """End the active goal without success."""
         self._end(lambda goal: goal.life.fail(refusal, goal.became(refusal.figures)))
 
-    def cancel(self, life: Life, refusal: Refusal) -> None:
+    def cancel(self, life: CommandLifecycle, refusal: Refusal) -> None:
         """End one goal, waiting or active, as cancelled; nothing, if it is not here."""
         if self.active is not None and self.active.life is life:
             self._end(lambda goal: goal.life.cancel(refusal))
@@ -197,7 +197,7 @@ class Goals:
         active = self.motion.active
         return Mode.TELEOP if active is not None and active.is_velocity else Mode.MOVING
 
-    def add(self, request: Motion | CameraWork | InstantCommand, life: Life) -> Goal:
+    def add(self, request: Motion | CameraWork | InstantCommand, life: CommandLifecycle) -> Goal:
         """Put an accepted command's goal at the end of the queue that its request belongs to."""
         if isinstance(request, Motion):
             return self.motion.add(life)
@@ -205,7 +205,7 @@ class Goals:
             return self.camera.add(life)
         return self.instant.add(life)
 
-    def cancel(self, life: Life, refusal: Refusal) -> None:
+    def cancel(self, life: CommandLifecycle, refusal: Refusal) -> None:
         """End one goal, waiting or active, as cancelled; others go on."""
         for queue in self:
             queue.cancel(life, refusal)
@@ -232,7 +232,7 @@ class Context:
     clock: Clock
     settings: Settings
     status: Status
-    safety: Safety
+    safety: FaultMonitor
     goals: Goals
     locomotion: Locomotion
     files: FileFolder

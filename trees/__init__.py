@@ -5,11 +5,11 @@ from trees.rover import leaf_paths as leaf_paths
 from trees.rover import preview as preview
 from trees.rover import snapshot_of as snapshot_of
 from trees.snapshot import COLOURS as COLOURS
-from trees.snapshot import Look as Look
-from trees.snapshot import Node as Node
+from trees.snapshot import DisplayStatus as DisplayStatus
 from trees.snapshot import NodeKind as NodeKind
 from trees.snapshot import NodeStatus as NodeStatus
-from trees.snapshot import Snapshot as Snapshot
+from trees.snapshot import TreeNodeSnapshot as TreeNodeSnapshot
+from trees.snapshot import TreeSnapshot as TreeSnapshot
 from trees.snapshot import as_svg as as_svg
 from trees.snapshot import branches as branches
 from trees.snapshot import line as line

@@ -26,7 +26,7 @@ def path_of(behaviour: Behaviour) -> str:
     return "/".join(reversed(names))
 
 
-class Contained(Behaviour):
+class ContainedNode(Behaviour):
     """A node without children; what it raises leaves the tree with its path."""
 
     def tick(self) -> Iterator[Behaviour]:
@@ -41,7 +41,7 @@ class Contained(Behaviour):
             raise LeafError(path_of(self)) from error
 
 
-class Condition(Contained):
+class Condition(ContainedNode):
     """A leaf that tests something: it never acts and is never RUNNING.
 
     Its message names the command for which it held last.
@@ -67,7 +67,7 @@ class Condition(Contained):
         return Status.SUCCESS
 
 
-class Leaf(Contained):
+class Leaf(ContainedNode):
     """A primitive. It wants things of the actuators through intents and never publishes.
 
     Attributes:
@@ -149,7 +149,7 @@ class GoalLeaf(Leaf):
         return Status.FAILURE
 
 
-class Rest(Behaviour):
+class Idle(Behaviour):
     """Has nothing to do."""
 
     def update(self) -> Status:
@@ -157,7 +157,7 @@ class Rest(Behaviour):
         return Status.SUCCESS
 
 
-class TakeGoal(Contained):
+class TakeGoal(ContainedNode):
     """Takes the next goal of a queue, which starts it, for the leaves after it in a sequence.
 
     Its message names the command whose goal it took last.

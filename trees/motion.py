@@ -32,14 +32,14 @@ from executive.motion import (
     WAIT_S,
     Locomotion,
     Motion,
+    MotionVerification,
     Step,
-    Verification,
     Verified,
     leg_errors,
     passes_by,
     plan_leg,
 )
-from executive.obstacles.zones import Encounter
+from executive.obstacles.zones import ClearanceViolation
 from executive.state import listed
 from executive.values.geometry import STANDING, Point, Pose, on_arc, wrap_rad
 from executive.values.reasons import Figure, Reason, Refusal
@@ -245,7 +245,7 @@ class PlanLeg(_MotionLeaf):
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
         if goal.progress.new:
-            goal.verification = Verification.begin(context.settings, context.status)
+            goal.verification = MotionVerification.begin(context.settings, context.status)
             goal.slid_m = self._slid_m
         return self._allow(0.0 if goal.verification is None else WAIT_S)
 
@@ -375,7 +375,7 @@ class Drive(_MotionLeaf):
             return self.fail(Refusal(Reason.PATH_BLOCKED, text, figures))
         return Status.FAILURE
 
-    def _met(self) -> Encounter | None:
+    def _met(self) -> ClearanceViolation | None:
         """Return what is seen across what is left of a line to a place, if something is."""
         goal, settings, status = self.goal, self.context.settings, self.context.status
         leg, motion = goal.leg, self._motion
@@ -495,7 +495,7 @@ class HoldVelocity(_MotionLeaf):
         pose, settings = self.context.status.pose, self.context.settings
         obstacles = self.context.status.obstacles
         self._blocked = check_request(request, pose, settings, obstacles) or self._check_begin()
-        self.goal.verification = Verification.begin(settings, self.context.status)
+        self.goal.verification = MotionVerification.begin(settings, self.context.status)
         self.goal.slid_m = self._slid_m
         self._held, self._begun = False, True
         self._request, self._from = request, self.context.safety.history.driven

@@ -20,16 +20,16 @@ from executive.plans import (
     ParallelNode,
     PlanExecution,
     PlanNode,
-    Progress,
+    PlanStep,
     RepeatOn,
     SequenceNode,
-    Step,
+    StepStatus,
     TimeoutNode,
     step_key,
 )
-from trees.leaf import Contained
+from trees.leaf import ContainedNode
 
-_STATUS = {progress: Status[progress.name] for progress in Progress}
+_STATUS = {progress: Status[progress.name] for progress in StepStatus}
 _ENDED = {Status.SUCCESS, Status.FAILURE}
 _PROGRESS = {status: progress for progress, status in _STATUS.items()}
 
@@ -48,17 +48,17 @@ class PlanTree:
         self._execution = execution
         self.root = _node(plan, execution, ())
 
-    def tick(self) -> Progress:
+    def tick(self) -> StepStatus:
         """Tick once from the root."""
         self._execution.begin_tick()
         self.root.tick_once()
         return _PROGRESS[self.root.status]
 
 
-class CommandLeaf(Contained):
+class CommandLeaf(ContainedNode):
     """A leaf: waits for the end of its command, which its message names, up to its deadline."""
 
-    def __init__(self, step: Step, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
+    def __init__(self, step: PlanStep, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
         super().__init__(step.place.name)
         self._step = step
         self._execution = execution
@@ -74,7 +74,7 @@ class CommandLeaf(Contained):
         progress, allowed_s = self._execution.poll(self._key, self._step), self._step.deadline_s
         command = self._execution.command_of(self._key)
         self.feedback_message = "" if command is None else str(command)
-        if allowed_s is not None and progress is Progress.RUNNING and self._passed(allowed_s):
+        if allowed_s is not None and progress is StepStatus.RUNNING and self._passed(allowed_s):
             progress = self._execution.overdue(self._key, self._step, allowed_s)
         return _STATUS[progress]
 
@@ -222,7 +222,7 @@ def _node(node: PlanNode, execution: PlanExecution, cycles: tuple[Cycle, ...]) -
         return [_node(child, execution, cycles) for child in children]
 
     match node:
-        case Step():
+        case PlanStep():
             return CommandLeaf(node, execution, cycles)
         case SequenceNode() | FallbackNode():
             kind = composites.Sequence if isinstance(node, SequenceNode) else composites.Selector

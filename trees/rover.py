@@ -23,7 +23,7 @@ from executive.core.runner import Executive
 from executive.goals import Context, Goals
 from executive.motion import VelocityLocomotion
 from executive.plans import PlanExecution, PlanNode
-from executive.safety import Safety, summary, unmonitored
+from executive.safety import FaultMonitor, summary, unmonitored
 from executive.settings import Settings
 from executive.state import FileFolder, listed
 from executive.state import Status as AssetStatus
@@ -31,10 +31,10 @@ from executive.values.clock import ManualClock
 from executive.values.geometry import STANDING
 from executive.values.reasons import Figure, Reason, Refusal
 from trees.camera import Capture, PanTilt
-from trees.leaf import Condition, GoalLeaf, Leaf, Rest, TakeGoal
+from trees.leaf import Condition, GoalLeaf, Idle, Leaf, TakeGoal
 from trees.motion import Drive, FinishLeg, HoldVelocity, PlanLeg, Turn
 from trees.plan import PlanTree
-from trees.snapshot import Node, NodeKind, Snapshot, nodes
+from trees.snapshot import NodeKind, TreeNodeSnapshot, TreeSnapshot, nodes
 from trees.standstill import STOP_DEADLINE_S, awaited, refusal, sources, unconfirmed
 
 ALMOST_S: Final = 1e-6
@@ -193,7 +193,7 @@ class RoverTree:
         """Drop the plan's tree."""
         self.plan = None
 
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
         """Return all nodes as of the last tick; a plan's stand first below the root.
 
         What a plan has done stays as it ended, until a loop around it begins its next cycle.
@@ -204,7 +204,7 @@ class RoverTree:
         return (root, *planned, *others)
 
 
-def snapshot_of(executive: Executive, utc_s: float) -> Snapshot:
+def snapshot_of(executive: Executive, utc_s: float) -> TreeSnapshot:
     """Return the tree of an executive, and what that says of itself; on the executive's thread.
 
     Args:
@@ -213,7 +213,7 @@ def snapshot_of(executive: Executive, utc_s: float) -> Snapshot:
     """
     tree = executive.tree
     assert isinstance(tree, RoverTree)
-    return Snapshot(
+    return TreeSnapshot(
         tick=tree.ticks,
         utc_s=utc_s,
         mode=executive.mode.name,
@@ -245,7 +245,7 @@ def build(context: Context) -> Selector:
         _sequence("priority stop", stopping, StopRover("stop", context)),
         _sequence("safety", Condition("unsafe?", unsafe), HoldWhileUnsafe("hold", context)),
         _sequence("work", any_goal, side_by_side),
-        Rest("idle"),
+        Idle("idle"),
     )
 
 
@@ -274,7 +274,7 @@ def _motion(context: Context) -> Behaviour:
             TakeGoal("take velocity", goals, DriveFor, waits),
             HoldVelocity("hold velocity", context),
         ),
-        Rest("no motion"),
+        Idle("no motion"),
     )
 
 
@@ -292,7 +292,7 @@ def _camera(context: Context) -> Behaviour:
             TakeGoal("take picture", goals, TakePicture),
             Capture("capture", context, goals),
         ),
-        Rest("no camera work"),
+        Idle("no camera work"),
     )
 
 
@@ -305,7 +305,7 @@ def _instant(context: Context) -> Behaviour:
             TakeGoal("take instant command", goals, InstantCommand),
             RunInstantCommand("run instant command", context, goals),
         ),
-        Rest("no instant command"),
+        Idle("no instant command"),
     )
 
 
@@ -322,12 +322,12 @@ def leaf_paths(settings: Settings) -> frozenset[str]:
     return frozenset(each.path for each in preview(settings) if each.kind is NodeKind.LEAF)
 
 
-def preview(settings: Settings) -> tuple[Node, ...]:
+def preview(settings: Settings) -> tuple[TreeNodeSnapshot, ...]:
     """Return the nodes of the tree of an asset that is not running."""
     clock = ManualClock()
     status = AssetStatus(clock, settings)
     locomotion = VelocityLocomotion(clock, settings, status)
     files = FileFolder(Path(), lambda _: None)
-    safety = Safety(clock, settings)
+    safety = FaultMonitor(clock, settings)
     context = Context(clock, settings, status, safety, Goals(clock), locomotion, files)
     return nodes(build(context), ())

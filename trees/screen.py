@@ -8,14 +8,22 @@ from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.text import Text
 
-from trees.snapshot import Look, Node, NodeStatus, Snapshot, branches, line, looks
+from trees.snapshot import (
+    DisplayStatus,
+    NodeStatus,
+    TreeNodeSnapshot,
+    TreeSnapshot,
+    branches,
+    line,
+    looks,
+)
 
 STYLES: Final = {
-    Look.IDLE: "dim",
-    Look.RUNNING: "bold cyan",
-    Look.SUCCESS: "green",
-    Look.DECLINED: "bright_black",
-    Look.FAILURE: "red",
+    DisplayStatus.IDLE: "dim",
+    DisplayStatus.RUNNING: "bold cyan",
+    DisplayStatus.SUCCESS: "green",
+    DisplayStatus.DECLINED: "bright_black",
+    DisplayStatus.FAILURE: "red",
 }
 _HEAD_LINES: Final = 3
 _MODE_STYLE: Final = {"SAFE": "bold white on red", "STOPPED": "bold black on yellow"}
@@ -42,7 +50,7 @@ class Screen:
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
-    def show(self, snapshot: Snapshot) -> None:
+    def show(self, snapshot: TreeSnapshot) -> None:
         """Draw a snapshot."""
         if self._console.is_terminal:
             self._live.update(drawn(self._asset, snapshot, self._console.height), refresh=True)
@@ -50,13 +58,13 @@ class Screen:
             self._console.print(drawn(self._asset, snapshot), Text())
 
 
-def show_once(asset: str, snapshot: Snapshot) -> None:
+def show_once(asset: str, snapshot: TreeSnapshot) -> None:
     """Print one snapshot, whole."""
     Console().print(drawn(asset, snapshot))
 
 
 def drawn(
-    asset: str, snapshot: Snapshot, height: int | None = None, notes: Mapping[str, str] = _NONE
+    asset: str, snapshot: TreeSnapshot, height: int | None = None, notes: Mapping[str, str] = _NONE
 ) -> RenderableType:
     """Return a snapshot for the terminal: a head line, the reason, faults, the tree.
 
@@ -83,7 +91,9 @@ def drawn(
     return Group(head, *map(Text, (snapshot.why, *told)), Text(), drawn_nodes(nodes, notes))
 
 
-def drawn_nodes(nodes: Sequence[Node], notes: Mapping[str, str] = _NONE) -> RenderableType:
+def drawn_nodes(
+    nodes: Sequence[TreeNodeSnapshot], notes: Mapping[str, str] = _NONE
+) -> RenderableType:
     """Return nodes for the terminal, a line each, with the notes behind them."""
     return Group(
         *(
@@ -95,14 +105,14 @@ def drawn_nodes(nodes: Sequence[Node], notes: Mapping[str, str] = _NONE) -> Rend
     )
 
 
-def _note(node: Node, notes: Mapping[str, str]) -> str:
+def _note(node: TreeNodeSnapshot, notes: Mapping[str, str]) -> str:
     note = notes.get(node.path, "")
     return f"  {note}" if note else ""
 
 
-def folded(nodes: Sequence[Node]) -> tuple[Node, ...]:
+def folded(nodes: Sequence[TreeNodeSnapshot]) -> tuple[TreeNodeSnapshot, ...]:
     """Return the nodes without those below a node that failed or was not ticked."""
-    seen: list[Node] = []
+    seen: list[TreeNodeSnapshot] = []
     fold_depth: int | None = None
     for node in nodes:
         if fold_depth is not None and node.depth > fold_depth:

@@ -43,7 +43,7 @@ class NodeStatus(Enum):
 
 
 @unique
-class Look(Enum):
+class DisplayStatus(Enum):
     """How a node is drawn: as its status, but DECLINED where it failed because nothing was due."""
 
     IDLE = "not ticked"
@@ -54,7 +54,7 @@ class Look(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class TreeNodeSnapshot:
     """One node.
 
     Attributes:
@@ -73,7 +73,7 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True)
-class Snapshot:
+class TreeSnapshot:
     """All nodes in depth-first order, with what the executive says of itself.
 
     Attributes:
@@ -89,27 +89,35 @@ class Snapshot:
     utc_s: float
     mode: str
     why: str
-    nodes: tuple[Node, ...]
+    nodes: tuple[TreeNodeSnapshot, ...]
     faults: tuple[str, ...] = ()
     unmonitored: str = ""
     active: Identity | None = None
 
 
-def nodes(root: Behaviour, ticked: Collection[Behaviour], depth: int = 0) -> tuple[Node, ...]:
+def nodes(
+    root: Behaviour, ticked: Collection[Behaviour], depth: int = 0
+) -> tuple[TreeNodeSnapshot, ...]:
     """Return all nodes below and with a root, in depth-first order.
 
     Those that the last tick did not come to are IDLE: py_trees leaves them as they were.
     """
-    found: list[Node] = []
+    found: list[TreeNodeSnapshot] = []
     _add(found, root, ticked, root.name, depth)
     return tuple(found)
 
 
 def _add(
-    found: list[Node], node: Behaviour, ticked: Collection[Behaviour], path: str, depth: int
+    found: list[TreeNodeSnapshot],
+    node: Behaviour,
+    ticked: Collection[Behaviour],
+    path: str,
+    depth: int,
 ) -> None:
     status = _STATUSES[node.status] if node in ticked else NodeStatus.IDLE
-    found.append(Node(path, node.name, depth, _kind(type(node)), status, node.feedback_message))
+    found.append(
+        TreeNodeSnapshot(path, node.name, depth, _kind(type(node)), status, node.feedback_message)
+    )
     for child in node.children:
         _add(found, child, ticked, f"{path}/{child.name}", depth + 1)
 
@@ -154,37 +162,37 @@ _BRANCHES: Final = {
 }
 _GUARDS: Final = {NodeKind.CONDITION, NodeKind.TAKE}
 _SIGN = {
-    Look.IDLE: " ",
-    Look.RUNNING: "●",
-    Look.SUCCESS: "✓",
-    Look.DECLINED: "–",
-    Look.FAILURE: "✕",
+    DisplayStatus.IDLE: " ",
+    DisplayStatus.RUNNING: "●",
+    DisplayStatus.SUCCESS: "✓",
+    DisplayStatus.DECLINED: "–",
+    DisplayStatus.FAILURE: "✕",
 }
 COLOURS: Final = {
-    Look.IDLE: ("#f4f4f2", "#9a9a94"),
-    Look.RUNNING: ("#dbe9ff", "#1d5fc4"),
-    Look.SUCCESS: ("#dff3e0", "#2b7a36"),
-    Look.DECLINED: ("#ececf2", "#77778a"),
-    Look.FAILURE: ("#f7e3e0", "#a3422f"),
+    DisplayStatus.IDLE: ("#f4f4f2", "#9a9a94"),
+    DisplayStatus.RUNNING: ("#dbe9ff", "#1d5fc4"),
+    DisplayStatus.SUCCESS: ("#dff3e0", "#2b7a36"),
+    DisplayStatus.DECLINED: ("#ececf2", "#77778a"),
+    DisplayStatus.FAILURE: ("#f7e3e0", "#a3422f"),
 }
 """Fill and edge."""
 _ROW, _INDENT, _BOX_HEIGHT, _CHARACTER = 34, 34, 26, 7.6
 
 
-def looks(nodes: Sequence[Node]) -> tuple[Look, ...]:
+def looks(nodes: Sequence[TreeNodeSnapshot]) -> tuple[DisplayStatus, ...]:
     """Return how each node is drawn.
 
     A condition that does not hold and a queue without a goal are no failures, nor is a branch that
     failed because of them; a leaf that gave up is one, and so are the branches above it.
     """
     found = [
-        Look.DECLINED
+        DisplayStatus.DECLINED
         if node.status is NodeStatus.FAILURE and node.kind in _GUARDS
-        else Look[node.status.name]
+        else DisplayStatus[node.status.name]
         for node in nodes
     ]
     for index, node in enumerate(nodes):
-        if found[index] is not Look.FAILURE or node.kind not in _BRANCHES:
+        if found[index] is not DisplayStatus.FAILURE or node.kind not in _BRANCHES:
             continue
         leaves = set()
         for below, look in zip(nodes[index + 1 :], found[index + 1 :], strict=True):
@@ -192,12 +200,12 @@ def looks(nodes: Sequence[Node]) -> tuple[Look, ...]:
                 break
             if below.kind not in _BRANCHES:
                 leaves.add(look)
-        if Look.FAILURE not in leaves and Look.DECLINED in leaves:
-            found[index] = Look.DECLINED
+        if DisplayStatus.FAILURE not in leaves and DisplayStatus.DECLINED in leaves:
+            found[index] = DisplayStatus.DECLINED
     return tuple(found)
 
 
-def served(nodes: Sequence[Node]) -> tuple[str | None, ...]:
+def served(nodes: Sequence[TreeNodeSnapshot]) -> tuple[str | None, ...]:
     """Return the command that each node works on, or worked on last, as SOURCE:NUMBER.
 
     It is the one that it names as a leaf of a plan, or else the one that the guard at the
@@ -217,13 +225,13 @@ def served(nodes: Sequence[Node]) -> tuple[str | None, ...]:
     return tuple(found)
 
 
-def line(node: Node, look: Look) -> str:
+def line(node: TreeNodeSnapshot, look: DisplayStatus) -> str:
     """Return a node without its place in the tree: its mark, its name, how it looks."""
     message = f"  {node.message}" if node.message and node.status is NodeStatus.RUNNING else ""
     return f"{_MARK[node.kind]} {node.name} {_SIGN[look]}{message}".rstrip()
 
 
-def as_text(nodes: Sequence[Node]) -> str:
+def as_text(nodes: Sequence[TreeNodeSnapshot]) -> str:
     """Return the tree drawn with box characters, a node a line."""
     return "\n".join(
         branch + line(node, look)
@@ -231,7 +239,7 @@ def as_text(nodes: Sequence[Node]) -> str:
     )
 
 
-def branches(nodes: Sequence[Node]) -> list[str]:
+def branches(nodes: Sequence[TreeNodeSnapshot]) -> list[str]:
     """Return, for each node, the box characters that lead to it."""
     drawn: list[str] = []
     open_below: list[bool] = []
@@ -249,7 +257,7 @@ def branches(nodes: Sequence[Node]) -> list[str]:
     return drawn
 
 
-def as_mermaid(nodes: Sequence[Node]) -> str:
+def as_mermaid(nodes: Sequence[TreeNodeSnapshot]) -> str:
     """Return a Mermaid flowchart."""
     lines = ["flowchart TD"]
     parents: list[int] = []
@@ -265,13 +273,13 @@ def as_mermaid(nodes: Sequence[Node]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def as_svg(nodes: Sequence[Node], title: str = "") -> str:
+def as_svg(nodes: Sequence[TreeNodeSnapshot], title: str = "") -> str:
     """Return a picture of the tree, a node a row, coloured by its look, with a legend if it ran."""
     top = 44 if title else 12
     seen = looks(nodes)
     lines = [line(node, look) for node, look in zip(nodes, seen, strict=True)]
     widths = [len(each) * _CHARACTER + 20 for each in lines]
-    legend = list(Look) if {*seen} != {Look.IDLE} else []
+    legend = list(DisplayStatus) if {*seen} != {DisplayStatus.IDLE} else []
     across = [len(f"{_SIGN[look]} {look.value}") * _CHARACTER + 20 for look in legend]
     width = max(
         [12 + node.depth * _INDENT + box + 12 for node, box in zip(nodes, widths, strict=True)]
@@ -305,7 +313,7 @@ def as_svg(nodes: Sequence[Node], title: str = "") -> str:
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def _box(x: float, y: float, width: float, words: str, look: Look) -> tuple[str, str]:
+def _box(x: float, y: float, width: float, words: str, look: DisplayStatus) -> tuple[str, str]:
     fill, stroke = COLOURS[look]
     return (
         f'<rect x="{x:.0f}" y="{y}" width="{width:.0f}" height="{_BOX_HEIGHT}" rx="5"'

@@ -14,13 +14,13 @@ from adapters.explanation import (
 from adapters.mal import Certificates, MalError
 from adapters.mrs.ground import (
     BlockingClient,
+    CommandOutcome,
     MrsClient,
-    Outcome,
     Stream,
     TransferError,
     UnknownHostError,
 )
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.recording import RecordingError, frames, read_history
 from executive.commands import (
     AbortPlan,
@@ -53,14 +53,15 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.history import CommandLife, RunHistory
+from executive.history import CommandHistory, RunHistory
 
 __all__ = [
     "AbortPlan",
     "ActivatePlan",
     "BlockingClient",
     "Certificates",
-    "CommandLife",
+    "CommandHistory",
+    "CommandOutcome",
     "ConfirmPose",
     "DeleteFile",
     "DriveFor",
@@ -73,7 +74,6 @@ __all__ = [
     "MoveForward",
     "MoveTo",
     "MrsClient",
-    "Outcome",
     "PlanArgument",
     "PlanDefinition",
     "RecordingError",
@@ -94,8 +94,8 @@ __all__ = [
     "SubmitPlan",
     "SuspendPlan",
     "TakePicture",
-    "Terms",
     "TransferError",
+    "TransportSettings",
     "UnknownCommandError",
     "UnknownHostError",
     "Waypoint",

@@ -18,8 +18,8 @@ from adapters.bundle.links.contact import Contact as Contact
 from adapters.bundle.links.contact import ContactOverride as ContactOverride
 from adapters.bundle.links.contact import ContactPlan as ContactPlan
 from adapters.bundle.links.contact import load_contact_plan as load_contact_plan
+from adapters.bundle.node.reporting import DeliveryNotice as DeliveryNotice
 from adapters.bundle.node.reporting import DeliveryStatus as DeliveryStatus
-from adapters.bundle.node.reporting import Notice as Notice
 from adapters.bundle.node.security import KeySettings as KeySettings
 from adapters.bundle.node.security import PolicySettings as PolicySettings
 from adapters.bundle.node.security import Security as Security

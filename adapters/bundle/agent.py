@@ -18,9 +18,9 @@ from adapters.bundle.links.link import Endpoint, Link, LinkContext
 from adapters.bundle.links.ltp import LtpEndpoint
 from adapters.bundle.links.tcpcl import TcpclEndpoint
 from adapters.bundle.links.udp import UdpEndpoint
-from adapters.bundle.node.database import Database, Synchronous
-from adapters.bundle.node.node import Node
-from adapters.bundle.node.reporting import Notice
+from adapters.bundle.node.database import BundleDatabase, Synchronous
+from adapters.bundle.node.node import BundleNode
+from adapters.bundle.node.reporting import DeliveryNotice
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import (
     AnyLink,
@@ -202,7 +202,7 @@ class BundleAgent:
         self._next_tick_s = self._next_look_s = 0.0
         self._read = 0
 
-    async def open(self, on_status: Callable[[Notice], None]) -> None:
+    async def open(self, on_status: Callable[[DeliveryNotice], None]) -> None:
         """Open the store and the links.
 
         Args:
@@ -215,10 +215,12 @@ class BundleAgent:
                 daemon cannot be used.
         """
         settings, utc_s = self._settings, self._system.utc_s
-        database = Database(self._path, settings.limits, self._synchronous, self._system)
+        database = BundleDatabase(self._path, settings.limits, self._synchronous, self._system)
         session = None
         try:
-            node = Node(settings, database, lambda: int(1000 * utc_s()), on_status, self._security)
+            node = BundleNode(
+                settings, database, lambda: int(1000 * utc_s()), on_status, self._security
+            )
             now_s = asyncio.get_running_loop().time
             session = _Session(LinkContext(node, now_s, self._wake, self._system))
             await session.open(self._listen, self._daemon)

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 
-class _BadFile(click.ClickException):
+class _InvalidFileError(click.ClickException):
     exit_code = 2
 
 
@@ -39,5 +39,5 @@ def key(file: Path) -> None:
     try:
         make_key(file)
     except OSError as fault:
-        raise _BadFile(f"{name}: {fault.strerror}") from fault
+        raise _InvalidFileError(f"{name}: {fault.strerror}") from fault
     click.echo(f"{name}: {KEY_OCTETS} octets")

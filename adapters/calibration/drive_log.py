@@ -17,7 +17,7 @@ Series = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Commands:
+class CommandSeries:
     """Velocities, each from when it was commanded on."""
 
     time_s: Series
@@ -26,7 +26,7 @@ class Commands:
 
 
 @dataclass(frozen=True, slots=True)
-class Poses:
+class PoseSeries:
     """Poses over time; headings are not wrapped."""
 
     time_s: Series
@@ -36,7 +36,7 @@ class Poses:
 
 
 @dataclass(frozen=True, slots=True)
-class Wheels:
+class WheelSeries:
     """How fast the wheels of each side turn, on average."""
 
     time_s: Series
@@ -56,12 +56,12 @@ class DriveLog:
     """
 
     settings: Settings
-    commands: Commands
-    odometry: Poses
+    commands: CommandSeries
+    odometry: PoseSeries
     travel_mps: Series
     rotate_radps: Series
-    reference: Poses | None
-    wheels: Wheels | None
+    reference: PoseSeries | None
+    wheels: WheelSeries | None
 
 
 def read_drive(path: Path) -> DriveLog:
@@ -70,13 +70,13 @@ def read_drive(path: Path) -> DriveLog:
     Raises:
         RecordingError: the file cannot be used, or holds no drive of a rover by velocities.
     """
-    recording, drive = RunReader(path), _Reader()
+    recording, drive = RunReader(path), _DriveLogReader()
     for message in recording.messages():
         drive.take(recording.decoded(message))
     return drive.log(path)
 
 
-class _Reader:
+class _DriveLogReader:
     def __init__(self) -> None:
         self._settings: Settings | None = None
         self._begin()
@@ -129,7 +129,7 @@ class _Reader:
         velocities = [fact.velocity for _, fact in self._odometry]
         return DriveLog(
             self._settings,
-            Commands(*np.array(self._drove).T),
+            CommandSeries(*np.array(self._drove).T),
             _poses(measured),
             np.array([each.travel_mps for each in velocities]),
             np.array([each.rotate_radps for each in velocities]),
@@ -137,7 +137,7 @@ class _Reader:
             self._wheels(apart_s),
         )
 
-    def _wheels(self, apart_s: float) -> Wheels | None:
+    def _wheels(self, apart_s: float) -> WheelSeries | None:
         told = [each for each in self._joints if each.left_radps and each.right_radps]
         if not told:
             return None
@@ -145,9 +145,9 @@ class _Reader:
             (each.stamp_s + apart_s, np.mean(each.left_radps), np.mean(each.right_radps))
             for each in told
         ]
-        return Wheels(*np.array(rows).T)
+        return WheelSeries(*np.array(rows).T)
 
 
-def _poses(rows: list[tuple[float, Pose]]) -> Poses:
+def _poses(rows: list[tuple[float, Pose]]) -> PoseSeries:
     table = np.array([(time_s, pose.x_m, pose.y_m, pose.heading_rad) for time_s, pose in rows])
-    return Poses(table[:, 0], table[:, 1], table[:, 2], np.unwrap(table[:, 3]))
+    return PoseSeries(table[:, 0], table[:, 1], table[:, 2], np.unwrap(table[:, 3]))

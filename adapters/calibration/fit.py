@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from adapters.calibration.drive_log import Commands, DriveLog, Poses, Series
-from executive.settings import Slip, YawResponse
+from adapters.calibration.drive_log import CommandSeries, DriveLog, PoseSeries, Series
+from executive.settings import SlipSettings, YawResponse
 
 GRID_S: Final = 0.01
 """Of the time over which the model is integrated."""
@@ -95,8 +95,12 @@ def calibrate(log: DriveLog) -> Calibration:
         )
     mpc = log.settings.mpc
     figures, residuals = _answer(log)
-    known, known_residual, _ = _slip(log, log.odometry, mpc.odometry_slip or Slip(), settled=True)
-    parts: list[tuple[str, Slip | None, Slip]] = [("odometry_slip", mpc.odometry_slip, known)]
+    known, known_residual, _ = _slip(
+        log, log.odometry, mpc.odometry_slip or SlipSettings(), settled=True
+    )
+    parts: list[tuple[str, SlipSettings | None, SlipSettings]] = [
+        ("odometry_slip", mpc.odometry_slip, known)
+    ]
     residuals.append(replace(known_residual, name="slip as odometry takes it"))
     scale = None
     if log.reference is not None:
@@ -104,14 +108,18 @@ def calibrate(log: DriveLog) -> Calibration:
         parts.insert(0, ("slip", mpc.slip, slip))
         residuals.append(residual)
     for name, before, after in parts:
-        fitted = _SETTLED if name == "odometry_slip" else tuple(each.name for each in fields(Slip))
+        fitted = (
+            _SETTLED
+            if name == "odometry_slip"
+            else tuple(each.name for each in fields(SlipSettings))
+        )
         figures += _differences(f"mpc.{name}", fitted, before, after)
     figures += _track(log)
     return Calibration(tuple(figures), tuple(residuals), scale)
 
 
 def _differences(
-    prefix: str, names: tuple[str, ...], before: object, after: Slip | YawResponse
+    prefix: str, names: tuple[str, ...], before: object, after: SlipSettings | YawResponse
 ) -> list[Fitted]:
     return [
         Fitted(
@@ -134,7 +142,7 @@ def _rms(residuals: Series) -> float:
 class _Commanded:
     """Velocities that are commanded, in ramps as long as a tick, on a grid of time."""
 
-    def __init__(self, commands: Commands, tick_s: float, grid_s: Series) -> None:
+    def __init__(self, commands: CommandSeries, tick_s: float, grid_s: Series) -> None:
         self._grid_s = grid_s
         times_s: list[float] = []
         travel: list[float] = []
@@ -248,8 +256,8 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
 
 
 def _slip(
-    log: DriveLog, reference: Poses, before: Slip, settled: bool = False
-) -> tuple[Slip, Residual, float]:
+    log: DriveLog, reference: PoseSeries, before: SlipSettings, settled: bool = False
+) -> tuple[SlipSettings, Residual, float]:
     """Return how a rover slips by a reference, and how many metres each of its odometry is.
 
     Args:
@@ -291,13 +299,17 @@ def _slip(
         "slip", "m/s", _rms((wanted - rows @ old) / passed_s), _rms(left / passed_s)
     )
     scale, offset_m, gain_m, acceleration_s2, creep_s2 = map(float, figures)
-    return Slip(offset_m, gain_m, acceleration_s2, creep_s2, _rounded(lag_s)), residual, scale
+    return (
+        SlipSettings(offset_m, gain_m, acceleration_s2, creep_s2, _rounded(lag_s)),
+        residual,
+        scale,
+    )
 
 
 class _Columns:
     """How far each term of a law of slip leads between two poses of a reference, ahead and left."""
 
-    def __init__(self, log: DriveLog, reference: Poses) -> None:
+    def __init__(self, log: DriveLog, reference: PoseSeries) -> None:
         times_s = log.odometry.time_s
         inside = (reference.time_s >= times_s[0]) & (reference.time_s <= times_s[-1])
         self._at_s = reference.time_s[inside]

@@ -14,8 +14,8 @@ from adapters.cli.history_options import (
     read_file,
     since_began,
 )
-from adapters.explanation import Entry, Wanted, When, entries, entry_line
-from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
+from adapters.explanation import Entry, LogFilter, When, entries, entry_line
+from adapters.mrs.cli import RoverTarget, connect, echo_json, json_option, run, say, to_option
 from executive.commands import Mode
 from executive.history import RunHistory
 from executive.values.reports import Severity
@@ -50,7 +50,7 @@ PAGE: Final = 1000
 @click.option("--unfold", is_flag=True, help="List each report of a command on a line of its own.")
 @json_option
 def log(
-    to: Target,
+    to: RoverTarget,
     recording: Path | None,
     follow: bool,
     command: str | None,
@@ -79,7 +79,7 @@ def log(
       rover log --file run.mcap --json
     """
     in_mode = None if mode is None else Mode[mode.upper()]
-    wanted = Wanted(command, source, Severity[severity.upper()], mode=in_mode)
+    wanted = LogFilter(command, source, Severity[severity.upper()], mode=in_mode)
     if follow and (recording is not None or until_s is not None or mode is not None):
         raise click.UsageError("--follow goes with neither --file, --until nor --mode")
     if recording is None:
@@ -102,7 +102,7 @@ class _Printer:
         self._as_json = as_json
         self._when = when
 
-    def list_all(self, history: RunHistory, wanted: Wanted) -> None:
+    def list_all(self, history: RunHistory, wanted: LogFilter) -> None:
         for each in entries(history, wanted, self._unfold):
             self.list(each)
 
@@ -114,8 +114,8 @@ class _Printer:
 
 
 async def _ask(
-    to: Target,
-    wanted: Wanted,
+    to: RoverTarget,
+    wanted: LogFilter,
     since_s: float | None,
     until_s: float | None,
     printer: _Printer,

@@ -28,7 +28,7 @@ UNREACHABLE: Final = 3
 INTERRUPTED: Final = 130
 
 
-class Commands(click.Group):
+class EntryPointGroup(click.Group):
     """A click group whose commands are entry points."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -110,7 +110,7 @@ def _first_line(entry: EntryPoint, limit: int) -> str:
 
 
 @click.group(
-    cls=Commands,
+    cls=EntryPointGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Every command has its own --help with examples.",
 )

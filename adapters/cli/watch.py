@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from adapters.mrs.cli import Target, connect, run, to_option
+from adapters.mrs.cli import RoverTarget, connect, run, to_option
 from adapters.process import asset_option
 
 
@@ -43,7 +43,7 @@ from adapters.process import asset_option
     help="With --file, write one page with a time slider, which needs no network.",
 )
 def watch(
-    to: Target,
+    to: RoverTarget,
     asset: str,
     domain_id: int,
     once: bool,
@@ -110,7 +110,7 @@ def _by_mrs() -> bool:
     return by_mrs
 
 
-async def _watch_by_mrs(to: Target, once: bool) -> None:
+async def _watch_by_mrs(to: RoverTarget, once: bool) -> None:
     from trees.screen import Screen, show_once
 
     async with await connect(to) as client:

@@ -9,7 +9,7 @@ from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from adapters.recording import Moment, RecordedMoments
-from trees import Look
+from trees import DisplayStatus
 from trees.screen import STYLES, drawn
 
 KEYS: Final = "→ ← a tick   ↓ ↑ a report   > < a second   g G the ends   q ends"
@@ -91,7 +91,7 @@ def _shown(recorded: RecordedMoments, moment: Moment, height: int | None) -> Ren
         for each in moment.commands[-_LONGEST:]
     ]
     lines += [
-        Text(f"now: {each.text}", STYLES[Look.RUNNING])
+        Text(f"now: {each.text}", STYLES[DisplayStatus.RUNNING])
         for each in moment.told
         if each not in moment.commands
     ]

@@ -13,7 +13,7 @@ from adapters.explanation import (
     explain_now,
     explanation_lines,
 )
-from adapters.mrs.cli import Target, connect, echo_json, json_option, run, say, to_option
+from adapters.mrs.cli import RoverTarget, connect, echo_json, json_option, run, say, to_option
 from executive.history import RunHistory
 
 
@@ -30,7 +30,7 @@ from executive.history import RunHistory
 )
 @json_option
 def why(
-    command: str | None, to: Target, recording: Path | None, at_s: float | None, as_json: bool
+    command: str | None, to: RoverTarget, recording: Path | None, at_s: float | None, as_json: bool
 ) -> None:
     """Tell why: of a command what became of it, else why the rover stands or moves.
 
@@ -59,7 +59,7 @@ def why(
         run(_ask(to, command, as_json))
 
 
-async def _ask(to: Target, command: str | None, as_json: bool) -> None:
+async def _ask(to: RoverTarget, command: str | None, as_json: bool) -> None:
     async with await connect(to) as client:
         history = await ask(client, command)
     _tell(_explained(history, command), date_and_time, as_json)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Final
 
-from adapters.console.messages import ENDED, CommandState, CommandStatus, StageReached
+from adapters.console.messages import ENDED, CommandState, CommandStatus, StageEntry
 
 CONSOLE: Final = "console"
 ORBITER: Final = "orbiter"
@@ -36,7 +36,7 @@ LIFE: Final = (
 )
 
 
-def reach(command: CommandStatus, reached: StageReached) -> CommandStatus:
+def reach(command: CommandStatus, reached: StageEntry) -> CommandStatus:
     """Return a command after a stage was heard; the same command if that is no news."""
     history = command.history
     alike = [
@@ -87,7 +87,7 @@ def merge(kept: CommandStatus, heard: CommandStatus) -> CommandStatus:
     return merged
 
 
-def _disproves_refusal(command: CommandStatus, reached: StageReached) -> bool:
+def _disproves_refusal(command: CommandStatus, reached: StageEntry) -> bool:
     """Whether a command that was answered by an error goes on all the same.
 
     As one does that was refused because the ledger could not be written.
@@ -100,7 +100,7 @@ def _disproves_refusal(command: CommandStatus, reached: StageReached) -> bool:
     )
 
 
-def _heard_at(reached: StageReached) -> tuple[float, int, float]:
+def _heard_at(reached: StageEntry) -> tuple[float, int, float]:
     return reached.rx, reached.sequence or 0, reached.utc
 
 

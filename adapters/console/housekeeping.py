@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Final
 
 from adapters.console.archive import Archive
-from adapters.console.messages import Link, Quality, Sample
+from adapters.console.messages import LinkKind, Quality, Sample
 from adapters.console.rovers import AssetEntry, parameter_entries
 from adapters.console.web import Hub
 from adapters.mrs.spec import CONSOLE, CONSOLE_HOUSEKEEPING, usage_figures
-from adapters.process import ProcessUsage
+from adapters.process import ResourceMonitor
 from adapters.system import System
 
 ASSET: Final = "rover-console"
@@ -39,7 +39,7 @@ class ConsoleHousekeeping:
         system: System,
     ) -> None:
         self._archive, self._hub, self._sample = archive, hub, sample
-        self._utc, self._usage = system.utc_s, ProcessUsage(data, system)
+        self._utc, self._usage = system.utc_s, ResourceMonitor(data, system)
         self._before = (asyncio.get_running_loop().time(), 0)
         self.entry = AssetEntry(
             asset=ASSET,
@@ -62,7 +62,7 @@ class ConsoleHousekeeping:
         utc_s, figures = self._utc(), self._measure()
         for key, value in figures.items():
             quality = Quality.INVALID if value is None else Quality.GOOD
-            self._sample(Sample(ASSET, key, Link.CONSOLE, utc_s, utc_s, value, quality))
+            self._sample(Sample(ASSET, key, LinkKind.CONSOLE, utc_s, utc_s, value, quality))
 
     def _measure(self) -> dict[str, float | None]:
         now_s, written = asyncio.get_running_loop().time(), self._archive.samples

@@ -7,9 +7,9 @@ from typing import Final
 import click
 
 from adapters.console import PORT, PORT_VARIABLE
-from adapters.console.archive import Retention
-from adapters.console.service import Options, serve
-from adapters.mrs.cli import Target, to_options
+from adapters.console.archive import RetentionPolicy
+from adapters.console.service import ConsoleOptions, serve
+from adapters.mrs.cli import RoverTarget, to_options
 from adapters.process import (
     EXISTING_FILE,
     PORT_NUMBER,
@@ -97,7 +97,7 @@ def _addresses(
 )
 @log_level_option
 def main(
-    to: tuple[Target, ...],
+    to: tuple[RoverTarget, ...],
     host: str,
     port: int,
     video: dict[str, tuple[str, int]],
@@ -132,9 +132,11 @@ def main(
     if (tls_certificate is None) != (tls_key is None):
         raise click.UsageError("HTTPS needs both: --tls-certificate and --tls-key")
     tls = None if tls_certificate is None or tls_key is None else (tls_certificate, tls_key)
-    retention = Retention(keep_days, keep_mb)
+    retention = RetentionPolicy(keep_days, keep_mb)
     folder = data or default_folder(FOLDER)
-    options = Options(to, host, port, tokens, tls, folder, archive, retention, video, recordings)
+    options = ConsoleOptions(
+        to, host, port, tokens, tls, folder, archive, retention, video, recordings
+    )
     asyncio.run(serve(options, OPERATING_SYSTEM))
 
 

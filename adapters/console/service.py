@@ -17,42 +17,42 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
     Archive,
-    Retention,
+    RetentionPolicy,
     last_notification,
     open_database,
     retain,
 )
 from adapters.console.housekeeping import ASSET, ConsoleHousekeeping
-from adapters.console.messages import Broadcast, Link, Notified, Sample, TreeState
+from adapters.console.messages import Broadcast, LinkKind, Notified, Sample, TreeState
 from adapters.console.recordings import Recordings
 from adapters.console.requests import (
-    Alarms,
+    AlarmRequests,
+    ArchiveRequests,
     Commanding,
-    Explaining,
-    Export,
-    Files,
+    ExplanationRequests,
+    ExportRequests,
+    FileRequests,
     FileStore,
-    History,
-    Objects,
-    Operations,
-    Plans,
+    ObjectRequests,
+    OperationRequests,
+    PlanRequests,
     Transfers,
-    Video,
+    VideoRequests,
 )
 from adapters.console.rovers import (
     AssetEntry,
-    AuthorityDesk,
     CommandTracker,
     Fleet,
-    Known,
+    LastNotification,
+    OperatorAuthority,
     SharedCommands,
 )
 from adapters.console.server import Server
 from adapters.console.tasks import begin, end
 from adapters.console.web import KEPT_COMMANDS, Access, Hub, SharedPresence, read_tokens
 from adapters.mal import CertificateError, address_to_listen, is_loopback
-from adapters.mrs.cli import Target
-from adapters.mrs.ground import CommandNumbers, parse_address
+from adapters.mrs.cli import RoverTarget
+from adapters.mrs.ground import CommandIdGenerator, parse_address
 from adapters.process import StartError, exclusive, termination_event
 from adapters.recording import RecordingError
 from adapters.system import System
@@ -67,7 +67,7 @@ OPENED: Final = "opened"
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class ConsoleOptions:
     """What the command line says.
 
     Attributes:
@@ -82,19 +82,19 @@ class Options:
         recordings: files that are opened at the start.
     """
 
-    to: tuple[Target, ...]
+    to: tuple[RoverTarget, ...]
     host: str
     port: int
     tokens: Path | None
     tls: tuple[Path, Path] | None
     data: Path
     archive: str | None = None
-    retention: Retention = field(default_factory=Retention)
+    retention: RetentionPolicy = field(default_factory=RetentionPolicy)
     video: Mapping[str, tuple[str, int]] = field(default_factory=dict)
     recordings: tuple[Path, ...] = ()
 
 
-async def serve(options: Options, system: System) -> None:
+async def serve(options: ConsoleOptions, system: System) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Raises:
@@ -107,7 +107,7 @@ async def serve(options: Options, system: System) -> None:
 
 
 @asynccontextmanager
-async def running(options: Options, system: System) -> AsyncIterator[str]:
+async def running(options: ConsoleOptions, system: System) -> AsyncIterator[str]:
     """Serve within the context; gives the address for a browser.
 
     Raises:
@@ -130,7 +130,7 @@ async def running(options: Options, system: System) -> AsyncIterator[str]:
 
 @asynccontextmanager
 async def _serving(
-    options: Options,
+    options: ConsoleOptions,
     archive: Archive,
     access: Access,
     context: ssl.SSLContext | None,
@@ -159,18 +159,18 @@ async def _serving(
         entry = housekeeping.entry if known is None else known.entry
         return entry.limits_of(key) if entry.asset == asset else (None, None)
 
-    async def last_known(asset: str, link: Link) -> Known | None:
+    async def last_known(asset: str, link: LinkKind) -> LastNotification | None:
         last = partial(last_notification, asset=asset, link=link)
         while True:
             with suppress(SQLAlchemyError):  # without that it is not known what was missed
                 found = await archive.read(last)
-                return None if found is None else Known(*found)
+                return None if found is None else LastNotification(*found)
             await asyncio.sleep(READ_AGAIN_S)
 
     tracker = CommandTracker(publish, system.utc_s)
     commands = SharedCommands(archive, tracker)
     await commands.restore(KEPT_COMMANDS)
-    desk = AuthorityDesk(publish, hub.is_present, system.utc_s)
+    desk = OperatorAuthority(publish, hub.is_present, system.utc_s)
     uris = [_uri(target) for target in options.to]
     try:
         fleet = Fleet(
@@ -180,22 +180,22 @@ async def _serving(
     except CertificateError as error:
         raise StartError(f"TLS: {error}") from error
     housekeeping = ConsoleHousekeeping(archive, hub, options.data, sample, system)
-    alarms = Alarms(archive, publish, limits_of)
-    commanding = Commanding(fleet, tracker, commands, desk, CommandNumbers(system))
+    alarms = AlarmRequests(archive, publish, limits_of)
+    commanding = Commanding(fleet, tracker, commands, desk, CommandIdGenerator(system))
     store = FileStore(options.data / FILES)
     transfers = Transfers(commanding.file_client, store, hub.transfer, system)
     recordings = Recordings(_emptied(options.data / OPENED), publish, system.utc_s)
-    objects = Objects(archive, publish)
+    objects = ObjectRequests(archive, publish)
     presence = SharedPresence(archive, hub, asyncio.get_running_loop().time)
     routes = [
-        *Operations(commanding, desk).routes(),
-        *Plans(commanding, archive).routes(),
-        *Explaining(commanding, recordings).routes(),
-        *Files(commanding.file_client, store, transfers, recordings, ASSET).routes(),
-        *Video(options.video, fleet.video_of, system.utc_s).routes(),
+        *OperationRequests(commanding, desk).routes(),
+        *PlanRequests(commanding, archive).routes(),
+        *ExplanationRequests(commanding, recordings).routes(),
+        *FileRequests(commanding.file_client, store, transfers, recordings, ASSET).routes(),
+        *VideoRequests(options.video, fleet.video_of, system.utc_s).routes(),
         *recordings.routes(),
-        *History(archive, recordings).routes(),
-        *Export(archive, recordings).routes(),
+        *ArchiveRequests(archive, recordings).routes(),
+        *ExportRequests(archive, recordings).routes(),
         *objects.routes(),
         *alarms.routes(),
     ]
@@ -248,7 +248,7 @@ async def _serving(
         await recordings.close()
 
 
-def _access(options: Options) -> tuple[Access, ssl.SSLContext | None]:
+def _access(options: ConsoleOptions) -> tuple[Access, ssl.SSLContext | None]:
     """Return who may ask, and what it is served with."""
     if not is_loopback(options.host) and (options.tokens is None or options.tls is None):
         raise StartError(
@@ -276,14 +276,14 @@ def _emptied(folder: Path) -> Path:
     return folder
 
 
-def _uri(target: Target) -> str:
+def _uri(target: RoverTarget) -> str:
     try:
         return str(parse_address(target.uri))
     except ValueError as error:
         raise click.UsageError(f"--to: {error}") from error
 
 
-def _address(options: Options, runner: web.AppRunner) -> str:
+def _address(options: ConsoleOptions, runner: web.AppRunner) -> str:
     port = runner.addresses[0][1]
     host = f"[{options.host}]" if ":" in options.host else options.host
     return f"{'http' if options.tls is None else 'https'}://{host}:{port}/"

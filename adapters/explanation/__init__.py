@@ -5,12 +5,12 @@ from `MrsClient.get_history`. An `Explanation` or the entries of a log come out.
 """
 
 from adapters.explanation.explain import Explanation as Explanation
-from adapters.explanation.explain import Step as Step
+from adapters.explanation.explain import ExplanationStep as ExplanationStep
 from adapters.explanation.explain import UnknownCommandError as UnknownCommandError
 from adapters.explanation.explain import explain_command as explain_command
 from adapters.explanation.explain import explain_now as explain_now
 from adapters.explanation.log import Entry as Entry
-from adapters.explanation.log import Wanted as Wanted
+from adapters.explanation.log import LogFilter as LogFilter
 from adapters.explanation.log import entries as entries
 from adapters.explanation.relevance import relevant as relevant
 from adapters.explanation.words import When as When

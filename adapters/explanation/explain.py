@@ -11,10 +11,10 @@ from typing import Final
 from adapters.explanation.log import names
 from executive.commands import Family, Mode, declared
 from executive.faults import DECLARED
-from executive.history import CommandLife, LeafRun, RunHistory, Situation
+from executive.history import CommandHistory, LeafRun, RunHistory, Situation
 from executive.state import Uncertainty
 from executive.values.reasons import PREDICTED, Figure, Reason
-from executive.values.reports import Identity, Kind, Report, Stage
+from executive.values.reports import Identity, Report, ReportKind, Stage
 
 MOMENT_S: Final = 0.1
 """A shorter wait is none."""
@@ -47,7 +47,7 @@ class UnknownCommandError(LookupError):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ExplanationStep:
     """A link of the chain.
 
     Attributes:
@@ -71,7 +71,7 @@ class Explanation:
 
     headline: str
     reason: Reason | None
-    steps: tuple[Step, ...]
+    steps: tuple[ExplanationStep, ...]
     evidence: tuple[Figure, ...] = ()
 
 
@@ -92,9 +92,11 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
         which = ", ".join(str(each.identity) for each in found)
         raise UnknownCommandError(f"{command} is the number of several: name one of {which}")
     if found:
-        explained = _Life(history, lives, found[0]).explain()
+        explained = _CommandExplainer(history, lives, found[0]).explain()
         others = tuple(
-            Step(each.utc_s, f"another command under this number was refused: {each.refusal.text}")
+            ExplanationStep(
+                each.utc_s, f"another command under this number was refused: {each.refusal.text}"
+            )
             for each in declined
         )
         return replace(explained, steps=(*explained.steps, *others))
@@ -104,7 +106,11 @@ def explain_command(history: RunHistory, command: str) -> Explanation:
         return Explanation(
             f"{last.identity} was not taken: {last.refusal.text}",
             reason,
-            (Step(last.utc_s, f"refused before it had a life: {reason.name} {reason.value}"),),
+            (
+                ExplanationStep(
+                    last.utc_s, f"refused before it had a life: {reason.name} {reason.value}"
+                ),
+            ),
             last.refusal.figures,
         )
     known = [str(identity) for identity in lives][-5:]
@@ -120,37 +126,37 @@ def explain_now(history: RunHistory) -> Explanation:
         return Explanation("nothing is known of what the rover is about", None, ())
     headline = f"{now.mode.name}: {now.why}"
     if now.active is not None and now.active in lives and now.mode not in _HOLDING:
-        life = _Life(history, lives, lives[now.active]).explain()
+        life = _CommandExplainer(history, lives, lives[now.active]).explain()
         return Explanation(headline, life.reason, (*life.steps, *_conditions(history)), ())
     cause = cause_of(history, now)
-    steps: list[Step] = []
+    steps: list[ExplanationStep] = []
     reason: Reason | None = None
     evidence: tuple[Figure, ...] = ()
-    if isinstance(cause, CommandLife):
+    if isinstance(cause, CommandHistory):
         reason = Reason.STOPPED
         steps += _asked(cause)
     elif cause is not None:
         reason, evidence = cause.reason, cause.figures
         steps.append(_event(cause))
         steps += [
-            Step(end.utc_s, _ending(each))
+            ExplanationStep(end.utc_s, _ending(each))
             for each in lives.values()
             if (end := each.end) is not None
             if end.reason is cause.reason and end.utc_s >= cause.utc_s
         ]
     elif (last := last_ended(lives.values())) is not None and last.end is not None:
         reason = last.end.reason
-        steps.append(Step(last.end.utc_s, f"the last that ended: {_ending(last)}"))
+        steps.append(ExplanationStep(last.end.utc_s, f"the last that ended: {_ending(last)}"))
     shown = {each.text for each in steps}
     steps += [each for each in _conditions(history) if each.text not in shown]
     return Explanation(headline, reason, tuple(steps), evidence)
 
 
-class _Life:
+class _CommandExplainer:
     """Explains one command."""
 
     def __init__(
-        self, history: RunHistory, lives: dict[Identity, CommandLife], life: CommandLife
+        self, history: RunHistory, lives: dict[Identity, CommandHistory], life: CommandHistory
     ) -> None:
         self._history = history
         self._lives = lives
@@ -166,7 +172,7 @@ class _Life:
             headline, reason = self._under_way()
             return Explanation(headline, reason, tuple(steps))
         if end.stage is not Stage.REJECTED:
-            steps.append(Step(end.utc_s, _ending(life)))
+            steps.append(ExplanationStep(end.utc_s, _ending(life)))
         steps += self._behind(end)
         return Explanation(
             _headline(life, end), end.reason or _of_stage(end), tuple(steps), _shown(end.figures)
@@ -210,7 +216,7 @@ class _Life:
         accepted = self._life.at(Stage.ACCEPTED)
         return accepted.utc_s if executed and accepted is not None else None
 
-    def _waited(self) -> Iterator[Step]:
+    def _waited(self) -> Iterator[ExplanationStep]:
         accepted = self._life.at(Stage.ACCEPTED)
         if accepted is None:
             return
@@ -233,9 +239,9 @@ class _Life:
         for_what = [f"for {', '.join(blockers)}"] if blockers else []
         whys = dict.fromkeys(f"as the rover was {each.mode.name}: {each.why}" for each in held)
         why = "; ".join([*for_what, *list(whys)[-1:]]) or "for its turn"
-        yield Step(until_s, f"{verb} {until_s - began_s:.2f} s {why}")
+        yield ExplanationStep(until_s, f"{verb} {until_s - began_s:.2f} s {why}")
 
-    def _in_front(self, other: CommandLife, began_s: float, until_s: float) -> bool:
+    def _in_front(self, other: CommandHistory, began_s: float, until_s: float) -> bool:
         """Whether another command of the same queue was there before, and under way meanwhile."""
         if _FAMILIES.get(other.request) is not self._family:
             return False
@@ -258,36 +264,36 @@ class _Life:
             and (each.ended_utc_s is None or each.ended_utc_s > began_s)
         ]
 
-    def _ran(self) -> Iterator[Step]:
+    def _ran(self) -> Iterator[ExplanationStep]:
         began_s = self._started_s
         started = self._life.at(Stage.STARTED)
         if started is not None:
-            yield Step(started.utc_s, "started")
+            yield ExplanationStep(started.utc_s, "started")
         for each in self._leaves:
             ended_s = self._end_s if each.ended_utc_s is None else each.ended_utc_s
             took_s = min(ended_s, self._end_s) - each.began_utc_s
             at_s = max(each.began_utc_s, began_s or each.began_utc_s)
-            yield Step(at_s, f"leaf {each.name} ran for {took_s:.2f} s{_said(each)}")
+            yield ExplanationStep(at_s, f"leaf {each.name} ran for {took_s:.2f} s{_said(each)}")
         for report in self._life.reports:
             if report.stage is Stage.PROGRESS:
-                yield Step(
+                yield ExplanationStep(
                     report.utc_s, f"step {report.step} of {report.step_count}: {report.text}"
                 )
 
-    def _met(self) -> Iterator[Step]:
+    def _met(self) -> Iterator[ExplanationStep]:
         """Yield the events that came meanwhile, but for what the end says again."""
         end = self._life.end
         said = "" if end is None else end.text
         for report in self._history.reports:
             if (
-                report.kind is not Kind.COMMAND
+                report.kind is not ReportKind.COMMAND
                 and report.identity is None
                 and self._life.utc_s <= report.utc_s <= self._end_s
                 and report.text != said
             ):
                 yield _event(report)
 
-    def _limited(self) -> Iterator[Step]:
+    def _limited(self) -> Iterator[ExplanationStep]:
         fastest = next(
             (each for each in self._history.fastest if each.identity == self._life.identity),
             None,
@@ -308,11 +314,11 @@ class _Life:
                 f"went at most {fastest.travel_mps:.2f} m/s, of {fastest.allowed_mps:.2f} m/s"
                 " that the asset allows"
             )
-            yield Step(None, f"{text}: {'; '.join(causes)}" if causes else text)
+            yield ExplanationStep(None, f"{text}: {'; '.join(causes)}" if causes else text)
         elif causes:
-            yield Step(None, f"its speed was limited: {'; '.join(causes)}")
+            yield ExplanationStep(None, f"its speed was limited: {'; '.join(causes)}")
 
-    def _behind(self, end: Report) -> Iterator[Step]:
+    def _behind(self, end: Report) -> Iterator[ExplanationStep]:
         """Yield what is behind the end: the command that it names, or what held the rover then."""
         for other in self._lives.values():
             if other is not self._life and mentions(end.text, other.identity):
@@ -320,12 +326,16 @@ class _Life:
         if end.reason is Reason.WRONG_MODE:
             then = [each for each in self._history.situations if each.utc_s <= end.utc_s]
             if then:
-                yield Step(then[-1].utc_s, f"the rover was {then[-1].mode.name}: {then[-1].why}")
+                yield ExplanationStep(
+                    then[-1].utc_s, f"the rover was {then[-1].mode.name}: {then[-1].why}"
+                )
         if end.reason is Reason.POSE_UNCERTAIN:
             yield from _uncertain_since(self._history, end.utc_s)
 
 
-def last_speed_setting(lives: Iterable[CommandLife], until_utc_s: float) -> CommandLife | None:
+def last_speed_setting(
+    lives: Iterable[CommandHistory], until_utc_s: float
+) -> CommandHistory | None:
     """Return the command that set the greatest speed that holds at a time; None if none did."""
     settings = [
         each
@@ -336,14 +346,14 @@ def last_speed_setting(lives: Iterable[CommandLife], until_utc_s: float) -> Comm
     return settings[-1] if settings else None
 
 
-def last_ended(lives: Iterable[CommandLife]) -> CommandLife | None:
+def last_ended(lives: Iterable[CommandHistory]) -> CommandHistory | None:
     """Return the command that ended last; None if none did."""
     ended = ((each.end.sequence, each) for each in lives if each.end is not None)
     _, last = max(ended, key=lambda each: each[0], default=(0, None))
     return last
 
 
-def end_s(life: CommandLife, history: RunHistory) -> float:
+def end_s(life: CommandHistory, history: RunHistory) -> float:
     """Return when a command ended, or the history if it has not."""
     return history.until_utc_s if life.end is None else life.end.utc_s
 
@@ -352,13 +362,13 @@ def _of_stage(end: Report) -> Reason | None:
     return Reason.EXPIRED if end.stage is Stage.EXPIRED else None
 
 
-def _headline(life: CommandLife, end: Report) -> str:
+def _headline(life: CommandHistory, end: Report) -> str:
     said = f": {life.outcome}" if life.outcome else ""
     assert end.stage is not None
     return f"{life.identity} {life.name} {_ENDED[end.stage]}{said}"
 
 
-def _ending(life: CommandLife) -> str:
+def _ending(life: CommandHistory) -> str:
     end = life.end
     assert end is not None
     assert end.stage is not None
@@ -368,7 +378,7 @@ def _ending(life: CommandLife) -> str:
     return f"{life.identity} {_ENDED[end.stage]} after {took_s:.2f} s{said}{why}"
 
 
-def _asked(life: CommandLife) -> Iterator[Step]:
+def _asked(life: CommandHistory) -> Iterator[ExplanationStep]:
     asked, first, link = life.received, life.reports[0], life.link
     over = "" if link is None else f" over the {link} link"
     wait = (
@@ -376,17 +386,17 @@ def _asked(life: CommandLife) -> Iterator[Step]:
         if asked is None or asked.lifetime_s is None
         else f", to start within {asked.lifetime_s:g} s"
     )
-    yield Step(
+    yield ExplanationStep(
         first.utc_s if asked is None else asked.utc_s,
         f"{life.identity.source} asked for {life.name}{over}, as number"
         f" {life.identity.command_id}{wait}",
     )
     accepted, end = life.at(Stage.ACCEPTED), life.end
     if accepted is not None:
-        yield Step(accepted.utc_s, f"{life.identity} was accepted")
+        yield ExplanationStep(accepted.utc_s, f"{life.identity} was accepted")
     elif end is not None and end.stage is Stage.REJECTED:
         why = in_brackets(end.reason)
-        yield Step(end.utc_s, f"{life.identity} was refused: {end.text}{why}")
+        yield ExplanationStep(end.utc_s, f"{life.identity} was refused: {end.text}{why}")
 
 
 def in_brackets(reason: Reason | None) -> str:
@@ -394,9 +404,9 @@ def in_brackets(reason: Reason | None) -> str:
     return "" if reason is None else f" ({reason.name} {reason.value})"
 
 
-def _event(report: Report) -> Step:
+def _event(report: Report) -> ExplanationStep:
     text = f"{report.severity.name.lower()}: {report.text}{in_brackets(report.reason)}"
-    return Step(report.utc_s, text)
+    return ExplanationStep(report.utc_s, text)
 
 
 def _said(run: LeafRun) -> str:
@@ -422,12 +432,12 @@ def spans(history: RunHistory) -> Iterator[tuple[Situation, float]]:
     yield from zip(history.situations, following, strict=False)
 
 
-def cause_of(history: RunHistory, now: Situation) -> Report | CommandLife | None:
+def cause_of(history: RunHistory, now: Situation) -> Report | CommandHistory | None:
     """Return what put the rover into a situation in which it is held; None where nothing did."""
     events = [
         each
         for each in history.reports
-        if each.kind is not Kind.COMMAND and each.text and each.text in now.why
+        if each.kind is not ReportKind.COMMAND and each.text and each.text in now.why
         if each.reason is not Reason.POSE_UNCERTAIN
     ]
     if events:
@@ -445,7 +455,7 @@ def _active_faults(
     """Return the events of the faults that had begun and were not over at a time, or since one."""
     active: dict[str, Report] = {}
     for report in history.reports:
-        if report.utc_s > at_utc_s or report.kind is not Kind.EVENT or report.reason is None:
+        if report.utc_s > at_utc_s or report.kind is not ReportKind.EVENT or report.reason is None:
             continue
         if report.reason is Reason.FAULT_OVER:
             name = report.text.removesuffix(" is over")
@@ -457,7 +467,7 @@ def _active_faults(
     return list(active.values())
 
 
-def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[Step]:
+def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[ExplanationStep]:
     """Return since what the pose is uncertain at a time, and how that ends; nothing if it is not.
 
     That is the first event of it and the last, each with the fault that it names.
@@ -465,7 +475,7 @@ def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[Step]:
     begun: list[list[Report]] = []
     faults: list[Report] = []
     for report in history.reports:
-        if report.kind is not Kind.EVENT or report.utc_s > at_utc_s:
+        if report.kind is not ReportKind.EVENT or report.utc_s > at_utc_s:
             continue
         if report.reason is Reason.POSE_UNCERTAIN:
             named = [each for each in faults if _is_named(each, report.text)]
@@ -475,7 +485,7 @@ def _uncertain_since(history: RunHistory, at_utc_s: float) -> list[Step]:
         elif report.reason in _BY_REASON:
             faults.append(report)
     steps = dict.fromkeys(_event(report) for reports in begun for report in reports)
-    return [*steps, Step(None, _WAY_OUT)] if steps else []
+    return [*steps, ExplanationStep(None, _WAY_OUT)] if steps else []
 
 
 def _is_of_pose(report: Report) -> bool:
@@ -492,7 +502,7 @@ def says_who_moves(report: Report) -> bool:
     return "move the rover" in report.text or "nobody else moves" in report.text
 
 
-def _conditions(history: RunHistory) -> list[Step]:
+def _conditions(history: RunHistory) -> list[ExplanationStep]:
     """Return the faults that are not over, and who else may move the rover."""
     steps = [_event(each) for each in _active_faults(history, history.until_utc_s)]
     steps += _uncertain_since(history, history.until_utc_s)

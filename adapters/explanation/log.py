@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from executive.commands import Mode
-from executive.history import CommandLife, RunHistory
+from executive.history import CommandHistory, RunHistory
 from executive.values.reports import Identity, Report, Severity
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class LogFilter:
     """What of a log is wanted; None and empty for all.
 
     Attributes:
@@ -43,10 +43,10 @@ def names(command: str, identity: Identity) -> bool:
     return command in {str(identity), str(identity.command_id)}
 
 
-Entry = CommandLife | Report
+Entry = CommandHistory | Report
 
 
-def entries(history: RunHistory, wanted: Wanted, unfold: bool = False) -> Iterator[Entry]:
+def entries(history: RunHistory, wanted: LogFilter, unfold: bool = False) -> Iterator[Entry]:
     """Yield the lives of commands and the events that are wanted, in the order of their beginning.
 
     A life is wanted if one of its reports is.
@@ -69,7 +69,7 @@ def entries(history: RunHistory, wanted: Wanted, unfold: bool = False) -> Iterat
             yield report if life is None else life
 
 
-def _in_mode(report: Report, history: RunHistory, wanted: Wanted) -> bool:
+def _in_mode(report: Report, history: RunHistory, wanted: LogFilter) -> bool:
     if wanted.mode is None:
         return True
     mode = None

@@ -13,8 +13,8 @@ from adapters.explanation.explain import (
     spans,
 )
 from adapters.explanation.log import names
-from executive.history import CommandLife, RunHistory
-from executive.values.reports import Kind, Report
+from executive.history import CommandHistory, RunHistory
+from executive.values.reports import Report, ReportKind
 
 LAST_KNOWN: Final = 5
 """Commands that are named where one is asked for that is not known."""
@@ -53,7 +53,7 @@ def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
             for each in history.reports
             if each.identity in kept
             or (
-                each.kind is not Kind.COMMAND
+                each.kind is not ReportKind.COMMAND
                 and each.utc_s <= ended_s
                 and (each.utc_s >= began_s or _lasts(each) or any(each.text in t for t in texts))
             )
@@ -75,7 +75,7 @@ def relevant(history: RunHistory, command: str | None = None) -> RunHistory:
     )
 
 
-def _since_of_now(history: RunHistory, lives: list[CommandLife]) -> float:
+def _since_of_now(history: RunHistory, lives: list[CommandHistory]) -> float:
     """Return when that began which explains what the rover does at the end."""
     now = history.situations[-1] if history.situations else None
     if now is None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from adapters.explanation.explain import Explanation, in_brackets
 from adapters.explanation.log import Entry
-from executive.history import CommandLife
+from executive.history import CommandHistory
 from executive.values.reasons import PREDICTED
 from executive.values.reports import Report, Stage, printable
 
@@ -28,11 +28,11 @@ def explanation_lines(explanation: Explanation, when: When) -> list[str]:
 
 def entry_line(entry: Entry, when: When) -> str:
     """Return a life or a report on one line."""
-    line = _life(entry, when) if isinstance(entry, CommandLife) else _report(entry)
+    line = _life(entry, when) if isinstance(entry, CommandHistory) else _report(entry)
     return printable(f"{when(entry.utc_s)}  {line}")
 
 
-def _life(life: CommandLife, when: When) -> str:
+def _life(life: CommandHistory, when: When) -> str:
     link = "" if life.link is None else f" ({life.link})"
     stages = [
         f"{stage.name.lower()} {when(report.utc_s).strip()}"

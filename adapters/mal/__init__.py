@@ -1,6 +1,6 @@
 """CCSDS MAL 521.0-B-3 over TCP, as implemented by mo-services-java 12; see the README."""
 
-from adapters.mal.admission import Limits as Limits
+from adapters.mal.admission import PeerLimits as PeerLimits
 from adapters.mal.attribute_codec import Encoding as Encoding
 from adapters.mal.broker import Keys as Keys
 from adapters.mal.broker import Publisher as Publisher
@@ -17,7 +17,7 @@ from adapters.mal.errors import EncodeError as EncodeError
 from adapters.mal.errors import MalError as MalError
 from adapters.mal.errors import SpecificationError as SpecificationError
 from adapters.mal.errors import StandardError as StandardError
-from adapters.mal.provider import Call as Call
+from adapters.mal.provider import CallContext as CallContext
 from adapters.mal.provider import Handler as Handler
 from adapters.mal.provider import Interaction as Interaction
 from adapters.mal.provider import Provider as Provider
@@ -26,11 +26,11 @@ from adapters.mal.specification import Area as Area
 from adapters.mal.specification import CompositeType as CompositeType
 from adapters.mal.specification import EnumerationType as EnumerationType
 from adapters.mal.specification import Field as Field
+from adapters.mal.specification import InteractionStage as InteractionStage
 from adapters.mal.specification import Operation as Operation
 from adapters.mal.specification import Pattern as Pattern
 from adapters.mal.specification import Service as Service
 from adapters.mal.specification import Specification as Specification
-from adapters.mal.specification import Stage as Stage
 from adapters.mal.specification_xml import load_specification as load_specification
 from adapters.mal.tls import CertificateError as CertificateError
 from adapters.mal.tls import Certificates as Certificates
@@ -38,7 +38,7 @@ from adapters.mal.tls import address_to_listen as address_to_listen
 from adapters.mal.tls import is_loopback as is_loopback
 from adapters.mal.transactions import Invocation as Invocation
 from adapters.mal.transactions import OnUpdate as OnUpdate
-from adapters.mal.transactions import Progress as Progress
+from adapters.mal.transactions import ProgressStream as ProgressStream
 from adapters.mal.values import AttributeType as AttributeType
 from adapters.mal.values import NamedValue as NamedValue
 from adapters.mal.values import NullableAttribute as NullableAttribute
@@ -48,6 +48,6 @@ from adapters.mal.values import ObjectRef as ObjectRef
 from adapters.mal.values import ServiceId as ServiceId
 from adapters.mal.values import Subscription as Subscription
 from adapters.mal.values import SubscriptionFilter as SubscriptionFilter
-from adapters.mal.values import Typed as Typed
+from adapters.mal.values import TypedAttribute as TypedAttribute
 from adapters.mal.values import TypedList as TypedList
 from adapters.mal.values import UpdateHeader as UpdateHeader

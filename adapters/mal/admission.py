@@ -15,13 +15,13 @@ from typing import Final
 
 from adapters.mal.attribute_codec import MAX_ELEMENTS
 from adapters.mal.codec import Header
-from adapters.mal.connection import MESSAGE_CAP, Connection, Guard, OnMessage
+from adapters.mal.connection import MESSAGE_CAP, Connection, ConnectionGuard, OnMessage
 from adapters.mal.errors import MalError, too_many
 from adapters.system import Socket, System
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class PeerLimits:
     """What the peers of a provider may take up, together where it does not say otherwise.
 
     Attributes:
@@ -146,7 +146,7 @@ _WORTH_TRIMMING: Final = 4 << 20
 """Octets given back since memory was last returned to the operating system."""
 
 
-class Connections(Guard):
+class Connections(ConnectionGuard):
     """All connections of a provider, and where it listens for more.
 
     When there are too many, one of whoever has most of them gives way: one that said nothing or
@@ -166,7 +166,7 @@ class Connections(Guard):
 
     def __init__(
         self,
-        limits: Limits,
+        limits: PeerLimits,
         on_message: OnMessage,
         on_refused: Callable[[Connection, Header, MalError], None],
         on_lost: Callable[[Connection], None],

@@ -9,13 +9,13 @@ from adapters.mal.admission import Quota
 from adapters.mal.codec import Codec, Header, encode_message, encode_timestamp, restamped
 from adapters.mal.connection import Connection
 from adapters.mal.errors import MalError, StandardError, too_many
-from adapters.mal.specification import ATTRIBUTES, Operation, Stage
+from adapters.mal.specification import ATTRIBUTES, InteractionStage, Operation
 from adapters.mal.values import (
     AttributeType,
     NullableAttribute,
     Subscription,
     SubscriptionFilter,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
 )
 from adapters.system import System, utc_ns
@@ -31,7 +31,7 @@ _SIGNED: Final = (
     AttributeType.DOUBLE,
 )
 
-Keys = dict[str, Typed | None]
+Keys = dict[str, TypedAttribute | None]
 """The key values of an update by the names of the keys, in their order."""
 
 
@@ -74,7 +74,7 @@ def _filter_matches(key_filter: SubscriptionFilter, keys: Keys) -> bool:
     )
 
 
-def _value_matches(wanted: Typed | None, value: Typed | None) -> bool:
+def _value_matches(wanted: TypedAttribute | None, value: TypedAttribute | None) -> bool:
     if wanted is None:
         return value is None
     if wanted.type in _TEXTS:
@@ -114,7 +114,12 @@ class _Subscriber:
         names = (operation.service_name, operation.name)
         if names not in self._heads:
             header = Header.of(
-                operation, Stage.NOTIFY, self.transaction_id, self.broker_uri, self.uri, 0
+                operation,
+                InteractionStage.NOTIFY,
+                self.transaction_id,
+                self.broker_uri,
+                self.uri,
+                0,
             )
             self._heads[names] = encode_message(header, b"")
         return self._heads[names]
@@ -194,7 +199,9 @@ class _Update:
                 ),
             )
             values = (subscription.subscriptionId, cut, *self._parts)
-            self._bodies[alike] = self._codec.encode(self._operation.parts[Stage.NOTIFY], values)
+            self._bodies[alike] = self._codec.encode(
+                self._operation.parts[InteractionStage.NOTIFY], values
+            )
         return self._bodies[alike]
 
 
@@ -422,7 +429,7 @@ class Publisher:
             ValueError: There are more or fewer keys than the operation has.
         """
         typed = {
-            name: None if value is None else Typed(kind, value)
+            name: None if value is None else TypedAttribute(kind, value)
             for (name, kind), value in zip(self._kinds.items(), keys, strict=True)
         }
         update = UpdateHeader(source=source, domain=domain)
@@ -430,7 +437,7 @@ class Publisher:
 
 
 def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...] | None) -> Keys:
-    keys: dict[str, Typed | None] = {}
+    keys: dict[str, TypedAttribute | None] = {}
     if len(values or ()) != len(kinds):
         raise _unknown(f"{len(kinds)} key values wanted, {len(values or ())} given")
     for (name, kind), given in zip(kinds.items(), values or (), strict=True):
@@ -441,4 +448,4 @@ def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...]
 
 
 def _unknown(why: str) -> MalError:
-    return MalError(StandardError.UNKNOWN, Typed(AttributeType.STRING, why))
+    return MalError(StandardError.UNKNOWN, TypedAttribute(AttributeType.STRING, why))

@@ -23,14 +23,14 @@ from adapters.mal.specification import (
     CompositeType,
     EnumerationType,
     Field,
+    InteractionStage,
     Operation,
     Specification,
-    Stage,
     TypeRef,
     python_name,
     type_id,
 )
-from adapters.mal.values import AttributeType, NamedValue, Typed, TypedList
+from adapters.mal.values import AttributeType, NamedValue, TypedAttribute, TypedList
 
 Read = Callable[[Any], Any]
 Write = Callable[[Any, Any], None]
@@ -167,15 +167,15 @@ class TypeCodec:
         kinds = {kind.value: (kind, self._primitive[ref]) for ref, kind in ATTRIBUTES.items()}
         codes_of = dict(kinds.values())
 
-        def read(reader: Reader) -> Typed:
+        def read(reader: Reader) -> TypedAttribute:
             number = reader.uoctet()
             if number not in kinds:
                 raise reader.fail(f"no attribute type has short form {number}")
             kind, codes = kinds[number]
-            return Typed(kind, codes.read(reader))
+            return TypedAttribute(kind, codes.read(reader))
 
         def write(writer: Writer, value: Any) -> None:
-            if not isinstance(value, Typed):
+            if not isinstance(value, TypedAttribute):
                 raise EncodeError(f"a Typed wanted, not {value!r}")
             writer.uoctet(value.type.value)
             codes_of[value.type].write(writer, value.value)
@@ -201,7 +201,7 @@ class TypeCodec:
                 if known.ref.is_list:
                     value = TypedList(known.kind, value)
                 elif isinstance(known.kind, AttributeType):
-                    value = Typed(known.kind, value)
+                    value = TypedAttribute(known.kind, value)
             reader.leave()
             return value
 
@@ -213,7 +213,7 @@ class TypeCodec:
                     return
                 case TypedList():
                     known, content = self._by_kind.get((value.type, True)), value.values
-                case Typed():
+                case TypedAttribute():
                     known, content = self._by_kind.get((value.type, False)), value.value
                 case _:
                     known, content = self._by_kind.get((type(value), False)), value
@@ -376,7 +376,7 @@ class Codec:
 
 VERSION: Final = 1
 _HEAD: Final = struct.Struct(">IBHHHBBqBB")
-_STAGES: Final = tuple(Stage)
+_STAGES: Final = tuple(InteractionStage)
 _LENGTH: Final = struct.Struct(">I")
 _FROM, _TO, _TIMESTAMP, _AUTHENTICATION = 0x80, 0x40, 0x10, 0x01
 _B2_FIELDS: Final = 0x2E
@@ -405,7 +405,7 @@ class Header:
         session: The same.
     """
 
-    stage: Stage
+    stage: InteractionStage
     area: int
     service: int
     operation: int
@@ -424,7 +424,7 @@ class Header:
     def of(
         cls,
         operation: Operation,
-        stage: Stage,
+        stage: InteractionStage,
         transaction_id: int,
         from_uri: str | None = None,
         to_uri: str | None = None,
@@ -446,7 +446,9 @@ class Header:
             supplements,
         )
 
-    def reply(self, stage: Stage, timestamp_ns: int, *, is_error: bool = False) -> "Header":
+    def reply(
+        self, stage: InteractionStage, timestamp_ns: int, *, is_error: bool = False
+    ) -> "Header":
         """The header of what answers this message, made at this time."""
         return Header(
             stage,
@@ -595,4 +597,4 @@ def _supplement(reader: Reader) -> NamedValue:
     if not 1 <= number <= len(AttributeType):
         raise reader.fail(f"no attribute type has short form {number}")
     kind = AttributeType(number)
-    return NamedValue(name=name, value=Typed(kind, getattr(reader, METHODS[kind])()))
+    return NamedValue(name=name, value=TypedAttribute(kind, getattr(reader, METHODS[kind])()))

@@ -149,7 +149,7 @@ Job = Callable[[], bool]
 """Does one piece of work, and returns whether more is left."""
 
 
-class Turns:
+class FairScheduler:
     """Shares the loop's time among connections, a piece of work at a time.
 
     Whoever has little to do is served before those who always have more.
@@ -205,7 +205,7 @@ class Turns:
 OnMessage = Callable[["Connection", Header, bytes], None]
 
 
-class Guard:
+class ConnectionGuard:
     """What a connection asks of whoever looks after it; this one knows no others.
 
     Attributes:
@@ -215,7 +215,7 @@ class Guard:
     """
 
     def __init__(self, message_cap: int = MESSAGE_CAP, room: int = ROOM_AT_ONCE) -> None:
-        self.turns = Turns()
+        self.turns = FairScheduler()
         self.message_cap = message_cap
         self.room = room
 
@@ -260,9 +260,9 @@ class Connection(asyncio.BufferedProtocol):
         heard_s: When the last of them did, in the loop's time.
     """
 
-    def __init__(self, on_message: OnMessage, guard: Guard | None = None) -> None:
+    def __init__(self, on_message: OnMessage, guard: ConnectionGuard | None = None) -> None:
         self._on_message = on_message
-        self._guard = guard = Guard() if guard is None else guard
+        self._guard = guard = ConnectionGuard() if guard is None else guard
         self._framer = Framer(guard.message_cap, self._reserve, guard.room)
         self._transport: asyncio.Transport | None = None
         self._notifications = NotificationQueue(self._gather, self.give_up)

@@ -12,12 +12,19 @@ from adapters.mal.attribute_codec import Encoding
 from adapters.mal.codec import Codec, Header, encode_message
 from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.specification import ATTRIBUTES, REPLY, Operation, Pattern, Specification, Stage
+from adapters.mal.specification import (
+    ATTRIBUTES,
+    REPLY,
+    InteractionStage,
+    Operation,
+    Pattern,
+    Specification,
+)
 from adapters.mal.transactions import (
     Invocation,
     OnUpdate,
     Parts,
-    Progress,
+    ProgressStream,
     Subscriptions,
     Transaction,
     transaction_ids,
@@ -27,7 +34,7 @@ from adapters.mal.values import (
     NamedValue,
     NullableAttribute,
     Subscription,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
 )
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
@@ -43,7 +50,7 @@ class _Refusals(Transaction):
 
     newest: MalError | None = None
 
-    def take(self, _stage: Stage, _parts: Parts, _octets: int) -> None:
+    def take(self, _stage: InteractionStage, _parts: Parts, _octets: int) -> None:
         """Nobody publishes to a publisher."""
 
     def fail(self, error: MalError) -> None:
@@ -63,7 +70,9 @@ class Publication:
         self._names = (operation.service_name, operation.name)
         self._kinds = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
         self._number = next(consumer._numbers)
-        self._refusals = _Refusals(operation, Stage.PUBLISH, consumer._connection, lambda: None)
+        self._refusals = _Refusals(
+            operation, InteractionStage.PUBLISH, consumer._connection, lambda: None
+        )
 
     async def publish(
         self, *parts: Any, keys: tuple[Any, ...], domain: tuple[str, ...], source: str | None = None
@@ -89,12 +98,12 @@ class Publication:
             source=source,
             domain=domain,
             keyValues=tuple(
-                NullableAttribute(value=None if value is None else Typed(kind, value))
+                NullableAttribute(value=None if value is None else TypedAttribute(kind, value))
                 for kind, value in zip(self._kinds.values(), keys, strict=True)
             ),
         )
         _, _, message = self._consumer._message(
-            *self._names, Stage.PUBLISH, (update, *parts), number=self._number
+            *self._names, InteractionStage.PUBLISH, (update, *parts), number=self._number
         )
         self._consumer._connection.send(message)
         await self._consumer._connection.drain()
@@ -103,7 +112,7 @@ class Publication:
         """Tell the broker; to be called once."""
         keys = (tuple(self._kinds), tuple(self._kinds.values()))
         await self._consumer._single(
-            *self._names, Stage.PUBLISH_REGISTER, keys, number=self._number
+            *self._names, InteractionStage.PUBLISH_REGISTER, keys, number=self._number
         )
         self._consumer._pending[self._number] = self._refusals
 
@@ -114,7 +123,7 @@ class Publication:
             MalError: The broker's answer, DELIVERY_TIMEDOUT, or DESTINATION_LOST.
         """
         self._consumer._pending.pop(self._number, None)
-        await self._consumer._single(*self._names, Stage.PUBLISH_DEREGISTER, ())
+        await self._consumer._single(*self._names, InteractionStage.PUBLISH_DEREGISTER, ())
 
 
 class Consumer:
@@ -188,7 +197,7 @@ class Consumer:
             if isinstance(fault, SSLError):
                 number = StandardError.AUTHENTICATION_FAILED
             text = f"{target}: {str(fault) or 'no answer'}"
-            raise MalError(number, Typed(AttributeType.STRING, text)) from fault
+            raise MalError(number, TypedAttribute(AttributeType.STRING, text)) from fault
         consumer._own_uri = str(MalUri(*consumer.local_address, name))
         return consumer
 
@@ -202,7 +211,7 @@ class Consumer:
             KeyError: There is no such operation.
             MalError: DESTINATION_LOST.
         """
-        _, _, message = self._message(service, operation, Stage.SEND, parts, supplements)
+        _, _, message = self._message(service, operation, InteractionStage.SEND, parts, supplements)
         self._connection.send(message)
         await self._connection.drain()
 
@@ -216,13 +225,13 @@ class Consumer:
             KeyError: There is no such operation.
             MalError: The provider's answer, DELIVERY_TIMEDOUT, or DESTINATION_LOST.
         """
-        await self._single(service, operation, Stage.SUBMIT, parts, supplements)
+        await self._single(service, operation, InteractionStage.SUBMIT, parts, supplements)
 
     async def request(
         self, service: str, operation: str, *parts: Any, supplements: Supplements = ()
     ) -> tuple[Any, ...]:
         """Do a REQUEST, and return the parts of the response; raises as `submit` does."""
-        return await self._single(service, operation, Stage.REQUEST, parts, supplements)
+        return await self._single(service, operation, InteractionStage.REQUEST, parts, supplements)
 
     async def invoke(
         self,
@@ -241,7 +250,7 @@ class Consumer:
             supplements: Named attributes for the header.
             timeout_s: How long to wait for the response; None for as long as for any reply.
         """
-        transaction = self._begin(service, operation, Stage.INVOKE, parts, supplements)
+        transaction = self._begin(service, operation, InteractionStage.INVOKE, parts, supplements)
         invocation = Invocation(transaction, self._timeout_s if timeout_s is None else timeout_s)
         await invocation.begin(self._timeout_s)
         return invocation
@@ -254,7 +263,7 @@ class Consumer:
         *parts: Any,
         supplements: Supplements = (),
         timeout_s: float | None = None,
-    ) -> AsyncIterator[Progress]:
+    ) -> AsyncIterator[ProgressStream]:
         """Do a PROGRESS, which is entered when it is acknowledged; raises as `submit` does.
 
         What still comes after it is left goes nowhere. The MAL has no message that stops the
@@ -268,8 +277,8 @@ class Consumer:
             timeout_s: How long to wait for each update and the response; None for as long as for
                 any reply.
         """
-        transaction = self._begin(service, operation, Stage.PROGRESS, parts, supplements)
-        progress = Progress(transaction, self._timeout_s if timeout_s is None else timeout_s)
+        transaction = self._begin(service, operation, InteractionStage.PROGRESS, parts, supplements)
+        progress = ProgressStream(transaction, self._timeout_s if timeout_s is None else timeout_s)
         await progress.begin(self._timeout_s)
         try:
             yield progress
@@ -284,11 +293,11 @@ class Consumer:
         The provider forgets it when the connection is lost.
         """
         with self._subscriptions.added(service, operation, subscription, on_update):
-            await self._single(service, operation, Stage.REGISTER, (subscription,))
+            await self._single(service, operation, InteractionStage.REGISTER, (subscription,))
 
     async def unsubscribe(self, service: str, operation: str, subscription_id: str) -> None:
         """Deregister a subscription; raises as `submit` does."""
-        await self._single(service, operation, Stage.DEREGISTER, ((subscription_id,),))
+        await self._single(service, operation, InteractionStage.DEREGISTER, ((subscription_id,),))
         self._subscriptions.remove(service, operation, subscription_id)
 
     async def publication(self, service: str, operation: str) -> Publication:
@@ -317,7 +326,7 @@ class Consumer:
         try:
             if self._connection.is_open:
                 over = [
-                    self._single(service, operation, Stage.DEREGISTER, (ids,))
+                    self._single(service, operation, InteractionStage.DEREGISTER, (ids,))
                     for (service, operation), ids in self._subscriptions.ids().items()
                 ]
                 with suppress(TimeoutError):
@@ -330,7 +339,7 @@ class Consumer:
         self,
         service: str,
         name: str,
-        stage: Stage,
+        stage: InteractionStage,
         parts: Parts,
         supplements: Supplements = (),
         number: int | None = None,
@@ -359,7 +368,7 @@ class Consumer:
         self,
         service: str,
         name: str,
-        stage: Stage,
+        stage: InteractionStage,
         parts: Parts,
         supplements: Supplements = (),
         number: int | None = None,
@@ -375,7 +384,7 @@ class Consumer:
         self,
         service: str,
         name: str,
-        stage: Stage,
+        stage: InteractionStage,
         parts: Parts,
         supplements: Supplements = (),
         number: int | None = None,
@@ -393,7 +402,7 @@ class Consumer:
             transaction.fail(MalError(StandardError.DESTINATION_LOST))
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
-        if header.stage is Stage.NOTIFY:
+        if header.stage is InteractionStage.NOTIFY:
             self._subscriptions.notified(header, body)
             return
         transaction = self._pending.get(header.transaction_id)
@@ -407,5 +416,5 @@ class Consumer:
                 parts = self._codec.decode(transaction.operation.parts[header.stage], body)
                 transaction.take(header.stage, parts, len(body))
         except DecodeError as fault:
-            text = Typed(AttributeType.STRING, f"reply: {fault}")
+            text = TypedAttribute(AttributeType.STRING, f"reply: {fault}")
             transaction.fail(MalError(StandardError.BAD_ENCODING, text))

@@ -3,7 +3,7 @@
 from enum import Enum
 from typing import Any
 
-from adapters.mal.values import AttributeType, Typed
+from adapters.mal.values import AttributeType, TypedAttribute
 
 
 class StandardError(Enum):
@@ -39,7 +39,7 @@ class MalError(Exception):
 
     Attributes:
         number: A `StandardError` value, or a number of the service's own area.
-        extra: The extra information: None or any Element (attributes as `Typed`, lists as
+        extra: The extra information: None or any Element (attributes as `TypedAttribute`, lists as
             `TypedList`).
     """
 
@@ -57,7 +57,7 @@ class MalError(Exception):
 
 def too_many(text: str) -> MalError:
     """Make the error that names the bound that was reached."""
-    return MalError(StandardError.TOO_MANY, Typed(AttributeType.STRING, text))
+    return MalError(StandardError.TOO_MANY, TypedAttribute(AttributeType.STRING, text))
 
 
 class DecodeError(ValueError):

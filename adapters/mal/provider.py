@@ -9,15 +9,15 @@ from functools import partial
 from ssl import SSLContext
 from typing import Any, Final
 
-from adapters.mal.admission import Connections, Limits
+from adapters.mal.admission import Connections, PeerLimits
 from adapters.mal.attribute_codec import Encoding
 from adapters.mal.broker import Admit, Broker, Publisher, PublishPolicy
 from adapters.mal.codec import Codec, Header, encode_message
 from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
-from adapters.mal.specification import REPLY, Operation, Pattern, Specification, Stage
+from adapters.mal.specification import REPLY, InteractionStage, Operation, Pattern, Specification
 from adapters.mal.tls import address_to_listen, is_loopback
-from adapters.mal.values import AttributeType, NamedValue, Typed
+from adapters.mal.values import AttributeType, NamedValue, TypedAttribute
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
 
 _LOG: Final = logging.getLogger(__name__)
@@ -25,7 +25,7 @@ Parts = tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class CallContext:
     """What a handler is told beside the parts of the message.
 
     Attributes:
@@ -64,7 +64,7 @@ class ReplyPath:
     codec: Codec
     system: System
 
-    def send(self, operation: Operation, stage: Stage, parts: Parts | None) -> None:
+    def send(self, operation: Operation, stage: InteractionStage, parts: Parts | None) -> None:
         """Send a reply.
 
         Raises:
@@ -73,9 +73,9 @@ class ReplyPath:
         body = self.codec.encode(operation.parts[stage], parts or ())
         self.connection.send(encode_message(self.header.reply(stage, utc_ns(self.system)), body))
 
-    def refuse(self, error: MalError, stage: Stage | None = None) -> None:
+    def refuse(self, error: MalError, stage: InteractionStage | None = None) -> None:
         """Send an error in place of the reply of a stage, the first if none is given."""
-        if self.header.stage is Stage.SEND:
+        if self.header.stage is InteractionStage.SEND:
             _LOG.info("SEND from %s dropped: %s", self.header.from_uri, error)
             return
         try:
@@ -87,7 +87,7 @@ class ReplyPath:
         header = self.header.reply(stage, utc_ns(self.system), is_error=True)
         self.connection.send(encode_message(header, body))
 
-    def fault(self, stage: Stage | None = None) -> None:
+    def fault(self, stage: InteractionStage | None = None) -> None:
         """Log the exception being handled, and answer INTERNAL."""
         header = self.header
         _LOG.exception("no answer to operation %d of service %d", header.operation, header.service)
@@ -112,7 +112,7 @@ class Interaction:
 
     def __init__(
         self,
-        call: Call,
+        call: CallContext,
         operation: Operation,
         back: ReplyPath,
         warn: Callable[[ReplyPath, MalError], None],
@@ -122,9 +122,9 @@ class Interaction:
         self._back = back
         self._warn = warn
         self._acknowledged = False
-        self._stages = (Stage.INVOKE_ACK, Stage.INVOKE_RESPONSE)
+        self._stages = (InteractionStage.INVOKE_ACK, InteractionStage.INVOKE_RESPONSE)
         if operation.pattern is Pattern.PROGRESS:
-            self._stages = (Stage.PROGRESS_ACK, Stage.PROGRESS_RESPONSE)
+            self._stages = (InteractionStage.PROGRESS_ACK, InteractionStage.PROGRESS_RESPONSE)
 
     def acknowledge(self, *parts: Any) -> None:
         """Send the acknowledgement.
@@ -155,7 +155,7 @@ class Interaction:
         if not self._acknowledged or self._operation.pattern is not Pattern.PROGRESS:
             raise RuntimeError("updates are for a PROGRESS that is acknowledged")
         await self.call.connection.drain(patience_s)
-        self._back.send(self._operation, Stage.PROGRESS_UPDATE, parts)
+        self._back.send(self._operation, InteractionStage.PROGRESS_UPDATE, parts)
 
     async def run(self, handler: Handler, parts: tuple[Any, ...]) -> None:
         """Let a handler serve it, and send what ends it."""
@@ -177,8 +177,8 @@ class Interaction:
     def _refuse(self, error: MalError) -> None:
         self._warn(self._back, error)
         stage = self._stages[self._acknowledged]
-        if stage is Stage.PROGRESS_RESPONSE and isinstance(error, UpdateError):
-            stage = Stage.PROGRESS_UPDATE
+        if stage is InteractionStage.PROGRESS_RESPONSE and isinstance(error, UpdateError):
+            stage = InteractionStage.PROGRESS_UPDATE
         self._back.refuse(error, stage)
 
 
@@ -193,7 +193,12 @@ _UNREADABLE: Final = {
         StandardError.UNSUPPORTED_OPERATION,
     )
 }
-_ANSWERED_ELSEWHERE: Final = (Stage.SEND, Stage.INVOKE, Stage.PROGRESS, Stage.PUBLISH)
+_ANSWERED_ELSEWHERE: Final = (
+    InteractionStage.SEND,
+    InteractionStage.INVOKE,
+    InteractionStage.PROGRESS,
+    InteractionStage.PUBLISH,
+)
 """What no reply follows, or not as soon as the handler is called."""
 
 
@@ -210,7 +215,7 @@ class Provider:
         name: str,
         encoding: Encoding = Encoding.FIXED,
         not_served: MalError | None = None,
-        limits: Limits | None = None,
+        limits: PeerLimits | None = None,
         logged: Collection[int] = (),
         system: System = OPERATING_SYSTEM,
     ) -> None:
@@ -222,11 +227,11 @@ class Provider:
             encoding: The body encoding, agreed with all consumers.
             not_served: The answer to an operation without handler or publisher; if None,
                 UNSUPPORTED_OPERATION.
-            limits: What its consumers may take up together; those of `Limits` if None.
+            limits: What its consumers may take up together; those of `PeerLimits` if None.
             logged: Numbers of errors of handlers that are logged beside what cannot be read.
             system: The time of messages, and where it listens.
         """
-        limits = limits or Limits()
+        limits = limits or PeerLimits()
         self._specification = specification
         self._name = name
         self._codec = Codec(specification, encoding, limits.elements)
@@ -256,7 +261,7 @@ class Provider:
         """Let a handler answer an operation: any but PUBSUB.
 
         That of an INVOKE or PROGRESS is `async def handler(interaction, *parts)`, all others are
-        called with the `Call`. What a SEND's returns goes nowhere.
+        called with the `CallContext`. What a SEND's returns goes nowhere.
 
         Raises:
             KeyError: There is no such operation.
@@ -367,7 +372,9 @@ class Provider:
             ReplyPath(connection, header, self._codec, self._system).refuse(error)
 
     def _receive(self, connection: Connection, header: Header, body: bytes) -> None:
-        if header.is_error or (header.stage not in REPLY and header.stage is not Stage.SEND):
+        if header.is_error or (
+            header.stage not in REPLY and header.stage is not InteractionStage.SEND
+        ):
             error = "error " if header.is_error else ""
             connection.refuse(f"{error}{header.stage.name} is nothing that a consumer sends")
             return
@@ -377,7 +384,7 @@ class Provider:
             result = self._act(back, operation, body)
             if inspect.isawaitable(result):
                 answer: asyncio.Future[Parts | None] = asyncio.ensure_future(result)
-                if header.stage is Stage.REQUEST:
+                if header.stage is InteractionStage.REQUEST:
                     self._hold(connection, answer)
                 self._running.add(answer)
                 answer.add_done_callback(partial(self._answered, back, operation))
@@ -387,7 +394,7 @@ class Provider:
             self._warn_of(back, error)
             back.refuse(error)
         except DecodeError as fault:
-            text = Typed(AttributeType.STRING, str(fault))
+            text = TypedAttribute(AttributeType.STRING, str(fault))
             unread = MalError(StandardError.BAD_ENCODING, text)
             self._warn_of(back, unread)
             back.refuse(unread)
@@ -414,7 +421,9 @@ class Provider:
     def _addressed(self, header: Header) -> Operation:
         if header.to_uri is None or header.to_uri.rpartition("/")[2] not in self._names:
             text = f"{header.to_uri} is not here"
-            raise MalError(StandardError.DESTINATION_UNKNOWN, Typed(AttributeType.STRING, text))
+            raise MalError(
+                StandardError.DESTINATION_UNKNOWN, TypedAttribute(AttributeType.STRING, text)
+            )
         operation = self._specification.resolve(
             header.area, header.area_version, header.service, header.operation
         )
@@ -430,33 +439,33 @@ class Provider:
         match header.stage:
             case _ if name in self._handlers:
                 values = self._codec.decode(parts, body)
-                call = Call(
+                call = CallContext(
                     *name,
                     header.from_uri,
                     header.transaction_id,
                     header.supplements,
                     back.connection,
                 )
-                if header.stage not in (Stage.INVOKE, Stage.PROGRESS):
+                if header.stage not in (InteractionStage.INVOKE, InteractionStage.PROGRESS):
                     return self._handlers[name](call, *values)
                 self._begin(
                     Interaction(call, operation, back, self._warn_of), self._handlers[name], values
                 )
-            case Stage.PUBLISH_REGISTER if name in self._opened:
+            case InteractionStage.PUBLISH_REGISTER if name in self._opened:
                 self._broker.register_publisher(*client, *self._codec.decode(parts, body))
-            case Stage.PUBLISH if name in self._opened:
+            case InteractionStage.PUBLISH if name in self._opened:
                 update, *rest = self._codec.decode(parts, body)
                 self._broker.publish_for(*client, update, tuple(rest), self._opened[name])
-            case Stage.PUBLISH_DEREGISTER if name in self._opened:
+            case InteractionStage.PUBLISH_DEREGISTER if name in self._opened:
                 self._codec.decode(parts, body)
                 self._broker.deregister_publisher(*client)
-            case Stage.PUBLISH_REGISTER | Stage.PUBLISH_DEREGISTER:
+            case InteractionStage.PUBLISH_REGISTER | InteractionStage.PUBLISH_DEREGISTER:
                 raise MalError(StandardError.UNSUPPORTED_OPERATION)
-            case Stage.PUBLISH:
+            case InteractionStage.PUBLISH:
                 raise MalError(StandardError.INCORRECT_STATE)
-            case Stage.REGISTER if name in self._published:
+            case InteractionStage.REGISTER if name in self._published:
                 self._broker.register(*client, *self._codec.decode(parts, body))
-            case Stage.DEREGISTER if name in self._published:
+            case InteractionStage.DEREGISTER if name in self._published:
                 self._broker.deregister(*client, *self._codec.decode(parts, body))
             case _:
                 raise MalError(self._not_served.number, self._not_served.extra)

@@ -25,7 +25,7 @@ class Pattern(Enum):
     PUBSUB = 6
 
 
-class Stage(Enum):
+class InteractionStage(Enum):
     """The messages of the patterns; the number is the SDU type on the wire."""
 
     SEND = 0
@@ -86,7 +86,7 @@ class CompositeType:
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class EnumerationItem:
     """One item of an enumeration."""
 
     name: str
@@ -100,7 +100,7 @@ class EnumerationType:
 
     name: str
     short_form: int
-    items: tuple[Item, ...]
+    items: tuple[EnumerationItem, ...]
     service: int = 0
     comment: str = ""
 
@@ -131,7 +131,7 @@ class Operation:
     number: int
     name: str
     pattern: Pattern
-    parts: Mapping[Stage, tuple[Field, ...]] = field(hash=False)
+    parts: Mapping[InteractionStage, tuple[Field, ...]] = field(hash=False)
     keys: tuple[Field, ...] = ()
     errors: tuple[str, ...] = ()
     comment: str = ""
@@ -238,21 +238,24 @@ class Specification:
 
 
 _MESSAGES: Final = {
-    Pattern.SEND: {"send": Stage.SEND},
-    Pattern.SUBMIT: {"submit": Stage.SUBMIT},
-    Pattern.REQUEST: {"request": Stage.REQUEST, "response": Stage.REQUEST_RESPONSE},
+    Pattern.SEND: {"send": InteractionStage.SEND},
+    Pattern.SUBMIT: {"submit": InteractionStage.SUBMIT},
+    Pattern.REQUEST: {
+        "request": InteractionStage.REQUEST,
+        "response": InteractionStage.REQUEST_RESPONSE,
+    },
     Pattern.INVOKE: {
-        "invoke": Stage.INVOKE,
-        "acknowledgement": Stage.INVOKE_ACK,
-        "response": Stage.INVOKE_RESPONSE,
+        "invoke": InteractionStage.INVOKE,
+        "acknowledgement": InteractionStage.INVOKE_ACK,
+        "response": InteractionStage.INVOKE_RESPONSE,
     },
     Pattern.PROGRESS: {
-        "progress": Stage.PROGRESS,
-        "acknowledgement": Stage.PROGRESS_ACK,
-        "update": Stage.PROGRESS_UPDATE,
-        "response": Stage.PROGRESS_RESPONSE,
+        "progress": InteractionStage.PROGRESS,
+        "acknowledgement": InteractionStage.PROGRESS_ACK,
+        "update": InteractionStage.PROGRESS_UPDATE,
+        "response": InteractionStage.PROGRESS_RESPONSE,
     },
-    Pattern.PUBSUB: {"publishNotify": Stage.PUBLISH},
+    Pattern.PUBSUB: {"publishNotify": InteractionStage.PUBLISH},
 }
 """The names that a specification gives to the messages it defines."""
 
@@ -261,22 +264,22 @@ _UPDATE: Final = Field("updateHeader", TypeRef("MAL", "UpdateHeader"))
 _NAMES: Final = TypeRef("MAL", "Identifier", is_list=True)
 
 REPLY: Final = {
-    Stage.SUBMIT: Stage.SUBMIT_ACK,
-    Stage.REQUEST: Stage.REQUEST_RESPONSE,
-    Stage.INVOKE: Stage.INVOKE_ACK,
-    Stage.PROGRESS: Stage.PROGRESS_ACK,
-    Stage.REGISTER: Stage.REGISTER_ACK,
-    Stage.PUBLISH_REGISTER: Stage.PUBLISH_REGISTER_ACK,
-    Stage.PUBLISH: Stage.PUBLISH,
-    Stage.DEREGISTER: Stage.DEREGISTER_ACK,
-    Stage.PUBLISH_DEREGISTER: Stage.PUBLISH_DEREGISTER_ACK,
+    InteractionStage.SUBMIT: InteractionStage.SUBMIT_ACK,
+    InteractionStage.REQUEST: InteractionStage.REQUEST_RESPONSE,
+    InteractionStage.INVOKE: InteractionStage.INVOKE_ACK,
+    InteractionStage.PROGRESS: InteractionStage.PROGRESS_ACK,
+    InteractionStage.REGISTER: InteractionStage.REGISTER_ACK,
+    InteractionStage.PUBLISH_REGISTER: InteractionStage.PUBLISH_REGISTER_ACK,
+    InteractionStage.PUBLISH: InteractionStage.PUBLISH,
+    InteractionStage.DEREGISTER: InteractionStage.DEREGISTER_ACK,
+    InteractionStage.PUBLISH_DEREGISTER: InteractionStage.PUBLISH_DEREGISTER_ACK,
 }
 """The message that answers an initiating one; an error has the number of the reply it replaces."""
 
 
 def stage_parts(
     pattern: Pattern, messages: Mapping[str, tuple[Field, ...]]
-) -> Mapping[Stage, tuple[Field, ...]]:
+) -> Mapping[InteractionStage, tuple[Field, ...]]:
     """The parts of every message of a pattern.
 
     Args:
@@ -289,23 +292,23 @@ def stage_parts(
     parts = {stage: messages.get(name, ()) for name, stage in _MESSAGES[pattern].items()}
     match pattern:
         case Pattern.SUBMIT:
-            parts[Stage.SUBMIT_ACK] = ()
+            parts[InteractionStage.SUBMIT_ACK] = ()
         case Pattern.PUBSUB:
-            update = (_UPDATE, *parts[Stage.PUBLISH])
+            update = (_UPDATE, *parts[InteractionStage.PUBLISH])
             parts = {
-                Stage.REGISTER: (Field("subscription", TypeRef("MAL", "Subscription")),),
-                Stage.REGISTER_ACK: (),
-                Stage.PUBLISH_REGISTER: (
+                InteractionStage.REGISTER: (Field("subscription", TypeRef("MAL", "Subscription")),),
+                InteractionStage.REGISTER_ACK: (),
+                InteractionStage.PUBLISH_REGISTER: (
                     Field("keyNames", _NAMES),
                     Field("keyTypes", TypeRef("MAL", "AttributeType", is_list=True)),
                 ),
-                Stage.PUBLISH_REGISTER_ACK: (),
-                Stage.PUBLISH: update,
-                Stage.NOTIFY: (_ID, *update),
-                Stage.DEREGISTER: (Field("subscriptionIds", _NAMES),),
-                Stage.DEREGISTER_ACK: (),
-                Stage.PUBLISH_DEREGISTER: (),
-                Stage.PUBLISH_DEREGISTER_ACK: (),
+                InteractionStage.PUBLISH_REGISTER_ACK: (),
+                InteractionStage.PUBLISH: update,
+                InteractionStage.NOTIFY: (_ID, *update),
+                InteractionStage.DEREGISTER: (Field("subscriptionIds", _NAMES),),
+                InteractionStage.DEREGISTER_ACK: (),
+                InteractionStage.PUBLISH_DEREGISTER: (),
+                InteractionStage.PUBLISH_DEREGISTER_ACK: (),
             }
         case _:
             pass

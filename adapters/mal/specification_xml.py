@@ -10,10 +10,10 @@ from adapters.mal.errors import SpecificationError
 from adapters.mal.specification import (
     Area,
     CompositeType,
+    EnumerationItem,
     EnumerationType,
     ErrorDefinition,
     Field,
-    Item,
     Operation,
     Pattern,
     Service,
@@ -125,7 +125,7 @@ def _type(node: Element, service: int) -> CompositeType | EnumerationType | None
             )
         case "enumeration":
             items = tuple(
-                Item(_text(item, "value"), _number(item, "nvalue"), _comment(item))
+                EnumerationItem(_text(item, "value"), _number(item, "nvalue"), _comment(item))
                 for item in node.iterfind("item")
             )
             short_form = _number(node, "shortFormPart")

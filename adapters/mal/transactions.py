@@ -10,7 +10,7 @@ from typing import Any, Final
 from adapters.mal.codec import Codec, Header
 from adapters.mal.connection import Connection
 from adapters.mal.errors import DecodeError, MalError, StandardError
-from adapters.mal.specification import Operation, Specification, Stage
+from adapters.mal.specification import InteractionStage, Operation, Specification
 from adapters.mal.values import Subscription
 from adapters.system import System, utc_ns
 
@@ -35,13 +35,19 @@ HELD_CAP: Final = 4 << 20
 _OVERHEAD: Final = 512
 """What a waiting message counts beside its body, in octets."""
 _FOLLOWERS: Final = {
-    Stage.INVOKE_ACK: (Stage.INVOKE_RESPONSE,),
-    Stage.PROGRESS_ACK: (Stage.PROGRESS_UPDATE, Stage.PROGRESS_RESPONSE),
-    Stage.PROGRESS_UPDATE: (Stage.PROGRESS_UPDATE, Stage.PROGRESS_RESPONSE),
+    InteractionStage.INVOKE_ACK: (InteractionStage.INVOKE_RESPONSE,),
+    InteractionStage.PROGRESS_ACK: (
+        InteractionStage.PROGRESS_UPDATE,
+        InteractionStage.PROGRESS_RESPONSE,
+    ),
+    InteractionStage.PROGRESS_UPDATE: (
+        InteractionStage.PROGRESS_UPDATE,
+        InteractionStage.PROGRESS_RESPONSE,
+    ),
 }
 """What a provider sends after a message; after all others, nothing."""
 
-_Arrived = tuple[Stage, Parts, int] | MalError
+_Arrived = tuple[InteractionStage, Parts, int] | MalError
 """A message's stage, parts and weight in octets, or what ends it all."""
 
 
@@ -55,23 +61,23 @@ class Transaction:
     def __init__(
         self,
         operation: Operation,
-        first: Stage,
+        first: InteractionStage,
         connection: Connection,
         forget: Callable[[], object],
     ) -> None:
         self.operation = operation
-        self._expected: tuple[Stage, ...] = (first,)
+        self._expected: tuple[InteractionStage, ...] = (first,)
         self._connection = connection
         self._forget = forget
         self._arrived: asyncio.Queue[_Arrived] = asyncio.Queue()
         self._octets = 0
         self._error: MalError | None = None
 
-    def expects(self, stage: Stage) -> bool:
+    def expects(self, stage: InteractionStage) -> bool:
         """Whether this message, or an error in its place, may come now."""
         return stage in self._expected
 
-    def take(self, stage: Stage, parts: Parts, octets: int) -> None:
+    def take(self, stage: InteractionStage, parts: Parts, octets: int) -> None:
         """Keep a message with a body of so many octets."""
         self._expect(_FOLLOWERS.get(stage, ()))
         self._octets += octets + _OVERHEAD
@@ -89,7 +95,9 @@ class Transaction:
         self._expect(())
         self._connection.resume_reading(self)
 
-    async def next(self, timeout_s: float, too_late: StandardError) -> tuple[Stage, Parts]:
+    async def next(
+        self, timeout_s: float, too_late: StandardError
+    ) -> tuple[InteractionStage, Parts]:
         """Wait for the next message.
 
         Raises:
@@ -114,7 +122,7 @@ class Transaction:
             self._connection.resume_reading(self)
         return stage, parts
 
-    def _expect(self, stages: tuple[Stage, ...]) -> None:
+    def _expect(self, stages: tuple[InteractionStage, ...]) -> None:
         self._expected = stages
         if not stages:
             self._forget()
@@ -169,13 +177,13 @@ class Invocation:
         stage, parts = await self._transaction.next(
             self._timeout_s, StandardError.TRANSACTION_TIMEOUT
         )
-        if stage is Stage.PROGRESS_UPDATE:
+        if stage is InteractionStage.PROGRESS_UPDATE:
             return parts
         self._response = parts
         return None
 
 
-class Progress(Invocation):
+class ProgressStream(Invocation):
     """A PROGRESS that is acknowledged; iterating gives the parts of each update until the response.
 
     An error, of an update or of the response, is raised by the iteration and by `response` alike.
@@ -183,7 +191,7 @@ class Progress(Invocation):
     does not take them gets no other reply either.
     """
 
-    def __aiter__(self) -> "Progress":
+    def __aiter__(self) -> "ProgressStream":
         """Itself."""
         return self
 

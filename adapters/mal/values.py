@@ -32,7 +32,7 @@ class AttributeType(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Typed:
+class TypedAttribute:
     """An attribute that must carry its type: the specification says Attribute or Element.
 
     Attributes:
@@ -80,14 +80,14 @@ class NamedValue:
     """An attribute with a name."""
 
     name: str
-    value: Typed | None = None
+    value: TypedAttribute | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NullableAttribute:
     """An attribute in a list that has no NULL."""
 
-    value: Typed | None = None
+    value: TypedAttribute | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +104,7 @@ class SubscriptionFilter:
     """The values of one key, of which one must match."""
 
     name: str
-    values: tuple[Typed, ...]
+    values: tuple[TypedAttribute, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from adapters.mops.codec import encoded as encoded
 from adapters.mops.codec import fingerprint as fingerprint
 from adapters.mops.codec import messages_in as messages_in
 from adapters.mops.codec import require_asset as require_asset
-from adapters.mops.dictionary import Conditions as Conditions
+from adapters.mops.dictionary import CommandConditions as CommandConditions
 from adapters.mops.dictionary import Dictionary as Dictionary
 from adapters.mops.dictionary import Spelling as Spelling
 from adapters.mops.dictionary import conditions_of as conditions_of

@@ -115,7 +115,7 @@ _KINDS: Final[Mapping[str, type]] = {each.name: each.kind for each in declared()
 
 
 @dataclass(frozen=True, slots=True)
-class Conditions:
+class CommandConditions:
     """By which authority a command is given, how long it is to live, what overtook it.
 
     Attributes:
@@ -132,7 +132,7 @@ class Conditions:
     overtaken: bool | None = None
 
 
-UNCONDITIONAL: Final = Conditions()
+UNCONDITIONAL: Final = CommandConditions()
 _HIGHEST_EPOCH: Final = (1 << 63) - 1
 
 
@@ -172,7 +172,7 @@ class Dictionary:
         request: Request,
         identity: Identity,
         dest: str,
-        conditions: Conditions = UNCONDITIONAL,
+        conditions: CommandConditions = UNCONDITIONAL,
     ) -> Message:
         """Return the message that asks a destination for something.
 
@@ -236,14 +236,14 @@ class Dictionary:
         return entry
 
 
-def conditions_of(command: Message) -> Conditions:
+def conditions_of(command: Message) -> CommandConditions:
     """Return the conditions of a command; what it does not say is None.
 
     Raises:
         MopsError: it has other outputs.
     """
-    missing = ("",) * (len(Conditions.__slots__) - len(command.outputs))
-    found: Conditions = made_of(Conditions, (*command.outputs, *missing))
+    missing = ("",) * (len(CommandConditions.__slots__) - len(command.outputs))
+    found: CommandConditions = made_of(CommandConditions, (*command.outputs, *missing))
     require_within("authority", found.authority, 0, _HIGHEST_EPOCH)
     require_within("created_utc_s", found.created_utc_s, 0, LATEST_UTC_S)
     return found
@@ -255,7 +255,7 @@ def mark_overtaken(command: Message) -> Message:
     return replace(command, outputs=(authority, created_utc_s, lifetime_s, str(True)))
 
 
-def _trimmed(conditions: Conditions) -> tuple[str, ...]:
+def _trimmed(conditions: CommandConditions) -> tuple[str, ...]:
     values = list(values_of(conditions))
     while values and not values[-1]:
         values.pop()

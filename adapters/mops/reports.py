@@ -8,7 +8,7 @@ from adapters.mops.codec import LATEST_UTC_S, Message, MopsError, made_of, requi
 from adapters.mops.dictionary import Dictionary, Entry, OtherEntry
 from executive.commands import RELAY_LINK
 from executive.values.reasons import Reason
-from executive.values.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
+from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Severity, Stage
 
 TO_ALL: Final = "ALL"
 """For whom that is which nobody asked for: events, telemetry."""
@@ -137,7 +137,7 @@ def event_of(report: Report, entry: OtherEntry, source: str, ledger: str = "") -
     Raises:
         MopsError: it is on a command.
     """
-    if report.kind is Kind.COMMAND:
+    if report.kind is ReportKind.COMMAND:
         raise MopsError(f"report {report.sequence} is on a command")
     outputs = _Event(
         report.severity.name,
@@ -188,7 +188,7 @@ def report_of(message: Message, dictionary: Dictionary, heard_utc_s: float) -> R
     return Report(
         sequence=UNNUMBERED if said.sequence is None else said.sequence,
         utc_s=heard_utc_s if said.utc_s is None else said.utc_s,
-        kind=Kind.COMMAND,
+        kind=ReportKind.COMMAND,
         severity=_named(Severity, said.severity) if said.severity else _severity(stage),
         text=said.text,
         identity=Identity(message.dest, message.moe_inputs_id),
@@ -229,7 +229,7 @@ def _event(message: Message, entry: OtherEntry) -> Report:
     return Report(
         sequence=said.sequence,
         utc_s=said.utc_s,
-        kind=Kind.EVENT,
+        kind=ReportKind.EVENT,
         severity=_named(Severity, said.severity),
         text=said.text,
         reason=_named(Reason, said.reason) if said.reason else None,

@@ -13,8 +13,8 @@ from typing import Final, Protocol
 from adapters.mal import MalError, MalUri
 from adapters.mrs.aboard import (
     AssetServices,
+    CoreGateway,
     FileServices,
-    Gateway,
     HistoryService,
     PreviewService,
     ServedOperations,
@@ -23,7 +23,7 @@ from adapters.mrs.aboard import (
 )
 from adapters.mrs.fleet import FleetService
 from adapters.mrs.spec import PORT, HousekeepingParameter, housekeeping_values
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.terms import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 from executive.core.runner import Executive
 from executive.history import HistoryBuilder
@@ -40,7 +40,7 @@ HOUSEKEEPING_S: Final = 5.0
 class _Serving:
     """What there is while the link runs."""
 
-    gateway: Gateway
+    gateway: CoreGateway
     asset: AssetServices
     files: FileServices
     end: Callable[[], None]
@@ -50,7 +50,7 @@ def _holder(executive: Executive) -> str | None:
     return executive.authority.state.holder
 
 
-class Housekeeping(Protocol):
+class HousekeepingSource(Protocol):
     """Measures how the components aboard are doing.
 
     Attributes:
@@ -63,7 +63,9 @@ class Housekeeping(Protocol):
         """Return figures by the names of the parameters; on the core's thread."""
 
 
-async def _keep_house(gateway: Gateway, asset: AssetServices, housekeeping: Housekeeping) -> None:
+async def _keep_house(
+    gateway: CoreGateway, asset: AssetServices, housekeeping: HousekeepingSource
+) -> None:
     def measured(executive: Executive) -> tuple[float, Mapping[str, float | None]]:
         """Return figures with their time, by the clock of the events that report some of them."""
         return executive.parameters()[0].utc_s, housekeeping.measure(executive)
@@ -100,10 +102,10 @@ class MrsLink:
         host: str = "127.0.0.1",
         port: int = PORT,
         clear_text: bool = False,
-        terms: Terms = CLEAR,
+        terms: TransportSettings = CLEAR,
         service_layer: MalUri | None = None,
         history: HistoryBuilder | None = None,
-        housekeeping: Housekeeping | None = None,
+        housekeeping: HousekeepingSource | None = None,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._settings = settings
@@ -185,7 +187,7 @@ class MrsLink:
         settings, over = self._settings, asyncio.Event()
         tls = self._terms.for_provider()
         served = ServedOperations(self._terms.encoding, executive.ground.hear, self._system)
-        gateway = Gateway(executive, asyncio.get_running_loop())
+        gateway = CoreGateway(executive, asyncio.get_running_loop())
         fleet = FleetService(served, gateway, settings, self._terms, self._system)
         housekeeping = self._housekeeping
         parameters = () if housekeeping is None else housekeeping.parameters

@@ -14,12 +14,12 @@ PORT: Final = 21000
 """TCP port of a rover, below the ports that Linux hands out by itself (32768 to 60999)."""
 
 
-class TermsError(ConnectionError):
+class TransportMismatchError(ConnectionError):
     """Somebody is there, on other terms as it seems; the text says what does not fit."""
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class TransportSettings:
     """How an end of the direct link writes, and whom it believes.
 
     Attributes:
@@ -43,7 +43,7 @@ class Terms:
         return None if self.certificates is None else self.certificates.for_consumer()
 
 
-CLEAR: Final = Terms()
+CLEAR: Final = TransportSettings()
 """Fixed binary encoding in clear text."""
 
 

@@ -11,13 +11,13 @@ from adapters.mrs.spec import (
     uncertainty_figures,
     usage_figures,
 )
-from adapters.process import ProcessUsage
+from adapters.process import ResourceMonitor
 from adapters.ros import TickStatistics
 from executive.core.runner import Executive
 
 
 @runtime_checkable
-class TellsOfItself(Protocol):
+class HousekeepingProvider(Protocol):
     """What speaks with a rover, and hears how the process between is doing."""
 
     def housekeeping(self) -> Mapping[str, float | None]:
@@ -43,10 +43,10 @@ class ExecutiveHousekeeping:
         self, data: Path, parameters: tuple[HousekeepingParameter, ...] = EXECUTIVE_HOUSEKEEPING
     ) -> None:
         self.parameters = parameters
-        self.rover: TellsOfItself | None = None
+        self.rover: HousekeepingProvider | None = None
         self.tell: Callable[[Mapping[str, float | None]], None] = lambda _: None
         self._data = data
-        self._usage = ProcessUsage(data)
+        self._usage = ResourceMonitor(data)
         self._ticks: list[TickStatistics] = []
 
     def note(self, ticks: TickStatistics) -> None:

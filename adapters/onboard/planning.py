@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
-from executive.motion import Plan, Problem, SharedSolver, make_solver
+from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_solver
 from executive.settings import Settings
 
 _LOG = logging.getLogger(__name__)
@@ -26,18 +26,18 @@ class BackgroundSolver:
     def __init__(self, solver: SharedSolver, thread: ThreadPoolExecutor | None = None) -> None:
         self._solver = solver
         self._thread = thread or ThreadPoolExecutor(1, "planning")
-        self._answer: Future[Plan | None] | None = None
+        self._answer: Future[Trajectory | None] | None = None
 
     @property
     def busy(self) -> bool:
         """Whether it is at a problem still, and takes no other."""
         return self._answer is not None and not self._answer.done()
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         """Have a problem solved; an answer before it that nobody took is forgotten."""
         self._answer = self._thread.submit(self._solve, problem)
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         """Return the answer to the last problem, once; None where there is none, or none yet."""
         if self._answer is None or self.busy:
             return None
@@ -52,7 +52,7 @@ class BackgroundSolver:
         """End the thread, after the problem that it is at."""
         self._thread.shutdown()
 
-    def _solve(self, problem: Problem) -> Plan | None:
+    def _solve(self, problem: TrajectoryProblem) -> Trajectory | None:
         try:
             self._solver.ask(problem)
             return self._solver.answer()

@@ -9,7 +9,7 @@ import click
 from adapters.mal import is_loopback
 from adapters.mrs.cli import add_terms_options
 from adapters.mrs.spec import PORT
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.process import (
     EXISTING_FILE,
     PORT_NUMBER,
@@ -80,7 +80,7 @@ def main(
     asset: str,
     host: str,
     port: int,
-    terms: Terms,
+    terms: TransportSettings,
     clear_text: bool,
     video_from: Address | None,
     video_to: Address | None,
@@ -111,7 +111,7 @@ def main(
       2  the command line or a settings file makes no sense
     """
     from adapters.mrs.ground import parse_address as parse_mrs_address
-    from adapters.onboard.service import Options, serve
+    from adapters.onboard.service import ExecutiveOptions, serve
     from executive.settings import config_folder, load_settings
 
     settings = _with_video(load_settings(asset), video_from, video_to).reached(
@@ -122,7 +122,7 @@ def main(
     except ValueError as error:
         raise click.UsageError(f"--service-layer: {error}") from error
     serve(
-        Options(
+        ExecutiveOptions(
             settings,
             host,
             port,

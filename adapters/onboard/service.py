@@ -19,13 +19,13 @@ from adapters.mal import MalUri
 from adapters.mops import load_dictionary
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import ABOARD_HOUSEKEEPING, EXECUTIVE_HOUSEKEEPING
-from adapters.mrs.terms import CLEAR, Terms, start_fault
+from adapters.mrs.terms import CLEAR, TransportSettings, start_fault
 from adapters.onboard.guard import RUNS, Guard, guarded
-from adapters.onboard.housekeeping import ExecutiveHousekeeping, TellsOfItself
+from adapters.onboard.housekeeping import ExecutiveHousekeeping, HousekeepingProvider
 from adapters.onboard.planning import planning
 from adapters.onboard.watchdog import Watchdog
 from adapters.process import StartError, Termination, exclusive
-from adapters.recording import BackgroundTape
+from adapters.recording import BackgroundRecorder
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from adapters.relay.rover.executive_topics import ExecutiveRelayTopics
 from adapters.ros import (
@@ -68,7 +68,7 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class ExecutiveOptions:
     """What the command line says.
 
     Attributes:
@@ -87,12 +87,14 @@ class Options:
     parameters: Path
     ros_arguments: tuple[str, ...]
     clear_text: bool = False
-    terms: Terms = CLEAR
+    terms: TransportSettings = CLEAR
     service_layer: MalUri | None = None
     relay: bool = False
 
 
-def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTree) -> None:
+def serve(
+    options: ExecutiveOptions, build_tree: Callable[[Context], RoverTree] = RoverTree
+) -> None:
     """Serve until SIGINT or SIGTERM.
 
     Args:
@@ -107,7 +109,7 @@ def serve(options: Options, build_tree: Callable[[Context], RoverTree] = RoverTr
     settings = options.settings
     history = HistoryBuilder(leaf_paths, MOST_REMEMBERED)
     kind = rover_kind(settings)
-    tells = isinstance(kind, type) and issubclass(kind, TellsOfItself)
+    tells = isinstance(kind, type) and issubclass(kind, HousekeepingProvider)
     parameters = ABOARD_HOUSEKEEPING if tells else EXECUTIVE_HOUSEKEEPING
     housekeeping = ExecutiveHousekeeping(options.data, parameters)
     asked = Termination()
@@ -227,7 +229,7 @@ def executive_on(
         served = ExecutiveNode(node, topics, sensors, rover, executive)
         if housekeeping is not None:
             served.on_ticks = housekeeping.note
-            housekeeping.rover = rover if isinstance(rover, TellsOfItself) else None
+            housekeeping.rover = rover if isinstance(rover, HousekeepingProvider) else None
         if relay is not None:
             if housekeeping is not None:
                 housekeeping.tell = relay.housekeeping
@@ -243,7 +245,7 @@ def executive_on(
 
 
 @contextmanager
-def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundTape | None]:
+def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundRecorder | None]:
     """Yield what takes the recording of an executive; None where there is to be none, or cannot be.
 
     Args:
@@ -253,7 +255,7 @@ def recorded(settings: Settings, folder: Path | None) -> Iterator[BackgroundTape
     tape = None
     if folder is not None and settings.recording.enabled:
         try:
-            tape = BackgroundTape(folder, settings.recording)
+            tape = BackgroundRecorder(folder, settings.recording)
         except OSError as error:
             _LOG.warning("nothing is recorded: %s: %s", folder, error.strerror)
     with closing(tape) if tape is not None else nullcontext():
@@ -306,7 +308,7 @@ def _stop_until_acknowledged(rover: RosAsset) -> bool:
     return False
 
 
-def _listen(link: MrsLink, executive: Executive, options: Options) -> MalUri:
+def _listen(link: MrsLink, executive: Executive, options: ExecutiveOptions) -> MalUri:
     try:
         return link.start(executive)
     except (ValueError, OSError) as error:

@@ -19,5 +19,5 @@ from adapters.process.signals import Termination as Termination
 from adapters.process.signals import termination_event as termination_event
 from adapters.process.start import missing_package as missing_package
 from adapters.process.start import require as require
-from adapters.process.usage import ProcessUsage as ProcessUsage
-from adapters.process.usage import Usage as Usage
+from adapters.process.usage import ResourceMonitor as ResourceMonitor
+from adapters.process.usage import ResourceUsage as ResourceUsage

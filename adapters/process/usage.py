@@ -12,7 +12,7 @@ _LEAST_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Usage:
+class ResourceUsage:
     """What a process takes at a moment; None for what this system does not tell.
 
     Attributes:
@@ -28,7 +28,7 @@ class Usage:
     uptime_s: float
 
 
-class ProcessUsage:
+class ResourceMonitor:
     """Looks at what this process takes.
 
     Args:
@@ -42,7 +42,7 @@ class ProcessUsage:
         self._cpu_s = system.cpu_s()
         self._cpu_ratio: float | None = None
 
-    def look(self) -> Usage:
+    def look(self) -> ResourceUsage:
         """Return what it takes now; on one thread."""
         now_s = self._system.now_s()
         if (passed_s := now_s - self._looked_s) >= _LEAST_S:
@@ -53,4 +53,4 @@ class ProcessUsage:
         with suppress(OSError):
             free_octets = self._system.free_octets(self._data)
         memory_octets = self._system.memory_octets()
-        return Usage(memory_octets, self._cpu_ratio, free_octets, now_s - self._began_s)
+        return ResourceUsage(memory_octets, self._cpu_ratio, free_octets, now_s - self._began_s)

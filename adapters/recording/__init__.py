@@ -1,6 +1,6 @@
 """Recordings of runs as MCAP files: written, read, and replayed through the core."""
 
-from adapters.recording.background import BackgroundTape as BackgroundTape
+from adapters.recording.background import BackgroundRecorder as BackgroundRecorder
 from adapters.recording.completion import complete as complete
 from adapters.recording.container import RecordingError as RecordingError
 from adapters.recording.messages import decode as decode
@@ -11,7 +11,7 @@ from adapters.recording.run_file import SUFFIX as SUFFIX
 from adapters.recording.run_file import RunFile as RunFile
 from adapters.recording.run_file import RunReader as RunReader
 from adapters.recording.tables import frames as frames
-from adapters.recording.timed import Timed as Timed
+from adapters.recording.timed import TimedItem as TimedItem
 from adapters.recording.timed import read_history as read_history
 from adapters.recording.timed import read_timed as read_timed
 from adapters.recording.tree import RecordedTree as RecordedTree

@@ -34,7 +34,7 @@ MEGA: Final = 1_000_000
 DAY_S: Final = 86_400.0
 
 
-class BackgroundTape:
+class BackgroundRecorder:
     """Takes a recording on any thread, and writes it on its own.
 
     Args:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 if TYPE_CHECKING:
-    from adapters.recording.replay import Difference, OtherReport, Replayed
+    from adapters.recording.replay import ChangedReport, Difference, ReplayResult
 
 SAME: Final = 0
 DIFFERS: Final = 1
@@ -90,7 +90,7 @@ def _recordings(files: tuple[str, ...]) -> list[Path]:
     return found
 
 
-def _told(replayed: "Replayed") -> str:
+def _told(replayed: "ReplayResult") -> str:
     found = replayed.difference
     if found is None:
         lives = "" if replayed.lives == 1 else f", {replayed.lives} starts"
@@ -113,7 +113,7 @@ def _show(difference: "Difference") -> None:
         Console(highlight=False).print(drawn_nodes(difference.tree, difference.then))
 
 
-def _list(reports: "tuple[OtherReport, ...]") -> None:
+def _list(reports: "tuple[ChangedReport, ...]") -> None:
     for each in reports:
         report = each.report
         stage = report.severity.name if report.stage is None else report.stage.name

@@ -52,7 +52,7 @@ MAX_FRAME_OCTETS: Final = 1 << 25
 
 
 @dataclass(frozen=True, slots=True)
-class Topic:
+class RecordingTopic:
     """A topic, and what its messages hold.
 
     Attributes:
@@ -68,22 +68,22 @@ def _snake(kind: type) -> str:
 
 
 _ENTRIES: Final = tuple(kind for kind in get_args(Entry) if kind not in {Called, Observed})
-TOPICS: Final[Mapping[str, Topic]] = {
+TOPICS: Final[Mapping[str, RecordingTopic]] = {
     topic.name: topic
     for topic in (
-        Topic(LIFE, Life),
-        *(Topic(f"/in/{call.value}", Called) for call in Call),
-        *(Topic(f"/in/{_snake(fact)}", fact) for fact in get_args(Fact)),
-        *(Topic(f"/in/{_snake(kind)}", kind) for kind in (*_ENTRIES, *get_args(Input))),
-        *(Topic(f"{DECISIONS}{_snake(kind)}", kind) for kind in get_args(Decision)),
-        Topic(TRUTH, Truth),
+        RecordingTopic(LIFE, Life),
+        *(RecordingTopic(f"/in/{call.value}", Called) for call in Call),
+        *(RecordingTopic(f"/in/{_snake(fact)}", fact) for fact in get_args(Fact)),
+        *(RecordingTopic(f"/in/{_snake(kind)}", kind) for kind in (*_ENTRIES, *get_args(Input))),
+        *(RecordingTopic(f"{DECISIONS}{_snake(kind)}", kind) for kind in get_args(Decision)),
+        RecordingTopic(TRUTH, Truth),
     )
 }
 """All topics by their names."""
 _OF_KIND: Final = {topic.kind: topic for topic in TOPICS.values()}
 
 
-def topic_of(item: Item) -> Topic:
+def topic_of(item: Item) -> RecordingTopic:
     """Return the topic that an item belongs to."""
     if isinstance(item, Called):
         return TOPICS[f"/in/{item.call.value}"]
@@ -101,7 +101,7 @@ def encode(item: Item) -> bytes:
     return text_of(plain_of(item)).encode()
 
 
-def decode(topic: Topic, data: bytes) -> Any:
+def decode(topic: RecordingTopic, data: bytes) -> Any:
     """Return the item that a message of a topic holds.
 
     Raises:

@@ -19,8 +19,8 @@ from executive.core.recording import (
 )
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose
-from executive.values.reports import Kind, Report
-from trees import Snapshot
+from executive.values.reports import Report, ReportKind
+from trees import TreeSnapshot
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Moment:
     """
 
     time_s: float
-    snapshot: Snapshot
+    snapshot: TreeSnapshot
     since_s: dict[str, float]
     pose: Pose | None
     commands: tuple[Report, ...]
@@ -78,7 +78,7 @@ class RecordedMoments:
             for report in moment.told:
                 if report.reason is not None and report.reason.name == name:
                     return index
-                if report.kind is Kind.COMMAND and str(report.identity) == name:
+                if report.kind is ReportKind.COMMAND and str(report.identity) == name:
                     found = index
         return found
 
@@ -104,7 +104,7 @@ class RecordedMoments:
             nonlocal current, told
             if current is not None:
                 nodes = () if tree is None else tree.nodes()
-                snapshot = Snapshot(ticks, current[1], mode, why, nodes)
+                snapshot = TreeSnapshot(ticks, current[1], mode, why, nodes)
                 self.moments.append(
                     Moment(
                         current[0],
@@ -140,7 +140,7 @@ class RecordedMoments:
                     why = f"{timed.item.why} (as of {timed.time_s:.2f} s)"
                 case Reported(report=report):
                     told.append(report)
-                    if report.kind is Kind.COMMAND:
+                    if report.kind is ReportKind.COMMAND:
                         commands[str(report.identity)] = report
                         lasts = tuple(commands.values())
                 case _:

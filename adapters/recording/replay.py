@@ -14,12 +14,12 @@ from adapters.recording.messages import DECISIONS, LIFE, TRUTH, topic_of
 from adapters.recording.run_file import RecordedMessage, RunReader
 from adapters.recording.scripted import (
     Decisions,
+    NullRover,
+    NullVideo,
     RecordedClock,
-    ScriptedInbox,
-    ScriptedLedger,
-    ScriptedSolver,
-    StillRover,
-    StillVideo,
+    ReplayInbox,
+    ReplayLedger,
+    ReplaySolver,
 )
 from executive.core.recording import (
     Call,
@@ -39,7 +39,7 @@ from executive.core.recording import (
 from executive.core.runner import Executive
 from executive.settings import Settings
 from executive.values.reports import Report
-from trees import Node, RoverTree
+from trees import RoverTree, TreeNodeSnapshot
 
 NOTHING: Final = "nothing"
 LONGEST: Final = 200
@@ -75,7 +75,7 @@ class Difference:
     recorded: RecordedMessage | None
     replayed: RecordedMessage | None
     raised: str
-    tree: tuple[Node, ...]
+    tree: tuple[TreeNodeSnapshot, ...]
     then: Mapping[str, str]
 
     @property
@@ -116,7 +116,7 @@ def _short(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class OtherReport:
+class ChangedReport:
     """A report that is only in the recording, or only in its replay.
 
     Attributes:
@@ -130,7 +130,7 @@ class OtherReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
+class ReplayResult:
     """What a replay came to.
 
     Attributes:
@@ -149,10 +149,10 @@ class Replayed:
     duration_s: float
     whole: bool
     difference: Difference | None
-    reports: tuple[OtherReport, ...]
+    reports: tuple[ChangedReport, ...]
 
 
-def replay(path: Path, settings: Settings | None = None) -> Replayed:
+def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
     """Replay a recording up to the first difference.
 
     Args:
@@ -167,14 +167,16 @@ def replay(path: Path, settings: Settings | None = None) -> Replayed:
     lives = entries = ticks = decisions = 0
     began_s = time_s = 0.0
     difference = None
-    reports: list[OtherReport] = []
+    reports: list[ChangedReport] = []
     with tempfile.TemporaryDirectory(prefix="rover-replay-") as folder:
         core = None
         for each in _entries(reader):
             if isinstance(each, Life):
                 lives += 1
                 try:
-                    core = _Core(_with(each, settings, path), Path(folder, str(lives)), reader)
+                    core = _ReplayedCore(
+                        _with(each, settings, path), Path(folder, str(lives)), reader
+                    )
                 except (OSError, ValueError) as error:
                     raise RecordingError(f"{path}: its files cannot be made: {error}") from error
                 continue
@@ -196,7 +198,7 @@ def replay(path: Path, settings: Settings | None = None) -> Replayed:
             core.end()
     if lives == 0:
         raise RecordingError(f"{path}: holds no run")
-    return Replayed(
+    return ReplayResult(
         lives, entries, ticks, decisions, time_s, reader.whole, difference, tuple(reports)
     )
 
@@ -214,10 +216,10 @@ def _other_reports(
     recorded: Sequence[RecordedMessage],
     replayed: Sequence[RecordedMessage],
     time_s: float,
-) -> Iterator[OtherReport]:
+) -> Iterator[ChangedReport]:
     then, now = _reports(reader, recorded), _reports(reader, replayed)
-    yield from (OtherReport(time_s, True, then[told]) for told in then if told not in now)
-    yield from (OtherReport(time_s, False, now[told]) for told in now if told not in then)
+    yield from (ChangedReport(time_s, True, then[told]) for told in then if told not in now)
+    yield from (ChangedReport(time_s, False, now[told]) for told in now if told not in then)
 
 
 def _reports(
@@ -255,7 +257,7 @@ def _entries(reader: RunReader) -> Iterator[Life | RecordedEntry]:
         yield current
 
 
-class _Core:
+class _ReplayedCore:
     """The executive of one life, in a folder of its own.
 
     Attributes:
@@ -270,11 +272,11 @@ class _Core:
         self._folder = folder
         self._clock = RecordedClock()
         self._tape = Decisions()
-        self._inbox = ScriptedInbox()
-        self._solver: ScriptedSolver | None = None
+        self._inbox = ReplayInbox()
+        self._solver: ReplaySolver | None = None
         if life.solver_lead_ticks is not None:
-            self._solver = ScriptedSolver(life.solver_lead_ticks)
-        self._ledger: ScriptedLedger | None = None
+            self._solver = ReplaySolver(life.solver_lead_ticks)
+        self._ledger: ReplayLedger | None = None
         self._executive: Executive | None = None
         self._states: dict[str, NodeState] = {}
         (folder / "files").mkdir(parents=True)
@@ -322,13 +324,13 @@ class _Core:
         then, now = next((pair for pair in pairs if pair[0] != pair[1]), (None, None))
         if then is None and now is None and not self.raised:
             return None
-        tree: tuple[Node, ...] = ()
+        tree: tuple[TreeNodeSnapshot, ...] = ()
         if self._executive is not None and isinstance(self._executive.tree, RoverTree):
             tree = self._executive.tree.nodes()
         name = topic_of(recorded.entry).name
         return Difference(number, name, time_s, then, now, self.raised, tree, self._then(tree))
 
-    def _then(self, tree: Sequence[Node]) -> dict[str, str]:
+    def _then(self, tree: Sequence[TreeNodeSnapshot]) -> dict[str, str]:
         """Return what each node was in the recording, of those that were something else."""
         told: dict[str, str] = {}
         for node in tree if self._states else ():
@@ -371,16 +373,16 @@ class _Core:
 
     def _start(self) -> Executive:
         settings = self._life.settings
-        self._ledger = ScriptedLedger(self._folder / "ledger.sqlite")
+        self._ledger = ReplayLedger(self._folder / "ledger.sqlite")
         executive = Executive(
             settings=settings,
             clock=self._clock,
-            rover=StillRover(),
+            rover=NullRover(),
             ledger=self._ledger,
             files=self._folder / "files",
             downlinks=[],
             build_tree=RoverTree,
-            video=StillVideo() if self._life.video else None,
+            video=NullVideo() if self._life.video else None,
             solver=self._solver,
             inbox=self._inbox,
             tape=self._tape,

@@ -70,7 +70,7 @@ class RowReader:
     def __init__(self) -> None:
         self._shapes: list[tuple[str, Shape]] = []
 
-    def rows(self, batch: bytes) -> "list[Row]":
+    def rows(self, batch: bytes) -> "list[RecordedRow]":
         """Return the messages of the next batch.
 
         Raises:
@@ -83,11 +83,11 @@ class RowReader:
             found = []
             for number, *values in raw[_ROWS]:
                 topic, shape = self._shapes[number if number >= 0 else len(self._shapes)]
-                found.append(Row(topic, shape, values))
+                found.append(RecordedRow(topic, shape, values))
             return found
 
 
-class Row:
+class RecordedRow:
     """A message whose text is made only where it is wanted."""
 
     __slots__ = ("_shape", "_values", "topic")

@@ -21,10 +21,10 @@ from adapters.recording.container import (
     Unpacker,
     read_records,
 )
-from adapters.recording.messages import TOPICS, Topic, decode, plain_of, topic_of
-from adapters.recording.rows import Row, RowReader, RowWriter, text_of
+from adapters.recording.messages import TOPICS, RecordingTopic, decode, plain_of, topic_of
+from adapters.recording.rows import RecordedRow, RowReader, RowWriter, text_of
 from adapters.recording.view import TOPICS as VIEW_TOPICS
-from adapters.recording.view import View
+from adapters.recording.view import ViewBuilder
 from executive.core.recording import Entry, Item, is_within
 
 _LOG = logging.getLogger(__name__)
@@ -75,7 +75,7 @@ class RunFile:
         self._writer.start(PROFILE, LIBRARY)
         self._run = self._writer.register_channel(RUN, "json", _NO_SCHEMA)
         self._rows = RowWriter()
-        self._view = View()
+        self._view = ViewBuilder()
         self._channels: dict[str, int] = {}
         self._entries = 0
         self._time_ns = self._batch_ns = 0
@@ -190,7 +190,7 @@ class RecordedMessage:
         data: JSON.
     """
 
-    topic: Topic
+    topic: RecordingTopic
     data: bytes
 
 
@@ -259,7 +259,7 @@ class RunReader:
             text = f"{self.path}: a message of {message.topic.name} cannot be read: {error}"
             raise RecordingError(text) from error
 
-    def _rows(self, file: IO[bytes]) -> Iterator[Row]:
+    def _rows(self, file: IO[bytes]) -> Iterator[RecordedRow]:
         from mcap.records import Channel, Header, Message, Metadata
 
         unpacker, reader, runs, broke_off, rows = Unpacker(), RowReader(), set[int](), False, 0

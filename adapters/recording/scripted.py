@@ -9,7 +9,7 @@ from typing import assert_never
 from adapters.recording.messages import DECISIONS, encode, topic_of
 from adapters.recording.run_file import RecordedMessage
 from executive.commands import Stop
-from executive.core.authority import AuthorityAsked
+from executive.core.authority import AuthorityRequest
 from executive.core.inbox import Inbox, Question, Submission
 from executive.core.recording import (
     Call,
@@ -26,7 +26,7 @@ from executive.core.recording import (
     StopWaited,
 )
 from executive.core.runner import Executive
-from executive.motion import Plan, Problem
+from executive.motion import Trajectory, TrajectoryProblem
 from executive.record import Ledger, LedgerError, Synchronous
 from executive.values.geometry import Velocity
 from executive.values.ports import CameraIntent, WholeMotion
@@ -60,11 +60,11 @@ class Decisions:
             self.decisions.append(RecordedMessage(topic, encode(item)))
 
 
-Scripted = Served | AuthorityAsked | Noticed | MadeSafe
+Scripted = Served | AuthorityRequest | Noticed | MadeSafe
 """What is taken from the inbox: commands, and what questions of other threads did."""
 
 
-class ScriptedInbox(Inbox):
+class ReplayInbox(Inbox):
     """Hands over the commands and the questions of the recording, in its order.
 
     Attributes:
@@ -121,7 +121,7 @@ class ScriptedInbox(Inbox):
         core = self.core
         assert core is not None
         match item:
-            case AuthorityAsked():
+            case AuthorityRequest():
                 core.ask_authority(item)
             case Noticed(severity=severity, text=text, figures=figures, kind=kind):
                 core.event(severity, text, figures, kind)
@@ -140,7 +140,7 @@ class ScriptedInbox(Inbox):
         return Submission(self._taken, served.command, lambda _: None, lambda: None)
 
 
-class ScriptedLedger(Ledger):
+class ReplayLedger(Ledger):
     """Fails where that of the recording did."""
 
     def __init__(self, path: Path) -> None:
@@ -165,12 +165,12 @@ class ScriptedLedger(Ledger):
         raise LedgerError(text)
 
 
-class ScriptedSolver:
+class ReplaySolver:
     """Answers as in the recording."""
 
     def __init__(self, lead_ticks: int) -> None:
         self.lead_ticks = lead_ticks
-        self._plans: list[Plan | None] = []
+        self._plans: list[Trajectory | None] = []
         self._busy: list[bool] = []
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
@@ -183,19 +183,19 @@ class ScriptedSolver:
         """Whether it was at a question at this look."""
         return self._busy.pop(0) if self._busy else False
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         """Leave it to the recording."""
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         """Return the next answer of the recording."""
         return self._plans.pop(0) if self._plans else None
 
-    def beside(self, apart: bool = False) -> "ScriptedSolver":
+    def beside(self, apart: bool = False) -> "ReplaySolver":
         """Return itself: what all were answered is recorded in one order."""
         return self
 
 
-class StillVideo:
+class NullVideo:
     """A video stream that nobody sees."""
 
     def __init__(self) -> None:
@@ -206,7 +206,7 @@ class StillVideo:
         self.on = on
 
 
-class StillRover:
+class NullRover:
     """A rover that does nothing: the facts of the recording say what it did."""
 
     def drive(self, velocity: Velocity) -> None:

@@ -15,7 +15,7 @@ _ALWAYS: Final = frozenset({Life, *get_args(Entry)})
 
 
 @dataclass(frozen=True, slots=True)
-class Timed:
+class TimedItem:
     """An item, and when it came.
 
     Attributes:
@@ -28,7 +28,7 @@ class Timed:
     item: Item
 
 
-def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[Timed]:
+def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem]:
     """Yield the items of some kinds in their order, and all starts and calls.
 
     Facts are named by their own kinds; the others are skipped unread.
@@ -56,9 +56,9 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[Timed]:
                 continue
             began_s = utc_s
         if life is not None:
-            yield Timed(utc_s - began_s, utc_s, life)
+            yield TimedItem(utc_s - began_s, utc_s, life)
             life = None
-        yield Timed(at_s - began_s, at_s, item)
+        yield TimedItem(at_s - began_s, at_s, item)
     if began_s is None:
         raise RecordingError(f"{reader.path}: holds no run")
 

@@ -5,7 +5,7 @@ from typing import Final
 from executive.commands.intake import SOURCE_PREFIX
 from executive.core.recording import NodeState, TreeChanged
 from executive.settings import Settings
-from trees import Node, NodeKind, NodeStatus, preview
+from trees import NodeKind, NodeStatus, TreeNodeSnapshot, preview
 
 _GUARDS: Final = {NodeKind.CONDITION, NodeKind.TAKE}
 """What says nothing but which command it lets its branch work on."""
@@ -23,7 +23,7 @@ class RecordedTree:
         self._paths = {node.path for node in self._static}
         self._guards = {node.path for node in self._static if node.kind in _GUARDS}
         self._states: dict[str, NodeState] = {}
-        self._nodes: tuple[Node, ...] | None = None
+        self._nodes: tuple[TreeNodeSnapshot, ...] | None = None
 
     def put(self, change: TreeChanged) -> tuple[str, ...]:
         """Take a change; return the paths of the nodes that differ in more than their words.
@@ -43,15 +43,15 @@ class RecordedTree:
             self._states.pop(lost, None)
         return tuple(others)
 
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
         """Return the nodes as they are now; those of a plan stand first below the root."""
         if self._nodes is None:
             self._nodes = self._drawn()
         return self._nodes
 
-    def _drawn(self) -> tuple[Node, ...]:
+    def _drawn(self) -> tuple[TreeNodeSnapshot, ...]:
         planned = tuple(
-            Node(
+            TreeNodeSnapshot(
                 state.path,
                 state.path.rpartition("/")[2],
                 1 + state.path.count("/"),
@@ -66,8 +66,8 @@ class RecordedTree:
         return (*others[:1], *planned, *others[1:])
 
 
-def _with(node: Node, state: NodeState | None) -> Node:
+def _with(node: TreeNodeSnapshot, state: NodeState | None) -> TreeNodeSnapshot:
     if state is None:
         return node
     status = NodeStatus[state.status]
-    return Node(node.path, node.name, node.depth, node.kind, status, state.message)
+    return TreeNodeSnapshot(node.path, node.name, node.depth, node.kind, status, state.message)

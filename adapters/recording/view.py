@@ -136,14 +136,14 @@ TOPICS: Final[Mapping[str, Schema]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ViewMessage:
     """A message of the view."""
 
     topic: str
     message: Plain
 
 
-class View:
+class ViewBuilder:
     """Makes messages of the items of a recording, in their order."""
 
     def __init__(self) -> None:
@@ -168,7 +168,7 @@ class View:
         self._still_shown = False
         self._tree_changed = True
 
-    def of(self, item: Item) -> Iterator[Shown]:
+    def of(self, item: Item) -> Iterator[ViewMessage]:
         """Yield what is to be shown when an item comes."""
         match item:
             case Life(settings=settings):
@@ -188,11 +188,11 @@ class View:
                 yield from self._of_report(report)
             case ToldParameters(values=values):
                 known = ((each.parameter.name, each.value) for each in values)
-                yield Shown("/parameters", _known(known))
+                yield ViewMessage("/parameters", _known(known))
             case ModeChanged(mode=mode, active=active, why=why):
                 whose = "" if active is None else str(active)
                 self._mode = {"mode": mode.name, "command": whose, "why": why}
-                yield Shown("/mode", self._mode)
+                yield ViewMessage("/mode", self._mode)
             case TreeChanged(nodes=nodes, gone=gone):
                 self._nodes |= {each.path: each for each in nodes}
                 for path in gone:
@@ -200,7 +200,7 @@ class View:
                 self._tree_changed = True
             case Truth(pose=pose):
                 if self._due("/pose/truth", SELDOM_S):
-                    yield Shown("/pose/truth", pose_in_frame(self._utc_s, ODOM, pose))
+                    yield ViewMessage("/pose/truth", pose_in_frame(self._utc_s, ODOM, pose))
             case _:
                 pass
 
@@ -211,23 +211,23 @@ class View:
         self._due_s[topic] = self._utc_s + period_s - 1e-3
         return True
 
-    def _at_call(self, call: Call) -> Iterator[Shown]:
+    def _at_call(self, call: Call) -> Iterator[ViewMessage]:
         if not self._still_shown and self._settings is not None:
             self._still_shown = True
             yield from _still(self._settings, self._utc_s)
             if self._mode:
-                yield Shown("/mode", self._mode)
+                yield ViewMessage("/mode", self._mode)
         if call is not Call.TICK:
             return
         if self._motion and self._due("/motion", OFTEN_S):
-            yield Shown("/motion", dict(self._motion))
+            yield ViewMessage("/motion", dict(self._motion))
         if self._tree_changed and self._due("/tree", RARELY_S):
             self._tree_changed = False
             active = (each for each in self._nodes.values() if each.status != "IDLE")
             nodes = [{"path": n.path, "status": n.status, "message": n.message} for n in active]
-            yield Shown("/tree", {"nodes": nodes})
+            yield ViewMessage("/tree", {"nodes": nodes})
 
-    def _of_fact(self, fact: Fact) -> Iterator[Shown]:
+    def _of_fact(self, fact: Fact) -> Iterator[ViewMessage]:
         now_s = self._utc_s
         match fact:
             case Odometry(pose=pose, velocity=velocity) if pose.finite and velocity.finite:
@@ -239,11 +239,11 @@ class View:
                     "heading_rad": fine(pose.heading_rad),
                 }
                 if self._due("/tf", OFTEN_S):
-                    yield Shown("/tf", frame_transform(now_s, ODOM, BASE_LINK, pose))
+                    yield ViewMessage("/tf", frame_transform(now_s, ODOM, BASE_LINK, pose))
                 if self._track.takes(pose.point) and self._due("/scene/track", TRACK_S):
                     drawn = line(self._track.places, _BLUE)
                     track = entity(now_s, ODOM, "track", lines=[drawn])
-                    yield Shown("/scene/track", scene(now_s, track))
+                    yield ViewMessage("/scene/track", scene(now_s, track))
             case Imu():
                 self._motion["imu"] = {
                     **_known((("roll_rad", fact.roll_rad), ("pitch_rad", fact.pitch_rad))),
@@ -266,22 +266,22 @@ class View:
                 self._motion["camera"] = {"pan_rad": fine(pan_rad), "tilt_rad": fine(tilt_rad)}
             case SecondOdometry(pose=pose) if pose.finite:
                 if self._due("/pose/second_odometry", SELDOM_S):
-                    yield Shown("/pose/second_odometry", pose_in_frame(now_s, ODOM, pose))
+                    yield ViewMessage("/pose/second_odometry", pose_in_frame(now_s, ODOM, pose))
             case LaserScan():
                 if self._due("/scan", SELDOM_S):
-                    yield Shown("/scan", _scan(now_s, fact))
+                    yield ViewMessage("/scan", _scan(now_s, fact))
             case Frame(data=data):
                 thumbnail = _thumbnail(data)
                 if thumbnail is not None:
-                    yield Shown("/camera", compressed_image(now_s, CAMERA, thumbnail))
+                    yield ViewMessage("/camera", compressed_image(now_s, CAMERA, thumbnail))
             case _:
                 pass
 
-    def _of_report(self, report: Report) -> Iterator[Shown]:
+    def _of_report(self, report: Report) -> Iterator[ViewMessage]:
         words = (report.stage and report.stage.name, report.text)
         text = ", ".join(each for each in words if each)
         name = report.kind.name if report.identity is None else str(report.identity)
-        yield Shown("/log", log(self._utc_s, report.severity, text, name))
+        yield ViewMessage("/log", log(self._utc_s, report.severity, text, name))
         if report.identity is None or report.stage is None:
             return
         if report.stage is Stage.STARTED and report.identity in self._asked:
@@ -289,12 +289,12 @@ class View:
                 self._aim = report.identity
                 drawn = line([self._pose.point, *places], _GREEN)
                 goal = entity(self._utc_s, ODOM, "goal", lines=[drawn])
-                yield Shown("/scene/goal", scene(self._utc_s, goal))
+                yield ViewMessage("/scene/goal", scene(self._utc_s, goal))
         elif report.stage.terminal:
             self._asked.pop(report.identity, None)
             if report.identity == self._aim:
                 self._aim = None
-                yield Shown("/scene/goal", scene(self._utc_s))
+                yield ViewMessage("/scene/goal", scene(self._utc_s))
 
     def _places(self, request: Motion) -> list[Point]:
         """Return where a motion leads to from where the rover is."""
@@ -344,18 +344,18 @@ def _scan(utc_s: float, fact: LaserScan) -> Plain:
     return laser_scan(utc_s, BASE_LINK, fact.angle_min_rad, end_rad, ranges_m)
 
 
-def _still(settings: Settings, utc_s: float) -> Iterator[Shown]:
+def _still(settings: Settings, utc_s: float) -> Iterator[ViewMessage]:
     """Yield what does not change in a life."""
     footprint = settings.footprint
     if footprint is not None:
         size_m = (footprint.length_m, footprint.width_m, _HEIGHT_M)
         body = cube(Pose(z_m=_HEIGHT_M / 2), size_m, _GREY)
-        yield Shown(
+        yield ViewMessage(
             "/scene/rover", scene(utc_s, entity(utc_s, BASE_LINK, settings.asset, cubes=[body]))
         )
     if settings.zones.any:
         drawn = [_zone(utc_s, each) for each in settings.zones]
-        yield Shown("/scene/zones", scene(utc_s, *drawn))
+        yield ViewMessage("/scene/zones", scene(utc_s, *drawn))
 
 
 def _zone(utc_s: float, zone: KeepIn | KeepOut | KnownRock) -> Plain:

@@ -9,7 +9,7 @@ from typing import Final, TextIO
 
 import click
 
-from adapters.mrs.cli import FAILED, Target, connect, to_option
+from adapters.mrs.cli import FAILED, RoverTarget, connect, to_option
 
 _END: Final = ""
 
@@ -18,7 +18,7 @@ _END: Final = ""
 @to_option
 @click.option("--source", default="MOPS", show_default=True, help="Name to command under.")
 @click.option("--no-telemetry", is_flag=True, help="Say parameters only when asked by `status`.")
-def mops(to: Target, source: str, no_telemetry: bool) -> None:
+def mops(to: RoverTarget, source: str, no_telemetry: bool) -> None:
     """Command a rover by lines, and see lines come back: RECEIVED, EXECUTED, telemetry, the relay.
 
     Each line begins with the time in UTC and one word that says what it is. At the end of the
@@ -36,7 +36,7 @@ def mops(to: Target, source: str, no_telemetry: bool) -> None:
         sys.exit(FAILED)
 
 
-async def _serve(to: Target, source: str, telemetry: bool) -> bool:
+async def _serve(to: RoverTarget, source: str, telemetry: bool) -> bool:
     from adapters.mops import load_dictionary
     from adapters.relay.orbiter.console import Console
 

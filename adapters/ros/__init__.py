@@ -31,11 +31,11 @@ from adapters.ros.robot_model import camera_transforms as camera_transforms
 from adapters.ros.robot_model import kept_for_late_joiners as kept_for_late_joiners
 from adapters.ros.rover import GUARD_NAME as GUARD_NAME
 from adapters.ros.rover import LOCK_QOS as LOCK_QOS
-from adapters.ros.rover import MuxOnRos as MuxOnRos
 from adapters.ros.rover import RosAsset as RosAsset
 from adapters.ros.rover import RosCamera as RosCamera
 from adapters.ros.rover import RosFrames as RosFrames
 from adapters.ros.rover import RosMotionRover as RosMotionRover
+from adapters.ros.rover import RosMux as RosMux
 from adapters.ros.rover import RosRover as RosRover
 from adapters.ros.rover import RosVelocityRover as RosVelocityRover
 from adapters.ros.rover import Subscribe as Subscribe

@@ -53,7 +53,7 @@ from executive.values.facts import (
 )
 from executive.values.geometry import Velocity
 from executive.values.reports import Report, Severity
-from trees import Snapshot
+from trees import TreeSnapshot
 
 NODE_NAME: Final = "executive"
 MAX_UTC_S: Final = 2**63 / 1e9
@@ -73,7 +73,7 @@ _FACTS: Final = {Battery, CameraAngles, Imu, Joints, LaserScan, Odometry, Second
 
 
 @dataclass(frozen=True, slots=True)
-class Stamped:
+class BagMessage:
     """A message for a bag.
 
     Attributes:
@@ -130,7 +130,7 @@ def write_bag(recording: Path, folder: Path) -> dict[str, int]:
 
 def _merged(
     converter: "_Converter", recording: Path, recorded: RecordedMoments
-) -> Iterator[Stamped]:
+) -> Iterator[BagMessage]:
     items, trees = converter.items(recording), converter.trees(recorded)
     try:
         for stamped in merge(items, trees, key=lambda stamped: stamped.utc_s):
@@ -203,7 +203,7 @@ class _Converter:
         self._name = node.get_fully_qualified_name()
         self._store = store
 
-    def items(self, recording: Path) -> Iterator[Stamped]:
+    def items(self, recording: Path) -> Iterator[BagMessage]:
         """Yield a message for each fact, velocity and report, and for the truth; the frames.
 
         The angles of a camera have no stamp of their own: the last odometry's is on its frames.
@@ -224,9 +224,9 @@ class _Converter:
                 case _:
                     pass
 
-    def trees(self, recorded: RecordedMoments) -> Iterator[Stamped]:
+    def trees(self, recorded: RecordedMoments) -> Iterator[BagMessage]:
         """Yield a message for each tick that changed the tree or the mode."""
-        sent: Snapshot | None = None
+        sent: TreeSnapshot | None = None
         for moment in recorded.moments:
             now = moment.snapshot
             if sent is None or (sent.nodes, sent.mode, sent.why) != (now.nodes, now.mode, now.why):
@@ -270,7 +270,9 @@ class _Converter:
             case _:
                 pass
 
-    def _frames(self, utc_s: float, topic: str, transforms: Iterable[TransformStamped]) -> Stamped:
+    def _frames(
+        self, utc_s: float, topic: str, transforms: Iterable[TransformStamped]
+    ) -> BagMessage:
         """Return a message of tf2_msgs, which is in no package of the wheels."""
         types = self._store.types
         made = []
@@ -286,13 +288,13 @@ class _Converter:
             stamped = types["geometry_msgs/msg/TransformStamped"]
             made.append(stamped(header, each.child_frame_id, transform))
         cdr = bytes(self._store.serialize_cdr(types[TF_TYPE](made), TF_TYPE))
-        return Stamped(utc_s, topic, TF_TYPE, cdr)
+        return BagMessage(utc_s, topic, TF_TYPE, cdr)
 
 
-def _stamped(utc_s: float, topic: str, message: object) -> Stamped:
+def _stamped(utc_s: float, topic: str, message: object) -> BagMessage:
     kind = type(message)
     package = kind.__module__.partition(".")[0]
-    return Stamped(utc_s, topic, f"{package}/msg/{kind.__name__}", serialize_message(message))
+    return BagMessage(utc_s, topic, f"{package}/msg/{kind.__name__}", serialize_message(message))
 
 
 def _log(report: Report, name: str) -> Log:

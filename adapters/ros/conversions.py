@@ -40,7 +40,7 @@ def finite(value: float, name: str) -> float:
     return value
 
 
-class Kept(IntEnum):
+class Precision(IntEnum):
     """Digits after the point that are kept of a figure in SI units.
 
     They are finer than the noise of a rover's sensors, by about ten. What lies below is noise that
@@ -61,17 +61,19 @@ class Kept(IntEnum):
     DEVIATION = 6
 
 
-def measured(value: float, kept: Kept) -> float:
+def measured(value: float, kept: Precision) -> float:
     """Return a figure as exactly as it is kept."""
     return round(value, kept)
 
 
 def stamp_s(stamp: Time) -> float:
     """Return a stamp in seconds."""
-    return measured(stamp.sec + stamp.nanosec * 1e-9, Kept.STAMP)
+    return measured(stamp.sec + stamp.nanosec * 1e-9, Precision.STAMP)
 
 
-def angles(quaternion: Quaternion, kept: Kept = Kept.HEADING) -> tuple[float, float, float]:
+def angles(
+    quaternion: Quaternion, kept: Precision = Precision.HEADING
+) -> tuple[float, float, float]:
     """Return roll, pitch and heading in rad (REP 103: about x, y, z, fixed axes).
 
     Raises:
@@ -96,7 +98,7 @@ def pose_of(message: PoseMessage) -> Pose:
     """
     place = message.position
     roll_rad, pitch_rad, heading_rad = angles(message.orientation)
-    x_m, y_m, z_m = (measured(each, Kept.LENGTH) for each in (place.x, place.y, place.z))
+    x_m, y_m, z_m = (measured(each, Precision.LENGTH) for each in (place.x, place.y, place.z))
     return Pose(x_m, y_m, z_m, heading_rad, roll_rad, pitch_rad)
 
 
@@ -110,7 +112,9 @@ def odometry_fact(message: OdometryMessage) -> Odometry:
     fact = Odometry(
         stamp_s(message.header.stamp),
         pose_of(message.pose.pose),
-        Velocity(measured(twist.linear.x, Kept.SPEED), measured(twist.angular.z, Kept.SPEED)),
+        Velocity(
+            measured(twist.linear.x, Precision.SPEED), measured(twist.angular.z, Precision.SPEED)
+        ),
         *pose_sd(message.pose.covariance),
     )
     if not (fact.pose.finite and fact.velocity.finite):
@@ -131,7 +135,9 @@ def pose_sd(covariance: Sequence[float]) -> tuple[float, float]:
         float(covariance[at]) if isfinite(covariance[at]) else 0.0 for at in (0, 7, 35)
     )
     position_sd_m, heading_sd_rad = sqrt(max(x_m2, y_m2, 0.0)), sqrt(max(heading_rad2, 0.0))
-    return measured(position_sd_m, Kept.DEVIATION), measured(heading_sd_rad, Kept.DEVIATION)
+    return measured(position_sd_m, Precision.DEVIATION), measured(
+        heading_sd_rad, Precision.DEVIATION
+    )
 
 
 class BatteryReader:
@@ -152,7 +158,7 @@ class BatteryReader:
         0 is an empty battery where a charge was reported before, or the battery is there with a
         voltage: drivers that measure no charge leave both out.
         """
-        charge, voltage_v = message.percentage, measured(message.voltage, Kept.VOLTAGE)
+        charge, voltage_v = message.percentage, measured(message.voltage, Precision.VOLTAGE)
         if OVERFULL < charge <= PERCENT and not self.percent:
             self.percent = True
             self._on_percent(f"the battery reports its charge as {charge:g}: it counts to 100")
@@ -162,7 +168,7 @@ class BatteryReader:
             charge = 1.0
         self._known |= charge > 0.0 or (message.present and voltage_v > 0.0)
         usable = 0.0 < charge <= 1.0 or (charge == 0.0 and self._known)
-        return Battery(voltage_v, measured(charge, Kept.RATIO) if usable else None)
+        return Battery(voltage_v, measured(charge, Precision.RATIO) if usable else None)
 
 
 def frame_fact(message: CompressedImage) -> Frame:

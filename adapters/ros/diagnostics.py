@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from executive.commands import Mode
 from executive.safety import summary, unmonitored
-from trees import NodeStatus, Snapshot
+from trees import NodeStatus, TreeSnapshot
 
 if TYPE_CHECKING:
     from executive.core.runner import Executive
@@ -81,7 +81,7 @@ class TickMonitor:
 
 def diagnose(
     executive: "Executive",
-    snapshot: Snapshot,
+    snapshot: TreeSnapshot,
     ticks: TickStatistics,
     rejected: int,
     name: str,

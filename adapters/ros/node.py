@@ -21,8 +21,8 @@ from adapters.ros.context import SpunNode
 from adapters.ros.conversions import (
     BatteryReader,
     IgnoredMessageError,
-    Kept,
     MessageError,
+    Precision,
     finite,
     frame_fact,
     measured,
@@ -205,11 +205,11 @@ class ExecutiveNode:
         self._executive.observe(fact)
 
     def _on_pan(self, message: Float64) -> None:
-        self._pan_rad = measured(finite(message.data, "camera pan"), Kept.LEAN)
+        self._pan_rad = measured(finite(message.data, "camera pan"), Precision.LEAN)
         self._observe_camera()
 
     def _on_tilt(self, message: Float64) -> None:
-        self._tilt_rad = measured(finite(message.data, "camera tilt"), Kept.LEAN)
+        self._tilt_rad = measured(finite(message.data, "camera tilt"), Precision.LEAN)
         self._observe_camera()
 
     def _observe_camera(self) -> None:

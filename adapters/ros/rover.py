@@ -22,7 +22,7 @@ from executive.settings import MuxSettings, Settings
 from executive.values.clock import Clock
 from executive.values.facts import VELOCITY_TOPIC, Fact, OtherInput
 from executive.values.geometry import STANDING, Velocity
-from executive.values.ports import CameraIntent, Downlink, MotionRover, VelocityRover
+from executive.values.ports import CameraIntent, DelegatedMotionRover, Downlink, VelocityRover
 
 GUARD_NAME: Final = "executive_guard"
 """The node of the process that has the rover stand when the executive is gone."""
@@ -67,7 +67,7 @@ class RosVelocityRover(RosAsset, VelocityRover, Protocol):
     """A rover on ROS that takes velocities."""
 
 
-class RosMotionRover(RosAsset, MotionRover, Protocol):
+class RosMotionRover(RosAsset, DelegatedMotionRover, Protocol):
     """A rover on ROS that carries out whole motions by itself."""
 
 
@@ -125,7 +125,7 @@ class RosCamera(RosFrames):
         self._tilt.publish(Float64(data=wanted.tilt_rad))
 
 
-class MuxOnRos:
+class RosMux:
     """The executive's side of a mux before the base: holds its lock, hears its other inputs.
 
     While the lock is held, zero is published on the input for stops, if the mux has one: a base
@@ -238,7 +238,7 @@ class RosRover(RosCamera):
         super().__init__(node, topics)
         velocity = topics.cmd_vel
         mux = settings.mux
-        self._mux = None if mux is None else MuxOnRos(node, velocity, mux, clock)
+        self._mux = None if mux is None else RosMux(node, velocity, mux, clock)
         self._velocity = node.create_publisher(Twist, velocity.name, velocity.qos)
         self._topic = velocity
         self._twist = Twist()

@@ -17,8 +17,8 @@ from sensor_msgs.msg import LaserScan as LaserScanMessage
 from adapters.ros.conversions import (
     BASE_LINK,
     IgnoredMessageError,
-    Kept,
     MessageError,
+    Precision,
     angles,
     measured,
     pose_covariance,
@@ -61,15 +61,15 @@ def imu_fact(message: ImuMessage) -> Imu:
     turned = message.orientation
     filled = any((turned.x, turned.y, turned.z, turned.w))  # drivers leave it zero, too
     if filled and message.orientation_covariance[0] != UNKNOWN:
-        roll_rad, pitch_rad, _ = angles(turned, Kept.LEAN)
+        roll_rad, pitch_rad, _ = angles(turned, Precision.LEAN)
     rate, force = message.angular_velocity, message.linear_acceleration
     figures = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
     if not all(map(isfinite, figures)):
         raise MessageError(f"the IMU's rates and accelerations are {figures}")
     if not any(figures):
         raise MessageError("the IMU's rates and accelerations are all zero")
-    rates = (measured(each, Kept.SPEED) for each in figures[:3])
-    forces = (measured(each, Kept.ACCELERATION) for each in figures[3:])
+    rates = (measured(each, Precision.SPEED) for each in figures[:3])
+    forces = (measured(each, Precision.ACCELERATION) for each in figures[3:])
     return Imu(stamp_s(message.header.stamp), roll_rad, pitch_rad, *rates, *forces)
 
 
@@ -92,18 +92,18 @@ def joints_fact(message: JointState, joints: WheelJoints) -> Joints:
             f"joint states of {len(names)} joints have {len(message.velocity)} speeds"
         )
     left, right = (tuple(map(names.index, side)) for side in (joints.left, joints.right))
-    speeds = [_at(message.velocity, side, Kept.WHEEL) for side in (left, right)]
+    speeds = [_at(message.velocity, side, Precision.WHEEL) for side in (left, right)]
     if not all(map(isfinite, (*speeds[0], *speeds[1]))):
         raise MessageError(f"speeds of the wheels are {speeds[0]}, {speeds[1]}")
     efforts: list[tuple[float, ...]] = [(), ()]
     if len(message.effort) == len(names):
-        efforts = [_at(message.effort, side, Kept.TORQUE) for side in (left, right)]
+        efforts = [_at(message.effort, side, Precision.TORQUE) for side in (left, right)]
     if not all(map(isfinite, (*efforts[0], *efforts[1]))):
         efforts = [(), ()]
     return Joints(stamp_s(message.header.stamp), speeds[0], speeds[1], efforts[0], efforts[1])
 
 
-def _at(values: Sequence[float], places: Sequence[int], kept: Kept) -> tuple[float, ...]:
+def _at(values: Sequence[float], places: Sequence[int], kept: Precision) -> tuple[float, ...]:
     return tuple(measured(values[place], kept) for place in places)
 
 
@@ -147,7 +147,7 @@ def laser_fact(message: LaserScanMessage, zero_is_free: bool = False) -> LaserSc
         tuple(
             inf
             if each in free_m or each > most_m
-            else measured(each, Kept.RANGE)
+            else measured(each, Precision.RANGE)
             if 0.0 < each >= least_m
             else each
             if each == -inf

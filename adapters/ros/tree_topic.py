@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from executive.core.runner import Executive
-from trees import Snapshot, snapshot_of
+from trees import TreeSnapshot, snapshot_of
 
 TREE_TOPIC: Final = "~/tree"
 REPEAT_S: Final = 1.0
@@ -28,19 +28,19 @@ def tree_qos(durability: DurabilityPolicy) -> QoSProfile:
     )
 
 
-def to_json(snapshot: Snapshot) -> str:
+def to_json(snapshot: TreeSnapshot) -> str:
     """Return a snapshot as JSON text."""
     return json.dumps(_CONVERTER.unstructure(snapshot), separators=(",", ":"))
 
 
-def from_json(text: str) -> Snapshot:
+def from_json(text: str) -> TreeSnapshot:
     """Return the snapshot that a text holds.
 
     Raises:
         ValueError: the text is not of a snapshot.
     """
     try:
-        return _CONVERTER.structure(json.loads(text), Snapshot)
+        return _CONVERTER.structure(json.loads(text), TreeSnapshot)
     except Exception as error:
         raise ValueError(f"no snapshot of a tree: {error}") from error
 
@@ -53,7 +53,7 @@ class TreePublisher:
         self._publisher = node.create_publisher(
             String, TREE_TOPIC, tree_qos(DurabilityPolicy.TRANSIENT_LOCAL)
         )
-        self._sent: Snapshot | None = None
+        self._sent: TreeSnapshot | None = None
 
     def update(self, utc_s: float) -> None:
         """Send what is due."""

@@ -11,7 +11,7 @@ from std_msgs.msg import String
 
 from adapters.ros.context import ros_node, single_threaded
 from adapters.ros.tree_topic import from_json, tree_qos
-from trees import Snapshot
+from trees import TreeSnapshot
 from trees.screen import Screen, show_once
 
 PATIENCE_S: Final = 5.0
@@ -19,7 +19,7 @@ LOOK_S: Final = 0.2
 """How long a Ctrl-C may wait."""
 
 
-class Listener:
+class TreeSubscriber:
     """Hears the tree of one executive.
 
     Args:
@@ -32,13 +32,13 @@ class Listener:
         self._executor = executor
         self._whose = whose
         self._start = start
-        self._newest: Snapshot | None = None
+        self._newest: TreeSnapshot | None = None
 
     def hear(self, message: String) -> None:
         """Take in a message."""
         self._newest = from_json(message.data)
 
-    def next(self) -> Snapshot:
+    def next(self) -> TreeSnapshot:
         """Wait for the next snapshot.
 
         Raises:
@@ -79,9 +79,9 @@ def show_live(asset: str, domain_id: int) -> None:
 
 
 @contextmanager
-def _listening(asset: str, domain_id: int) -> Iterator[Listener]:
+def _listening(asset: str, domain_id: int) -> Iterator[TreeSubscriber]:
     with ros_node("watch", asset, domain_id=domain_id) as node, single_threaded(node) as executor:
-        listener = Listener(
+        listener = TreeSubscriber(
             executor,
             f"an executive of {asset} on ROS domain {domain_id}",
             f"Start one with `rover-executive --asset {asset}`, or `rover demo --stay`",

@@ -4,7 +4,7 @@ They are run when a command arrives (the dispatcher), again when its motion begi
 by previews. The bounds of arguments are checked by `executive.commands.intake`.
 """
 
-from executive.checks.battery_check import Speeds as Speeds
+from executive.checks.battery_check import SpeedLimits as SpeedLimits
 from executive.checks.battery_check import check_battery as check_battery
 from executive.checks.battery_check import reckoned_j as reckoned_j
 from executive.checks.path_check import check_request as check_request

@@ -24,8 +24,8 @@ from executive.commands import (
 )
 from executive.motion import Bounds, duration_s
 from executive.obstacles.zones import Zones
-from executive.plans import PlanNode, Step, expected_course
-from executive.settings import Settings, Way, curved_m
+from executive.plans import PlanNode, PlanStep, expected_course
+from executive.settings import MotionExtent, Settings, curved_m
 from executive.state import Status
 from executive.values.geometry import Pose
 from executive.values.reasons import Figure, Reason, Refusal
@@ -35,17 +35,17 @@ DETOUR: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Speeds:
+class SpeedLimits:
     """The greatest speeds that are set."""
 
     travel_mps: float
     rotate_radps: float
 
 
-class _Reckoning:
+class _EnergyEstimator:
     """Adds up what motions take from a pose on, by the settings' figures."""
 
-    def __init__(self, pose: Pose, speeds: Speeds, settings: Settings, zones: Zones) -> None:
+    def __init__(self, pose: Pose, speeds: SpeedLimits, settings: Settings, zones: Zones) -> None:
         self.pose = pose
         self.speeds = speeds
         self.energy_j = 0.0
@@ -68,16 +68,16 @@ class _Reckoning:
                 case _:
                     assert_never(segment)
             length_m, turned_rad = abs(segment.by_m), abs(segment.by_rad)
-            way = Way(took_s, length_m, turned_rad, curved_m(length_m, turned_rad))
+            way = MotionExtent(took_s, length_m, turned_rad, curved_m(length_m, turned_rad))
             self.energy_j += self._settings.prediction.energy_j(way) or 0.0
             self.pose = segment.end
 
 
 def reckoned_j(
-    request: Motion, pose: Pose, speeds: Speeds, settings: Settings, zones: Zones
+    request: Motion, pose: Pose, speeds: SpeedLimits, settings: Settings, zones: Zones
 ) -> float:
     """Return what a motion takes from a pose; 0 where the settings do not say."""
-    reckoning = _Reckoning(pose, speeds, settings, zones)
+    reckoning = _EnergyEstimator(pose, speeds, settings, zones)
     reckoning.add(request)
     return reckoning.energy_j
 
@@ -101,14 +101,14 @@ def check_battery(
     if battery is None or told is None or told.charge_ratio is None:
         return None
     left_j = battery.left_j(told.charge_ratio)
-    speeds = Speeds(status.travel_limit_mps, status.rotate_limit_radps)
+    speeds = SpeedLimits(status.travel_limit_mps, status.rotate_limit_radps)
     if isinstance(what, Motion):
         requests: Iterable[object] = (what,)
         zones = status.obstacles
     else:
         course, zones = expected_course(what), Zones()
-        requests = (each.request for each in course if isinstance(each, Step))
-    reckoning = _Reckoning(pose, speeds, settings, zones)
+        requests = (each.request for each in course if isinstance(each, PlanStep))
+    reckoning = _EnergyEstimator(pose, speeds, settings, zones)
     for request in _motions(requests, reckoning):
         reckoning.add(request)
         if reckoning.energy_j > battery.capacity_j:
@@ -139,7 +139,7 @@ def check_battery(
     )
 
 
-def _motions(requests: Iterable[object], reckoning: _Reckoning) -> Iterator[Motion]:
+def _motions(requests: Iterable[object], reckoning: _EnergyEstimator) -> Iterator[Motion]:
     """Yield the motions among requests; speeds that are set among them hold from there on."""
     for request in requests:
         match request:

@@ -25,9 +25,9 @@ from executive.commands import (
     Waypoint,
 )
 from executive.goals import Goal
-from executive.obstacles.detour import Way, find_way
-from executive.obstacles.zones import Encounter, Obstacle, Seen, Zones
-from executive.settings import LocomotionKind, Settings, TurnDrive
+from executive.obstacles.detour import Detour, find_way
+from executive.obstacles.zones import ClearanceViolation, Obstacle, ScannedObstacle, Zones
+from executive.settings import LocomotionKind, Settings, TurnDriveSettings
 from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose, arc
 from executive.values.reasons import Figure, Reason, Refusal
@@ -64,7 +64,7 @@ def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refus
 
 def _place_of(obstacle: Obstacle) -> tuple[Figure, ...]:
     """Return where something is that has no name by which people would know."""
-    if not isinstance(obstacle, Seen):
+    if not isinstance(obstacle, ScannedObstacle):
         return ()
     return Figure("obstacle x", obstacle.x_m, "m"), Figure("obstacle y", obstacle.y_m, "m")
 
@@ -124,7 +124,9 @@ def _unreachable(waypoints: Sequence[Waypoint], settings: Settings, zones: Zones
     return None
 
 
-def seen_ahead(place: Point, end: Point, settings: Settings, zones: Zones) -> Encounter | None:
+def seen_ahead(
+    place: Point, end: Point, settings: Settings, zones: Zones
+) -> ClearanceViolation | None:
     """Return what is seen across the straight line of a drive that is under way, or None.
 
     Half of the margin is left to what comes out while it is driven.
@@ -161,11 +163,13 @@ def way_around(
 
 
 @lru_cache(maxsize=4)
-def _search(target: Waypoint, pose: Pose, law: TurnDrive, least_m: float, zones: Zones) -> Way:
+def _search(
+    target: Waypoint, pose: Pose, law: TurnDriveSettings, least_m: float, zones: Zones
+) -> Detour:
     """Return a way that keeps so far away; kept, since a command has several ask for the same."""
     place = Point(target.x_m, target.y_m)
     if _too_near(place, least_m, zones) is not None:
-        return Way((), complete=False)
+        return Detour((), complete=False)
     needed_m = least_m + ROOM_M
     turning_m = abs(law.control_point_m)  # by which turns move base_link
 
@@ -244,7 +248,7 @@ def _left_of(segment: Segment, goal: Goal, clock: Clock, settings: Settings) -> 
             return segment
 
 
-def path_of(segments: Sequence[Segment], law: TurnDrive) -> list[Point]:
+def path_of(segments: Sequence[Segment], law: TurnDriveSettings) -> list[Point]:
     """Return between which places base_link goes straight on, turned about the control point."""
     path = [segments[0].start.point]
     for segment in segments:

@@ -16,9 +16,9 @@ from typing import Final
 from executive.commands.declaration import (
     ANGLE,
     PATH,
+    AssetChoice,
     Family,
-    Span,
-    Supported,
+    SymmetricRange,
     argument,
     command,
     declaration_of,
@@ -222,9 +222,11 @@ class MoveCameraAngles:
     """Turn the camera from where it points when the command starts."""
 
     pan_rad: float = argument(
-        Span("camera.pan_min_rad", "camera.pan_max_rad"), "how far to the left"
+        SymmetricRange("camera.pan_min_rad", "camera.pan_max_rad"), "how far to the left"
     )
-    tilt_rad: float = argument(Span("camera.tilt_min_rad", "camera.tilt_max_rad"), "how far upward")
+    tilt_rad: float = argument(
+        SymmetricRange("camera.tilt_min_rad", "camera.tilt_max_rad"), "how far upward"
+    )
 
 
 @command(Family.SETTING, "Camera.setRotateSpeed", examples=("30deg",))
@@ -244,15 +246,15 @@ class TakePicture:
     """Take a picture and store it aboard; what is left out is as the camera is set."""
 
     width_px: int | None = argument(
-        Supported("camera.width_px"), choices=range(1, 65536), default=None
+        AssetChoice("camera.width_px"), choices=range(1, 65536), default=None
     )
     height_px: int | None = argument(
-        Supported("camera.height_px"), choices=range(1, 65536), default=None
+        AssetChoice("camera.height_px"), choices=range(1, 65536), default=None
     )
     format: str | None = argument(
-        Supported("camera.formats"), choices=("JPG", "PNG", "RAW"), default=None
+        AssetChoice("camera.formats"), choices=("JPG", "PNG", "RAW"), default=None
     )
-    quality: int | None = argument(Supported(None), choices=range(1, 101), default=None)
+    quality: int | None = argument(AssetChoice(None), choices=range(1, 101), default=None)
 
 
 @command(Family.SETTING, "Status.setStatusInterval", examples=("2",))
@@ -394,7 +396,7 @@ OWN_LINKS: Final = frozenset({PLAN_LINK, ABOARD_LINK})
 """The links of commands that nobody sends."""
 
 
-class Arrival(Enum):
+class PreemptionPolicy(Enum):
     """What a motion command does to the motion that it finds running or queued."""
 
     APPEND = "append"
@@ -423,7 +425,7 @@ class Command:
     counter: int | None = None
     report_started: bool = True
     report_progress: bool = True
-    arrival: Arrival = Arrival.APPEND
+    arrival: PreemptionPolicy = PreemptionPolicy.APPEND
     authority: int | None = None
     peer: str | None = None
     overtaken: bool = False

@@ -61,7 +61,7 @@ ACCEPTED: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Within:
+class ValueRange:
     """Finite and in a range, bounds included.
 
     Attributes:
@@ -75,7 +75,7 @@ class Within:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class SymmetricRange:
     """Finite and not further, either way, than it is from one bound to the other."""
 
     low: str
@@ -83,7 +83,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Supported:
+class AssetChoice:
     """What the asset has, and nothing else: one value, or one of several; None for no choice."""
 
     path: str | None
@@ -94,12 +94,14 @@ class FilePath:
     """The path of a file in the monitored folder."""
 
 
-Bound = Within | Span | Supported | FilePath
+Bound = ValueRange | SymmetricRange | AssetChoice | FilePath
 
 
-def within(first: Limit, second: Limit | None = None, *, or_zero: bool = False) -> Within:
+def within(first: Limit, second: Limit | None = None, *, or_zero: bool = False) -> ValueRange:
     """Return the bound of a figure from one limit to the other, or up to one limit either way."""
-    return Within(None, first, or_zero) if second is None else Within(first, second, or_zero)
+    return (
+        ValueRange(None, first, or_zero) if second is None else ValueRange(first, second, or_zero)
+    )
 
 
 ANGLE: Final = within(2 * pi)
@@ -188,7 +190,7 @@ class Argument:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Declaration:
+class CommandDeclaration:
     """What is known of a kind of request.
 
     Attributes:
@@ -236,7 +238,7 @@ class Declaration:
         return self.kind(self.composite(*values[:parts]), *values[parts:])
 
 
-_DECLARATIONS: Final[dict[type, Declaration]] = {}
+_DECLARATIONS: Final[dict[type, CommandDeclaration]] = {}
 _RECORDS: Final[dict[type, tuple[Argument, ...]]] = {}
 _UNITS: Final = {
     "m": "m",
@@ -267,7 +269,7 @@ def command(
     at_least_one: bool = False,
     examples: tuple[str, ...] = (),
 ) -> Callable[[type[T]], type[T]]:
-    """Make a request of a class: a frozen dataclass, with its `Declaration`, which see.
+    """Make a request of a class: a frozen dataclass, with its `CommandDeclaration`, which see.
 
     The operation is given with its service, as `MotionControl.moveTo`.
     """
@@ -275,7 +277,7 @@ def command(
 
     def declare(cls: type[T]) -> type[T]:
         made = dataclass(frozen=True, slots=True)(cls)
-        _DECLARATIONS[made] = Declaration(
+        _DECLARATIONS[made] = CommandDeclaration(
             made,
             name or f"{made.__name__[0].lower()}{made.__name__[1:]}",
             family,
@@ -292,12 +294,12 @@ def command(
     return declare
 
 
-def declared() -> tuple[Declaration, ...]:
+def declared() -> tuple[CommandDeclaration, ...]:
     """Return all declarations, in their order."""
     return tuple(_DECLARATIONS.values())
 
 
-def declaration_of(kind: type) -> Declaration:
+def declaration_of(kind: type) -> CommandDeclaration:
     """Return the declaration of a class of requests; KeyError if it is none."""
     return _DECLARATIONS[kind]
 

@@ -5,7 +5,7 @@ from math import degrees
 from typing import Final
 
 from executive.commands.catalogue import Request
-from executive.commands.declaration import Declaration, arguments_of, declaration_of
+from executive.commands.declaration import CommandDeclaration, arguments_of, declaration_of
 
 LONGEST_VALUE: Final = 40
 """Characters of an argument that are shown, such as of a path."""
@@ -22,7 +22,9 @@ def request_text(request: Request) -> str:
     return " ".join([declared.name, *filter(None, given)])
 
 
-def _argument(declared: Declaration, request: Request, field: str, name: str, unit: str) -> str:
+def _argument(
+    declared: CommandDeclaration, request: Request, field: str, name: str, unit: str
+) -> str:
     composite = declared.composite
     holder: object = request
     if composite is not None and field in {each.field for each in arguments_of(composite)}:

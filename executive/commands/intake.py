@@ -21,13 +21,13 @@ from executive.commands.catalogue import (
 from executive.commands.declaration import (
     ACCEPTED,
     Argument,
+    AssetChoice,
     Family,
     FilePath,
     Limit,
     Mode,
-    Span,
-    Supported,
-    Within,
+    SymmetricRange,
+    ValueRange,
     arguments_of,
     declaration_of,
     declared,
@@ -163,7 +163,7 @@ def _check_of(argument: Argument) -> _Check:
 def _judge(argument: Argument) -> _Check:
     name, unit, position = argument.name, argument.unit, argument.position
     match argument.bound:
-        case Within(low, high, or_zero):
+        case ValueRange(low, high, or_zero):
             high_of = _setting(high)
             low_of = (lambda settings: -high_of(settings)) if low is None else _setting(low)
 
@@ -173,7 +173,7 @@ def _judge(argument: Argument) -> _Check:
                 return _range(name, value, low_of(settings), high_of(settings), unit, position)
 
             return in_range
-        case Span(low, high):
+        case SymmetricRange(low, high):
             low_of, high_of = _setting(low), _setting(high)
 
             def in_span(value: float, settings: Settings) -> Refusal | None:
@@ -181,7 +181,7 @@ def _judge(argument: Argument) -> _Check:
                 return _range(name, value, -span, span, unit, position)
 
             return in_span
-        case Supported(path):
+        case AssetChoice(path):
             if path is None:
                 text = f"the {name} of this camera's pictures is fixed"
                 return lambda *_: Refusal(Reason.NOT_SUPPORTED, text, argument=position)
@@ -226,7 +226,7 @@ def source_of(plan_id: str) -> str:
     return f"{SOURCE_PREFIX}{plan_id}"
 
 
-class Made(Protocol):
+class Expirable(Protocol):
     """What was made at some time, to live for some time."""
 
     @property
@@ -239,7 +239,7 @@ class Made(Protocol):
 
 
 def expired(
-    command: Made, utc_s: float, arrived_utc_s: float, waited_s: float = 0.0
+    command: Expirable, utc_s: float, arrived_utc_s: float, waited_s: float = 0.0
 ) -> Refusal | None:
     """Return why it is too late to start the command, or None.
 
@@ -296,7 +296,7 @@ def bad_identity(command: Command) -> Refusal | None:
     return Refusal(Reason.BAD_IDENTITY, printable(f"{named}: {why}"), argument=0)
 
 
-def made_in_future(command: Made, utc_s: float, tolerance_s: float) -> Refusal | None:
+def made_in_future(command: Expirable, utc_s: float, tolerance_s: float) -> Refusal | None:
     """Return why the command cannot have been made when it says, or None."""
     if command.created_utc_s is None or command.created_utc_s - utc_s <= tolerance_s:
         return None

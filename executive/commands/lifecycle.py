@@ -80,7 +80,7 @@ _MACHINE: Final = make_machine(EDGES, "stage")
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class StageDetails:
     """What is reported with a change of stage."""
 
     text: str = ""
@@ -90,10 +90,10 @@ class Note:
     step_count: int | None = None
 
 
-Notify = Callable[[Command, Stage, Note], None]
+Notify = Callable[[Command, Stage, StageDetails], None]
 
 
-class Life:
+class CommandLifecycle:
     """The life of one command. Each method fires one event and notifies once.
 
     Args:
@@ -114,41 +114,41 @@ class Life:
         self.refusal: Refusal | None = None
         self._notify = notify
         if stage is None:
-            notify(command, Stage.RECEIVED, Note())
+            notify(command, Stage.RECEIVED, StageDetails())
 
     def accept(self) -> None:
         """Say that checks passed and that it will be executed."""
-        self._fire(Event.ACCEPT, Note())
+        self._fire(Event.ACCEPT, StageDetails())
 
     def reject(self, refusal: Refusal) -> None:
         """Say that checks failed and that it will not be executed."""
-        self._fire(Event.REJECT, Note(refusal=refusal))
+        self._fire(Event.REJECT, StageDetails(refusal=refusal))
 
     def start(self) -> None:
         """Say that execution has begun."""
-        self._fire(Event.START, Note())
+        self._fire(Event.START, StageDetails())
 
     def advance(self, step: int, step_count: int, text: str) -> None:
         """Say that a step of several was reached."""
-        self._fire(Event.ADVANCE, Note(text=text, step=step, step_count=step_count))
+        self._fire(Event.ADVANCE, StageDetails(text=text, step=step, step_count=step_count))
 
     def execute(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
         """Say that it was completed with success."""
-        self._fire(Event.EXECUTE, Note(text=text, figures=figures))
+        self._fire(Event.EXECUTE, StageDetails(text=text, figures=figures))
 
     def fail(self, refusal: Refusal, figures: tuple[Figure, ...] = ()) -> None:
         """Say that execution could not be completed, and what had become of it."""
-        self._fire(Event.FAIL, Note(refusal=refusal, figures=figures))
+        self._fire(Event.FAIL, StageDetails(refusal=refusal, figures=figures))
 
     def cancel(self, refusal: Refusal) -> None:
         """Say that a later command ended it."""
-        self._fire(Event.CANCEL, Note(refusal=refusal))
+        self._fire(Event.CANCEL, StageDetails(refusal=refusal))
 
     def expire(self, refusal: Refusal) -> None:
         """Say that its lifetime was over before it could start."""
-        self._fire(Event.EXPIRE, Note(refusal=refusal))
+        self._fire(Event.EXPIRE, StageDetails(refusal=refusal))
 
-    def _fire(self, event: Event, note: Note) -> None:
+    def _fire(self, event: Event, note: StageDetails) -> None:
         self.refusal = note.refusal
         _MACHINE.events[event.value].trigger(self)
         self._notify(self.command, self.stage, note)
@@ -164,7 +164,7 @@ def final_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
 class Admitted:
     """It was accepted and written to the ledger; its life and its reports tell the rest."""
 
-    life: Life
+    life: CommandLifecycle
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ class AuthorityState:
 
 
 @unique
-class AuthorityAct(Enum):
+class AuthorityAction(Enum):
     """What may be asked of the authority."""
 
     REQUEST = "request"
@@ -54,7 +54,7 @@ class AuthorityAct(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class AuthorityAsked:
+class AuthorityRequest:
     """What is asked of the authority: a method of `Authority`, and its arguments.
 
     Attributes:
@@ -62,7 +62,7 @@ class AuthorityAsked:
         to, lease_s: of `HAND_OVER`.
     """
 
-    act: AuthorityAct
+    act: AuthorityAction
     source: str
     epoch: int = 0
     to: str = ""
@@ -115,16 +115,16 @@ class Authority:
     def _holder(self) -> str | None:
         return self._grant.holder if self._clock.now_s() < self._end_s else None
 
-    def perform(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
+    def perform(self, asked: AuthorityRequest) -> AuthorityState | Refusal:
         """Do what is asked."""
         match asked.act:
-            case AuthorityAct.REQUEST:
+            case AuthorityAction.REQUEST:
                 return self.request(asked.source)
-            case AuthorityAct.TAKE:
+            case AuthorityAction.TAKE:
                 return self.take(asked.source)
-            case AuthorityAct.HAND_OVER:
+            case AuthorityAction.HAND_OVER:
                 return self.hand_over(asked.source, asked.epoch, asked.to, asked.lease_s)
-            case AuthorityAct.RELEASE:
+            case AuthorityAction.RELEASE:
                 return self.release(asked.source, asked.epoch)
             case _:
                 assert_never(asked.act)

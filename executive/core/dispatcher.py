@@ -7,7 +7,6 @@ from executive.checks import check_battery, check_pose, check_request, expected_
 from executive.commands import (
     ABOARD_LINK,
     ActivatePlan,
-    Arrival,
     CameraWork,
     Command,
     ConfirmPose,
@@ -17,6 +16,7 @@ from executive.commands import (
     Motion,
     MoveFile,
     PlanRequest,
+    PreemptionPolicy,
     Request,
     Resume,
     SetCameraRotateSpeed,
@@ -29,13 +29,13 @@ from executive.commands import (
 )
 from executive.commands.actions import action_of
 from executive.commands.intake import bad_identity, check_arguments, validate
-from executive.commands.lifecycle import Admitted, Life, Refused, Repeated, SubmitResult
+from executive.commands.lifecycle import Admitted, CommandLifecycle, Refused, Repeated, SubmitResult
 from executive.core.authority import Authority
 from executive.core.pose_keeper import PoseKeeper
 from executive.core.reactions import Reactions
 from executive.goals import Context
 from executive.plans import Planner, PlanNode
-from executive.preview import Predictions
+from executive.preview import Predictor
 from executive.record import PRUNED, Ledger, LedgerError, Notifications, digest
 from executive.state import Telemetry, Uncertainty
 from executive.values.geometry import Pose
@@ -62,7 +62,7 @@ class Dispatcher:
         telemetry: Telemetry,
         planner: Planner,
         authority: Authority,
-        predictions: Predictions,
+        predictions: Predictor,
         pose: PoseKeeper,
         reactions: Reactions,
     ) -> None:
@@ -102,7 +102,7 @@ class Dispatcher:
             return Repeated(last)
         if known is not None:
             return self._not_taken(command, _used(command.identity, known))
-        life = Life(command, self._notifications.command)
+        life = CommandLifecycle(command, self._notifications.command)
         refusal = self._examine(command, overtaken)
         if refusal is not None:
             refusal = _as_told(refusal, command)
@@ -181,7 +181,7 @@ class Dispatcher:
         """Return where the rover is expected to be when a motion begins."""
         context, status = self._context, self._context.status
         pose, goals = status.pose, context.goals.motion
-        if command.arrival is Arrival.REPLACE:
+        if command.arrival is PreemptionPolicy.REPLACE:
             return pose
         return expected_pose(goals, pose, context.clock, context.settings, status.obstacles)
 
@@ -213,7 +213,7 @@ class Dispatcher:
             return None
         return Refusal(Reason.CAUSE_PERSISTS, f"not yet: {danger.text}", danger.figures)
 
-    def _admit(self, life: Life) -> None:
+    def _admit(self, life: CommandLifecycle) -> None:
         request, context = life.command.request, self._context
         named = f"{life.command.identity} {life.command.name}"
         if isinstance(request, PlanRequest):
@@ -221,7 +221,7 @@ class Dispatcher:
             life.execute(self._planner.grant(request, life.command.identity))
             return
         if isinstance(request, Motion | CameraWork | InstantCommand):
-            if isinstance(request, Motion) and life.command.arrival is Arrival.REPLACE:
+            if isinstance(request, Motion) and life.command.arrival is PreemptionPolicy.REPLACE:
                 context.goals.motion.cancel_all(
                     Refusal(Reason.REPLACED, f"replaced by {life.command.identity}")
                 )

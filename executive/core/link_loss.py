@@ -10,7 +10,7 @@ from math import sin
 from typing import Final
 
 from executive.commands import Mode, Waypoint
-from executive.settings import LinkLoss, LinkLossStage
+from executive.settings import LinkLossSettings, LinkLossStage
 from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose
 
@@ -21,14 +21,14 @@ ASIDE_M: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Reached:
+class LinkLossStageReached:
     """A stage that has been reached, after so many seconds of silence."""
 
     stage: LinkLossStage
     silent_s: float
 
 
-class Trail:
+class ReturnPath:
     """The way that the rover came, as straight lines."""
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class GroundMonitor:
         trail: the way from where the ground was last heard, if the settings have a use for it.
     """
 
-    def __init__(self, clock: Clock, settings: LinkLoss) -> None:
+    def __init__(self, clock: Clock, settings: LinkLossSettings) -> None:
         self._clock = clock
         self._settings = settings
         self._heard_s = clock.now_s()
@@ -82,7 +82,7 @@ class GroundMonitor:
         self._mode = Mode.IDLE
         self.heard = False
         self.stage: LinkLossStage | None = None
-        self.trail = Trail()
+        self.trail = ReturnPath()
 
     def hear(self) -> None:
         """Take a sign of the ground, from any thread."""
@@ -93,7 +93,7 @@ class GroundMonitor:
         """Seconds since the last sign."""
         return self._clock.now_s() - self._heard_s
 
-    def look(self, mode: Mode, pose: Pose | None, returning: bool) -> Reached | None:
+    def look(self, mode: Mode, pose: Pose | None, returning: bool) -> LinkLossStageReached | None:
         """Return the stage that is reached now, if it is another one than before.
 
         Args:
@@ -104,7 +104,7 @@ class GroundMonitor:
         self.heard = self._sign
         if self.heard:
             self._sign, self._heard_s, self.stage = False, self._clock.now_s(), None
-            self.trail = Trail()
+            self.trail = ReturnPath()
         if pose is not None and not returning and self._settings.returns:
             self.trail.follow(pose)
         if not returning and (self.stage is None or self._stages(mode)):
@@ -114,7 +114,7 @@ class GroundMonitor:
         if not reached or reached[-1] == self.stage:
             return None
         self.stage = reached[-1]
-        return Reached(self.stage, silent_s)
+        return LinkLossStageReached(self.stage, silent_s)
 
     def _stages(self, mode: Mode) -> tuple[LinkLossStage, ...]:
         match mode:

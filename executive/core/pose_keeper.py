@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from executive.record import Ledger, Notifications, PoseRecord
-from executive.safety import Fault, PoseMonitor, Safety, StoredPose
+from executive.safety import Fault, FaultMonitor, PoseMonitor, StoredPose
 from executive.settings import Settings
 from executive.state import Status, Uncertainty
 from executive.values.clock import Clock
@@ -24,7 +24,7 @@ class PoseKeeper:
         self,
         clock: Clock,
         settings: Settings,
-        safety: Safety,
+        safety: FaultMonitor,
         status: Status,
         ledger: Ledger,
         notifications: Notifications,

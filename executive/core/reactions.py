@@ -7,10 +7,10 @@ from typing import Final
 
 from executive.commands import ABOARD_LINK, Command, FollowPath, Mode, MoveTo, RotateTo
 from executive.commands.intake import ABOARD_PREFIX, LONGEST_SOURCE
-from executive.commands.lifecycle import Admitted, Life, Refused, SubmitResult
+from executive.commands.lifecycle import Admitted, CommandLifecycle, Refused, SubmitResult
 from executive.core.link_loss import GroundMonitor
 from executive.core.pose_keeper import PoseKeeper
-from executive.faults import Clears, Then
+from executive.faults import ClearPolicy, Reaction
 from executive.goals import Context
 from executive.motion import Arbiter
 from executive.plans import Planner
@@ -22,7 +22,7 @@ from executive.record import (
     Notifications,
     StopLatch,
 )
-from executive.safety import HOLDING, Fault, Moved
+from executive.safety import HOLDING, Fault, OdometryWindow
 from executive.settings import LinkLossAction, LocomotionKind
 from executive.values.facts import CommandEnded, Stopped
 from executive.values.reasons import Figure, Reason, Refusal
@@ -66,7 +66,7 @@ class Reactions:
         self._planner = planner
         self._pose = pose
         self._ground = ground
-        self._return: Life | None = None
+        self._return: CommandLifecycle | None = None
         self._ticked_s, self._late = inf, False
 
     def recover(self) -> None:
@@ -93,7 +93,7 @@ class Reactions:
         if left or (by_velocity and self._ledger.last_sequence):
             self._arbiter.stand()
         for command, stage in left:
-            life = Life(command, self._notifications.command, stage)
+            life = CommandLifecycle(command, self._notifications.command, stage)
             match stage:
                 case Stage.RECEIVED:
                     life.reject(refusal)
@@ -120,7 +120,7 @@ class Reactions:
         """Stand, SAFE until resumed; nothing, where the same reason holds the rover already."""
         safety = self._context.safety
         if all(each.refusal.reason is not danger.reason for each in safety.active):
-            self._begin_fault(safety.hold(danger, Then.SAFE))
+            self._begin_fault(safety.hold(danger, Reaction.SAFE))
 
     def check_lateness(self) -> None:
         """Report a tick later than the watchdog's bound, and pause motion; call it once a tick.
@@ -138,7 +138,7 @@ class Reactions:
             Reason.TICK_LATE, text, (Figure("late", late_s, "s"), Figure("bound", bound_s, "s"))
         )
         if context.mode in _MOVING:
-            self._begin_fault(safety.hold(why, Then.PAUSE))
+            self._begin_fault(safety.hold(why, Reaction.PAUSE))
         elif not before:
             self._notifications.event(Severity.WARNING, text, why.reason, why.figures, foreign=True)
 
@@ -169,7 +169,7 @@ class Reactions:
         """Report a stage of a lost link, and take its action."""
         safety = self._context.safety
         if action is LinkLossAction.STOP:
-            self._begin_fault(safety.hold(why, Then.STOP))
+            self._begin_fault(safety.hold(why, Reaction.STOP))
             return
         self._notifications.event(Severity.WARNING, why.text, why.reason, why.figures)
         if action is LinkLossAction.RETURN:
@@ -177,7 +177,7 @@ class Reactions:
             if refusal is not None:
                 text = f"the rover is stopped, as it cannot return: {refusal.text}"
                 stopped = Refusal(Reason.LINK_LOST, text, refusal.figures)
-                self._begin_fault(safety.hold(stopped, Then.STOP))
+                self._begin_fault(safety.hold(stopped, Reaction.STOP))
 
     def _on_link_recovered(self) -> None:
         """Report that the ground is heard again, and end a return."""
@@ -220,18 +220,18 @@ class Reactions:
     def _begin_fault(self, fault: Fault) -> None:
         """Report a fault, and do what its row says."""
         why, row = fault.refusal, fault.row
-        if row.then in {Then.STOP, Then.SAFE}:
+        if row.then in {Reaction.STOP, Reaction.SAFE}:
             self._arbiter.stop()
-        if row.then is Then.PAUSE and fault.name in HARD_STOP_FAULTS:
+        if row.then is Reaction.PAUSE and fault.name in HARD_STOP_FAULTS:
             self._arbiter.stand()
         self._notifications.event(fault.severity, why.text, why.reason, why.figures)
-        if row.clears is Clears.ON_RESUME:
+        if row.clears is ClearPolicy.ON_RESUME:
             self._ledger.latch(LatchedFault(fault.name, row.then, why, fault.begun_utc_s))
         self._obey_faults()
         if row.then in HOLDING:
             self._planner.suspend(why)
             motion = self._context.goals.motion
-            if row.then is not Then.PAUSE:
+            if row.then is not Reaction.PAUSE:
                 motion.fail_all(why)
             elif motion.active and not isinstance(motion.active.command.request, _ABSOLUTE):
                 motion.fail(why)  # relative to where it began, it cannot go on
@@ -241,18 +241,18 @@ class Reactions:
         self._notifications.event(
             Severity.INFORMATIONAL, f"{fault.name} is over", Reason.FAULT_OVER
         )
-        if fault.row.clears is Clears.ON_RESUME:
+        if fault.row.clears is ClearPolicy.ON_RESUME:
             self._ledger.unlatch(fault.name)
         self._obey_faults()
 
     def _obey_faults(self) -> None:
         """Hold, pause and slow down the rover as the faults say that are not over."""
         latches, active = self._context.latches, self._context.safety.active
-        first = {then: _first(active, then) for then in Then}
-        latches.paused = first[Then.PAUSE]
-        latches.hazard = first[Then.SAFE] or first[Then.STOP]
-        latches.safe = first[Then.SAFE] is not None
-        self._context.status.slow_ratio = SLOW_RATIO if first[Then.SLOW_DOWN] else 1.0
+        first = {then: _first(active, then) for then in Reaction}
+        latches.paused = first[Reaction.PAUSE]
+        latches.hazard = first[Reaction.SAFE] or first[Reaction.STOP]
+        latches.safe = first[Reaction.SAFE] is not None
+        self._context.status.slow_ratio = SLOW_RATIO if first[Reaction.SLOW_DOWN] else 1.0
         if self._arbiter.latched and not latches.held:
             self._arbiter.release()
 
@@ -305,7 +305,7 @@ class Reactions:
     def report_other_drivers(self) -> None:
         """Report who begins to command the base beside the executive, and who ends."""
         history = self._context.safety.history
-        moved = Moved(*history.moved.sums)
+        moved = OdometryWindow(*history.moved.sums)
         for severity, text, figures in history.other_drivers.update(
             history.drivers, moved.pose_m, moved.turned_rad, history.commanding
         ):
@@ -338,5 +338,5 @@ class Reactions:
         self._context.goals.instant.fail_all(danger)
 
 
-def _first(faults: Sequence[Fault], then: Then) -> Refusal | None:
+def _first(faults: Sequence[Fault], then: Reaction) -> Refusal | None:
     return next((fault.refusal for fault in faults if fault.row.then is then), None)

@@ -35,7 +35,7 @@ from executive.core.recording import (
     is_within,
 )
 from executive.core.tree import TreeNodeView
-from executive.motion import Plan, Problem, SharedSolver
+from executive.motion import SharedSolver, Trajectory, TrajectoryProblem
 from executive.record import Ledger, LedgerError
 from executive.settings import LocomotionKind, Settings
 from executive.state import FileFolder
@@ -44,8 +44,8 @@ from executive.values.geometry import Velocity
 from executive.values.parameters import ParameterValue
 from executive.values.ports import (
     CameraIntent,
+    DelegatedMotionRover,
     Downlink,
-    MotionRover,
     Rover,
     VelocityRover,
     Video,
@@ -159,15 +159,19 @@ def life_of(
 def recorded_ports(
     tape: Tape,
     settings: Settings,
-    rover: VelocityRover | MotionRover,
+    rover: VelocityRover | DelegatedMotionRover,
     downlinks: Sequence[Downlink],
     video: Video | None,
     solver: SharedSolver | None,
-) -> tuple[VelocityRover | MotionRover, Sequence[Downlink], Video | None, SharedSolver | None]:
+) -> tuple[
+    VelocityRover | DelegatedMotionRover, Sequence[Downlink], Video | None, SharedSolver | None
+]:
     """Return the ports of an executive, recorded; a rover that does not fit the settings is not."""
     if settings.locomotion is LocomotionKind.VELOCITY and isinstance(rover, VelocityRover):
         rover = _RecordedVelocityRover(rover, tape)
-    elif settings.locomotion is LocomotionKind.WHOLE_MOTION and isinstance(rover, MotionRover):
+    elif settings.locomotion is LocomotionKind.WHOLE_MOTION and isinstance(
+        rover, DelegatedMotionRover
+    ):
         rover = _RecordedMotionRover(rover, tape)
     return (
         rover,
@@ -207,7 +211,7 @@ class _RecordedVelocityRover(_RecordedRover[VelocityRover]):
         self._rover.drive(velocity)
 
 
-class _RecordedMotionRover(_RecordedRover[MotionRover]):
+class _RecordedMotionRover(_RecordedRover[DelegatedMotionRover]):
     def carry_out(self, motion: WholeMotion) -> None:
         self._tape.put(CarriedOut(motion))
         self._rover.carry_out(motion)
@@ -261,12 +265,12 @@ class _RecordedSolver:
         self._tape.put(SolverBusy(busy))
         return busy
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         digest = hashlib.sha256(repr(problem).encode()).hexdigest()
         self._tape.put(AskedSolver(problem.start, problem.target, digest))
         self._solver.ask(problem)
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         plan = self._solver.answer()
         self._tape.put(SolverAnswered(plan))
         return plan

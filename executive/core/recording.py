@@ -10,15 +10,15 @@ from enum import Enum, unique
 from typing import Protocol, TypeGuard
 
 from executive.commands import Command, Mode
-from executive.core.authority import AuthorityAsked
-from executive.motion import MotionState, Plan, Target
+from executive.core.authority import AuthorityRequest
+from executive.motion import MotionState, Trajectory, TrajectoryTarget
 from executive.settings import Settings
 from executive.values.facts import Fact
 from executive.values.geometry import Pose, Velocity
 from executive.values.parameters import ParameterValue
 from executive.values.ports import CameraIntent, WholeMotion
 from executive.values.reasons import Figure, Refusal
-from executive.values.reports import FileEvent, Identity, Kind, PlanUpdate, Report, Severity
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Severity
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class Noticed:
     severity: Severity
     text: str
     figures: tuple[Figure, ...]
-    kind: Kind
+    kind: ReportKind
     within: bool = False
 
 
@@ -142,7 +142,7 @@ class GroundHeard:
 class SolverAnswered:
     """What the solver of motion plans answered when it was asked for an answer."""
 
-    plan: Plan | None
+    plan: Trajectory | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,13 @@ class CommitFailed:
 
 
 Input = (
-    Served | GroundHeard | SolverAnswered | SolverBusy | StopWaited | AuthorityAsked | CommitFailed
+    Served
+    | GroundHeard
+    | SolverAnswered
+    | SolverBusy
+    | StopWaited
+    | AuthorityRequest
+    | CommitFailed
 )
 """What comes in during an entry."""
 
@@ -232,7 +238,7 @@ class AskedSolver:
     """A motion plan was asked for; the digest is of all that the solver was told."""
 
     start: MotionState
-    target: Target
+    target: TrajectoryTarget
     digest: str
 
 

@@ -14,7 +14,7 @@ from executive.checks import check_battery, expected_pose
 from executive.commands import GROUND_LINKS, Command, Mode, Motion, PlanDefinition, Request, Stop
 from executive.commands.intake import not_located
 from executive.commands.lifecycle import Admitted, Refused, SubmitResult
-from executive.core.authority import Authority, AuthorityAsked, AuthorityState
+from executive.core.authority import Authority, AuthorityRequest, AuthorityState
 from executive.core.dispatcher import Dispatcher, unwritten
 from executive.core.inbox import MOST_A_TURN, Inbox, Question, Submission
 from executive.core.link_loss import GroundMonitor
@@ -36,17 +36,17 @@ from executive.core.tree import LeafError, Tree
 from executive.goals import Context, Goals
 from executive.motion import Arbiter, SharedSolver, make_locomotion
 from executive.plans import Planner, check_plan
-from executive.preview import Predictions, PreviewRun
+from executive.preview import Predictor, PreviewRun
 from executive.record import (
     AuthorityRecord,
     Ledger,
     LedgerError,
+    LedgerRetention,
     Notifications,
     PlanStore,
-    Retention,
     StopLatch,
 )
-from executive.safety import Safety, unmonitored
+from executive.safety import FaultMonitor, unmonitored
 from executive.settings import Settings
 from executive.state import FileFolder, Status, Telemetry
 from executive.values.clock import Clock, LatchedClock
@@ -60,14 +60,14 @@ from executive.values.facts import (
 )
 from executive.values.geometry import STANDING, Velocity
 from executive.values.parameters import ParameterValue
-from executive.values.ports import Downlink, MotionRover, VelocityRover, Video
+from executive.values.ports import DelegatedMotionRover, Downlink, VelocityRover, Video
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import (
     FileEvent,
     Identity,
-    Kind,
     PlanUpdate,
     Report,
+    ReportKind,
     Severity,
     printable,
 )
@@ -108,7 +108,7 @@ class Executive:
         *,
         settings: Settings,
         clock: Clock,
-        rover: VelocityRover | MotionRover,
+        rover: VelocityRover | DelegatedMotionRover,
         ledger: Ledger,
         files: Path,
         downlinks: Sequence[Downlink],
@@ -130,9 +130,9 @@ class Executive:
             )
         self._recorder.enter(Called, Call.START)
         self.status = Status(clock, settings)
-        self.safety = Safety(clock, settings)
+        self.safety = FaultMonitor(clock, settings)
         self.wake: Callable[[], None] = lambda: None
-        self.retention = Retention(ledger, settings.kept_reports)
+        self.retention = LedgerRetention(ledger, settings.kept_reports)
         locomotion, mover = make_locomotion(rover, clock, settings, self.status, solver)
         self._context = Context(
             clock, settings, self.status, self.safety, Goals(clock), locomotion, self.files, video
@@ -149,7 +149,7 @@ class Executive:
             clock, self.status.values, self._send_telemetry, settings.status_interval_s
         )
         self.tree = build_tree(self._context)
-        self._predictions = Predictions(self._context, self._notifications, build_tree, solver)
+        self._predictions = Predictor(self._context, self._notifications, build_tree, solver)
         self._planner = Planner(
             clock,
             settings,
@@ -367,7 +367,7 @@ class Executive:
                 self._reactions.run_monitors()  # at once, whatever the tree is at
             self._arbiter.guard()
 
-    def ask_authority(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
+    def ask_authority(self, asked: AuthorityRequest) -> AuthorityState | Refusal:
         """Request, take, hand over or release the authority; on the executive's thread."""
         self._recorder.put(asked)
         return self.authority.perform(asked)
@@ -377,7 +377,7 @@ class Executive:
         severity: Severity,
         text: str,
         figures: tuple[Figure, ...] = (),
-        kind: Kind = Kind.EVENT,
+        kind: ReportKind = ReportKind.EVENT,
     ) -> None:
         """Report something that another component noticed, or a link."""
         within = self._clock.held

@@ -9,7 +9,7 @@ from executive.values.reasons import Reason
 
 
 @unique
-class When(Enum):
+class MonitoredWhen(Enum):
     """When a fault is watched for."""
 
     MOVING = "moving"
@@ -17,7 +17,7 @@ class When(Enum):
 
 
 @unique
-class Then(Enum):
+class Reaction(Enum):
     """What the rover does about a fault, from nothing to the most."""
 
     IGNORE = "ignore"
@@ -29,7 +29,7 @@ class Then(Enum):
 
 
 @unique
-class Clears(Enum):
+class ClearPolicy(Enum):
     """How a fault ends: with its cause, or by a resume once its cause is gone."""
 
     ITSELF = "itself"
@@ -49,7 +49,7 @@ class Disproves(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Bound:
+class FaultParameter:
     """What one figure of a row means.
 
     Attributes:
@@ -112,12 +112,12 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class FaultResponse:
     """What an asset does about one fault, which begins where one of its windows shows it."""
 
-    when: When
-    then: Then
-    clears: Clears
+    when: MonitoredWhen
+    then: Reaction
+    clears: ClearPolicy
     windows: tuple[Window, ...] = (Window(),)
 
     @property
@@ -133,7 +133,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Declaration:
+class FaultDeclaration:
     """What is known of a fault.
 
     Attributes:
@@ -148,15 +148,15 @@ class Declaration:
     name: str
     reason: Reason
     summary: str
-    row: Row
+    row: FaultResponse
     source: str
     disproves: Disproves | None = None
-    beyond: Bound | None = None
-    below: Bound | None = None
-    ratio: Bound | None = None
-    within: Bound | None = None
+    beyond: FaultParameter | None = None
+    below: FaultParameter | None = None
+    ratio: FaultParameter | None = None
+    within: FaultParameter | None = None
 
-    def check(self, row: Row) -> None:
+    def check(self, row: FaultResponse) -> None:
         """Do nothing where a row fits.
 
         Raises:
@@ -181,4 +181,4 @@ class Declaration:
 
 
 FIGURES: Final = ("beyond", "below", "ratio", "within", "for")
-_FOR: Final = Bound("how long it lasts before it counts", "s", 0.0, 60.0)
+_FOR: Final = FaultParameter("how long it lasts before it counts", "s", 0.0, 60.0)

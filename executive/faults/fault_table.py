@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final
 
 from executive.faults.fault_declaration import (
-    Bound,
-    Clears,
-    Declaration,
+    ClearPolicy,
     Disproves,
-    Row,
-    Then,
-    When,
+    FaultDeclaration,
+    FaultParameter,
+    FaultResponse,
+    MonitoredWhen,
+    Reaction,
     Window,
 )
 from executive.values.reasons import Reason
@@ -25,39 +25,43 @@ from executive.values.reasons import Reason
 def _fault(
     reason: Reason,
     summary: str,
-    row: Row,
+    row: FaultResponse,
     *,
     source: str,
     disproves: Disproves | None = None,
-    beyond: Bound | None = None,
-    below: Bound | None = None,
-    ratio: Bound | None = None,
-    within: Bound | None = None,
+    beyond: FaultParameter | None = None,
+    below: FaultParameter | None = None,
+    ratio: FaultParameter | None = None,
+    within: FaultParameter | None = None,
 ) -> Any:
     """Return a field of `FaultTable` that declares a fault."""
-    declared = Declaration(
+    declared = FaultDeclaration(
         "", reason, summary, row, source, disproves, beyond, below, ratio, within
     )
     return field(default=row, metadata={"declaration": declared})
 
 
-def _row(when: When, reaction: tuple[Then, Clears], *windows: Window) -> Row:
-    return Row(when, *reaction, windows)
+def _row(
+    when: MonitoredWhen, reaction: tuple[Reaction, ClearPolicy], *windows: Window
+) -> FaultResponse:
+    return FaultResponse(when, *reaction, windows)
 
 
-def _within(low_s: float = 0.1) -> Bound:
-    return Bound("window", "s", low_s, 9.0)
+def _within(low_s: float = 0.1) -> FaultParameter:
+    return FaultParameter("window", "s", low_s, 9.0)
 
 
-_RATIO: Final = Bound("share of what was driven or turned, added to the bound", "", 0.0, 2.0)
-_HELD: Final = (Then.SAFE, Clears.ON_RESUME)
-_STOPPED: Final = (Then.STOP, Clears.ON_RESUME)
-_ENDED: Final = (Then.STOP, Clears.ITSELF)
-_TOLD: Final = (Then.WARN, Clears.ITSELF)
+_RATIO: Final = FaultParameter(
+    "share of what was driven or turned, added to the bound", "", 0.0, 2.0
+)
+_HELD: Final = (Reaction.SAFE, ClearPolicy.ON_RESUME)
+_STOPPED: Final = (Reaction.STOP, ClearPolicy.ON_RESUME)
+_ENDED: Final = (Reaction.STOP, ClearPolicy.ITSELF)
+_TOLD: Final = (Reaction.WARN, ClearPolicy.ITSELF)
 
 
 def _rejected(what: str) -> Any:
-    row = _row(When.ALWAYS, _TOLD, Window(for_s=1.1))
+    row = _row(MonitoredWhen.ALWAYS, _TOLD, Window(for_s=1.1))
     summary = f"{what} cannot be used, or is not received."
     return _fault(Reason.DATA_REJECTED, summary, row, source="The rate is known after a second.")
 
@@ -66,95 +70,101 @@ def _rejected(what: str) -> Any:
 class FaultTable:
     """The rows of an asset: a field for each fault, in the order in which they are looked at."""
 
-    odometry_jumped: Row = _fault(
+    odometry_jumped: FaultResponse = _fault(
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry is longer than the rover can have driven.",
-        _row(When.ALWAYS, _HELD, Window(beyond=0.2)),
+        _row(MonitoredWhen.ALWAYS, _HELD, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("step that the speed does not explain", "m", 0.02, 5.0),
+        beyond=FaultParameter("step that the speed does not explain", "m", 0.02, 5.0),
         source=(
             "Judgement. Normal driving with 0.05 m + 30 % of the way: 3 %. The real Husky has"
             " no such step in 359 m."
         ),
     )
-    odometry_turned: Row = _fault(
+    odometry_turned: FaultResponse = _fault(
         Reason.ODOMETRY_JUMPED,
         "One step of the odometry turns further than the rover can have turned.",
-        _row(When.ALWAYS, _HELD, Window(beyond=0.2)),
+        _row(MonitoredWhen.ALWAYS, _HELD, Window(beyond=0.2)),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("turn that the rate does not explain", "rad", 0.02, 1.5),
+        beyond=FaultParameter("turn that the rate does not explain", "rad", 0.02, 1.5),
         source="Judgement, as `odometry_jumped`; recorded runs with 0.05 rad.",
     )
-    odometry_not_finite: Row = _fault(
+    odometry_not_finite: FaultResponse = _fault(
         Reason.ODOMETRY_NOT_FINITE,
         "Odometry has figures that are no numbers.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.1)),
+        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1)),
         disproves=Disproves.SENSORS,
         source="Recorded runs: three messages in a row, 0.06 s; 0.1 s are two ticks.",
     )
-    odometry_stale: Row = _fault(
+    odometry_stale: FaultResponse = _fault(
         Reason.ODOMETRY_STALE,
         "No odometry arrives, or always the same message.",
-        _row(When.MOVING, _HELD, Window(beyond=0.3)),
+        _row(MonitoredWhen.MOVING, _HELD, Window(beyond=0.3)),
         disproves=Disproves.SENSORS,
-        beyond=Bound("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
+        beyond=FaultParameter("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
         source=(
             "Normal driving: 70 %. With 0.25 s a computer under load had one false stop in 30"
             " min, at 0.27 s."
         ),
     )
-    odometry_behind: Row = _fault(
+    odometry_behind: FaultResponse = _fault(
         Reason.ODOMETRY_STALE,
         "Odometry is older than what the other sensors tell, which comes in time.",
-        _row(When.MOVING, _HELD, Window(beyond=0.25)),
+        _row(MonitoredWhen.MOVING, _HELD, Window(beyond=0.25)),
         disproves=Disproves.SENSORS,
-        beyond=Bound("age of the newest odometry beside theirs, by the stamps", "s", 0.05, 10.0),
+        beyond=FaultParameter(
+            "age of the newest odometry beside theirs, by the stamps", "s", 0.05, 10.0
+        ),
         source=(
             "Odometry that jitters by 0.2 s is at most 0.24 s behind IMU and wheels; check: 88 %."
         ),
     )
-    odometry_late: Row = _fault(
+    odometry_late: FaultResponse = _fault(
         Reason.ODOMETRY_LATE,
         "Odometry comes too late to steer by.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.15, beyond=0.13)),
+        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.15, beyond=0.13)),
         disproves=Disproves.SENSORS,
-        beyond=Bound("age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0),
+        beyond=FaultParameter(
+            "age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0
+        ),
         source=(
             "Normal driving: 75 % of 0.12 s. 0.13 s lies between two ages of odometry at 50"
             " Hz, 0.12 and 0.14 s. Check: 138 %, by jitter of 0.2 s, for less than `for`."
         ),
     )
-    odometry_slow: Row = _fault(
+    odometry_slow: FaultResponse = _fault(
         Reason.ODOMETRY_SLOW,
         "Odometry comes too seldom to steer by.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.2, below=10.0, within_s=1.0)),
+        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, below=10.0, within_s=1.0)),
         disproves=Disproves.SENSORS,
-        below=Bound("messages a second", "Hz", 0.5, 1000.0),
+        below=FaultParameter("messages a second", "Hz", 0.5, 1000.0),
         within=_within(0.5),
         source=(
             "Normal driving: 24 %. The real Husky, at 10.1 Hz ± 10 %, shows it 245 times: such"
             " an asset sets less."
         ),
     )
-    odometry_frozen: Row = _fault(
+    odometry_frozen: FaultResponse = _fault(
         Reason.ODOMETRY_FROZEN,
         "Odometry does not change at all, though the rover is commanded to move.",
-        _row(When.MOVING, _STOPPED, Window(within_s=0.3)),
+        _row(MonitoredWhen.MOVING, _STOPPED, Window(within_s=0.3)),
         disproves=Disproves.COMMANDS,
         within=_within(),
         source="As `odometry_stale`; no measurement of its own.",
     )
-    odometry_off_twist: Row = _fault(
+    odometry_off_twist: FaultResponse = _fault(
         Reason.ODOMETRY_INCONSISTENT,
         "The pose of the odometry goes elsewhere than its own velocity says.",
         _row(
-            When.MOVING,
+            MonitoredWhen.MOVING,
             _STOPPED,
             Window("quick", beyond=0.05, ratio=0.1, within_s=0.5),
             Window("slow", for_s=0.05, beyond=0.06, ratio=0.03, within_s=4.0),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("distance between pose and what its velocity leads to", "m", 0.01, 5.0),
+        beyond=FaultParameter(
+            "distance between pose and what its velocity leads to", "m", 0.01, 5.0
+        ),
         ratio=_RATIO,
         within=_within(),
         source=(
@@ -163,62 +173,80 @@ class FaultTable:
             " next 43 times."
         ),
     )
-    odometry_heading_off_twist: Row = _fault(
+    odometry_heading_off_twist: FaultResponse = _fault(
         Reason.ODOMETRY_INCONSISTENT,
         "The heading of the odometry turns otherwise than its own rate says.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5)
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
+        beyond=FaultParameter("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(),
         source="Recorded runs; normal driving: below 1 %.",
     )
-    off_command: Row = _fault(
+    off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
         "The rover does not go as fast as it is commanded to, by its odometry.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35)
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("speed outside of what was commanded", "m/s", 0.02, 2.0),
-        ratio=Bound("share of the speed that was commanded, where it is more", "", 0.0, 2.0),
+        beyond=FaultParameter("speed outside of what was commanded", "m/s", 0.02, 2.0),
+        ratio=FaultParameter(
+            "share of the speed that was commanded, where it is more", "", 0.0, 2.0
+        ),
         within=_within(),
         source="Recorded runs; normal driving: 25 %.",
     )
-    turn_off_command: Row = _fault(
+    turn_off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
         "The rover does not turn as fast as it is commanded to, by its odometry.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35)
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("rate outside of what was commanded", "rad/s", 0.05, 3.0),
-        ratio=Bound("share of the rate that was commanded, where it is more", "", 0.0, 2.0),
+        beyond=FaultParameter("rate outside of what was commanded", "rad/s", 0.05, 3.0),
+        ratio=FaultParameter(
+            "share of the rate that was commanded, where it is more", "", 0.0, 2.0
+        ),
         within=_within(),
         source="Recorded runs; normal driving: 86 %.",
     )
-    steady_off_command: Row = _fault(
+    steady_off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
         "A rover that moves by itself goes steadily slower or faster than it was commanded to.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5)),
+        _row(
+            MonitoredWhen.MOVING,
+            _STOPPED,
+            Window(for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5),
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("way by its speed beside what was commanded", "m", 0.001, 5.0),
+        beyond=FaultParameter("way by its speed beside what was commanded", "m", 0.001, 5.0),
         ratio=_RATIO,
         within=_within(),
         source="Judgement: encoders that are 10 % wrong show in lines of 2 s. Check, MOCUP: 28 %.",
     )
-    steady_turn_off_command: Row = _fault(
+    steady_turn_off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
         "A rover that moves by itself turns steadily slower or faster than it was commanded to.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6)
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
+        beyond=FaultParameter("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
         ratio=_RATIO,
         within=_within(),
         source="Judgement: encoders that are 18 % wrong show in turns of 1 s. Check, MOCUP: 40 %.",
     )
-    turn_amiss: Row = _fault(
+    turn_amiss: FaultResponse = _fault(
         Reason.OFF_COMMAND,
         "The rover turns more or less than it is commanded to, by its odometry.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0)
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("turn beside what was commanded", "rad", 0.05, 3.0),
+        beyond=FaultParameter("turn beside what was commanded", "rad", 0.05, 3.0),
         ratio=_RATIO,
         within=_within(),
         source=(
@@ -226,86 +254,90 @@ class FaultTable:
             " more than 10 cm off."
         ),
     )
-    no_progress: Row = _fault(
+    no_progress: FaultResponse = _fault(
         Reason.NO_PROGRESS,
         "Nothing comes of what is commanded, by the odometry.",
-        _row(When.MOVING, _STOPPED, Window(below=0.3, within_s=3.0)),
+        _row(MonitoredWhen.MOVING, _STOPPED, Window(below=0.3, within_s=3.0)),
         disproves=Disproves.COMMANDS,
-        below=Bound("share of the way or turn that was commanded", "", 0.01, 1.0),
+        below=FaultParameter("share of the way or turn that was commanded", "", 0.01, 1.0),
         within=_within(1.0),
         source="Judgement; check: 32 %.",
     )
-    drives_uncommanded: Row = _fault(
+    drives_uncommanded: FaultResponse = _fault(
         Reason.MOVES_UNCOMMANDED,
         "The rover drives though it should stand, and nobody else commands it.",
-        _row(When.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.04, within_s=1.0)),
+        _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.04, within_s=1.0)),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("speed", "m/s", 0.005, 1.0),
+        beyond=FaultParameter("speed", "m/s", 0.005, 1.0),
         within=_within(),
         source=(
             "Normal driving: 18 %. A pose with white noise of 0.45 mm at 50 Hz shows it: such"
             " an asset sets more."
         ),
     )
-    turns_uncommanded: Row = _fault(
+    turns_uncommanded: FaultResponse = _fault(
         Reason.MOVES_UNCOMMANDED,
         "The rover turns though it should stand, or its gyro says so, and nobody else commands it.",
-        _row(When.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.01, within_s=1.0)),
+        _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.01, within_s=1.0)),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("rate", "rad/s", 0.001, 1.0),
+        beyond=FaultParameter("rate", "rad/s", 0.001, 1.0),
         within=_within(),
         source="Normal driving: 58 %; recorded runs with 0.006 rad/s.",
     )
-    odometry_silent: Row = _fault(
+    odometry_silent: FaultResponse = _fault(
         Reason.ODOMETRY_SILENT,
         "There is no odometry any more, whether the rover moves or not.",
-        _row(When.ALWAYS, _TOLD, Window(beyond=1.0)),
+        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=1.0)),
         disproves=Disproves.SENSORS,
-        beyond=Bound("time since it last came", "s", 0.1, 3600.0),
+        beyond=FaultParameter("time since it last came", "s", 0.1, 3600.0),
         source="Judgement; check: 22 %.",
     )
-    tilted: Row = _fault(
+    tilted: FaultResponse = _fault(
         Reason.TILTED,
         "The rover leans.",
-        _row(When.ALWAYS, _HELD, Window(beyond=0.49)),
+        _row(MonitoredWhen.ALWAYS, _HELD, Window(beyond=0.49)),
         disproves=Disproves.DISTANCE,
-        beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
+        beyond=FaultParameter("roll or pitch", "rad", 0.05, 1.5),
         source="As `tilted_by_imu`.",
     )
-    battery_low: Row = _fault(
+    battery_low: FaultResponse = _fault(
         Reason.BATTERY_LOW,
         "The battery is nearly empty.",
-        _row(When.ALWAYS, _HELD, Window(below=22.0)),
-        below=Bound("voltage", "V", 1.0, 1000.0),
+        _row(MonitoredWhen.ALWAYS, _HELD, Window(below=22.0)),
+        below=FaultParameter("voltage", "V", 1.0, 1000.0),
         source="3.14 V for each of the Jackal's seven cells; judgement. An asset sets its own.",
     )
-    other_publisher: Row = _fault(
+    other_publisher: FaultResponse = _fault(
         Reason.OTHER_PUBLISHER,
         "Somebody else commands the base, which obeys them: a joystick, or another node.",
-        _row(When.MOVING, (Then.PAUSE, Clears.ON_RESUME), Window(for_s=0.2)),
+        _row(MonitoredWhen.MOVING, (Reaction.PAUSE, ClearPolicy.ON_RESUME), Window(for_s=0.2)),
         source="Judgement: four ticks.",
     )
-    battery_silent: Row = _fault(
+    battery_silent: FaultResponse = _fault(
         Reason.BATTERY_SILENT,
         "The battery no longer tells its voltage.",
-        _row(When.ALWAYS, _TOLD, Window(beyond=5.0)),
-        beyond=Bound("time since it last did", "s", 0.5, 3600.0),
+        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=5.0)),
+        beyond=FaultParameter("time since it last did", "s", 0.5, 3600.0),
         source="Judgement; check: 18 %.",
     )
-    battery_not_finite: Row = _fault(
+    battery_not_finite: FaultResponse = _fault(
         Reason.BATTERY_NOT_FINITE,
         "The voltage of the battery is not a number, or none that a battery has.",
-        _row(When.ALWAYS, _TOLD, Window(for_s=0.5, beyond=60.0)),
-        beyond=Bound("voltage that this battery cannot have", "V", 1.0, 10_000.0),
+        _row(MonitoredWhen.ALWAYS, _TOLD, Window(for_s=0.5, beyond=60.0)),
+        beyond=FaultParameter("voltage that this battery cannot have", "V", 1.0, 10_000.0),
         source="Judgement, below 65.535 V, which is 0xFFFF mV and no measurement.",
     )
 
-    wheels_off_command: Row = _fault(
+    wheels_off_command: FaultResponse = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn slower or faster than commanded.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25)
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("speed outside of what was commanded in the window", "m/s", 0.02, 5.0),
+        beyond=FaultParameter(
+            "speed outside of what was commanded in the window", "m/s", 0.02, 5.0
+        ),
         ratio=_RATIO,
         within=_within(),
         source=(
@@ -313,39 +345,41 @@ class FaultTable:
             " tighter; check: 8 %."
         ),
     )
-    wheels_off_command_slowly: Row = _fault(
+    wheels_off_command_slowly: FaultResponse = _fault(
         Reason.WHEELS_OFF_COMMAND,
         "The wheels of a side turn, little by little, less or more far than commanded.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4)
+        ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the ways", "m", 0.01, 5.0),
+        beyond=FaultParameter("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_within(),
         source="Judgement, beside the other, which commands that change hide from; check: 40 %.",
     )
-    wheels_unpowered: Row = _fault(
+    wheels_unpowered: FaultResponse = _fault(
         Reason.WHEELS_UNPOWERED,
         "The wheels of a side are off their command, and their motors give no torque.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.1, below=0.05, within_s=0.4)),
+        _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, below=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
-        below=Bound("mean torque of a side", "Nm", 0.001, 100.0),
+        below=FaultParameter("mean torque of a side", "Nm", 0.001, 100.0),
         within=_within(),
         source=(
             "Recorded runs; normal driving: 29 %. The torque alone, without 0.06 m/s off the"
             " command, showed in 13 of 20 sessions without a fault."
         ),
     )
-    odometry_off_wheels: Row = _fault(
+    odometry_off_wheels: FaultResponse = _fault(
         Reason.ODOMETRY_OFF_WHEELS,
         "The odometry tells of another way than the wheels turned.",
         _row(
-            When.MOVING,
+            MonitoredWhen.MOVING,
             _STOPPED,
             Window("quick", beyond=0.02, ratio=0.04, within_s=0.5),
             Window("slow", for_s=0.05, beyond=0.03, ratio=0.015, within_s=3.0),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the ways", "m", 0.01, 5.0),
+        beyond=FaultParameter("difference of the ways", "m", 0.01, 5.0),
         ratio=_RATIO,
         within=_within(),
         source=(
@@ -353,17 +387,17 @@ class FaultTable:
             " These are tighter; check: 10 % and 14 %."
         ),
     )
-    odometry_off_gyro: Row = _fault(
+    odometry_off_gyro: FaultResponse = _fault(
         Reason.ODOMETRY_OFF_GYRO,
         "The odometry tells of another turn than the gyro feels.",
         _row(
-            When.MOVING,
+            MonitoredWhen.MOVING,
             _STOPPED,
             Window("quick", beyond=0.04, ratio=0.04, within_s=0.5),
             Window("slow", for_s=0.05, beyond=0.04, ratio=0.03, within_s=4.0),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        beyond=FaultParameter("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(),
         source=(
@@ -371,12 +405,14 @@ class FaultTable:
             " tighter; check: 22 %. `slow`: recorded runs; normal driving: 55 %."
         ),
     )
-    wheels_off_gyro: Row = _fault(
+    wheels_off_gyro: FaultResponse = _fault(
         Reason.WHEELS_OFF_GYRO,
         "The rover does not turn as its wheels do.",
-        _row(When.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6)),
+        _row(
+            MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.2, ratio=0.45, within_s=0.6)
+        ),
         disproves=Disproves.DISTANCE,
-        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        beyond=FaultParameter("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(),
         source=(
@@ -385,52 +421,54 @@ class FaultTable:
             " to 1.32 times."
         ),
     )
-    wheels_slip: Row = _fault(
+    wheels_slip: FaultResponse = _fault(
         Reason.WHEELS_SLIP,
         "The wheels gain or lose a speed that the rover does not feel.",
         _row(
-            When.MOVING,
+            MonitoredWhen.MOVING,
             _ENDED,
             Window("quick", for_s=0.05, beyond=0.48, within_s=0.6),
             Window("slow", for_s=0.05, beyond=1.0, within_s=2.0),
         ),
         disproves=Disproves.DISTANCE,
-        beyond=Bound("difference of the speeds gained", "m/s", 0.1, 5.0),
+        beyond=FaultParameter("difference of the speeds gained", "m/s", 0.1, 5.0),
         within=_within(),
         source=(
             "Recorded runs; normal driving: 97 and 75 %. With 0.36 m/s it showed 10 to 15"
             " times in 5.4 h, in true slides on slopes."
         ),
     )
-    blocked: Row = _fault(
+    blocked: FaultResponse = _fault(
         Reason.BLOCKED,
         "The wheels push with a force that does not move the rover.",
-        _row(When.MOVING, _ENDED, Window(for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4)),
+        _row(
+            MonitoredWhen.MOVING, _ENDED, Window(for_s=0.05, beyond=45.0, ratio=1.2, within_s=0.4)
+        ),
         disproves=Disproves.DISTANCE,
-        beyond=Bound("difference of the forces", "N", 1.0, 100_000.0),
-        ratio=Bound("share of what is felt, added to the bound", "", 0.0, 10.0),
+        beyond=FaultParameter("difference of the forces", "N", 1.0, 100_000.0),
+        ratio=FaultParameter("share of what is felt, added to the bound", "", 0.0, 10.0),
         within=_within(),
         source=(
             "Recorded runs, without `ratio`; normal driving: 71 %. `ratio` and `for`:"
             " judgement, for a load that is not known; check: 50 %."
         ),
     )
-    tilted_by_imu: Row = _fault(
+    tilted_by_imu: FaultResponse = _fault(
         Reason.TILTED,
         "The rover leans, by its inertial sensors.",
-        _row(When.ALWAYS, _HELD, Window(for_s=0.1, beyond=0.49)),
+        _row(MonitoredWhen.ALWAYS, _HELD, Window(for_s=0.1, beyond=0.49)),
         disproves=Disproves.DISTANCE,
-        beyond=Bound("roll or pitch", "rad", 0.05, 1.5),
+        beyond=FaultParameter("roll or pitch", "rad", 0.05, 1.5),
         source=(
             "28°: judgement. Normal driving, on slopes up to 15°: 57 %. `for`: recorded runs,"
             " six samples at 50 Hz."
         ),
     )
-    slips: Row = _fault(
+    slips: FaultResponse = _fault(
         Reason.SLIPS,
         "The second odometry tells of another way; where it corrects the pose, of a gross one.",
         _row(
-            When.MOVING,
+            MonitoredWhen.MOVING,
             _ENDED,
             Window("quick", beyond=0.1, ratio=0.2, within_s=1.0),
             Window("slow", beyond=0.1, ratio=0.1, within_s=4.0),
@@ -438,7 +476,7 @@ class FaultTable:
             Window("slow_fused", beyond=0.6, ratio=0.3, within_s=4.0),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the ways", "m", 0.01, 10.0),
+        beyond=FaultParameter("difference of the ways", "m", 0.01, 10.0),
         ratio=_RATIO,
         within=_within(0.2),
         source=(
@@ -446,88 +484,88 @@ class FaultTable:
             " truly was more than 10 cm + 2 % off. Fused, normal driving: 76 and 71 %."
         ),
     )
-    turn_slips: Row = _fault(
+    turn_slips: FaultResponse = _fault(
         Reason.TURN_SLIPS,
         "The second odometry tells of another turn.",
         _row(
-            When.MOVING,
+            MonitoredWhen.MOVING,
             _ENDED,
             Window("quick", beyond=0.06, ratio=0.05, within_s=1.0),
             Window("slow", beyond=0.07, ratio=0.04, within_s=4.0),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("difference of the turns", "rad", 0.01, 1.5),
+        beyond=FaultParameter("difference of the turns", "rad", 0.01, 1.5),
         ratio=_RATIO,
         within=_within(0.2),
         source="Recorded runs; normal driving: 30 and 46 %.",
     )
-    slides: Row = _fault(
+    slides: FaultResponse = _fault(
         Reason.SLIDES,
         "The rover moves while it is to stand, which its odometry does not see.",
-        _row(When.ALWAYS, _TOLD, Window(beyond=0.05, within_s=0.4)),
+        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
-        beyond=Bound("way between two frames of the second odometry", "m", 0.01, 10.0),
+        beyond=FaultParameter("way between two frames of the second odometry", "m", 0.01, 10.0),
         within=_within(0.2),
         source=(
             "Recorded runs; normal driving: 69 %. `within`: judgement, less than the 0.5 s"
             " between frames at 2 Hz."
         ),
     )
-    joints_silent: Row = _fault(
+    joints_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
         "The sensors of the wheels tell nothing: the wheels are not monitored.",
-        _row(When.ALWAYS, _TOLD, Window(beyond=0.5)),
-        beyond=Bound("age of what they told last", "s", 0.1, 60.0),
+        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.5)),
+        beyond=FaultParameter("age of what they told last", "s", 0.1, 60.0),
         source="Judgement; check: 4 %.",
     )
-    imu_silent: Row = _fault(
+    imu_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
         "The inertial sensor tells nothing: slip, turns and tilt are not monitored by it.",
-        _row(When.ALWAYS, _TOLD, Window(beyond=0.5)),
-        beyond=Bound("age of what it told last", "s", 0.1, 60.0),
+        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.5)),
+        beyond=FaultParameter("age of what it told last", "s", 0.1, 60.0),
         source="Judgement; check: 2 %.",
     )
-    second_odometry_silent: Row = _fault(
+    second_odometry_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
         "The second odometry tells nothing: slip is not monitored.",
-        _row(When.ALWAYS, _TOLD, Window(beyond=6.0)),
-        beyond=Bound("age of what it told last", "s", 0.5, 60.0),
+        _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=6.0)),
+        beyond=FaultParameter("age of what it told last", "s", 0.5, 60.0),
         source="Judgement, above the gaps of the simulated one, up to 4 s; check: 82 %.",
     )
-    zone_ahead: Row = _fault(
+    zone_ahead: FaultResponse = _fault(
         Reason.ZONE_AHEAD,
         "The rover cannot go on much longer and still stand before a zone or a known rock.",
-        _row(When.ALWAYS, _ENDED, Window(within_s=0.16)),
-        within=Bound("time until the rover brakes", "s", 0.0, 5.0),
+        _row(MonitoredWhen.ALWAYS, _ENDED, Window(within_s=0.16)),
+        within=FaultParameter("time until the rover brakes", "s", 0.0, 5.0),
         source="Judgement.",
     )
-    obstacle_ahead: Row = _fault(
+    obstacle_ahead: FaultResponse = _fault(
         Reason.OBSTACLE_AHEAD,
         "The laser sees something where the rover drives or turns to before it can stand.",
-        _row(When.ALWAYS, _ENDED, Window(below=0.05, within_s=0.25)),
-        below=Bound("way that is left once the rover stands", "m", 0.0, 5.0),
-        within=Bound("time from a scan until the rover brakes", "s", 0.0, 5.0),
+        _row(MonitoredWhen.ALWAYS, _ENDED, Window(below=0.05, within_s=0.25)),
+        below=FaultParameter("way that is left once the rover stands", "m", 0.0, 5.0),
+        within=FaultParameter("time from a scan until the rover brakes", "s", 0.0, 5.0),
         source="Recorded runs; normal driving: 72 %.",
     )
-    obstacle_near: Row = _fault(
+    obstacle_near: FaultResponse = _fault(
         Reason.OBSTACLE_NEAR,
         "The laser sees something near, in the direction in which the rover drives.",
-        _row(When.ALWAYS, (Then.SLOW_DOWN, Clears.ITSELF), Window(below=0.9)),
-        below=Bound("free way", "m", 0.05, 10.0),
+        _row(MonitoredWhen.ALWAYS, (Reaction.SLOW_DOWN, ClearPolicy.ITSELF), Window(below=0.9)),
+        below=FaultParameter("free way", "m", 0.05, 10.0),
         source="Judgement.",
     )
-    laser_silent: Row = _fault(
+    laser_silent: FaultResponse = _fault(
         Reason.LASER_SILENT,
         "No scan of the laser arrives, or always the same one.",
-        _row(When.MOVING, _ENDED, Window(beyond=0.35)),
-        beyond=Bound("age of the newest scan", "s", 0.05, 10.0),
+        _row(MonitoredWhen.MOVING, _ENDED, Window(beyond=0.35)),
+        beyond=FaultParameter("age of the newest scan", "s", 0.05, 10.0),
         source="Judgement, above three periods at 10 Hz; check: 24 %.",
     )
-    laser_blind: Row = _fault(
+    laser_blind: FaultResponse = _fault(
         Reason.LASER_BLIND,
         "The laser measures nothing usable in a sector into which the rover drives or turns.",
-        _row(When.ALWAYS, _ENDED, Window(beyond=0.8, within_s=0.3)),
-        beyond=Bound("share of the rays of a sector of 15 degrees", "", 0.05, 1.0),
+        _row(MonitoredWhen.ALWAYS, _ENDED, Window(beyond=0.8, within_s=0.3)),
+        beyond=FaultParameter("share of the rays of a sector of 15 degrees", "", 0.05, 1.0),
         within=_within(0.0),
         source=(
             "A Hokuyo URG-04LX reports 0 for 46 to 49 % of its rays, and in 11 to 47 % of its"
@@ -535,21 +573,21 @@ class FaultTable:
             " judgement."
         ),
     )
-    odometry_rejected: Row = _rejected("Odometry")
-    imu_rejected: Row = _rejected("What the IMU measures")
-    joints_rejected: Row = _rejected("What the wheel sensors measure")
-    second_odometry_rejected: Row = _rejected("Second odometry")
-    laser_rejected: Row = _rejected("What the laser measures")
-    battery_rejected: Row = _rejected("What the battery reports")
-    camera_rejected: Row = _rejected("What the camera sends")
-    velocity_rejected: Row = _rejected("What the executive commands the base")
+    odometry_rejected: FaultResponse = _rejected("Odometry")
+    imu_rejected: FaultResponse = _rejected("What the IMU measures")
+    joints_rejected: FaultResponse = _rejected("What the wheel sensors measure")
+    second_odometry_rejected: FaultResponse = _rejected("Second odometry")
+    laser_rejected: FaultResponse = _rejected("What the laser measures")
+    battery_rejected: FaultResponse = _rejected("What the battery reports")
+    camera_rejected: FaultResponse = _rejected("What the camera sends")
+    velocity_rejected: FaultResponse = _rejected("What the executive commands the base")
 
     def __post_init__(self) -> None:
         """Raise ValueError where a row does not fit its fault."""
         for declared, row in self:
             declared.check(row)
 
-    def __iter__(self) -> Iterator[tuple[Declaration, Row]]:
+    def __iter__(self) -> Iterator[tuple[FaultDeclaration, FaultResponse]]:
         for name, declared in DECLARED.items():
             yield declared, getattr(self, name)
 

@@ -11,10 +11,10 @@ from executive.history.motion_tracks import MotionTracks as MotionTracks
 from executive.history.motion_tracks import PoseAt as PoseAt
 from executive.history.motion_tracks import TrackSource as TrackSource
 from executive.history.motion_tracks import VelocityAt as VelocityAt
-from executive.history.run_history import CommandLife as CommandLife
-from executive.history.run_history import Declined as Declined
-from executive.history.run_history import Fastest as Fastest
+from executive.history.run_history import CommandHistory as CommandHistory
 from executive.history.run_history import LeafRun as LeafRun
+from executive.history.run_history import PeakSpeed as PeakSpeed
 from executive.history.run_history import ReceivedCommand as ReceivedCommand
+from executive.history.run_history import RejectedSubmission as RejectedSubmission
 from executive.history.run_history import RunHistory as RunHistory
 from executive.history.run_history import Situation as Situation

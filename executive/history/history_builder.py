@@ -20,12 +20,12 @@ from executive.core.recording import (
     Served,
     TreeChanged,
 )
-from executive.faults import Then
+from executive.faults import Reaction
 from executive.history.run_history import (
-    Declined,
-    Fastest,
     LeafRun,
+    PeakSpeed,
     ReceivedCommand,
+    RejectedSubmission,
     RunHistory,
     Situation,
 )
@@ -59,7 +59,7 @@ class HistoryBuilder:
         self._active: Identity | None = None
         self._reports: dict[int, Report] = {}
         self._received: deque[ReceivedCommand] = deque(maxlen=most)
-        self._declined: deque[Declined] = deque(maxlen=most)
+        self._declined: deque[RejectedSubmission] = deque(maxlen=most)
         self._situations: deque[Situation] = deque(maxlen=most)
         self._leaves: deque[LeafRun] = deque(maxlen=most)
         self._running: dict[str, LeafRun] = {}
@@ -94,7 +94,7 @@ class HistoryBuilder:
             case Served(command=command):
                 self._received.append(_received(command, self._utc_s))
             case Answered(identity=identity, refusal=Refusal() as refusal):
-                self._declined.append(Declined(_bounded(identity), self._utc_s, refusal))
+                self._declined.append(RejectedSubmission(_bounded(identity), self._utc_s, refusal))
             case Called(call=Call.START):
                 for path in list(self._running):
                     self._end_leaf(path)
@@ -123,7 +123,7 @@ class HistoryBuilder:
                 sorted([*self._leaves, *self._running.values()], key=lambda e: e.began_utc_s)
             ),
             fastest=tuple(
-                Fastest(identity, speed_mps, self._allowed_mps)
+                PeakSpeed(identity, speed_mps, self._allowed_mps)
                 for identity, speed_mps in self._fastest.items()
             ),
             slowing=self._slowing,
@@ -133,7 +133,7 @@ class HistoryBuilder:
     def _begin(self, settings: Settings) -> None:
         self._allowed_mps = settings.drive.travel_speed_mps
         self._slowing = frozenset(
-            declared.reason for declared, row in settings.faults if row.then is Then.SLOW_DOWN
+            declared.reason for declared, row in settings.faults if row.then is Reaction.SLOW_DOWN
         )
         self._leaf_paths = self._paths_of(settings)
 

@@ -7,13 +7,13 @@ are seconds since 1970-01-01 UTC, by the clock aboard.
 from dataclasses import dataclass
 from typing import Final
 
-from executive.commands import Arrival, Mode
-from executive.faults import DECLARED, Then
+from executive.commands import Mode, PreemptionPolicy
+from executive.faults import DECLARED, Reaction
 from executive.values.reasons import Reason, Refusal
-from executive.values.reports import TERMINAL, Identity, Kind, Report, Stage
+from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Stage
 
 SLOWING: Final = frozenset(
-    each.reason for each in DECLARED.values() if each.row.then is Then.SLOW_DOWN
+    each.reason for each in DECLARED.values() if each.row.then is Reaction.SLOW_DOWN
 )
 """Unless the settings of an asset say otherwise."""
 
@@ -34,13 +34,13 @@ class ReceivedCommand:
     name: str
     link: str
     utc_s: float
-    arrival: Arrival = Arrival.APPEND
+    arrival: PreemptionPolicy = PreemptionPolicy.APPEND
     created_utc_s: float | None = None
     lifetime_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class CommandLife:
+class CommandHistory:
     """What became of a command so far.
 
     Attributes:
@@ -99,7 +99,7 @@ class CommandLife:
 
 
 @dataclass(frozen=True, slots=True)
-class Declined:
+class RejectedSubmission:
     """A command that was not taken under its number, so that it has no life of its own."""
 
     identity: Identity
@@ -143,7 +143,7 @@ class LeafRun:
 
 
 @dataclass(frozen=True, slots=True)
-class Fastest:
+class PeakSpeed:
     """The greatest speeds, without sign, that the rover was commanded within a command.
 
     Attributes:
@@ -171,24 +171,24 @@ class RunHistory:
     until_utc_s: float
     reports: tuple[Report, ...]
     received: tuple[ReceivedCommand, ...] = ()
-    declined: tuple[Declined, ...] = ()
+    declined: tuple[RejectedSubmission, ...] = ()
     situations: tuple[Situation, ...] = ()
     leaves: tuple[LeafRun, ...] = ()
-    fastest: tuple[Fastest, ...] = ()
+    fastest: tuple[PeakSpeed, ...] = ()
     slowing: frozenset[Reason] = SLOWING
     absences: tuple[tuple[float, float], ...] = ()
 
-    def lives(self) -> dict[Identity, CommandLife]:
+    def lives(self) -> dict[Identity, CommandHistory]:
         """Return the life of each command, in the order in which they were first reported on."""
         received: dict[Identity, ReceivedCommand] = {}
         for each in self.received:
             received.setdefault(each.identity, each)
         reports: dict[Identity, dict[int, Report]] = {}
         for report in self.reports:
-            if report.identity is not None and report.kind is not Kind.LINK:
+            if report.identity is not None and report.kind is not ReportKind.LINK:
                 reports.setdefault(report.identity, {}).setdefault(report.sequence, report)
         return {
-            identity: CommandLife(identity, received.get(identity), tuple(of.values()))
+            identity: CommandHistory(identity, received.get(identity), tuple(of.values()))
             for identity, of in reports.items()
             if any(each.stage is not None for each in of.values())
         }

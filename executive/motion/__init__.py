@@ -28,13 +28,13 @@ from executive.motion.locomotion import Step as Step
 from executive.motion.locomotion import duration_s as duration_s
 from executive.motion.locomotion import leg_errors as leg_errors
 from executive.motion.locomotion import plan_leg as plan_leg
-from executive.motion.minimum_time import MinimumTime as MinimumTime
+from executive.motion.minimum_time import MinimumTimeSolver as MinimumTimeSolver
 from executive.motion.motion_model import MotionState as MotionState
-from executive.motion.plan import Plan as Plan
-from executive.motion.plan import PlanSolver as PlanSolver
-from executive.motion.plan import Problem as Problem
 from executive.motion.plan import SharedSolver as SharedSolver
-from executive.motion.plan import Target as Target
+from executive.motion.plan import Trajectory as Trajectory
+from executive.motion.plan import TrajectoryProblem as TrajectoryProblem
+from executive.motion.plan import TrajectorySolver as TrajectorySolver
+from executive.motion.plan import TrajectoryTarget as TrajectoryTarget
 from executive.motion.predictive_control import make_solver as make_solver
 from executive.motion.predictive_control import model_of as model_of
 from executive.motion.route import passes_by as passes_by
@@ -42,5 +42,5 @@ from executive.motion.velocity_control import VelocityLocomotion as VelocityLoco
 from executive.motion.verification import FUSED_NEAR_M as FUSED_NEAR_M
 from executive.motion.verification import TURN_NEAR_M as TURN_NEAR_M
 from executive.motion.verification import WAIT_S as WAIT_S
-from executive.motion.verification import Verification as Verification
+from executive.motion.verification import MotionVerification as MotionVerification
 from executive.motion.verification import Verified as Verified

@@ -13,17 +13,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, assert_never
 
-from executive.commands.lifecycle import Life
-from executive.motion.delegated_motion import DelegatedLocomotion, DelegatedMover
-from executive.motion.locomotion import Locomotion, Mover
-from executive.motion.plan import PlanSolver
+from executive.commands.lifecycle import CommandLifecycle
+from executive.motion.delegated_motion import DelegatedDriver, DelegatedLocomotion
+from executive.motion.locomotion import BaseDriver, Locomotion
+from executive.motion.plan import TrajectorySolver
 from executive.motion.predictive_control import PredictiveLocomotion
-from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
+from executive.motion.velocity_control import VelocityDriver, VelocityLocomotion
 from executive.settings import LocomotionKind, Settings, SettingsError
 from executive.state import Status
 from executive.values.clock import Clock
 from executive.values.geometry import STANDING, Velocity
-from executive.values.ports import CameraIntent, MotionRover, Rover, VelocityRover, Wanted
+from executive.values.ports import CameraIntent, DelegatedMotionRover, Rover, VelocityRover, Wanted
 from executive.values.reasons import Refusal
 
 NO_SOLVER: Final = "mpc needs a solver of plans, and the executive was started without one"
@@ -56,7 +56,7 @@ class Arbiter:
         clock: Clock,
         settings: Settings,
         rover: Rover,
-        mover: Mover,
+        mover: BaseDriver,
         stop_waits: Callable[[], bool],
     ) -> None:
         self._clock = clock
@@ -140,7 +140,7 @@ class Latches:
         self.hazard: Refusal | None = None
         self.safe = False
         self.paused: Refusal | None = None
-        self.stopping: list[Life] = []
+        self.stopping: list[CommandLifecycle] = []
         self.stopped_from = STANDING
 
     @property
@@ -148,7 +148,7 @@ class Latches:
         """Whether the rover must not move."""
         return self.stopped_by is not None or self.hazard is not None
 
-    def take_stopping(self) -> list[Life]:
+    def take_stopping(self) -> list[CommandLifecycle]:
         """Return the stop commands under way, for the caller to end."""
         stopping, self.stopping = self.stopping, []
         return stopping
@@ -162,12 +162,12 @@ class Latches:
 
 
 def make_locomotion(
-    rover: VelocityRover | MotionRover,
+    rover: VelocityRover | DelegatedMotionRover,
     clock: Clock,
     settings: Settings,
     status: Status,
-    solver: PlanSolver | None = None,
-) -> tuple[Locomotion, Mover]:
+    solver: TrajectorySolver | None = None,
+) -> tuple[Locomotion, BaseDriver]:
     """Return what makes motions, and what commands them, of an asset.
 
     The solver plans for model predictive control, where the asset offers that.
@@ -178,14 +178,14 @@ def make_locomotion(
     """
     match settings.locomotion:
         case LocomotionKind.VELOCITY if isinstance(rover, VelocityRover):
-            mover = VelocityMover(clock, settings, status, rover)
+            mover = VelocityDriver(clock, settings, status, rover)
             if settings.offers_mpc:
                 if solver is None:
                     raise SettingsError(NO_SOLVER)
                 return PredictiveLocomotion(clock, settings, status, mover, solver), mover
             return VelocityLocomotion(clock, settings, status), mover
-        case LocomotionKind.WHOLE_MOTION if isinstance(rover, MotionRover):
-            return DelegatedLocomotion(settings, status), DelegatedMover(
+        case LocomotionKind.WHOLE_MOTION if isinstance(rover, DelegatedMotionRover):
+            return DelegatedLocomotion(settings, status), DelegatedDriver(
                 clock, settings, status, rover
             )
         case LocomotionKind.VELOCITY | LocomotionKind.WHOLE_MOTION:

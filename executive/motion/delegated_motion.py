@@ -12,7 +12,7 @@ from executive.state import Status, is_slow
 from executive.values.clock import Clock
 from executive.values.facts import MotionEnded
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
-from executive.values.ports import Advance, Hold, MotionRover, TurnBy, Wanted, WholeMotion
+from executive.values.ports import Advance, DelegatedMotionRover, Hold, TurnBy, Wanted, WholeMotion
 from executive.values.reasons import Reason, Refusal
 
 BEGINS_WITHIN_S: Final = 4.0
@@ -127,11 +127,11 @@ class PendingMotion(Motion):
         return self._motion
 
 
-class DelegatedMover:
+class DelegatedDriver:
     """Commands each whole motion once, and a halt when none is wanted any more."""
 
     def __init__(
-        self, clock: Clock, settings: Settings, status: Status, rover: MotionRover
+        self, clock: Clock, settings: Settings, status: Status, rover: DelegatedMotionRover
     ) -> None:
         self._clock = clock
         self._settings = settings

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from executive.obstacles.zones import Encounter
+from executive.obstacles.zones import ClearanceViolation
 from executive.values.geometry import Point
 
 
@@ -29,7 +29,7 @@ class LegProgress:
     at_detour: bool = False
     left_path: bool = False
     turn_then_drive: bool = False
-    blocking: Encounter | None = None
+    blocking: ClearanceViolation | None = None
     last_driven: Point | None = None
 
     @property
@@ -59,7 +59,7 @@ class LegProgress:
         self.left_path = self.left_path or detour
         self.blocking = None
 
-    def stop_before(self, blocking: Encounter | None) -> None:
+    def stop_before(self, blocking: ClearanceViolation | None) -> None:
         """End a leg before something that came into view, which the next leads around."""
         self.blocking = blocking
         self.detour_stops += 1

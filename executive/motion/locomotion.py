@@ -1,7 +1,7 @@
 """How an asset moves: legs, speed profiles, and the port between leaves and rovers.
 
 Leaves plan a `Leg`, ask a `Locomotion` for a `Motion` and write what it wants into the intents.
-The arbiter gives that to a `Mover`, which alone commands the rover. `velocity_control` is for
+The arbiter gives that to a `BaseDriver`, which alone commands the rover. `velocity_control` is for
 rovers that take velocities, `delegated_motion` for those that carry out whole motions themselves.
 
 What is steered is the control point, the point ahead of base_link that stands still when the
@@ -15,7 +15,7 @@ from math import copysign, pi, sqrt
 from typing import Final, Protocol, assert_never
 
 from executive.commands import Command, DriveFor, MoveForward, RotateBy, RotateTo, Waypoint
-from executive.settings import Profile, Settings
+from executive.settings import Settings, SpeedProfileKind
 from executive.state import Status
 from executive.values.geometry import Point, Pose, Velocity, wrap_rad
 from executive.values.ports import Wanted
@@ -102,12 +102,12 @@ class Trapezoid:
 SpeedProfile = SquareRoot | Trapezoid
 
 
-def make_profile(kind: Profile, bounds: Bounds, way: float, tick_s: float) -> SpeedProfile:
+def make_profile(kind: SpeedProfileKind, bounds: Bounds, way: float, tick_s: float) -> SpeedProfile:
     """Return the profile that the settings name, for a signed way."""
     match kind:
-        case Profile.TRAPEZOID:
+        case SpeedProfileKind.TRAPEZOID:
             return Trapezoid(bounds, way)
-        case Profile.SQUARE_ROOT:
+        case SpeedProfileKind.SQUARE_ROOT:
             return SquareRoot(bounds, tick_s)
         case _:
             assert_never(kind)
@@ -370,7 +370,7 @@ class Locomotion(Protocol):
         """Return the holding of a velocity."""
 
 
-class Mover(Protocol):
+class BaseDriver(Protocol):
     """Commands the rover's motion. Only `executive.motion.arbiter` calls it."""
 
     @property

@@ -7,10 +7,16 @@ from typing import Final
 
 from executive.motion.locomotion import Bounds, duration_s
 from executive.motion.motion_model import MotionModel, MotionState
-from executive.motion.obstacles import Obstacles
-from executive.motion.plan import PASSED_AT_ONCE, SHORTEST_S, Plan, Problem, Target
+from executive.motion.obstacles import ObstacleConstraints
+from executive.motion.plan import (
+    PASSED_AT_ONCE,
+    SHORTEST_S,
+    Trajectory,
+    TrajectoryProblem,
+    TrajectoryTarget,
+)
 from executive.motion.polylines import Polyline, polylines
-from executive.motion.programme import Programme
+from executive.motion.programme import OptimalControlProblem
 from executive.values.geometry import Point, wrap_rad
 
 FASTEST_SHARE: Final = 0.6
@@ -23,7 +29,7 @@ NO_MISS: Final = 1e-3
 SLOW_MPS: Final = 0.01
 
 
-class MinimumTime:
+class MinimumTimeSolver:
     """The programmes of one rover: a `SharedSolver` that answers in the call that asks.
 
     Args:
@@ -50,25 +56,25 @@ class MinimumTime:
     ) -> None:
         self._most = (travel, rotate)
         self._steps = steps
-        self._plan: Plan | None = None
+        self._plan: Trajectory | None = None
         self._model = model
         self._among_none = self._built(False)
         self._among_obstacles = self._built(True) if obstacles else []
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         """Solve a problem."""
         self._plan = self.solve(problem)
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         """Return the answer to the last question, once."""
         plan, self._plan = self._plan, None
         return plan
 
-    def beside(self, apart: bool = False) -> "MinimumTime":
+    def beside(self, apart: bool = False) -> "MinimumTimeSolver":
         """Return another that has the same programmes."""
         return copy(self)
 
-    def solve(self, problem: Problem) -> Plan | None:
+    def solve(self, problem: TrajectoryProblem) -> Trajectory | None:
         """Return the plan of a problem, or None where none is found.
 
         From a guess that leads into something that came into view, a way around that is tried.
@@ -82,7 +88,7 @@ class MinimumTime:
                 return plan
         most = STARTS if problem.guess is None else 1
         first, around = problem.targets[0], self._around(problem)
-        best: Plan | None = None
+        best: Trajectory | None = None
         for guess in self._guesses(problem, problem.start, first, around=around)[:most]:
             whole = self._onward(problem, guess)
             plan = self._led(programme, problem, whole, self._least_s(problem))
@@ -94,8 +100,11 @@ class MinimumTime:
 
     @staticmethod
     def _led(
-        programme: Programme, problem: Problem, guess: Plan, least_s: Sequence[float]
-    ) -> Plan | None:
+        programme: OptimalControlProblem,
+        problem: TrajectoryProblem,
+        guess: Trajectory,
+        least_s: Sequence[float],
+    ) -> Trajectory | None:
         """Return a plan that leads past all obstacles, or None where none is found.
 
         Where the first one comes near to others than its guess did, it is the next guess.
@@ -107,21 +116,21 @@ class MinimumTime:
             guess = plan
         return None
 
-    def _built(self, obstacles: bool) -> list[Programme]:
+    def _built(self, obstacles: bool) -> list[OptimalControlProblem]:
         """Return the programmes for each number of places that are passed."""
         return [
-            Programme(self._model, self._most, self._steps, passes, obstacles)
+            OptimalControlProblem(self._model, self._most, self._steps, passes, obstacles)
             for passes in range(PASSED_AT_ONCE + 1)
         ]
 
-    def _around(self, problem: Problem) -> tuple[Point, ...]:
+    def _around(self, problem: TrajectoryProblem) -> tuple[Point, ...]:
         """Return the corners of a way around obstacles to the first place of a problem."""
         if problem.around or problem.obstacles is None:
             return problem.around
         ahead_m, first = self._model.ahead_m, problem.targets[0]
         return problem.obstacles.way(problem.start.behind(ahead_m), first.base(ahead_m))
 
-    def _onward(self, problem: Problem, guess: Plan) -> Plan:
+    def _onward(self, problem: TrajectoryProblem, guess: Trajectory) -> Trajectory:
         """Return a guess that leads to all places of a problem, by polylines from its end."""
         for target in problem.targets[len(guess.passes_s) + 1 :]:
             end, speeds_mps = guess.states[-1], [each.travel_mps for each in guess.states]
@@ -131,12 +140,12 @@ class MinimumTime:
 
     def _guesses(
         self,
-        problem: Problem,
+        problem: TrajectoryProblem,
         start: MotionState,
-        target: Target,
+        target: TrajectoryTarget,
         along: float = 0.0,
         around: tuple[Point, ...] = (),
-    ) -> list[Plan]:
+    ) -> list[Trajectory]:
         """Return the fastest guesses from rest, for a rover that came forward or backward.
 
         One that goes on the same way need not stand where it passes. Those that lead into
@@ -153,21 +162,21 @@ class MinimumTime:
         for each in self._free(found, problem.obstacles) or found[:STARTS]:
             times_s = (each.duration_s * index / self._steps for index in range(self._steps + 1))
             states = tuple(MotionState(*each.at(time_s, travel, rotate)) for time_s in times_s)
-            guesses.append(Plan(each.duration_s, states, each.end_rad))
-        return guesses or [Plan(SHORTEST_S, (start,) * (self._steps + 1), start.heading_rad)]
+            guesses.append(Trajectory(each.duration_s, states, each.end_rad))
+        return guesses or [Trajectory(SHORTEST_S, (start,) * (self._steps + 1), start.heading_rad)]
 
     @staticmethod
-    def _free(found: list[Polyline], obstacles: Obstacles | None) -> list[Polyline]:
+    def _free(found: list[Polyline], obstacles: ObstacleConstraints | None) -> list[Polyline]:
         """Return the first polylines that lead into no obstacles."""
         if obstacles is None:
             return found[:STARTS]
         return list(islice((each for each in found if obstacles.free(each.corners)), STARTS))
 
-    def _least_s(self, problem: Problem) -> tuple[float, ...]:
+    def _least_s(self, problem: TrajectoryProblem) -> tuple[float, ...]:
         """Return times that no plan from rest is shorter than, so that none is of no length."""
         start, target = problem.start, problem.target
         travel = Bounds(problem.travel_mps, self._most[0])
-        places = [Target(start.x_m, start.y_m, start.heading_rad, 0.0), *problem.targets]
+        places = [TrajectoryTarget(start.x_m, start.y_m, start.heading_rad, 0.0), *problem.targets]
         ways_m = [
             max(before.point.distance_m(after.point) - before.aim_m - after.aim_m, 0.0)
             for before, after in pairwise(places)

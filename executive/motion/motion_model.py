@@ -6,7 +6,7 @@ from math import cos, exp, sin, sqrt, tanh
 from types import SimpleNamespace
 from typing import Any, Final
 
-from executive.settings import Slip, YawResponse
+from executive.settings import SlipSettings, YawResponse
 from executive.values.geometry import Point, Pose, Velocity
 
 _GAUSS: Final = (0.5 - sqrt(3.0) / 6, 0.5 + sqrt(3.0) / 6)
@@ -56,7 +56,7 @@ class MotionModel:
     """
 
     yaw: YawResponse
-    slip: Slip
+    slip: SlipSettings
     ahead_m: float
 
     def true_rotation(self, rotate: Any, lag: Any, ops: Any = _PLAIN) -> Any:

@@ -6,7 +6,7 @@ from math import inf
 from typing import Final
 
 from executive.motion.motion_model import MotionModel, MotionState
-from executive.motion.velocity_control import VelocityMover
+from executive.motion.velocity_control import VelocityDriver
 from executive.settings import Settings
 from executive.state import Status
 from executive.values.facts import Odometry
@@ -40,7 +40,7 @@ class MotionObserver:
     """
 
     def __init__(
-        self, settings: Settings, status: Status, model: MotionModel, mover: VelocityMover
+        self, settings: Settings, status: Status, model: MotionModel, mover: VelocityDriver
     ) -> None:
         self._settings = settings
         self._status = status

@@ -49,7 +49,7 @@ class _Edge:
 
 
 @dataclass(frozen=True, slots=True)
-class _Near:
+class _Proximity:
     """How near a place comes to an edge.
 
     Attributes:
@@ -72,7 +72,7 @@ class _Near:
         return x_m, y_m, 0.5 / kept_m, 0.0, 0.0, kept_m / 2
 
 
-class Obstacles:
+class ObstacleConstraints:
     """All that the disc of a rover keeps away from.
 
     The rows of a place hold in their true geometry for rocks. Sides of zones are taken for
@@ -146,9 +146,9 @@ class Obstacles:
         return figures
 
 
-def _nearest(found: Iterator[_Near]) -> list[_Near]:
+def _nearest(found: Iterator[_Proximity]) -> list[_Proximity]:
     """Return the nearest, without those that meet where they are nearest: two sides at a corner."""
-    kept: list[_Near] = []
+    kept: list[_Proximity] = []
     for near in sorted(found, key=lambda each: each.gap_m):
         if len(kept) == SLOTS:
             break
@@ -162,7 +162,7 @@ def _all_near(
     rocks: Sequence[_Edge],
     areas: Sequence[tuple[KeepIn | KeepOut, Sequence[_Edge]]],
     within_m: float,
-) -> Iterator[_Near]:
+) -> Iterator[_Proximity]:
     """Yield how near a place comes to edges; where it lies within, or without, to the nearest."""
     for rock in rocks:
         if rock.start.distance_m(place) <= rock.radius_m + within_m:
@@ -171,13 +171,13 @@ def _all_near(
         if edges and area.has(place) is isinstance(area, KeepOut):
             near = min((_near(place, edge) for edge in edges), key=lambda each: each.gap_m)
             inward = -near.away[0], -near.away[1]
-            yield _Near(near.edge, -near.gap_m, near.at, inward)
+            yield _Proximity(near.edge, -near.gap_m, near.at, inward)
         else:
             found = (_near(place, edge) for edge in edges)
             yield from (near for near in found if near.gap_m <= within_m)
 
 
-def _near(place: Point, edge: _Edge) -> _Near:
+def _near(place: Point, edge: _Edge) -> _Proximity:
     start, end = edge.start, edge.end
     dx_m, dy_m = end.x_m - start.x_m, end.y_m - start.y_m
     squared_m2 = dx_m * dx_m + dy_m * dy_m
@@ -191,4 +191,4 @@ def _near(place: Point, edge: _Edge) -> _Near:
     if apart_m < _FINEST_M:
         x_m, y_m = -dy_m, dx_m
     length_m = hypot(x_m, y_m) or 1.0
-    return _Near(edge, apart_m - edge.radius_m, at, (x_m / length_m, y_m / length_m))
+    return _Proximity(edge, apart_m - edge.radius_m, at, (x_m / length_m, y_m / length_m))

@@ -8,7 +8,7 @@ from math import pi
 from typing import Final, Protocol
 
 from executive.motion.motion_model import MotionState
-from executive.motion.obstacles import Obstacles
+from executive.motion.obstacles import ObstacleConstraints
 from executive.values.geometry import Point, Pose, Velocity
 
 SHORTEST_S: Final = 0.05
@@ -19,7 +19,7 @@ ANY_RAD: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class TrajectoryTarget:
     """Where the control point is to stand, or to pass.
 
     Attributes:
@@ -53,7 +53,7 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Trajectory:
     """States from the start to rest, at equal intervals between the places that are passed.
 
     Attributes:
@@ -85,7 +85,7 @@ class Plan:
         state = self.at(time_s)
         return Velocity(state.travel_mps, state.rotate_radps)
 
-    def after(self, time_s: float, most: int = 0) -> "Plan":
+    def after(self, time_s: float, most: int = 0) -> "Trajectory":
         """Return the rest of it, from so many seconds after the start.
 
         A place that is passed within `SHORTEST_S` of that is behind it.
@@ -101,7 +101,7 @@ class Plan:
         rest = sampled(lambda at_s: self.at(time_s + at_s), passes_s, left_s, count)
         return replace(rest, heading_rad=self.heading_rad, miss=self.miss)
 
-    def extended(self, onward: "Plan") -> "Plan":
+    def extended(self, onward: "Trajectory") -> "Trajectory":
         """Return it with another plan after it, which passes where this one ends."""
 
         def at(time_s: float) -> MotionState:
@@ -117,7 +117,7 @@ class Plan:
 
 def sampled(
     at: Callable[[float], MotionState], passes_s: tuple[float, ...], duration_s: float, count: int
-) -> Plan:
+) -> Trajectory:
     """Return a plan of so many equal intervals to each place that is passed, and to the end."""
     edges_s = (0.0, *passes_s, duration_s)
     times_s = [
@@ -126,11 +126,11 @@ def sampled(
         for index in range(count)
     ]
     states = tuple(at(time_s) for time_s in (*times_s, duration_s))
-    return Plan(duration_s, states, states[-1].heading_rad, passes_s=passes_s)
+    return Trajectory(duration_s, states, states[-1].heading_rad, passes_s=passes_s)
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class TrajectoryProblem:
     """What a plan is asked for.
 
     Attributes:
@@ -143,21 +143,21 @@ class Problem:
     """
 
     start: MotionState
-    target: Target
+    target: TrajectoryTarget
     travel_mps: float
     rotate_radps: float
-    guess: Plan | None
-    through: tuple[Target, ...] = ()
-    obstacles: Obstacles | None = None
+    guess: Trajectory | None
+    through: tuple[TrajectoryTarget, ...] = ()
+    obstacles: ObstacleConstraints | None = None
     around: tuple[Point, ...] = ()
 
     @property
-    def targets(self) -> tuple[Target, ...]:
+    def targets(self) -> tuple[TrajectoryTarget, ...]:
         """The places to pass, and the target."""
         return *self.through, self.target
 
 
-class PlanSolver(Protocol):
+class TrajectorySolver(Protocol):
     """Answers problems, in the call that asks or beside the thread that does.
 
     Attributes:
@@ -170,15 +170,15 @@ class PlanSolver(Protocol):
     def busy(self) -> bool:
         """Whether it is at a question still, and takes no other."""
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         """Have a problem solved."""
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         """Return the answer to the last question, once; None where there is none, or none yet."""
 
 
-class SharedSolver(PlanSolver, Protocol):
-    """A `PlanSolver` that others can use, too."""
+class SharedSolver(TrajectorySolver, Protocol):
+    """A `TrajectorySolver` that others can use, too."""
 
     def beside(self, apart: bool = False) -> "SharedSolver":
         """Return another, for questions of somebody else.

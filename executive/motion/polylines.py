@@ -17,7 +17,7 @@ SHORTEST_M: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class TurnSegment:
     """A turn on the spot."""
 
     place: Point
@@ -26,7 +26,7 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineSegment:
     """A straight line, whose length is negative where it is driven backward."""
 
     place: Point
@@ -42,7 +42,7 @@ class Polyline:
         end_rad: the heading at its end, turns added up.
     """
 
-    parts: tuple[Turn | Line, ...]
+    parts: tuple[TurnSegment | LineSegment, ...]
     duration_s: float
     end_rad: float
 
@@ -51,16 +51,16 @@ class Polyline:
         """Where its parts begin, and where it ends."""
         places = [part.place for part in self.parts]
         match self.parts[-1]:
-            case Line(place, heading_rad, by_m):
+            case LineSegment(place, heading_rad, by_m):
                 places.append(_beside(place, heading_rad, by_m))
-            case Turn():
+            case TurnSegment():
                 pass
         return places
 
     @property
     def direction(self) -> float:
         """Its first line's length: negative where it begins backward; 0 without a line."""
-        return next((part.by_m for part in self.parts if isinstance(part, Line)), 0.0)
+        return next((part.by_m for part in self.parts if isinstance(part, LineSegment)), 0.0)
 
     def at(self, time_s: float, travel: Bounds, rotate: Bounds) -> tuple[float, ...]:
         """Return x, y, heading, speed and rotation so many seconds after its start."""
@@ -70,10 +70,10 @@ class Polyline:
                 break
             time_s -= takes_s
         match part:
-            case Turn(place, from_rad, by_rad):
+            case TurnSegment(place, from_rad, by_rad):
                 way, speed = _along(by_rad, rotate, time_s, takes_s)
                 return place.x_m, place.y_m, from_rad + way, 0.0, speed
-            case Line(place, heading_rad, by_m):
+            case LineSegment(place, heading_rad, by_m):
                 way, speed = _along(by_m, travel, time_s, takes_s)
                 x_m, y_m = way * cos(heading_rad), way * sin(heading_rad)
                 return place.x_m + x_m, place.y_m + y_m, heading_rad, speed, 0.0
@@ -129,7 +129,7 @@ def _join(
     rotate: Bounds,
 ) -> Polyline | None:
     """Return the polyline of corners; None where the other way round is not to be tried."""
-    parts: list[Turn | Line] = []
+    parts: list[TurnSegment | LineSegment] = []
     heading_rad, differs = start_rad, False
 
     def turn(place: Point, to_rad: float) -> None:
@@ -139,14 +139,14 @@ def _join(
             by_rad -= copysign(2 * pi, by_rad)
             differs = True
         if by_rad:
-            parts.append(Turn(place, heading_rad, by_rad))
+            parts.append(TurnSegment(place, heading_rad, by_rad))
         heading_rad += by_rad
 
     for (place, after), sign in zip(pairwise(places), signs, strict=True):
         length_m = place.distance_m(after)
         if length_m > SHORTEST_M:
             turn(place, place.bearing_rad(after) + (pi if sign < 0 else 0.0))
-            parts.append(Line(place, heading_rad, sign * length_m))
+            parts.append(LineSegment(place, heading_rad, sign * length_m))
     if end_rad is not None:
         turn(places[-1], end_rad)
     if differs is not other or not parts:
@@ -159,11 +159,11 @@ def _beside(place: Point, heading_rad: float, ahead_m: float) -> Point:
     return Point(place.x_m + ahead_m * cos(heading_rad), place.y_m + ahead_m * sin(heading_rad))
 
 
-def _takes_s(part: Turn | Line, travel: Bounds, rotate: Bounds) -> float:
+def _takes_s(part: TurnSegment | LineSegment, travel: Bounds, rotate: Bounds) -> float:
     match part:
-        case Turn():
+        case TurnSegment():
             return duration_s(part.by_rad, rotate)
-        case Line():
+        case LineSegment():
             return duration_s(part.by_m, travel)
 
 

@@ -16,14 +16,14 @@ from executive.motion.locomotion import (
     duration_s,
     turn_bounds,
 )
-from executive.motion.minimum_time import MinimumTime
+from executive.motion.minimum_time import MinimumTimeSolver
 from executive.motion.motion_model import MotionModel, MotionState
 from executive.motion.motion_observer import FINEST_S, MotionObserver
-from executive.motion.obstacles import Obstacles
-from executive.motion.plan import ANY_RAD, PlanSolver, Target
-from executive.motion.replanning import Course, Replanning
+from executive.motion.obstacles import ObstacleConstraints
+from executive.motion.plan import ANY_RAD, TrajectorySolver, TrajectoryTarget
+from executive.motion.replanning import ActiveTrajectory, Replanning
 from executive.motion.route import AIM_SHARE, Route, aim_within_m
-from executive.motion.velocity_control import VelocityLocomotion, VelocityMover
+from executive.motion.velocity_control import VelocityDriver, VelocityLocomotion
 from executive.settings import Controller, Settings
 from executive.state import Status
 from executive.values.clock import Clock
@@ -62,7 +62,7 @@ class PredictiveLaw(Motion):
         status: Status,
         observer: MotionObserver,
         model: MotionModel,
-        solver: PlanSolver,
+        solver: TrajectorySolver,
     ) -> None:
         if leg.target is None or leg.toward_rad is None:
             raise TypeError(f"{leg} has no line to a place")
@@ -83,11 +83,11 @@ class PredictiveLaw(Motion):
             leg.through,
             settings.turn_drive.position_tolerance_m,
             observer.ahead_m,
-            Target(x_m, y_m, self._heading_rad, aim, aim_rad, self._behind_m),
+            TrajectoryTarget(x_m, y_m, self._heading_rad, aim, aim_rad, self._behind_m),
         )
         self._replanning = Replanning(solver, self._route, status)
         self._phase = Phase.PLANNING
-        self._obstacles: Obstacles | None = None
+        self._obstacles: ObstacleConstraints | None = None
         self._known = self._present_obstacles
         self._limits = self._present_limits
         self.notice: str | None = None
@@ -170,13 +170,13 @@ class PredictiveLaw(Motion):
         return self._status.travel_limit_mps, self._status.rotate_limit_radps
 
     @property
-    def _present_obstacles(self) -> Obstacles | None:
+    def _present_obstacles(self) -> ObstacleConstraints | None:
         """What is kept away from now; the same until that changes."""
         zones, footprint = self._status.obstacles, self._settings.footprint
         if not zones.any or footprint is None:
             return None
         if self._obstacles is None or self._obstacles.zones is not zones:
-            self._obstacles = Obstacles(zones, footprint.radius_m)
+            self._obstacles = ObstacleConstraints(zones, footprint.radius_m)
         return self._obstacles
 
     def _expected_s(self) -> float:
@@ -208,7 +208,7 @@ class PredictiveLaw(Motion):
     def _within(self, off_m: float, off_rad: float, share: float) -> bool:
         return off_m <= share * self._near_m and off_rad <= share * self._near_rad
 
-    def _lands(self, course: Course, state: MotionState) -> bool:
+    def _lands(self, course: ActiveTrajectory, state: MotionState) -> bool:
         """Return whether braking now, or on, brings the rover to rest within the tolerances."""
         plan, last = course.plan, course.request.end == self._route.end
         if plan.passes_s or not last or plan.duration_s > SOON_S:
@@ -252,8 +252,8 @@ class PredictiveLocomotion(VelocityLocomotion):
         clock: Clock,
         settings: Settings,
         status: Status,
-        mover: VelocityMover,
-        solver: PlanSolver,
+        mover: VelocityDriver,
+        solver: TrajectorySolver,
     ) -> None:
         super().__init__(clock, settings, status)
         self._mover = mover
@@ -308,14 +308,14 @@ def model_of(settings: Settings) -> MotionModel:
     return MotionModel(settings.mpc.yaw, settings.mpc.slip, ahead_m)
 
 
-def make_solver(settings: Settings) -> MinimumTime:
+def make_solver(settings: Settings) -> MinimumTimeSolver:
     """Return what solves the plans of an asset, in the call that asks.
 
     Raises:
         SettingsError: casadi is not installed.
     """
     drive = settings.drive
-    return MinimumTime(
+    return MinimumTimeSolver(
         model_of(settings),
         drive.travel_acceleration_mps2,
         drive.rotate_acceleration_radps2,

@@ -13,8 +13,8 @@ from math import inf, isfinite
 from typing import Any, Final
 
 from executive.motion.motion_model import MotionModel, MotionState
-from executive.motion.obstacles import ROW, SLOTS, Obstacles
-from executive.motion.plan import Plan, Problem, sampled
+from executive.motion.obstacles import ROW, SLOTS, ObstacleConstraints
+from executive.motion.plan import Trajectory, TrajectoryProblem, sampled
 from executive.settings import SettingsError
 from executive.values.geometry import Point
 
@@ -35,7 +35,7 @@ _FIXED: Final = _STATE + 7
 """Parameters before those of places that are passed: of the start, and of the end."""
 
 
-class Programme:
+class OptimalControlProblem:
     """The programme for a number of places that are passed, among obstacles or on free ground.
 
     In each node there are a state, the durations to each place and to the end, and the miss; all
@@ -70,7 +70,9 @@ class Programme:
         self._lowest: list[float] = []  # of its constraints; all upper bounds are 0
         self._solver = self._build(_casadi())
 
-    def solve(self, problem: Problem, guess: Plan, least_s: Sequence[float]) -> Plan | None:
+    def solve(
+        self, problem: TrajectoryProblem, guess: Trajectory, least_s: Sequence[float]
+    ) -> Trajectory | None:
         """Return the plan of a problem that passes so many places; None where none is found.
 
         Args:
@@ -105,7 +107,7 @@ class Programme:
             return None
         return self._read(figures, guess.heading_rad)
 
-    def leads(self, plan: Plan, obstacles: Obstacles | None) -> bool:
+    def leads(self, plan: Trajectory, obstacles: ObstacleConstraints | None) -> bool:
         """Return whether a plan leads past all obstacles."""
         return obstacles is None or obstacles.free(self._path(plan))
 
@@ -200,7 +202,7 @@ class Programme:
             (y_m + end_y_m) / 2 + step_s / 8 * slower_y,
         )
 
-    def _path(self, plan: Plan) -> list[Point]:
+    def _path(self, plan: Trajectory) -> list[Point]:
         """Return where base_link is led at each node and midway between them, by the model."""
         edges_s = (0.0, *plan.passes_s, plan.duration_s)
         ahead_m = self._model.ahead_m
@@ -217,7 +219,7 @@ class Programme:
         return path
 
     def _bounds(
-        self, problem: Problem, least_s: Sequence[float]
+        self, problem: TrajectoryProblem, least_s: Sequence[float]
     ) -> tuple[list[float], list[float]]:
         """Return bounds of the variables; speeds that are above their limit now may go down."""
         start, shared = problem.start, self._passes + 2
@@ -231,7 +233,7 @@ class Programme:
         steps = self._count * (self._passes + 1)
         return [*first_low, *low * steps], [*first_high, *high * steps]
 
-    def _vector(self, guess: Plan) -> list[float]:
+    def _vector(self, guess: Trajectory) -> list[float]:
         """Return the variables of a plan."""
         edges_s = (0.0, *guess.passes_s, guess.duration_s)
         durations_s = [end_s - begin_s for begin_s, end_s in pairwise(edges_s)]
@@ -247,13 +249,13 @@ class Programme:
                     vector.append(max(-most, min(most, (high - low) / step_s)))
         return vector
 
-    def _read(self, figures: list[float], heading_rad: float) -> Plan:
+    def _read(self, figures: list[float], heading_rad: float) -> Trajectory:
         stage = self._miss + 1 + 2
         states = tuple(
             MotionState(*figures[at : at + _STATE]) for at in range(0, len(figures), stage)
         )
         *passes_s, duration_s = accumulate(figures[self._durations])
-        return Plan(duration_s, states, heading_rad, figures[self._miss], tuple(passes_s))
+        return Trajectory(duration_s, states, heading_rad, figures[self._miss], tuple(passes_s))
 
 
 def _casadi() -> Any:

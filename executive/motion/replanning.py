@@ -5,8 +5,8 @@ from math import hypot
 from typing import Final
 
 from executive.motion.motion_model import MotionState
-from executive.motion.obstacles import Obstacles
-from executive.motion.plan import Plan, PlanSolver, Problem
+from executive.motion.obstacles import ObstacleConstraints
+from executive.motion.plan import Trajectory, TrajectoryProblem, TrajectorySolver
 from executive.motion.route import Route
 from executive.state import Status
 from executive.values.geometry import Point, wrap_rad
@@ -29,7 +29,7 @@ MISSED: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class PlanRequest:
+class SolverRequest:
     """What the solver was asked last.
 
     Attributes:
@@ -46,16 +46,16 @@ class PlanRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class ActiveTrajectory:
     """The plan that is driven, and the request that it answers.
 
     Attributes:
         from_s: from when on it leads.
     """
 
-    plan: Plan
+    plan: Trajectory
     from_s: float
-    request: PlanRequest
+    request: SolverRequest
 
 
 class Replanning:
@@ -65,13 +65,13 @@ class Replanning:
         course: the last plan that leads on; None before the first.
     """
 
-    def __init__(self, solver: PlanSolver, route: Route, status: Status) -> None:
+    def __init__(self, solver: TrajectorySolver, route: Route, status: Status) -> None:
         self._solver, self._route, self._status = solver, route, status
-        self._request: PlanRequest | None = None
+        self._request: SolverRequest | None = None
         self._received_s: float | None = None  # when the solver last was free
         self._misses = 0
         self._starts = 0
-        self.course: Course | None = None
+        self.course: ActiveTrajectory | None = None
 
     @property
     def misses_all(self) -> bool:
@@ -83,7 +83,7 @@ class Replanning:
         state: MotionState,
         from_s: float,
         now_s: float,
-        obstacles: Obstacles | None,
+        obstacles: ObstacleConstraints | None,
         around: tuple[Point, ...],
     ) -> None:
         """Have a plan made from a state, unless the solver is busy.
@@ -119,8 +119,10 @@ class Replanning:
         waits = guess is None and at_rest
         limits = self._status.travel_limit_mps, self._status.rotate_limit_radps
         detour = around if self._request is None else ()
-        self._request = PlanRequest(now_s, from_s, first + len(through), waits)
-        self._solver.ask(Problem(state, target, *limits, guess, tuple(through), obstacles, detour))
+        self._request = SolverRequest(now_s, from_s, first + len(through), waits)
+        self._solver.ask(
+            TrajectoryProblem(state, target, *limits, guess, tuple(through), obstacles, detour)
+        )
 
     def receive(self, state: MotionState, effect_s: float, now_s: float, late_s: float) -> None:
         """Go on with the answer to the last request, if there is one that leads there.
@@ -144,7 +146,7 @@ class Replanning:
             return
         self._misses = 0
         from_s = effect_s if self._request.waits else self._request.from_s
-        self.course = Course(plan, from_s, self._request)
+        self.course = ActiveTrajectory(plan, from_s, self._request)
 
     def failure(self, now_s: float) -> str | None:
         """Return why turn-then-drive is to take over, if it is."""
@@ -157,7 +159,7 @@ class Replanning:
         return None
 
 
-def _jumped(course: Course, state: MotionState, effect_s: float, late_s: float) -> bool:
+def _jumped(course: ActiveTrajectory, state: MotionState, effect_s: float, late_s: float) -> bool:
     """Return whether the rover is elsewhere, though it was led since the plan was requested."""
     if late_s > course.request.asked_s:
         return False

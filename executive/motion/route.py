@@ -6,7 +6,7 @@ from math import hypot
 from typing import Final
 
 from executive.commands import Waypoint
-from executive.motion.plan import ANY_RAD, PASSED_AT_ONCE, Target
+from executive.motion.plan import ANY_RAD, PASSED_AT_ONCE, TrajectoryTarget
 from executive.values.geometry import Point
 
 AIM_SHARE: Final = 0.4
@@ -23,8 +23,8 @@ def aim_within_m(tolerance_m: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
-    target: Target
+class _ViaPoint:
+    target: TrajectoryTarget
     tolerance_m: float
 
 
@@ -42,14 +42,14 @@ class Route:
     """
 
     def __init__(
-        self, through: Sequence[Waypoint], default_m: float, ahead_m: float, end: Target
+        self, through: Sequence[Waypoint], default_m: float, ahead_m: float, end: TrajectoryTarget
     ) -> None:
         self._places = []
         for each in through:
             near_m = each.tolerance_m or default_m
             aim_m = aim_within_m(near_m)
-            target = Target(each.x_m, each.y_m, 0.0, aim_m, ANY_RAD, ahead_m)
-            self._places.append(_Place(target, near_m))
+            target = TrajectoryTarget(each.x_m, each.y_m, 0.0, aim_m, ANY_RAD, ahead_m)
+            self._places.append(_ViaPoint(target, near_m))
         self._targets = (*(each.target for each in self._places), end)
         self._behind_s: list[float] = []
         self._seen: Point | None = None
@@ -75,7 +75,7 @@ class Route:
         behind_s = self._behind_s[self.passed :]
         return bool(behind_s) and now_s - behind_s[0] > SEEN_S
 
-    def plan_from(self, index: int, now_s: float) -> tuple[Target, ...]:
+    def plan_from(self, index: int, now_s: float) -> tuple[TrajectoryTarget, ...]:
         """Return what to plan for once plans lead past so many places: some to pass, and an end."""
         self._behind_s = self._behind_s[:index]
         self._behind_s += [now_s] * (index - len(self._behind_s))

@@ -277,7 +277,7 @@ class VelocityLocomotion:
 
 
 class HoldLaw(Motion):
-    """Holds a velocity for its time, then stands; `VelocityMover` limits the speed.
+    """Holds a velocity for its time, then stands; `VelocityDriver` limits the speed.
 
     The rotation is steered so that the rover keeps to the arc of the velocity: what comes of
     a commanded rotation depends on speed, ground and load. A rover that stands off the heading of
@@ -380,7 +380,7 @@ class HoldLaw(Motion):
         return left_s if left_s > 1e-9 else 0.0
 
 
-class VelocityMover:
+class VelocityDriver:
     """Sends velocities within speed and acceleration limits.
 
     When nothing is wanted it ramps down, sends zero for `RELEASE_S` (longer than the rover's own

@@ -28,7 +28,7 @@ class Verified:
     figures: tuple[Figure, ...]
 
 
-class Verification:
+class MotionVerification:
     """Compares one motion, from the newest frame before it to one taken after it, standing."""
 
     def __init__(self, status: Status) -> None:
@@ -37,7 +37,7 @@ class Verification:
         self._slid_s = -inf
 
     @classmethod
-    def begin(cls, settings: Settings, status: Status) -> "Verification | None":
+    def begin(cls, settings: Settings, status: Status) -> "MotionVerification | None":
         """Return the verification of a motion that begins now; None without second odometry."""
         return None if settings.sensors.second_odometry is None else cls(status)
 

@@ -22,7 +22,7 @@ a tick, which may be several ticks among a hundred sides."""
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Detour:
     """What a search came to.
 
     Attributes:
@@ -37,7 +37,7 @@ class Way:
 
 def find_way(
     start: Point, end: Point, zones: Zones, clearance_m: float, leads: Callable[[Point], bool]
-) -> Way:
+) -> Detour:
     """Return the shortest way of straight lines.
 
     Args:
@@ -82,10 +82,10 @@ def find_way(
             continue
         before[index] = parent
         if index == 0:
-            return Way(_through(nodes, before, parent), complete=True)
+            return Detour(_through(nodes, before, parent), complete=True)
         push_all(nodes[index], way_m, index)
     nearest = min(before, key=lambda index: nodes[index].distance_m(end), default=None)
-    return Way(_through(nodes, before, nearest), complete=False)
+    return Detour(_through(nodes, before, nearest), complete=False)
 
 
 def _through(

@@ -11,7 +11,7 @@ from functools import lru_cache
 from math import atan2, ceil, cos, floor, hypot, pi, sin, sqrt
 from typing import Final
 
-from executive.obstacles.zones import Footprint, KeepIn, Seen, Zones
+from executive.obstacles.zones import Footprint, KeepIn, ScannedObstacle, Zones
 from executive.values.facts import LaserScan
 from executive.values.geometry import STANDING, Point, Pose, Velocity, on_arc, wrap_rad
 
@@ -92,7 +92,7 @@ class LocalMap:
         self._footprint = footprint
         self._known = known
         self._cells: dict[_Key, _Cell] = {}
-        self._circles: tuple[Seen, ...] | None = ()
+        self._circles: tuple[ScannedObstacle, ...] | None = ()
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=MOST_POSES)
         self._velocity = STANDING
         self._covered_at = Point(0.0, 0.0)
@@ -137,7 +137,7 @@ class LocalMap:
                 self._circles = None
 
     @property
-    def circles(self) -> tuple[Seen, ...]:
+    def circles(self) -> tuple[ScannedObstacle, ...]:
         """What was seen and is not known; the same object until something changes."""
         if self._circles is None:
             found = [circle for cluster in self._clusters() for circle in _covered(cluster)]
@@ -263,7 +263,7 @@ def _between(before: Pose, after: Pose, part: float) -> Pose:
 _AROUND: Final = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
 
-def _covered(cells: list[_Cell]) -> Iterator[Seen]:
+def _covered(cells: list[_Cell]) -> Iterator[ScannedObstacle]:
     """Yield a circle that covers cells, or a row of them along what is too long for one."""
     count = len(cells)
     x_m, y_m = sum(each.x_m for each in cells) / count, sum(each.y_m for each in cells) / count
@@ -290,7 +290,7 @@ def _covered(cells: list[_Cell]) -> Iterator[Seen]:
     off_m, radius_m = _arc(list(zip([each - middle_m for each in along], aside, strict=True)))
     centre_x_m = x_m + middle_m * cosine - off_m * sine
     centre_y_m = y_m + middle_m * sine + off_m * cosine
-    yield Seen("seen", centre_x_m, centre_y_m, radius_m + ROUND_M)
+    yield ScannedObstacle("seen", centre_x_m, centre_y_m, radius_m + ROUND_M)
 
 
 def _arc(places: list[tuple[float, float]]) -> tuple[float, float]:

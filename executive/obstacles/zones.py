@@ -174,7 +174,7 @@ class KnownRock:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen(KnownRock):
+class ScannedObstacle(KnownRock):
     """A part of what the rover sees itself, and was not told of; the name tells nothing."""
 
     @property
@@ -184,7 +184,7 @@ class Seen(KnownRock):
 
 
 @dataclass(frozen=True, slots=True)
-class Encounter:
+class ClearanceViolation:
     """Where a path comes too near to something.
 
     Attributes:
@@ -216,7 +216,7 @@ class Zones:
         """Raise ValueError where a figure or a name cannot be."""
         if not 0 <= self.margin_m <= MAX_MARGIN_M:
             raise ValueError(f"margin_m {self.margin_m:g} is not in 0 .. {MAX_MARGIN_M:g}")
-        named = (each for each in self if not isinstance(each, Seen))
+        named = (each for each in self if not isinstance(each, ScannedObstacle))
         names = [each.name for each in named]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
@@ -228,14 +228,14 @@ class Zones:
         yield from self.rocks
 
     @property
-    def seen(self) -> tuple[Seen, ...]:
+    def seen(self) -> tuple[ScannedObstacle, ...]:
         """Those that the rover sees itself."""
-        return tuple(each for each in self.rocks if isinstance(each, Seen))
+        return tuple(each for each in self.rocks if isinstance(each, ScannedObstacle))
 
     @property
     def told(self) -> "Zones":
         """Those that it was told of."""
-        rocks = tuple(each for each in self.rocks if not isinstance(each, Seen))
+        rocks = tuple(each for each in self.rocks if not isinstance(each, ScannedObstacle))
         return self if len(rocks) == len(self.rocks) else replace(self, rocks=rocks)
 
     @property
@@ -243,7 +243,9 @@ class Zones:
         """Whether there are any."""
         return bool(self.keep_in or self.keep_out or self.rocks)
 
-    def encounter(self, path: Sequence[Point], radius_m: float, apart_m: float) -> Encounter | None:
+    def encounter(
+        self, path: Sequence[Point], radius_m: float, apart_m: float
+    ) -> ClearanceViolation | None:
         """Return where a disc that follows straight lines first comes too near to something.
 
         A disc that is too near at the beginning may go away, but not come nearer.
@@ -253,7 +255,7 @@ class Zones:
             radius_m: of the disc.
             apart_m: what must be left between it and all obstacles.
         """
-        first: Encounter | None = None
+        first: ClearanceViolation | None = None
         middle, reach_m = _disc_of(path)
         for obstacle in self:
             if obstacle.clearance_m(middle, middle) > reach_m + radius_m + apart_m:
@@ -261,7 +263,7 @@ class Zones:
             found = _first_on(path, obstacle, radius_m + apart_m)
             if found is not None and (first is None or found[0] < first.way_m):
                 way_m, clearance_m = found
-                first = Encounter(obstacle, clearance_m - radius_m, way_m)
+                first = ClearanceViolation(obstacle, clearance_m - radius_m, way_m)
         return first
 
 

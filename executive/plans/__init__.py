@@ -4,7 +4,7 @@ from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import most_commands as most_commands
 from executive.plans.execution import PlanExecution as PlanExecution
 from executive.plans.execution import PlanHost as PlanHost
-from executive.plans.execution import Progress as Progress
+from executive.plans.execution import StepStatus as StepStatus
 from executive.plans.execution import step_key as step_key
 from executive.plans.model import DEADLINE as DEADLINE
 from executive.plans.model import LEAVES as LEAVES
@@ -13,9 +13,9 @@ from executive.plans.model import InverterNode as InverterNode
 from executive.plans.model import LoopNode as LoopNode
 from executive.plans.model import ParallelNode as ParallelNode
 from executive.plans.model import PlanNode as PlanNode
+from executive.plans.model import PlanStep as PlanStep
 from executive.plans.model import RepeatOn as RepeatOn
 from executive.plans.model import SequenceNode as SequenceNode
-from executive.plans.model import Step as Step
 from executive.plans.model import TimeoutEnd as TimeoutEnd
 from executive.plans.model import TimeoutNode as TimeoutNode
 from executive.plans.model import expected_course as expected_course

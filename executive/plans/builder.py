@@ -7,7 +7,7 @@ from itertools import count
 from typing import Final
 
 from executive.commands import (
-    Declaration,
+    CommandDeclaration,
     FollowPath,
     MoveTo,
     PlanArgument,
@@ -22,12 +22,12 @@ from executive.plans.model import (
     FallbackNode,
     InverterNode,
     LoopNode,
+    NodeLocation,
     ParallelNode,
-    Place,
     PlanNode,
+    PlanStep,
     RepeatOn,
     SequenceNode,
-    Step,
     TimeoutNode,
     children_of,
     help_of,
@@ -59,7 +59,7 @@ LONGEST_S: Final = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Site:
+class _BuildContext:
     """Where a node is to be built.
 
     Attributes:
@@ -69,7 +69,7 @@ class _Site:
         limited: whether a Timeout stands above.
     """
 
-    place: Place
+    place: NodeLocation
     element: Element
     given: Mapping[str, str]
     trees: tuple[str, ...]
@@ -110,13 +110,13 @@ class PlanBuilder:
         """
         element = self._trees[tree]
         place = self._place(self._root, element)
-        return self._tree(_Site(place, element, given, (tree,), limited=False))
+        return self._tree(_BuildContext(place, element, given, (tree,), limited=False))
 
-    def _tree(self, site: _Site) -> SequenceNode:
+    def _tree(self, site: _BuildContext) -> SequenceNode:
         children = self._trees[site.trees[-1]].children
         return SequenceNode(site.place, self._children(site, children))
 
-    def _children(self, site: _Site, elements: Iterable[Element]) -> tuple[PlanNode, ...]:
+    def _children(self, site: _BuildContext, elements: Iterable[Element]) -> tuple[PlanNode, ...]:
         taken: set[str] = set()
         again: defaultdict[str, Iterator[int]] = defaultdict(lambda: count(2))
         nodes = []
@@ -131,7 +131,7 @@ class PlanBuilder:
             nodes.append(self._node(kind, replace(site, place=place, element=element)))
         return tuple(nodes)
 
-    def _node(self, kind: str, site: _Site) -> PlanNode:
+    def _node(self, kind: str, site: _BuildContext) -> PlanNode:
         if kind == SUBTREE:
             return self._subtree(site)
         if kind in CONTROLS:
@@ -142,7 +142,7 @@ class PlanBuilder:
             raise site.bad(f"{kind} has no children")
         return _step(LEAVES[kind], site)
 
-    def _subtree(self, site: _Site) -> PlanNode:
+    def _subtree(self, site: _BuildContext) -> PlanNode:
         tree = site.element.attributes["ID"]
         if site.element.children:
             raise site.bad("<SubTree> has no children")
@@ -151,7 +151,7 @@ class PlanBuilder:
         given = site.attributes.passed_on(self._defaults.get(tree, {}))
         return self._tree(replace(site, given=given, trees=(*site.trees, tree)))
 
-    def _control(self, kind: str, site: _Site) -> PlanNode:
+    def _control(self, kind: str, site: _BuildContext) -> PlanNode:
         place, attributes = site.place, site.attributes
         if not site.element.children:
             raise site.bad(f"{kind} needs a child at least")
@@ -163,7 +163,7 @@ class PlanBuilder:
             return ParallelNode(place, successes, failures, children)
         return (SequenceNode if kind == "Sequence" else FallbackNode)(place, children)
 
-    def _decorator(self, kind: str, site: _Site) -> PlanNode:
+    def _decorator(self, kind: str, site: _BuildContext) -> PlanNode:
         place, attributes = site.place, site.attributes
         if len(site.element.children) != 1:
             raise site.bad(f"{kind} has exactly 1 child")
@@ -183,19 +183,19 @@ class PlanBuilder:
                 attributes.only(set())
                 return InverterNode(place, child)
 
-    def _place(self, path: str, element: Element) -> Place:
+    def _place(self, path: str, element: Element) -> NodeLocation:
         if self._count == MOST_NODES:
             text = f"a plan has {MOST_NODES} nodes at most"
             raise element.fault(Reason.PLAN_TOO_LARGE, text)
         if path.count("/") > DEEPEST:
             text = f"a plan is {DEEPEST} deep at most"
             raise element.fault(Reason.PLAN_TOO_LARGE, text)
-        place = Place(self._count, path, element.line)
+        place = NodeLocation(self._count, path, element.line)
         self._count += 1
         return place
 
 
-def _step(leaf: Declaration, site: _Site) -> Step:
+def _step(leaf: CommandDeclaration, site: _BuildContext) -> PlanStep:
     attributes = site.attributes
     attributes.only({argument.name for argument in leaf.written} | {DEADLINE})
     values = []
@@ -210,7 +210,7 @@ def _step(leaf: Declaration, site: _Site) -> Step:
         raise PlanError(Reason.PLAN_NO_DEADLINE, site.place.line, text)
     if deadline_s is not None and not 0.0 < deadline_s <= LONGEST_S:
         raise attributes.fault(f"deadline_s {deadline_s:g}: above 0, {LONGEST_S:g} at most")
-    return Step(site.place, leaf.make(*values), deadline_s)
+    return PlanStep(site.place, leaf.make(*values), deadline_s)
 
 
 def _times(attributes: Attributes, name: str) -> int:
@@ -293,7 +293,7 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
 
 def most_commands(node: PlanNode) -> int:
     """Return how many commands a node gives at most."""
-    if isinstance(node, Step):
+    if isinstance(node, PlanStep):
         return 1
     times = node.times if isinstance(node, LoopNode) else 1
     return times * sum(most_commands(child) for child in children_of(node))

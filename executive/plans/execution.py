@@ -23,15 +23,15 @@ from enum import Enum
 from itertools import islice
 from typing import Final, Protocol
 
-from executive.commands.lifecycle import Life
-from executive.plans.model import Place, PlanNode, Step, TimeoutNode, steps
-from executive.record import Outcome, PlanStore
+from executive.commands.lifecycle import CommandLifecycle
+from executive.plans.model import NodeLocation, PlanNode, PlanStep, TimeoutNode, steps
+from executive.record import PlanStore, StepOutcome
 from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, PlanUpdate, Stage
 
 
-class Progress(Enum):
+class StepStatus(Enum):
     """How a plan, or a step of it, goes."""
 
     RUNNING = "running"
@@ -42,7 +42,7 @@ class Progress(Enum):
 class PlanTree(Protocol):
     """The behaviour tree of a plan, as the planner needs it."""
 
-    def tick(self) -> Progress:
+    def tick(self) -> StepStatus:
         """Run every branch that is due once.
 
         Raises:
@@ -60,12 +60,12 @@ class PlanHost(Protocol):
         """Drop the plan's tree."""
 
 
-def step_key(place: Place, cycles: Sequence[int]) -> str:
+def step_key(place: NodeLocation, cycles: Sequence[int]) -> str:
     """Return the key of a node within the cycles of the loops around it, outermost first."""
     return ":".join([str(place.number), *map(str, cycles)])
 
 
-class Plan:
+class RunningPlan:
     """One plan.
 
     Attributes:
@@ -87,12 +87,12 @@ MOST_COMMANDS_A_TICK: Final = 8
 MOST_POLLS_A_TICK: Final = 500
 """Steps asked for, beyond which loops go on in the next tick."""
 
-Cancel = Callable[[Life, Refusal], None]
+Cancel = Callable[[CommandLifecycle, Refusal], None]
 
 _ANSWER: Final = {
-    Outcome.SUCCESS: Progress.SUCCESS,
-    Outcome.FAILURE: Progress.FAILURE,
-    Outcome.HALTED: Progress.RUNNING,
+    StepOutcome.SUCCESS: StepStatus.SUCCESS,
+    StepOutcome.FAILURE: StepStatus.FAILURE,
+    StepOutcome.HALTED: StepStatus.RUNNING,
 }
 
 
@@ -109,22 +109,23 @@ class PlanExecution:
     """
 
     def __init__(
-        self, plan: Plan, root: PlanNode, clock: Clock, store: PlanStore, cancel: Cancel
+        self, plan: RunningPlan, root: PlanNode, clock: Clock, store: PlanStore, cancel: Cancel
     ) -> None:
         self.plan = plan
         self.clock = clock
         self.why = ""
         self._store = store
         self._known = dict(store.journal(plan.plan_id))
-        self._wanted: dict[str, Step] = {}
+        self._wanted: dict[str, PlanStep] = {}
         self._polls = 0
-        self._lives: dict[str, Life] = {}
+        self._lives: dict[str, CommandLifecycle] = {}
         self._commands = dict(store.commands(plan.plan_id))
         leaves = {step.place.number for step in steps(root)}
         self._done = {
             number
             for key, outcome in self._known.items()
-            if outcome is not Outcome.HALTED and (number := int(key.partition(":")[0])) in leaves
+            if outcome is not StepOutcome.HALTED
+            and (number := int(key.partition(":")[0])) in leaves
         }
         plan.done = len(self._done)
         self._cancel = cancel
@@ -138,21 +139,21 @@ class PlanExecution:
         """Begin to count what this tick asks for."""
         self._polls = 0
 
-    def poll(self, key: str, step: Step) -> Progress:
+    def poll(self, key: str, step: PlanStep) -> StepStatus:
         """Return how a step goes; ask for its command, if that was not done."""
         self._polls += 1
         if key in self._known:
             return _ANSWER[self._known[key]]
         if key not in self._lives:
             self._wanted[key] = step
-            return Progress.RUNNING
+            return StepStatus.RUNNING
         life = self._lives[key]
         if not life.stage.terminal:
-            return Progress.RUNNING
+            return StepStatus.RUNNING
         del self._lives[key]
-        outcome = Outcome.SUCCESS if life.stage is Stage.EXECUTED else Outcome.FAILURE
+        outcome = StepOutcome.SUCCESS if life.stage is Stage.EXECUTED else StepOutcome.FAILURE
         self._note(key, step, outcome)
-        if outcome is Outcome.FAILURE:
+        if outcome is StepOutcome.FAILURE:
             said = f" ({life.refusal.text})" if life.refusal else ""
             self.why = f"{step.place.path}: {life.stage.name}{said}"
         return _ANSWER[outcome]
@@ -161,26 +162,26 @@ class PlanExecution:
         """Return the command that a step asked for last; None if it has asked for none."""
         return self._commands.get(key)
 
-    def take_wanted(self) -> Sequence[tuple[str, Step]]:
+    def take_wanted(self) -> Sequence[tuple[str, PlanStep]]:
         """Return the steps to be commanded in this tick, in the order in which the tree asked."""
         wanted = list(islice(self._wanted.items(), MOST_COMMANDS_A_TICK))
         for key, _ in wanted:
             del self._wanted[key]
         return wanted
 
-    def began(self, key: str, step: Step, life: Life) -> None:
+    def began(self, key: str, step: PlanStep, life: CommandLifecycle) -> None:
         """Take the life of a step's command, whatever it has come to."""
         self._lives[key] = life
         self._note_command(key, life.command.identity)
         self.plan.node = step.place.path
 
-    def refused(self, key: str, step: Step, identity: Identity, refusal: Refusal) -> None:
+    def refused(self, key: str, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
         """Let a step fail whose command was refused."""
         self._note_command(key, identity)
-        self._note(key, step, Outcome.FAILURE)
+        self._note(key, step, StepOutcome.FAILURE)
         self.why = f"{step.place.path}: REJECTED ({refusal.text})"
 
-    def overdue(self, key: str, step: Step, allowed_s: float) -> Progress:
+    def overdue(self, key: str, step: PlanStep, allowed_s: float) -> StepStatus:
         """Let a step fail that took longer than its deadline allows."""
         if key in self._lives:
             text = f"{step.place.path}: not done within {allowed_s:g} s"
@@ -196,7 +197,7 @@ class PlanExecution:
         life = self._lives.pop(key, None)
         if life is not None:
             self._cancel(life, Refusal(Reason.PLAN_WENT_ON, "the plan went on without it"))
-        self._settle(key, Outcome.HALTED)
+        self._settle(key, StepOutcome.HALTED)
 
     def timed_out(self, key: str) -> bool:
         """Whether a time limit is known to have ended its child."""
@@ -205,7 +206,7 @@ class PlanExecution:
     def time_out(self, key: str, limit: TimeoutNode) -> None:
         """Remember that a time limit ends its child."""
         self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
-        self._settle(key, Outcome.FAILURE)
+        self._settle(key, StepOutcome.FAILURE)
 
     def cancel_under_way(self, refusal: Refusal) -> None:
         """End every command under way; what has ended by now stays in the journal."""
@@ -219,11 +220,11 @@ class PlanExecution:
         self._commands[key] = identity
         self._store.begin(self.plan.plan_id, key, identity.command_id)
 
-    def _note(self, key: str, step: Step, outcome: Outcome) -> None:
+    def _note(self, key: str, step: PlanStep, outcome: StepOutcome) -> None:
         self._known[key] = outcome
         self._done.add(step.place.number)
         self.plan.node, self.plan.done = step.place.path, len(self._done)
 
-    def _settle(self, key: str, outcome: Outcome) -> None:
+    def _settle(self, key: str, outcome: StepOutcome) -> None:
         self._known[key] = outcome
         self._store.settle(self.plan.plan_id, key, outcome)

@@ -35,7 +35,7 @@ def help_of(argument: Argument) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class NodeLocation:
     """Where a node stands.
 
     Attributes:
@@ -58,7 +58,7 @@ class Place:
 class SequenceNode:
     """Runs its children in their order, until one fails."""
 
-    place: Place
+    place: NodeLocation
     children: tuple["PlanNode", ...]
 
 
@@ -66,7 +66,7 @@ class SequenceNode:
 class FallbackNode:
     """Runs its children in their order, until one succeeds."""
 
-    place: Place
+    place: NodeLocation
     children: tuple["PlanNode", ...]
 
 
@@ -74,7 +74,7 @@ class FallbackNode:
 class ParallelNode:
     """Runs its children at the same time, until enough have succeeded or failed."""
 
-    place: Place
+    place: NodeLocation
     successes: int
     failures: int
     children: tuple["PlanNode", ...]
@@ -92,7 +92,7 @@ class RepeatOn(Enum):
 class LoopNode:
     """Runs its child up to `times`, as long as it ends so."""
 
-    place: Place
+    place: NodeLocation
     repeat_on: RepeatOn
     times: int
     child: "PlanNode"
@@ -102,7 +102,7 @@ class LoopNode:
 class TimeoutNode:
     """Fails when its child has not ended within a time."""
 
-    place: Place
+    place: NodeLocation
     duration_s: float
     child: "PlanNode"
 
@@ -111,24 +111,26 @@ class TimeoutNode:
 class InverterNode:
     """Succeeds when its child fails, and fails when it succeeds."""
 
-    place: Place
+    place: NodeLocation
     child: "PlanNode"
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PlanStep:
     """A leaf: one command.
 
     Attributes:
         deadline_s: seconds after which it fails; None where a `Timeout` stands above it.
     """
 
-    place: Place
+    place: NodeLocation
     request: Request
     deadline_s: float | None
 
 
-PlanNode = SequenceNode | FallbackNode | ParallelNode | LoopNode | TimeoutNode | InverterNode | Step
+PlanNode = (
+    SequenceNode | FallbackNode | ParallelNode | LoopNode | TimeoutNode | InverterNode | PlanStep
+)
 
 
 def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
@@ -138,7 +140,7 @@ def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
             return node.children
         case LoopNode() | TimeoutNode() | InverterNode():
             return (node.child,)
-        case Step():
+        case PlanStep():
             return ()
 
 
@@ -149,14 +151,14 @@ class TimeoutEnd:
     node: TimeoutNode
 
 
-def expected_course(node: PlanNode) -> Iterator[Step | TimeoutNode | TimeoutEnd]:
+def expected_course(node: PlanNode) -> Iterator[PlanStep | TimeoutNode | TimeoutEnd]:
     """Yield the steps of a plan in their order, if each does what it should.
 
     Of a fallback the first child, of a retry one attempt. What a timeout limits stands between it
     and its end.
     """
     match node:
-        case Step():
+        case PlanStep():
             yield node
         case FallbackNode():
             for child in node.children[:1]:
@@ -175,8 +177,8 @@ def expected_course(node: PlanNode) -> Iterator[Step | TimeoutNode | TimeoutEnd]
             assert_never(node)
 
 
-def steps(root: PlanNode) -> tuple[Step, ...]:
+def steps(root: PlanNode) -> tuple[PlanStep, ...]:
     """Return all leaves."""
-    if isinstance(root, Step):
+    if isinstance(root, PlanStep):
         return (root,)
     return tuple(step for child in children_of(root) for step in steps(child))

@@ -27,7 +27,14 @@ from executive.commands.lifecycle import (
     make_machine,
 )
 from executive.plans.builder import check_plan
-from executive.plans.execution import Cancel, Plan, PlanExecution, PlanHost, PlanTree, Progress
+from executive.plans.execution import (
+    Cancel,
+    PlanExecution,
+    PlanHost,
+    PlanTree,
+    RunningPlan,
+    StepStatus,
+)
 from executive.plans.model import PlanNode, steps
 from executive.record import Notifications, PlanStore
 from executive.settings import Settings
@@ -99,7 +106,7 @@ _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 
 @dataclass(frozen=True, slots=True)
-class _Run:
+class _ActiveRun:
     """The plan that executes.
 
     Attributes:
@@ -150,8 +157,8 @@ class Planner:
         self._host = host
         self._cancel = cancel
         self._notifications = notifications
-        self._plans = {last.plan_id: Plan(last) for last in store.plans()}
-        self._run: _Run | None = None
+        self._plans = {last.plan_id: RunningPlan(last) for last in store.plans()}
+        self._run: _ActiveRun | None = None
         self._total = 0
         self._note()
 
@@ -248,17 +255,17 @@ class Planner:
         if run is None:
             return True
         progress = run.tree.tick()
-        if progress is Progress.RUNNING:
+        if progress is StepStatus.RUNNING:
             return self._command(run, submit)
         self._end_run()
-        if progress is Progress.SUCCESS:
+        if progress is StepStatus.SUCCESS:
             self._end(plan, PlanEvent.COMPLETE, "completed", figures=run.became)
         else:
             self._end(plan, PlanEvent.FAIL, run.execution.why, Reason.PLAN_FAILED, run.became)
         return True
 
     @property
-    def _executing(self) -> Plan | None:
+    def _executing(self) -> RunningPlan | None:
         executing = self._active.executing
         return None if executing is None else self._plans[executing]
 
@@ -286,22 +293,22 @@ class Planner:
         """Keep the plan that `_check_new` has just checked."""
         utc_s, status = self._clock.utc_s(), PlanStatus.SUBMITTED
         update = PlanUpdate(definition.plan_id, status, utc_s, "", 0, self._total, text)
-        self._plans[definition.plan_id] = Plan(update)
+        self._plans[definition.plan_id] = RunningPlan(update)
         self._store.add(definition, update)
         self._notifications.plan(update)
 
-    def _start(self, plan: Plan, event: PlanEvent, text: str) -> str:
+    def _start(self, plan: RunningPlan, event: PlanEvent, text: str) -> str:
         self._change(plan, event, text)
         return text
 
-    def _abort(self, plan: Plan, text: str) -> str:
+    def _abort(self, plan: RunningPlan, text: str) -> str:
         if plan.state in FINAL_STATUSES:
             return f"it had ended before: {plan.state.name}"
         if plan.state.running:
             self._stop_run(Refusal(Reason.PLAN_ABORTED, text))
         return self._end(plan, PlanEvent.ABORT, text)
 
-    def _begin(self, plan: Plan) -> _Run | None:
+    def _begin(self, plan: RunningPlan) -> _ActiveRun | None:
         root = check_plan(self._store.definition(plan.plan_id), self._settings)
         if isinstance(root, Refusal):
             self._end(plan, PlanEvent.FAIL, root.text, root.reason)
@@ -312,13 +319,13 @@ class Planner:
         journey = None
         if anew:
             journey = self._foretell(plan.plan_id, root, lambda: self._executes(execution))
-        self._run = _Run(execution, tree, journey)
+        self._run = _ActiveRun(execution, tree, journey)
         return self._run
 
     def _executes(self, execution: PlanExecution) -> bool:
         return self._run is not None and self._run.execution is execution
 
-    def _command(self, run: _Run, submit: Callable[[Command], SubmitResult]) -> bool:
+    def _command(self, run: _ActiveRun, submit: Callable[[Command], SubmitResult]) -> bool:
         plan, execution = run.execution.plan, run.execution
         wanted = execution.take_wanted()
         for key, step in wanted:
@@ -335,7 +342,7 @@ class Planner:
 
     def _change(
         self,
-        plan: Plan,
+        plan: RunningPlan,
         event: PlanEvent,
         text: str,
         reason: Reason | None = None,
@@ -354,7 +361,7 @@ class Planner:
             self._notifications.event(severity, said, reason, figures)
         self._note()
 
-    def _tell(self, plan: Plan, text: str) -> None:
+    def _tell(self, plan: RunningPlan, text: str) -> None:
         """Write down and send how far a plan has come."""
         utc_s, total = self._clock.utc_s(), plan.last.total
         plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
@@ -368,7 +375,7 @@ class Planner:
 
     def _end(
         self,
-        plan: Plan,
+        plan: RunningPlan,
         event: PlanEvent,
         text: str,
         reason: Reason | None = None,
@@ -389,7 +396,7 @@ class Planner:
         self._host.detach()
 
 
-def _unless(plan: Plan, allowed: Iterable[PlanStatus]) -> Refusal | None:
+def _unless(plan: RunningPlan, allowed: Iterable[PlanStatus]) -> Refusal | None:
     if plan.state in allowed:
         return None
     names = ", ".join(sorted(status.name for status in allowed))

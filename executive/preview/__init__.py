@@ -1,7 +1,7 @@
 """Where a motion or a plan would lead: the same tree and motion laws on a copy of the rover."""
 
 from executive.preview.copied_rover import KinematicBase as KinematicBase
-from executive.preview.predictions import Predictions as Predictions
+from executive.preview.predictions import Predictor as Predictor
 from executive.preview.preview import MOST_POSES as MOST_POSES
 from executive.preview.preview import Preview as Preview
 from executive.preview.preview import PreviewRun as PreviewRun

@@ -5,7 +5,14 @@ from dataclasses import replace
 from math import inf
 from typing import Final
 
-from executive.motion import MotionState, Plan, PlanSolver, Problem, model_of, profile_of
+from executive.motion import (
+    MotionState,
+    Trajectory,
+    TrajectoryProblem,
+    TrajectorySolver,
+    model_of,
+    profile_of,
+)
 from executive.settings import Settings
 from executive.values.clock import ManualClock
 from executive.values.facts import Fact, MotionEnded, Odometry
@@ -17,7 +24,7 @@ FOLLOWED_S: Final = 0.5
 """For so long a plan is followed: between its states the model goes elsewhere by centimetres."""
 
 
-class CopiedBase:
+class StationaryBase:
     """A base that moves, and does nothing else; this one stands.
 
     Attributes:
@@ -52,7 +59,7 @@ class CopiedBase:
         """Do nothing: a preview shows motion."""
 
 
-class KinematicBase(CopiedBase):
+class KinematicBase(StationaryBase):
     """A base that has each velocity after the latency, and turns about its control point."""
 
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
@@ -89,7 +96,7 @@ class KinematicBase(CopiedBase):
         self.pose = replace(moved, x_m=place.x_m, y_m=place.y_m)
 
 
-class DelegatedBase(CopiedBase):
+class DelegatedMotionBase(StationaryBase):
     """A base that carries out whole motions one after the other, evenly and exactly.
 
     Before it begins it takes a speed and a motion, or a velocity to hold; then it tells of the end.
@@ -133,7 +140,7 @@ class DelegatedBase(CopiedBase):
         return super().facts() if ended is None else (ended, *super().facts())
 
 
-class ModelledBase(CopiedBase):
+class DynamicModelBase(StationaryBase):
     """A base that answers to velocities as the model says by which mpc plans."""
 
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
@@ -186,27 +193,27 @@ class ModelledBase(CopiedBase):
             self._state = self._model.moved(self._state, velocity, step_s)
 
 
-class FollowedPlans:
-    """A `PlanSolver` for a copy, which goes where its plans lead: it is planned anew but rarely."""
+class CachedTrajectorySolver:
+    """A `TrajectorySolver` for a copy, which goes where its plans lead; planned anew rarely."""
 
-    def __init__(self, solver: PlanSolver) -> None:
+    def __init__(self, solver: TrajectorySolver) -> None:
         self._solver = solver
         self.lead_ticks = solver.lead_ticks
-        self._plan: Plan | None = None
-        self._rest: Plan | None = None
+        self._plan: Trajectory | None = None
+        self._rest: Trajectory | None = None
 
     @property
     def busy(self) -> bool:
         """Whether a plan is worked out still."""
         return self._rest is None and self._solver.busy
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         """Take what is left of the plan before, or have a problem solved."""
         self._rest = self._left(problem)
         if self._rest is None:
             self._solver.ask(problem)
 
-    def _left(self, problem: Problem) -> Plan | None:
+    def _left(self, problem: TrajectoryProblem) -> Trajectory | None:
         """Return what is left of the plan before; None where that is old, or no answer."""
         plan, guess = self._plan, problem.guess
         if plan is None or guess is None or len(guess.passes_s) < len(problem.through):
@@ -214,7 +221,7 @@ class FollowedPlans:
         driven_s = plan.duration_s - guess.duration_s
         return plan.after(driven_s, len(guess.passes_s)) if driven_s < FOLLOWED_S else None
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         """Return the answer to the last question, once."""
         if self._rest is not None:
             rest, self._rest = self._rest, None

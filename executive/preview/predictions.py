@@ -12,15 +12,15 @@ from dataclasses import dataclass
 from math import degrees
 from typing import Final
 
-from executive.commands import PLAN_LINK, Arrival, Command, DriveFor, Motion
+from executive.commands import PLAN_LINK, Command, DriveFor, Motion, PreemptionPolicy
 from executive.goals import Context, Goal
 from executive.motion import SharedSolver
 from executive.plans import PlanNode
 from executive.preview.preview import (
     Preview,
     PreviewRun,
-    Start,
-    Ticked,
+    PreviewStart,
+    TickableTree,
     plans_by_mpc,
 )
 from executive.record import Notifications
@@ -35,7 +35,7 @@ SLICE_TICKS: Final = 2
 
 
 @dataclass(slots=True)
-class _Work:
+class _PredictionJob:
     """A prediction that is to be worked out.
 
     Attributes:
@@ -57,7 +57,7 @@ class _Work:
     run: PreviewRun | None = None
 
 
-class Predictions:
+class Predictor:
     """Works out a prediction of each motion that is accepted, and of each plan that begins.
 
     There is none of a motion that is longer than a preview may be, of a velocity that replaces
@@ -74,14 +74,14 @@ class Predictions:
         self,
         context: Context,
         notifications: Notifications,
-        build_tree: Callable[[Context], Ticked],
+        build_tree: Callable[[Context], TickableTree],
         solver: SharedSolver | None = None,
     ) -> None:
         self._context = context
         self._notifications = notifications
         self._build_tree = build_tree
         self._solver = solver
-        self._waiting: deque[_Work] = deque()
+        self._waiting: deque[_PredictionJob] = deque()
 
     @property
     def pending(self) -> bool:
@@ -100,19 +100,19 @@ class Predictions:
         settings, status = context.settings, context.status
         speeds = (status.travel_speed_mps, status.rotate_speed_radps, status.slow_ratio)
         solver = None if self._solver is None else self._solver.beside(apart)
-        start = Start(pose, *speeds, context.files, status.obstacles, status.uncertainty)
+        start = PreviewStart(pose, *speeds, context.files, status.obstacles, status.uncertainty)
         return PreviewRun(what, start, settings, self._build_tree, solver)
 
     def of_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
         """Have a motion that is to begin at a pose predicted, and what becomes of it noted."""
         journey = goal.journey = self._journey()
         command = goal.command
-        replaces = isinstance(motion, DriveFor) and command.arrival is Arrival.REPLACE
+        replaces = isinstance(motion, DriveFor) and command.arrival is PreemptionPolicy.REPLACE
         if replaces or command.link == PLAN_LINK or not command.report_progress:
             return
         name, life = f"{command.identity} {command.name}", goal.life
         self._waiting.append(
-            _Work(
+            _PredictionJob(
                 name,
                 motion,
                 start,
@@ -128,7 +128,9 @@ class Predictions:
         journey, start = self._journey(), self._context.status.pose
         journey.begin()
         now_s = self._context.clock.now_s()
-        self._waiting.append(_Work(f"plan {plan_id}", root, start, journey, None, wanted, now_s))
+        self._waiting.append(
+            _PredictionJob(f"plan {plan_id}", root, start, journey, None, wanted, now_s)
+        )
         return journey
 
     def _journey(self) -> MotionStatistics:
@@ -161,7 +163,7 @@ class Predictions:
         )
         return True
 
-    def _ready(self, work: _Work) -> bool:
+    def _ready(self, work: _PredictionJob) -> bool:
         """Return whether a slice can be worked on.
 
         What asks for a first plan waits for a tick, so that the motion itself has asked before.
@@ -172,7 +174,7 @@ class Predictions:
         waited = clock.now_s() >= work.since_s + settings.tick_s
         return waited or not plans_by_mpc(work.what, settings)
 
-    def _next_slice(self, work: _Work) -> Preview | Refusal | None:
+    def _next_slice(self, work: _PredictionJob) -> Preview | Refusal | None:
         if work.run is None:
             work.run = self.run(work.what, work.start)
             work.run.set_up()

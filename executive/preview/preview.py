@@ -21,14 +21,27 @@ from executive.commands import (
     controller_of,
 )
 from executive.commands.intake import ABOARD_PREFIX, check_arguments
-from executive.commands.lifecycle import Life
+from executive.commands.lifecycle import CommandLifecycle
 from executive.goals import Context, Goals
-from executive.motion import Arbiter, PlanSolver, make_locomotion
+from executive.motion import Arbiter, TrajectorySolver, make_locomotion
 from executive.obstacles.zones import Zones
-from executive.plans import PlanNode, Step, TimeoutEnd, TimeoutNode, expected_course, steps
-from executive.preview.copied_rover import DelegatedBase, FollowedPlans, KinematicBase, ModelledBase
-from executive.safety import Safety
-from executive.settings import Controller, End, LocomotionKind, Sensors, Settings, Way, curved_m
+from executive.plans import PlanNode, PlanStep, TimeoutEnd, TimeoutNode, expected_course, steps
+from executive.preview.copied_rover import (
+    CachedTrajectorySolver,
+    DelegatedMotionBase,
+    DynamicModelBase,
+    KinematicBase,
+)
+from executive.safety import FaultMonitor
+from executive.settings import (
+    Controller,
+    LocomotionKind,
+    MotionEndKind,
+    MotionExtent,
+    Sensors,
+    Settings,
+    curved_m,
+)
 from executive.state import FileFolder, Status, Uncertainty
 from executive.values.clock import ManualClock
 from executive.values.geometry import STANDING, Pose, wrap_rad
@@ -92,7 +105,7 @@ class Preview:
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class PreviewStart:
     """What is copied of the present: where the rover will be, how fast it may move, its folder.
 
     Attributes:
@@ -109,7 +122,7 @@ class Start:
     uncertainty: Uncertainty
 
 
-class Ticked(Protocol):
+class TickableTree(Protocol):
     """A behaviour tree, as far as a preview needs it."""
 
     def tick(self) -> None:
@@ -117,7 +130,7 @@ class Ticked(Protocol):
 
 
 @dataclass(slots=True)
-class _Track:
+class _PathTrace:
     """What becomes of the copy: its way, and how near it comes to what is known."""
 
     settings: Settings
@@ -165,18 +178,18 @@ class PreviewRun:
     def __init__(
         self,
         asked: Motion | PlanNode,
-        start: Start,
+        start: PreviewStart,
         settings: Settings,
-        build_tree: Callable[[Context], Ticked],
-        solver: PlanSolver | None = None,
+        build_tree: Callable[[Context], TickableTree],
+        solver: TrajectorySolver | None = None,
     ) -> None:
         self._asked = asked
         self._start = start
         self._settings = replace(settings, sensors=Sensors(), zones=start.obstacles)
         self._confirmation_s = 0.0 if settings.sensors.imu is None else CONFIRMATION_S
-        self._solver: FollowedPlans | None = None
+        self._solver: CachedTrajectorySolver | None = None
         if solver is not None and plans_by_mpc(asked, settings):
-            self._solver = FollowedPlans(solver)
+            self._solver = CachedTrajectorySolver(solver)
             exact = replace(settings.mpc, odometry_age_s=0.0, odometry_slip=None)
             self._settings = replace(self._settings, mpc=exact)
         else:
@@ -185,10 +198,10 @@ class PreviewRun:
         self._build_tree = build_tree
         self._course = iter(()) if isinstance(asked, Motion) else expected_course(asked)
         self._timeouts_s: list[float] = []
-        self._life: Life | None = None
-        self._step: Step | None = None
+        self._life: CommandLifecycle | None = None
+        self._step: PlanStep | None = None
         self._began_s = 0.0
-        self._end = End.LINE
+        self._end = MotionEndKind.LINE
         self.result: Preview | Refusal | None = None
 
     @property
@@ -213,8 +226,8 @@ class PreviewRun:
         status.rotate_speed_radps = start.rotate_speed_radps
         status.slow_ratio = start.slow_ratio
         locomotion, mover = make_locomotion(self._base, clock, settings, status, self._solver)
-        safety, goals = Safety(clock, settings), Goals(clock)
-        self._track = _Track(settings, [TimedPose(0.0, start.pose)])
+        safety, goals = FaultMonitor(clock, settings), Goals(clock)
+        self._track = _PathTrace(settings, [TimedPose(0.0, start.pose)])
         self._arbiter = Arbiter(clock, settings, self._base, mover, lambda: False)
         self._context = Context(clock, settings, status, safety, goals, locomotion, start.files)
         self._tree = self._build_tree(self._context)
@@ -224,15 +237,17 @@ class PreviewRun:
         else:
             self._begin_next()
 
-    def _copied_base(self, clock: ManualClock) -> KinematicBase | ModelledBase | DelegatedBase:
+    def _copied_base(
+        self, clock: ManualClock
+    ) -> KinematicBase | DynamicModelBase | DelegatedMotionBase:
         settings, pose = self._settings, self._start.pose
         match settings.locomotion:
             case LocomotionKind.WHOLE_MOTION:
-                return DelegatedBase(clock, settings, pose)
+                return DelegatedMotionBase(clock, settings, pose)
             case LocomotionKind.VELOCITY if self._solver is None:
                 return KinematicBase(clock, settings, pose)
             case LocomotionKind.VELOCITY:
-                return ModelledBase(clock, settings, pose)
+                return DynamicModelBase(clock, settings, pose)
             case _:
                 assert_never(settings.locomotion)
 
@@ -264,7 +279,7 @@ class PreviewRun:
         if now_s > 0.0:
             self._track.add(now_s, self._base.pose)
 
-    def _end_step(self, life: Life) -> None:
+    def _end_step(self, life: CommandLifecycle) -> None:
         if life.refusal is not None:
             self.result = self._named(life.refusal)
             return
@@ -285,7 +300,7 @@ class PreviewRun:
                     took_s = self._clock.now_s() - self._timeouts_s.pop()
                     if took_s > node.duration_s:
                         self.result = self._late(node.place.path, took_s, node.duration_s)
-                case Step(request=request):
+                case PlanStep(request=request):
                     self._step = each
                     self._set_or_begin(request)
             if self._life is not None or self.result is not None:
@@ -315,7 +330,7 @@ class PreviewRun:
             return
         self._began_s = self._clock.now_s()
         self._end = end_of(request, pose, settings)
-        self._life = Life(Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None)
+        self._life = CommandLifecycle(Command(_IDENTITY, request, ABOARD_LINK), lambda *_: None)
         self._life.accept()
         self._context.goals.motion.add(self._life)
 
@@ -332,7 +347,7 @@ class PreviewRun:
 
     def _made_up(self) -> Preview:
         track, prediction, duration_s = self._track, self._settings.prediction, self._clock.now_s()
-        way = Way(duration_s, track.length_m, track.turned_rad, track.curved_m, self._end)
+        way = MotionExtent(duration_s, track.length_m, track.turned_rad, track.curved_m, self._end)
         every = max(1, ceil((len(track.poses) - 1) / (MOST_POSES - 1)))
         path = track.poses[:-1:every]
         path.append(TimedPose(duration_s, track.poses[-1].pose))
@@ -348,11 +363,15 @@ class PreviewRun:
         )
 
 
-def end_of(request: Motion, start: Pose, settings: Settings) -> End:
+def end_of(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:
     """Return how a motion of an asset ends that begins at a pose."""
     if not settings.offers_mpc or controller_of(request, settings.controller) is not Controller.MPC:
-        return End.LINE
-    return End.FREE_CURVE if isinstance(request.segments(start)[-1], Line) else End.CURVE
+        return MotionEndKind.LINE
+    return (
+        MotionEndKind.FREE_CURVE
+        if isinstance(request.segments(start)[-1], Line)
+        else MotionEndKind.CURVE
+    )
 
 
 def plans_by_mpc(what: Motion | PlanNode, settings: Settings) -> bool:

@@ -12,11 +12,11 @@ from executive.record.ledger import LatchedFault as LatchedFault
 from executive.record.ledger import Ledger as Ledger
 from executive.record.ledger import digest as digest
 from executive.record.notifications import Notifications as Notifications
-from executive.record.plan_store import Outcome as Outcome
 from executive.record.plan_store import PlanStore as PlanStore
+from executive.record.plan_store import StepOutcome as StepOutcome
 from executive.record.pose_record import PoseRecord as PoseRecord
 from executive.record.relay_record import RelayedCommand as RelayedCommand
 from executive.record.relay_record import RelayRecord as RelayRecord
-from executive.record.retention import Retention as Retention
+from executive.record.retention import LedgerRetention as LedgerRetention
 from executive.record.stop_latch import UNWRITTEN_LEDGER as UNWRITTEN_LEDGER
 from executive.record.stop_latch import StopLatch as StopLatch

@@ -10,10 +10,10 @@ from typing import Any, Final, get_args
 from cattrs.preconf.json import make_converter
 
 from executive.commands import Command, Request, Resume, Setting, Stop
-from executive.faults import Then
+from executive.faults import Reaction
 from executive.record.database import Connect, Database, Synchronous, connect_to_file
 from executive.values.reasons import Figure, Reason, Refusal
-from executive.values.reports import TERMINAL, Identity, Kind, Report, Severity, Stage
+from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Severity, Stage
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS commands (
@@ -70,7 +70,7 @@ class LatchedFault:
     """
 
     name: str
-    reaction: Then
+    reaction: Reaction
     refusal: Refusal
     begun_utc_s: float
 
@@ -317,7 +317,7 @@ def _report_of(row: tuple[Any, ...]) -> Report:
     return Report(
         sequence=sequence,
         utc_s=utc_s,
-        kind=Kind(kind),
+        kind=ReportKind(kind),
         severity=Severity(severity),
         text=text,
         identity=None if source is None else Identity(source, command_id),

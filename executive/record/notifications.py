@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from executive.commands import Command
-from executive.commands.lifecycle import Note
+from executive.commands.lifecycle import StageDetails
 from executive.record.ledger import Ledger
 from executive.values.clock import Clock
 from executive.values.ports import Downlink
 from executive.values.reasons import Figure, Reason
-from executive.values.reports import Kind, PlanUpdate, Report, Severity, Stage, printable
+from executive.values.reports import PlanUpdate, Report, ReportKind, Severity, Stage, printable
 
 _LOG = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ class Notifications:
         self._downlinks = downlinks
         self._outbox: list[list[Report] | PlanUpdate] = []
 
-    def command(self, command: Command, stage: Stage, note: Note) -> None:
+    def command(self, command: Command, stage: Stage, note: StageDetails) -> None:
         """Report that a command reached a stage. A stage nobody asked for is only written down."""
         if stage is Stage.RECEIVED:
             self._ledger.record(command)
@@ -42,7 +42,7 @@ class Notifications:
             return
         refusal = note.refusal
         self._append(
-            Kind.COMMAND,
+            ReportKind.COMMAND,
             _SEVERITY.get(stage, Severity.INFORMATIONAL),
             refusal.text if refusal else note.text or command.name,
             identity=command.identity,
@@ -60,7 +60,7 @@ class Notifications:
         text: str,
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
-        kind: Kind = Kind.EVENT,
+        kind: ReportKind = ReportKind.EVENT,
         foreign: bool = False,
     ) -> None:
         """Report something that happened aboard, of no command, or on a link.
@@ -74,7 +74,9 @@ class Notifications:
         identity = None if command is None else command.identity
         link = None if command is None else command.link
         severity = Severity.INFORMATIONAL
-        self._append(Kind.EVENT, severity, text, identity=identity, link=link, figures=figures)
+        self._append(
+            ReportKind.EVENT, severity, text, identity=identity, link=link, figures=figures
+        )
 
     def plan(self, update: PlanUpdate) -> None:
         """Tell how far a plan has come."""
@@ -111,7 +113,7 @@ class Notifications:
             self._outbox.append([report])
 
     def _append(
-        self, kind: Kind, severity: Severity, text: str, foreign: bool = False, **details: Any
+        self, kind: ReportKind, severity: Severity, text: str, foreign: bool = False, **details: Any
     ) -> None:
         number = self._ledger.last_sequence + 1
         report = Report(number, self._clock.utc_s(), kind, severity, printable(text), **details)

@@ -29,7 +29,7 @@ CREATE TABLE IF NOT EXISTS plan_steps (
 
 
 @unique
-class Outcome(Enum):
+class StepOutcome(Enum):
     """What became of a step.
 
     Attributes:
@@ -97,14 +97,14 @@ class PlanStore:
             "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, ?, NULL)", (plan_id, step, command_id)
         )
 
-    def settle(self, plan_id: str, step: str, outcome: Outcome) -> None:
+    def settle(self, plan_id: str, step: str, outcome: StepOutcome) -> None:
         """Remember what became of a step that no command tells."""
         self._ledger.write(
             "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, NULL, ?)",
             (plan_id, step, outcome.value),
         )
 
-    def journal(self, plan_id: str) -> Mapping[str, Outcome]:
+    def journal(self, plan_id: str) -> Mapping[str, StepOutcome]:
         """Return the steps of which it is known what became of them, committing first."""
         self._ledger.commit()
         rows = self._ledger.rows(
@@ -148,7 +148,7 @@ class PlanStore:
             )
 
 
-def _outcome(outcome: int | None, stage: int | None) -> Outcome:
+def _outcome(outcome: int | None, stage: int | None) -> StepOutcome:
     if outcome is not None:
-        return Outcome(outcome)
-    return Outcome.SUCCESS if stage == Stage.EXECUTED.value else Outcome.FAILURE
+        return StepOutcome(outcome)
+    return StepOutcome.SUCCESS if stage == Stage.EXECUTED.value else StepOutcome.FAILURE

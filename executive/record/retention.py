@@ -26,7 +26,7 @@ Range = tuple[int, int]
 """The first and the last of consecutive numbers."""
 
 
-class Retention:
+class LedgerRetention:
     """Deletes what lies before the newest reports, a slice at a time.
 
     A life that has not ended is kept whole, with all reports since it began.

@@ -8,12 +8,12 @@ from executive.safety.coverage import summary as summary
 from executive.safety.coverage import unmonitored as unmonitored
 from executive.safety.evidence import Evidence as Evidence
 from executive.safety.evidence import Monitor as Monitor
-from executive.safety.history import History as History
-from executive.safety.history import Moved as Moved
+from executive.safety.history import MotionHistory as MotionHistory
+from executive.safety.history import OdometryWindow as OdometryWindow
 from executive.safety.pose_uncertainty import PoseMonitor as PoseMonitor
 from executive.safety.pose_uncertainty import StoredPose as StoredPose
 from executive.safety.safety import HOLDING as HOLDING
 from executive.safety.safety import MONITORS as MONITORS
-from executive.safety.safety import Changes as Changes
 from executive.safety.safety import Fault as Fault
-from executive.safety.safety import Safety as Safety
+from executive.safety.safety import FaultChanges as FaultChanges
+from executive.safety.safety import FaultMonitor as FaultMonitor

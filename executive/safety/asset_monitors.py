@@ -4,12 +4,12 @@ from math import isfinite
 
 from executive.faults import Window
 from executive.safety.evidence import Evidence
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.values.facts import Source
 from executive.values.reasons import Figure
 
 
-def tilted(history: History, window: Window, _: float) -> Evidence | None:
+def tilted(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the rover leans, by its odometry."""
     if history.odometry is None:
         return None
@@ -21,7 +21,7 @@ def tilted(history: History, window: Window, _: float) -> Evidence | None:
     return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)
 
 
-def battery_low(history: History, window: Window, _: float) -> Evidence | None:
+def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the battery is nearly empty."""
     if history.battery is None or history.battery.voltage_v >= window.bound:
         return None
@@ -30,13 +30,13 @@ def battery_low(history: History, window: Window, _: float) -> Evidence | None:
     return Evidence(f"the battery is down to {voltage_v:.1f} V", figures)
 
 
-def other_publisher(history: History, _: Window, __: float) -> Evidence | None:
+def other_publisher(history: MotionHistory, _: Window, __: float) -> Evidence | None:
     """See that the base obeys somebody else."""
     drivers = ", ".join(str(each) for each in history.inputs if each.above)
     return Evidence(f"{drivers} drives the rover") if drivers else None
 
 
-def battery_silent(history: History, window: Window, now_s: float) -> Evidence | None:
+def battery_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the battery no longer tells its voltage."""
     age_s = now_s - history.battery_at_s
     if history.battery is None or age_s <= window.bound:
@@ -45,7 +45,7 @@ def battery_silent(history: History, window: Window, now_s: float) -> Evidence |
     return Evidence(f"the battery has not told its voltage for {age_s:.0f} s", figures)
 
 
-def battery_not_finite(history: History, window: Window, _: float) -> Evidence | None:
+def battery_not_finite(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See a voltage that is no number, or higher than this battery can have."""
     if (voltage_v := history.invalid_v) is None:
         return None
@@ -55,7 +55,7 @@ def battery_not_finite(history: History, window: Window, _: float) -> Evidence |
     return Evidence(text, (Figure("voltage", voltage_v, "V"), Figure("bound", window.bound, "V")))
 
 
-def rejected(history: History, _: Window, __: float, *, source: Source) -> Evidence | None:
+def rejected(history: MotionHistory, _: Window, __: float, *, source: Source) -> Evidence | None:
     """See data of a source that arrive and cannot be used, or that are not received."""
     found = history.rejections.of(source)
     if found is None:

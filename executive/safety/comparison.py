@@ -6,7 +6,7 @@ from typing import Final
 
 from executive.faults import Window
 from executive.safety.evidence import Evidence
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.values.reasons import Figure
 
 FIRST_HEARD_S: Final = 10.0
@@ -28,7 +28,7 @@ def compared(what: str, figures: tuple[Figure, ...], bound: float, window_s: flo
 
 
 def speeds(
-    history: History, window_s: float, to_s: float, ways_m: Mapping[str, float]
+    history: MotionHistory, window_s: float, to_s: float, ways_m: Mapping[str, float]
 ) -> tuple[Figure, ...]:
     """Return the mean speed that was commanded, and those that sources tell, as figures.
 
@@ -44,7 +44,7 @@ def speeds(
 
 
 def turns(
-    history: History, window_s: float, to_s: float, turned_rad: Mapping[str, float]
+    history: MotionHistory, window_s: float, to_s: float, turned_rad: Mapping[str, float]
 ) -> tuple[Figure, ...]:
     """Return the turn that was commanded, and those that sources tell, as figures.
 
@@ -60,7 +60,7 @@ def turns(
 
 
 def silent(
-    history: History, who: str, what: str, last_s: float, window: Window, now_s: float
+    history: MotionHistory, who: str, what: str, last_s: float, window: Window, now_s: float
 ) -> Evidence | None:
     """Return evidence that a source tells nothing, if so.
 

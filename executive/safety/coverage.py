@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from executive.faults import Then
-from executive.safety.history import History
+from executive.faults import Reaction
+from executive.safety.history import MotionHistory
 from executive.settings import LocomotionKind, Settings
 
 
@@ -68,7 +68,9 @@ WHOLE_MOTION = Unmonitored(
 )
 
 
-def unmonitored(settings: Settings, history: History | None = None) -> tuple[Unmonitored, ...]:
+def unmonitored(
+    settings: Settings, history: MotionHistory | None = None
+) -> tuple[Unmonitored, ...]:
     """Return what is not monitored on an asset, missing sensors first.
 
     Args:
@@ -79,7 +81,7 @@ def unmonitored(settings: Settings, history: History | None = None) -> tuple[Unm
     return found if history is None else (*found, *_unmeasured(settings, history))
 
 
-class Gap(Protocol):
+class MonitoringGap(Protocol):
     """Something that is not monitored, here or on the wire."""
 
     @property
@@ -93,7 +95,7 @@ class Gap(Protocol):
         ...
 
 
-def summary(gaps: Iterable[Gap]) -> str:
+def summary(gaps: Iterable[MonitoringGap]) -> str:
     """Return in one line what is not monitored, what has the same cause together."""
     by_why: dict[str, list[str]] = {}
     for each in gaps:
@@ -102,7 +104,7 @@ def summary(gaps: Iterable[Gap]) -> str:
     return "; ".join(said) or "nothing"
 
 
-def _unmeasured(settings: Settings, history: History) -> Iterator[Unmonitored]:
+def _unmeasured(settings: Settings, history: MotionHistory) -> Iterator[Unmonitored]:
     inertia, wheels = history.inertia, history.wheels
     if inertia is not None and not inertia.leans:
         yield NO_LEAN
@@ -131,5 +133,5 @@ def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
     if settings.locomotion is LocomotionKind.WHOLE_MOTION:
         yield WHOLE_MOTION
     for declared, row in settings.faults:
-        if row.then is Then.IGNORE:
+        if row.then is Reaction.IGNORE:
             yield Unmonitored(declared.name, "its row says ignore", (declared.name,))

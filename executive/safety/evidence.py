@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from executive.faults import Window
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.values.reasons import Figure
 
 
@@ -16,5 +16,5 @@ class Evidence:
     figures: tuple[Figure, ...] = ()
 
 
-Monitor = Callable[[History, Window, float], Evidence | None]
+Monitor = Callable[[MotionHistory, Window, float], Evidence | None]
 """Looks at the history with the figures of a window, at a time; None where it shows no fault."""

@@ -16,14 +16,14 @@ from executive.safety.other_drivers import Driver, OtherDrivers
 from executive.safety.sensor_history import (
     REST_RADPS,
     REST_S,
-    Inertia,
+    ImuHistory,
     InertialSums,
-    SecondTrack,
-    Sighting,
-    Wheels,
+    SecondOdometrySample,
+    SecondOdometryTrack,
+    WheelHistory,
     WheelSums,
 )
-from executive.safety.surroundings import Surroundings
+from executive.safety.surroundings import LaserSurroundings
 from executive.settings import Sensors
 from executive.state import Rejections
 from executive.values.clock import Clock
@@ -48,7 +48,7 @@ SEEN_S: Final = 0.4
 """Shortest window in which a second odometry shows the rover standing."""
 
 
-class Moved(NamedTuple):
+class OdometryWindow(NamedTuple):
     """What the odometry says of a window; what was commanded has the first four figures.
 
     Attributes:
@@ -72,7 +72,7 @@ class Moved(NamedTuple):
     pose_rad: float = 0.0
 
 
-class Commanded(NamedTuple):
+class CommandedRange(NamedTuple):
     """The least and the greatest velocities that were commanded in a window."""
 
     travel_low_mps: float
@@ -82,7 +82,7 @@ class Commanded(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Jump:
+class PoseJump:
     """A step of the odometry that no motion of the rover explains, beside what it may be.
 
     Attributes:
@@ -96,7 +96,7 @@ class Jump:
     bound_rad: float
 
 
-class History:
+class MotionHistory:
     """What was commanded and sensed.
 
     Attributes:
@@ -133,7 +133,7 @@ class History:
         faults: FaultTable,
         sensors: Sensors | None = None,
         mass_kg: float | None = None,
-        surroundings: Surroundings | None = None,
+        surroundings: LaserSurroundings | None = None,
     ) -> None:
         self._clock = clock
         self._faults = faults
@@ -141,10 +141,10 @@ class History:
         self.start_s = clock.now_s()
         sensors = sensors or Sensors()
         imu, joints, second = sensors.imu, sensors.joints, sensors.second_odometry
-        self.inertia = None if imu is None else Inertia()
+        self.inertia = None if imu is None else ImuHistory()
         self.over_ground = None if imu is None else InertialVelocity()
-        self.wheels = None if joints is None else Wheels(joints)
-        self.second = None if second is None else SecondTrack(second)
+        self.wheels = None if joints is None else WheelHistory(joints)
+        self.second = None if second is None else SecondOdometryTrack(second)
         self._track = Channel(3)
         self._stamps = StampClock()
         self.odometry: Odometry | None = None
@@ -155,7 +155,7 @@ class History:
         self.unchanged_since_s = -inf
         self.frame_time_s: float | None = None
         self.others: tuple[str, ...] = ()
-        self.moved = Channel(len(Moved._fields))
+        self.moved = Channel(len(OdometryWindow._fields))
         self.arrivals = Channel(2)
         self.commands = Channel(4)
         self._velocities: deque[tuple[float, Velocity, Velocity]] = deque()
@@ -163,7 +163,7 @@ class History:
         self.standing_since_s = clock.now_s()
         self.motion_since_s = inf
         self.begun_s = -inf
-        self.jump: Jump | None = None
+        self.jump: PoseJump | None = None
         self.battery: Battery | None = None
         self.battery_at_s = -inf
         self.other_drivers = OtherDrivers()
@@ -257,7 +257,7 @@ class History:
     @property
     def driven(self) -> tuple[float, float]:
         """The way and the turn that odometry has shown since it first came, signed."""
-        moved = Moved(*self.moved.sums)
+        moved = OdometryWindow(*self.moved.sums)
         return moved.pose_ahead_m, moved.pose_rad
 
     @property
@@ -302,17 +302,17 @@ class History:
         from_s = max(to_s - window_s, self.begun_s, channel.first_s)
         return None if from_s >= to_s else channel.between(from_s, to_s)
 
-    def moved_in(self, window_s: float, to_s: float) -> Moved | None:
+    def moved_in(self, window_s: float, to_s: float) -> OdometryWindow | None:
         """Return what the odometry says of the seconds before a time."""
         sums = self.window(self.moved, window_s, to_s)
-        return None if sums is None else Moved(*sums)
+        return None if sums is None else OdometryWindow(*sums)
 
-    def commanded_in(self, window_s: float, to_s: float) -> Moved | None:
+    def commanded_in(self, window_s: float, to_s: float) -> OdometryWindow | None:
         """Return which way and turn were commanded in the seconds before a time."""
         sums = self.window(self.commands, window_s, min(to_s, self.commands.time_s))
-        return None if sums is None else Moved(*sums)
+        return None if sums is None else OdometryWindow(*sums)
 
-    def commands_in(self, window_s: float, to_s: float) -> Commanded:
+    def commands_in(self, window_s: float, to_s: float) -> CommandedRange:
         """Return between which velocities the commands were, in the seconds before a time."""
         found: list[Velocity] = []
         for since_s, at_least, velocity in reversed(self._velocities):
@@ -322,7 +322,7 @@ class History:
                 break
         travel = [each.travel_mps for each in found] or [0.0]
         rotate = [each.rotate_radps for each in found] or [0.0]
-        return Commanded(min(travel), max(travel), min(rotate), max(rotate))
+        return CommandedRange(min(travel), max(travel), min(rotate), max(rotate))
 
     def wheels_in(self, window_s: float, to_s: float) -> WheelSums | None:
         """Return what the wheels turned in the seconds before a time."""
@@ -361,13 +361,13 @@ class History:
     def _time_s(self, fact: Odometry | Joints | Imu | SecondOdometry, now_s: float) -> float:
         return self._stamps.time_s(type(fact), fact.stamp_s, now_s, self._clock.utc_s())
 
-    def _sighting(self, fact: SecondOdometry, time_s: float) -> Sighting | None:
+    def _sighting(self, fact: SecondOdometry, time_s: float) -> SecondOdometrySample | None:
         if not (self._track.covers(time_s) and self.moved.covers(time_s)):
             return None
         x_m, y_m, heading_rad = self._track.at(time_s)
-        moved = Moved(*self.moved.at(time_s))
+        moved = OdometryWindow(*self.moved.at(time_s))
         believed = Pose(x_m, y_m, heading_rad=heading_rad)
-        return Sighting(time_s, fact.pose, believed, moved.driven_m, moved.turned_rad)
+        return SecondOdometrySample(time_s, fact.pose, believed, moved.driven_m, moved.turned_rad)
 
     def _observe_odometry(self, fact: Odometry, now_s: float) -> None:
         if not (fact.pose.finite and fact.velocity.finite):
@@ -425,10 +425,10 @@ class History:
         if since_s <= self._faults.odometry_stale.bound:
             self.jump = self._unexplained(before, after, since_s) or self.jump
 
-    def _unexplained(self, before: Odometry, after: Odometry, since_s: float) -> Jump | None:
+    def _unexplained(self, before: Odometry, after: Odometry, since_s: float) -> PoseJump | None:
         """Return the step between two messages, if it is longer than their speeds explain."""
         first, second = before.velocity, after.velocity
-        found = Jump(
+        found = PoseJump(
             self._clock.now_s(),
             hypot(after.pose.x_m - before.pose.x_m, after.pose.y_m - before.pose.y_m),
             self._faults.odometry_jumped.bound

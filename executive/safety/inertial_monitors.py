@@ -9,7 +9,7 @@ from typing import Final
 from executive.faults import Window
 from executive.safety.comparison import compared, silent, turns
 from executive.safety.evidence import Evidence
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.06
@@ -21,7 +21,7 @@ UNLEVELLED: Final = 0.1
 """Share of a turn that a gyro misses whose lean is not known: 1 - cos 25 deg."""
 
 
-def odometry_off_gyro(history: History, window: Window, now_s: float) -> Evidence | None:
+def odometry_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See odometry that tells of another turn than the gyro felt, by its rate or its heading."""
     inertia = history.inertia
     if inertia is None or not inertia.fresh(now_s):
@@ -41,7 +41,7 @@ def odometry_off_gyro(history: History, window: Window, now_s: float) -> Evidenc
     return compared("odometry and gyro disagree", figures, bound_rad, window_s)
 
 
-def wheels_off_gyro(history: History, window: Window, now_s: float) -> Evidence | None:
+def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See wheels that turn the rover, and a gyro that feels another turn."""
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not (wheels.fresh(now_s) and inertia.fresh(now_s)):
@@ -58,7 +58,7 @@ def wheels_off_gyro(history: History, window: Window, now_s: float) -> Evidence 
     return compared("the rover does not turn as its wheels do", figures, bound_rad, window_s)
 
 
-def wheels_slip(history: History, window: Window, now_s: float) -> Evidence | None:
+def wheels_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See wheels that gain or lose a speed that the rover does not feel; its lean must be known."""
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not inertia.leans:
@@ -81,7 +81,7 @@ def wheels_slip(history: History, window: Window, now_s: float) -> Evidence | No
     return compared("the wheels slip", figures, window.bound, window_s)
 
 
-def blocked(history: History, window: Window, now_s: float) -> Evidence | None:
+def blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See motors that push with a force that does not move the rover.
 
     A load that is not known, and what accelerates the motors themselves, add to the force in the
@@ -107,7 +107,7 @@ def blocked(history: History, window: Window, now_s: float) -> Evidence | None:
     return compared("something holds the rover", figures, bound_n, window_s)
 
 
-def tilted_by_imu(history: History, window: Window, now_s: float) -> Evidence | None:
+def tilted_by_imu(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the rover leans, by its inertial sensors."""
     inertia = history.inertia
     if inertia is None or inertia.newest is None or not inertia.fresh(now_s):
@@ -119,7 +119,7 @@ def tilted_by_imu(history: History, window: Window, now_s: float) -> Evidence | 
     return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)
 
 
-def imu_silent(history: History, window: Window, now_s: float) -> Evidence | None:
+def imu_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the inertial sensors no longer tell anything."""
     inertia = history.inertia
     if inertia is None:

@@ -10,7 +10,7 @@ from typing import Final, TypeGuard
 from executive.faults import Window
 from executive.safety.comparison import compared, speeds, turns
 from executive.safety.evidence import Evidence
-from executive.safety.history import History, Jump, Moved
+from executive.safety.history import MotionHistory, OdometryWindow, PoseJump
 from executive.values.reasons import Figure
 
 SHOWN_S: Final = 0.1
@@ -27,23 +27,23 @@ LEAST_MPS, LEAST_RADPS = 0.05, 0.1
 """Commands that any base follows."""
 
 
-def jumped(history: History, _: Window, now_s: float) -> Evidence | None:
+def jumped(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """See a step of the pose that is longer than the speed explains."""
     jump = history.jump
     return _told(jump) if _recent(jump, now_s) and jump.step_m > jump.bound_m else None
 
 
-def turned(history: History, _: Window, now_s: float) -> Evidence | None:
+def turned(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """See a turn in one step of the pose that is greater than the rate explains."""
     jump = history.jump
     return _told(jump) if _recent(jump, now_s) and jump.step_m <= jump.bound_m else None
 
 
-def _recent(jump: Jump | None, now_s: float) -> TypeGuard[Jump]:
+def _recent(jump: PoseJump | None, now_s: float) -> TypeGuard[PoseJump]:
     return jump is not None and now_s - jump.at_s <= SHOWN_S
 
 
-def _told(jump: Jump) -> Evidence:
+def _told(jump: PoseJump) -> Evidence:
     return Evidence(
         f"odometry jumped by {jump.step_m:.2f} m and {jump.turn_rad:.2f} rad",
         (
@@ -55,20 +55,20 @@ def _told(jump: Jump) -> Evidence:
     )
 
 
-def not_finite(history: History, _: Window, now_s: float) -> Evidence | None:
+def not_finite(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
     """See odometry with figures that are no numbers."""
     if now_s - history.not_finite_at_s > SHOWN_S:
         return None
     return Evidence("odometry has figures that are not finite")
 
 
-def stale(history: History, window: Window, now_s: float) -> Evidence | None:
+def stale(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the newest odometry was measured too long ago to move by."""
     age_s = now_s - min(history.odometry_time_s, history.odometry_at_s)
     return _old("odometry is", age_s, history, window)
 
 
-def behind(history: History, window: Window, _: float) -> Evidence | None:
+def behind(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the newest odometry is older than what all other fast sensors have told.
 
     What delays all of them alike, such as a busy computer, does not count.
@@ -80,7 +80,7 @@ def behind(history: History, window: Window, _: float) -> Evidence | None:
     return _old("beside other sensors odometry is", behind_s, history, window)
 
 
-def late(history: History, window: Window, now_s: float) -> Evidence | None:
+def late(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that odometry comes so late that the rover cannot be steered by it."""
     age_s = history.odometry_late_s
     if age_s <= window.bound or now_s - history.odometry_at_s > window.bound:
@@ -88,7 +88,7 @@ def late(history: History, window: Window, now_s: float) -> Evidence | None:
     return _told_age("odometry comes late: it is", age_s, window.bound)
 
 
-def silent(history: History, window: Window, now_s: float) -> Evidence | None:
+def silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that there is no odometry any more."""
     if history.odometry is None:
         return None
@@ -98,7 +98,7 @@ def silent(history: History, window: Window, now_s: float) -> Evidence | None:
     return _told_age("the newest odometry is", age_s, window.bound)
 
 
-def _old(what: str, age_s: float, history: History, window: Window) -> Evidence | None:
+def _old(what: str, age_s: float, history: MotionHistory, window: Window) -> Evidence | None:
     """Return evidence of odometry that is too old to move by, or to wait for any longer."""
     bound_s = window.bound + (PATIENCE_S if history.waiting else 0.0)
     return _told_age(what, age_s, bound_s) if age_s > bound_s else None
@@ -109,7 +109,7 @@ def _told_age(what: str, age_s: float, bound_s: float) -> Evidence:
     return Evidence(f"{what} {age_s:.2f} s old", figures)
 
 
-def slow(history: History, window: Window, _: float) -> Evidence | None:
+def slow(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that odometry comes too seldom to steer by."""
     came = history.window(history.arrivals, window.length_s, history.odometry_at_s)
     if came is None or came[0] / window.length_s >= window.bound:
@@ -119,7 +119,7 @@ def slow(history: History, window: Window, _: float) -> Evidence | None:
     return Evidence(f"odometry comes {rate_hz:.1f} times a second", figures)
 
 
-def frozen(history: History, window: Window, now_s: float) -> Evidence | None:
+def frozen(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that odometry does not change at all though the rover is commanded to move."""
     unchanged_s = now_s - history.unchanged_since_s
     wanted = history.commands_in(window.length_s, now_s)
@@ -134,7 +134,7 @@ def frozen(history: History, window: Window, now_s: float) -> Evidence | None:
     )
 
 
-def off_twist(history: History, window: Window, _: float) -> Evidence | None:
+def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the pose goes elsewhere than its own velocity says."""
     moved = _moved(history, window)
     if moved is None:
@@ -154,7 +154,7 @@ def off_twist(history: History, window: Window, _: float) -> Evidence | None:
     )
 
 
-def heading_off_twist(history: History, window: Window, _: float) -> Evidence | None:
+def heading_off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the heading turns otherwise than its own rate says."""
     moved = _moved(history, window)
     if moved is None or abs(moved.heading_rad) <= window.allowed(moved.turned_rad):
@@ -169,12 +169,12 @@ def heading_off_twist(history: History, window: Window, _: float) -> Evidence | 
     )
 
 
-def _moved(history: History, window: Window) -> Moved | None:
+def _moved(history: MotionHistory, window: Window) -> OdometryWindow | None:
     sums = history.lately(history.moved, window.length_s, history.odometry_time_s)
-    return None if sums is None else Moved(*sums)
+    return None if sums is None else OdometryWindow(*sums)
 
 
-def off_command(history: History, window: Window, now_s: float) -> Evidence | None:
+def off_command(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See a speed that is outside of all that was commanded lately."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
@@ -183,7 +183,7 @@ def off_command(history: History, window: Window, now_s: float) -> Evidence | No
     return _outside(window, wanted.travel_low_mps, wanted.travel_high_mps, speed_mps, "go", "m/s")
 
 
-def turn_off_command(history: History, window: Window, now_s: float) -> Evidence | None:
+def turn_off_command(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See a rate of turn that is outside of all that was commanded lately."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
@@ -212,7 +212,7 @@ def _outside(
     )
 
 
-def steady_off_command(history: History, window: Window, _: float) -> Evidence | None:
+def steady_off_command(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See another mean speed than the one that was commanded all the time.
 
     Both the pose and the speeds must show it: a pose that comes late is put too late, and speeds of
@@ -234,7 +234,7 @@ def steady_off_command(history: History, window: Window, _: float) -> Evidence |
     return compared(what, figures, bound_m / window.length_s, window.length_s)
 
 
-def steady_turn_off_command(history: History, window: Window, _: float) -> Evidence | None:
+def steady_turn_off_command(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See another mean rate of turn than the one that was commanded all the time, likewise."""
     to_s = history.odometry_time_s
     moved = history.moved_in(window.length_s, to_s)
@@ -256,7 +256,7 @@ def _nearer(wanted: float, one: float, other: float) -> float:
     return min(one, other, key=lambda value: abs(value - wanted))
 
 
-def turn_amiss(history: History, window: Window, _: float) -> Evidence | None:
+def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the rover has turned more or less than it was commanded to."""
     to_s = history.odometry_time_s
     moved = history.moved_in(window.length_s, to_s)
@@ -277,18 +277,18 @@ def turn_amiss(history: History, window: Window, _: float) -> Evidence | None:
     )
 
 
-def drives_uncommanded(history: History, window: Window, _: float) -> Evidence | None:
+def drives_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the rover drives though it should stand."""
     return _uncommanded(history, window, lambda moved: moved.pose_m, "drives at {:.2f} m/s")
 
 
-def turns_uncommanded(history: History, window: Window, _: float) -> Evidence | None:
+def turns_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that the rover turns though it should stand."""
     return _uncommanded(history, window, lambda moved: moved.pose_rad, "turns at {:.3f} rad/s")
 
 
 def _uncommanded(
-    history: History, window: Window, amount: Callable[[Moved], float], what: str
+    history: MotionHistory, window: Window, amount: Callable[[OdometryWindow], float], what: str
 ) -> Evidence | None:
     """Return evidence of motion in a window in which the rover should have stood.
 
@@ -307,7 +307,7 @@ def _uncommanded(
     return Evidence(f"the rover should stand, and {what.format(rate)}{by}", figures)
 
 
-def no_progress(history: History, window: Window, _: float) -> Evidence | None:
+def no_progress(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     """See that nothing comes of what is commanded."""
     to_s = history.odometry_time_s
     moved = history.moved_in(window.length_s, to_s)

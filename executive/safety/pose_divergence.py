@@ -6,7 +6,7 @@ from math import hypot, inf
 from typing import Final, NamedTuple
 
 from executive.safety.channel import Channel
-from executive.safety.history import History, Moved
+from executive.safety.history import MotionHistory, OdometryWindow
 from executive.safety.odometry_monitors import REACTION_S
 
 LOOKBACK_S: Final = 5.0
@@ -60,7 +60,7 @@ class _Comparison:
         self, pose: str, other: Callable[[Sequence[float]], float], later_s: float = 0.0
     ) -> None:
         self.total = 0.0
-        self._pose, self._other = Moved._fields.index(pose), other
+        self._pose, self._other = OdometryWindow._fields.index(pose), other
         self._later_s, self._to_s = later_s, -inf
         self._channel: Channel | None = None
         self._beyond = 0.0
@@ -86,7 +86,7 @@ class PoseDivergence:
         now: the sums at the last update.
     """
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: MotionHistory) -> None:
         self._history = history
         self._wheels = _Comparison("pose_ahead_m", lambda sums: (sums[0] + sums[1]) / 2)
         self._gyro = _Comparison("pose_rad", lambda sums: sums[0])
@@ -113,7 +113,7 @@ class PoseDivergence:
             self._gyro.advance(moved, history.inertia.sums, history.inertia.bias_radps)
         self._way.advance(moved, history.commands)
         self._turn.advance(moved, history.commands)
-        sums = Moved(*moved.sums)
+        sums = OdometryWindow(*moved.sums)
         self.now = Divergence(
             sums.ahead_m,
             sums.left_m,

@@ -14,11 +14,11 @@ from typing import Final
 
 from executive.faults import Disproves
 from executive.safety.comparison import FIRST_HEARD_S
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.safety.pose_divergence import LOOKBACK_S, Divergence, PoseDivergence
 from executive.safety.safety import Fault
 from executive.settings import Settings
-from executive.state import Disagreement, FramePair, Status, Uncertainty, disagreement
+from executive.state import FramePair, PoseDisagreement, Status, Uncertainty, disagreement
 from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose, wrap_rad
 
@@ -146,7 +146,7 @@ class _Frames:
 class _Slide:
     """Slide that the accelerometer feels and the wheels do not show."""
 
-    def __init__(self, history: History) -> None:
+    def __init__(self, history: MotionHistory) -> None:
         self._history = history
         self._seen_m = self._apart_m = 0.0
 
@@ -178,7 +178,7 @@ class PoseMonitor:
         self,
         clock: Clock,
         settings: Settings,
-        history: History,
+        history: MotionHistory,
         status: Status,
         stored: StoredPose | None,
     ) -> None:
@@ -312,7 +312,7 @@ class PoseMonitor:
             self._frames.compared(newest)
             self._confirm_by(anchor, newest)
 
-    def _raise_by(self, apart: Disagreement) -> None:
+    def _raise_by(self, apart: PoseDisagreement) -> None:
         floor, off_m, off_rad = self._confirmed, 0.0, 0.0
         if apart.off_m > AGREES_M + AGREES_PER_M * apart.way_m:
             off_m = floor.position_m + apart.off_m

@@ -11,7 +11,15 @@ from functools import partial
 from math import inf
 from typing import Final
 
-from executive.faults import DECLARED, Clears, Disproves, Row, Then, When, Window
+from executive.faults import (
+    DECLARED,
+    ClearPolicy,
+    Disproves,
+    FaultResponse,
+    MonitoredWhen,
+    Reaction,
+    Window,
+)
 from executive.safety.asset_monitors import (
     battery_low,
     battery_not_finite,
@@ -21,7 +29,7 @@ from executive.safety.asset_monitors import (
     tilted,
 )
 from executive.safety.evidence import Evidence, Monitor
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.safety.inertial_monitors import (
     blocked,
     imu_silent,
@@ -57,7 +65,7 @@ from executive.safety.second_odometry_monitors import (
     slips,
     turn_slips,
 )
-from executive.safety.surroundings import Surroundings
+from executive.safety.surroundings import LaserSurroundings
 from executive.safety.surroundings_monitors import (
     laser_blind,
     laser_silent,
@@ -148,7 +156,7 @@ EXPLAINED: Final[Mapping[str, Source]] = {
     "no_progress": Source.VELOCITY,
 }
 """Faults whose text says why data of a source are not used, if so."""
-HOLDING: Final = frozenset({Then.PAUSE, Then.STOP, Then.SAFE})
+HOLDING: Final = frozenset({Reaction.PAUSE, Reaction.STOP, Reaction.SAFE})
 SLIDING: Final = frozenset(
     {Reason.WHEELS_SLIP, Reason.WHEELS_OFF_GYRO, Reason.SLIPS, Reason.TURN_SLIPS, Reason.SLIDES}
 )
@@ -156,7 +164,7 @@ SLIDING: Final = frozenset(
 SLID_S: Final = 1.5
 """For which the evidence of such a fault counts: longer than the fault, and than its window."""
 TAKEN: Final = "other_publisher"
-UNMONITORED: Final = Row(When.ALWAYS, Then.SAFE, Clears.ON_RESUME)
+UNMONITORED: Final = FaultResponse(MonitoredWhen.ALWAYS, Reaction.SAFE, ClearPolicy.ON_RESUME)
 """Row of faults that no monitor detects; nor can their cause be checked on a resume."""
 CALM_S: Final = 0.5
 """For which there must be no evidence before a fault is over by itself."""
@@ -173,7 +181,7 @@ class Fault:
     """
 
     name: str
-    row: Row
+    row: FaultResponse
     refusal: Refusal
     begun_utc_s: float
     seen_s: float
@@ -181,7 +189,9 @@ class Fault:
     @property
     def severity(self) -> Severity:
         """How much it should worry the operator."""
-        return Severity.ALARM if self.row.then in {Then.STOP, Then.SAFE} else Severity.WARNING
+        return (
+            Severity.ALARM if self.row.then in {Reaction.STOP, Reaction.SAFE} else Severity.WARNING
+        )
 
     @property
     def disproves(self) -> Disproves | None:
@@ -194,7 +204,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class Changes:
+class FaultChanges:
     """What one look at the monitors brings."""
 
     begun: tuple[Fault, ...] = ()
@@ -202,17 +212,17 @@ class Changes:
 
 
 @dataclass(slots=True)
-class _Watch:
+class _FaultWatch:
     """One window of a fault under watch; evidence has lasted since a time, or there is none."""
 
     name: str
-    row: Row
+    row: FaultResponse
     window: Window
     monitor: Monitor
     since_s: float | None = field(default=None)
 
 
-class Safety:
+class FaultMonitor:
     """The monitors of an asset.
 
     Attributes:
@@ -222,8 +232,10 @@ class Safety:
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
         self._clock = clock
-        around = Surroundings(settings)
-        self.history = History(clock, settings.faults, settings.sensors, settings.mass_kg, around)
+        around = LaserSurroundings(settings)
+        self.history = MotionHistory(
+            clock, settings.faults, settings.sensors, settings.mass_kg, around
+        )
         self.history.lower_may_drive = settings.mux is None or settings.mux.lower_may_drive
         self.active: list[Fault] = []
         self._distrusted = False
@@ -231,15 +243,15 @@ class Safety:
         self._rows = {
             declared.name: row
             for declared, row in settings.faults
-            if row.then is not Then.IGNORE and declared.name not in NOT_OF[settings.locomotion]
+            if row.then is not Reaction.IGNORE and declared.name not in NOT_OF[settings.locomotion]
         }
         self._watches = tuple(
-            _Watch(name, row, window, MONITORS[name])
+            _FaultWatch(name, row, window, MONITORS[name])
             for name, row in self._rows.items()
             for window in row.windows
         )
 
-    def check(self, moving: bool) -> Changes:
+    def check(self, moving: bool) -> FaultChanges:
         """Look at all monitors.
 
         Args:
@@ -249,7 +261,7 @@ class Safety:
         if moving and history.motion_since_s == inf and self._distrusted:
             history.begun_s, self._distrusted = now_s, False  # what the fault left is not evidence
         history.motion_since_s = min(history.motion_since_s, now_s) if moving else inf
-        changes = Changes(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
+        changes = FaultChanges(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
         holding = any(each.row.then in HOLDING for each in self.active)
         self._distrusted |= holding or bool(changes.over)
         for fault in (*changes.over, *self.active):
@@ -260,7 +272,7 @@ class Safety:
     def cause_left(self) -> Refusal | None:
         """Return what a resume cannot clear yet, since its cause is there, or None."""
         now_s = self._clock.now_s()
-        latched = [each.name for each in self.active if each.row.clears is Clears.ON_RESUME]
+        latched = [each.name for each in self.active if each.row.clears is ClearPolicy.ON_RESUME]
         for watch in (each for name in latched for each in self._watches if each.name == name):
             evidence = watch.monitor(self.history, watch.window, now_s)
             if evidence is not None:
@@ -271,15 +283,15 @@ class Safety:
     def clears_itself(self) -> bool:
         """Whether all that holds the rover ends by itself."""
         holding = [each for each in self.active if each.row.then in HOLDING]
-        return bool(holding) and all(each.row.clears is Clears.ITSELF for each in holding)
+        return bool(holding) and all(each.row.clears is ClearPolicy.ITSELF for each in holding)
 
-    def hold(self, why: Refusal, then: Then) -> Fault:
+    def hold(self, why: Refusal, then: Reaction) -> Fault:
         """Begin a fault that no monitor detects, such as a failing ledger; a resume ends it."""
         return self.restore(why.reason.name.lower(), then, why, self._clock.utc_s())
 
-    def restore(self, name: str, then: Then, why: Refusal, begun_utc_s: float) -> Fault:
+    def restore(self, name: str, then: Reaction, why: Refusal, begun_utc_s: float) -> Fault:
         """Begin a fault that only a resume ends, in place of one of its name; return it."""
-        row = replace(self._rows.get(name, UNMONITORED), then=then, clears=Clears.ON_RESUME)
+        row = replace(self._rows.get(name, UNMONITORED), then=then, clears=ClearPolicy.ON_RESUME)
         fault = Fault(name, row, why, begun_utc_s, self._clock.now_s())
         self.drop(name)
         self.active.append(fault)
@@ -297,8 +309,8 @@ class Safety:
 
     def resume(self) -> tuple[Fault, ...]:
         """End the faults that a resume ends, and return them."""
-        ended = tuple(each for each in self.active if each.row.clears is Clears.ON_RESUME)
-        self.active = [each for each in self.active if each.row.clears is Clears.ITSELF]
+        ended = tuple(each for each in self.active if each.row.clears is ClearPolicy.ON_RESUME)
+        self.active = [each for each in self.active if each.row.clears is ClearPolicy.ITSELF]
         return ended
 
     def observe(self, fact: Fact) -> None:
@@ -321,10 +333,10 @@ class Safety:
         held = any(fault.row.then in HOLDING for fault in self.active)
         for watch in self._watches:
             evidence = None
-            if taken and watch.row.when is When.MOVING and watch.name != TAKEN:
+            if taken and watch.row.when is MonitoredWhen.MOVING and watch.name != TAKEN:
                 watch.since_s = None
                 continue
-            if moving or watch.row.when is When.ALWAYS or watch.name in known:
+            if moving or watch.row.when is MonitoredWhen.ALWAYS or watch.name in known:
                 evidence = watch.monitor(self.history, watch.window, now_s)
             if evidence is None:
                 watch.since_s = None
@@ -335,7 +347,7 @@ class Safety:
             if watch.since_s is None:
                 watch.since_s = now_s
             holds = watch.row.then in HOLDING
-            if held and (not holds or watch.row.when is When.MOVING):
+            if held and (not holds or watch.row.when is MonitoredWhen.MOVING):
                 continue
             if now_s - watch.since_s >= watch.window.for_s - 1e-9:
                 why, utc_s = self._refusal(watch.name, evidence), self._clock.utc_s()
@@ -348,7 +360,7 @@ class Safety:
 
     def _over(self, now_s: float) -> Iterator[Fault]:
         for fault in tuple(self.active):
-            if fault.row.clears is Clears.ITSELF and now_s - fault.seen_s >= CALM_S - 1e-9:
+            if fault.row.clears is ClearPolicy.ITSELF and now_s - fault.seen_s >= CALM_S - 1e-9:
                 self.active.remove(fault)
                 yield fault
 

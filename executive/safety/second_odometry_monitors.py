@@ -11,8 +11,8 @@ from typing import Final
 from executive.faults import Window
 from executive.safety.comparison import compared, silent, speeds, turns
 from executive.safety.evidence import Evidence
-from executive.safety.history import History
-from executive.safety.sensor_history import Disagreement
+from executive.safety.history import MotionHistory
+from executive.safety.sensor_history import OdometryDisagreement
 
 FUSED: Final = frozenset({"quick_fused", "slow_fused"})
 """Windows of a way where the second odometry corrects the pose."""
@@ -27,7 +27,7 @@ FRESH_S: Final = 1.5
 """So long a message tells of now."""
 
 
-def slips(history: History, window: Window, now_s: float) -> Evidence | None:
+def slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See a second odometry that tells of another way, by the windows that are for its kind."""
     second = history.second
     if second is None or second.settings.fused is not (window.name in FUSED):
@@ -47,7 +47,7 @@ def slips(history: History, window: Window, now_s: float) -> Evidence | None:
     return compared("the rover slips", figures, bound_m / span_s, span_s)
 
 
-def turn_slips(history: History, window: Window, now_s: float) -> Evidence | None:
+def turn_slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See a second odometry that tells of another turn."""
     found = _found(history, window, now_s)
     if found is None:
@@ -64,7 +64,7 @@ def turn_slips(history: History, window: Window, now_s: float) -> Evidence | Non
     return compared("the odometries disagree on the turn", figures, bound_rad, found.span_s)
 
 
-def slides(history: History, window: Window, now_s: float) -> Evidence | None:
+def slides(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the rover moves although it is to stand, and its odometry says that it does."""
     found = _found(history, window, now_s)
     if found is None or found.from_s < history.standing_since_s + STOPPED_S:
@@ -78,7 +78,7 @@ def slides(history: History, window: Window, now_s: float) -> Evidence | None:
     return compared("the rover slides while it is to stand", figures, bound_mps, found.span_s)
 
 
-def second_odometry_silent(history: History, window: Window, now_s: float) -> Evidence | None:
+def second_odometry_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the second odometry no longer tells anything."""
     if history.second is None:
         return None
@@ -87,7 +87,7 @@ def second_odometry_silent(history: History, window: Window, now_s: float) -> Ev
     return silent(history, "the second odometry", "slip is", last_s, window, now_s)
 
 
-def _found(history: History, window: Window, now_s: float) -> Disagreement | None:
+def _found(history: MotionHistory, window: Window, now_s: float) -> OdometryDisagreement | None:
     """Return what the odometries say of a window, where it is of now."""
     second = history.second
     if second is None or now_s - second.at_s > FRESH_S:

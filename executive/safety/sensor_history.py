@@ -69,7 +69,7 @@ class WheelSums(NamedTuple):
         return (self.left_m + self.right_m) / 2
 
 
-class Wheels:
+class WheelHistory:
     """What the wheels turned, by their encoders.
 
     Attributes:
@@ -126,7 +126,7 @@ class InertialSums(NamedTuple):
     force_mps: float
 
 
-class Inertia:
+class ImuHistory:
     """What the inertial sensors measured.
 
     Attributes:
@@ -191,7 +191,7 @@ class Inertia:
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class SecondOdometrySample:
     """Where the second odometry saw the rover, and what the odometry said of that time.
 
     Attributes:
@@ -208,7 +208,7 @@ class Sighting:
 
 
 @dataclass(frozen=True, slots=True)
-class Disagreement:
+class OdometryDisagreement:
     """What two odometries say of the time between two sightings.
 
     Attributes:
@@ -241,7 +241,7 @@ class Disagreement:
         return max(self.seen_m, self.driven_m) < FRAME_WAY_M
 
 
-class SecondTrack:
+class SecondOdometryTrack:
     """Where the second odometry saw the rover, beside where the odometry had it then.
 
     Attributes:
@@ -252,10 +252,12 @@ class SecondTrack:
 
     def __init__(self, settings: SecondOdometrySettings) -> None:
         self.settings = settings
-        self.sightings: deque[Sighting] = deque()
+        self.sightings: deque[SecondOdometrySample] = deque()
         self.at_s = -inf
 
-    def observe(self, fact: SecondOdometry, sighting: Sighting | None, now_s: float) -> None:
+    def observe(
+        self, fact: SecondOdometry, sighting: SecondOdometrySample | None, now_s: float
+    ) -> None:
         """Take in a message that arrived now; no sighting, if it is of an unknown time."""
         if not fact.pose.finite:
             return
@@ -266,7 +268,7 @@ class SecondTrack:
         while self.sightings[0].time_s < sighting.time_s - KEPT_S:
             self.sightings.popleft()
 
-    def disagreement(self, window_s: float, since_s: float) -> Disagreement | None:
+    def disagreement(self, window_s: float, since_s: float) -> OdometryDisagreement | None:
         """Compare the last of the sightings with the newest that is a window older.
 
         Args:
@@ -288,13 +290,13 @@ class SecondTrack:
         return None
 
 
-def between(first: Sighting, last: Sighting) -> Disagreement:
+def between(first: SecondOdometrySample, last: SecondOdometrySample) -> OdometryDisagreement:
     """Return what two odometries say of the time between two sightings."""
     seen_x_m, seen_y_m = _step(first.seen, last.seen)
     x_m, y_m = _step(first.believed, last.believed)
     seen_rad = wrap_rad(last.seen.heading_rad - first.seen.heading_rad)
     believed_rad = wrap_rad(last.believed.heading_rad - first.believed.heading_rad)
-    return Disagreement(
+    return OdometryDisagreement(
         first.time_s,
         last.time_s,
         hypot(seen_x_m, seen_y_m),

@@ -44,7 +44,7 @@ rover may not come nearer."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class LaserPoint:
     """A point that the laser sees, in the axes of base_link, and how far it is from the hull."""
 
     x_m: float
@@ -53,7 +53,7 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True)
-class Margin:
+class FreeSpace:
     """What must stay free around a footprint: ahead and behind, and on either side."""
 
     along_m: float
@@ -68,7 +68,7 @@ class Sector(NamedTuple):
     since_s: float
 
 
-class Surroundings:
+class LaserSurroundings:
     """What is known of what stands around an asset.
 
     Attributes:
@@ -78,7 +78,7 @@ class Surroundings:
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
-        self.spots: tuple[Spot, ...] = ()
+        self.spots: tuple[LaserPoint, ...] = ()
         self.scanned_s = -inf
         self._stamp_s = -inf
         self._sectors: dict[int, Sector] = {}
@@ -111,7 +111,7 @@ class Surroundings:
                 x_m, y_m = range_m * cosine, range_m * sine
                 gap_m = _gap_m(x_m, y_m, self.footprint)
                 if gap_m > 0.0:
-                    found.append(Spot(x_m, y_m, gap_m))
+                    found.append(LaserPoint(x_m, y_m, gap_m))
         self.spots = tuple(found)
         self._note_sectors(rays, now_s)
 
@@ -152,7 +152,7 @@ class Surroundings:
             abs(velocity.rotate_radps) / (2.0 * TURN_BRAKING * braking_mps2),
         )
 
-    def met(self, velocity: Velocity, held_s: float, margin_m: float) -> Spot | None:
+    def met(self, velocity: Velocity, held_s: float, margin_m: float) -> LaserPoint | None:
         """Return what the rover comes too near to by a velocity that is held; None if nothing.
 
         Of several points the second nearest.
@@ -161,7 +161,7 @@ class Surroundings:
             return None
         length_m = velocity.travel_mps * held_s
         turn_rad = velocity.rotate_radps * held_s
-        margin = Margin(margin_m, self._beside_m if length_m else TURNING_M)
+        margin = FreeSpace(margin_m, self._beside_m if length_m else TURNING_M)
         near = self._within_reach(length_m, abs(turn_rad), margin)
         if len(near) < FEWEST_POINTS:
             return None
@@ -173,7 +173,9 @@ class Surroundings:
             [spot for spot in near if _is_met(spot, moved, self.footprint, margin)]
         )
 
-    def _within_reach(self, length_m: float, turn_rad: float, margin: Margin) -> list[Spot]:
+    def _within_reach(
+        self, length_m: float, turn_rad: float, margin: FreeSpace
+    ) -> list[LaserPoint]:
         """Return the points that a motion may lead to, and perhaps some more."""
         footprint = self.footprint
         assert footprint is not None
@@ -203,7 +205,7 @@ class Surroundings:
         left_m = BESIDE_M if nearest is None else nearest.gap_m - NEARER_M
         return max(0.0, min(BESIDE_M, left_m))
 
-    def near(self, velocity: Velocity, within_m: float) -> Spot | None:
+    def near(self, velocity: Velocity, within_m: float) -> LaserPoint | None:
         """Return what stands so near in the direction in which the rover drives; None if nothing.
 
         Of several points the second nearest.
@@ -227,10 +229,10 @@ def moves(velocity: Velocity) -> bool:
 
 
 def _is_met(
-    spot: Spot,
+    spot: LaserPoint,
     moved: list[tuple[float, float, float, float, float]],
     footprint: Footprint,
-    margin: Margin,
+    margin: FreeSpace,
 ) -> bool:
     """Return whether a point is within the margin, and nearer than now, anywhere on the way."""
     along_m = footprint.length_m / 2 + margin.along_m
@@ -250,15 +252,15 @@ def _gap_m(x_m: float, y_m: float, footprint: Footprint) -> float:
     return hypot(max(ahead_m, 0.0), max(aside_m, 0.0))
 
 
-def _at_edge(cosine: float, sine: float, footprint: Footprint) -> Spot:
+def _at_edge(cosine: float, sine: float, footprint: Footprint) -> LaserPoint:
     """Return a point just outside the hull, for a ray of which something is too near to measure."""
     along_m = footprint.length_m / 2 / abs(cosine) if cosine else inf
     away_m = min(along_m, footprint.width_m / 2 / abs(sine) if sine else inf) + EDGE_M
     x_m, y_m = away_m * cosine, away_m * sine
-    return Spot(x_m, y_m, _gap_m(x_m, y_m, footprint))
+    return LaserPoint(x_m, y_m, _gap_m(x_m, y_m, footprint))
 
 
-def _second_nearest(spots: list[Spot]) -> Spot | None:
+def _second_nearest(spots: list[LaserPoint]) -> LaserPoint | None:
     if len(spots) < FEWEST_POINTS:
         return None
     return sorted(spots, key=lambda spot: spot.gap_m)[FEWEST_POINTS - 1]

@@ -4,13 +4,13 @@ from math import degrees, isfinite
 
 from executive.faults import Window
 from executive.safety.evidence import Evidence
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.safety.surroundings import SLOWEST_MPS
 from executive.values.geometry import arc
 from executive.values.reasons import Figure
 
 
-def zone_ahead(history: History, window: Window, now_s: float) -> Evidence | None:
+def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the rover could not stand before a zone or a known rock if it went on."""
     del now_s
     around, velocity = history.surroundings, history.fastest
@@ -35,7 +35,7 @@ def zone_ahead(history: History, window: Window, now_s: float) -> Evidence | Non
     )
 
 
-def obstacle_ahead(history: History, window: Window, now_s: float) -> Evidence | None:
+def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the rover could not stand before what the laser sees if it went on."""
     del now_s
     around, velocity = history.surroundings, history.fastest
@@ -68,7 +68,7 @@ def obstacle_ahead(history: History, window: Window, now_s: float) -> Evidence |
     )
 
 
-def obstacle_near(history: History, window: Window, now_s: float) -> Evidence | None:
+def obstacle_near(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that something stands near in the direction in which the rover drives."""
     del now_s
     around, velocity = history.surroundings, history.fastest
@@ -82,7 +82,7 @@ def obstacle_near(history: History, window: Window, now_s: float) -> Evidence | 
     return Evidence(f"something stands {found.gap_m:.2f} m {side}: slower", figures)
 
 
-def laser_silent(history: History, window: Window, now_s: float) -> Evidence | None:
+def laser_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that no new scan comes."""
     around = history.surroundings
     if around is None or not around.laser or now_s - around.scanned_s <= window.bound:
@@ -95,7 +95,7 @@ def laser_silent(history: History, window: Window, now_s: float) -> Evidence | N
     return Evidence(text, figures)
 
 
-def laser_blind(history: History, window: Window, now_s: float) -> Evidence | None:
+def laser_blind(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See a sector into which the rover drives or turns, and in which the laser measures nothing.
 
     A scan of which nothing is usable is the widest case; a rover that stands is not judged.

@@ -10,7 +10,7 @@ from typing import Final
 from executive.faults import Window
 from executive.safety.comparison import compared, silent, speeds
 from executive.safety.evidence import Evidence
-from executive.safety.history import History
+from executive.safety.history import MotionHistory
 from executive.safety.odometry_monitors import REACTION_S
 from executive.values.reasons import Figure
 
@@ -20,7 +20,7 @@ OFF_COMMAND_MPS: Final = 0.06
 """How far wheels without torque are off their command, where that matters."""
 
 
-def wheels_off_command(history: History, window: Window, now_s: float) -> Evidence | None:
+def wheels_off_command(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See a side that is slower or faster than all that it was commanded in the window."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
@@ -49,7 +49,9 @@ def wheels_off_command(history: History, window: Window, now_s: float) -> Eviden
     return None
 
 
-def wheels_off_command_slowly(history: History, window: Window, now_s: float) -> Evidence | None:
+def wheels_off_command_slowly(
+    history: MotionHistory, window: Window, now_s: float
+) -> Evidence | None:
     """See a side that has come less or more far than it was commanded to."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
@@ -76,7 +78,7 @@ def wheels_off_command_slowly(history: History, window: Window, now_s: float) ->
     return None
 
 
-def wheels_unpowered(history: History, window: Window, now_s: float) -> Evidence | None:
+def wheels_unpowered(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See a side that is off its command, and motors on it that do nothing about it."""
     wheels = history.wheels
     if wheels is None or not (wheels.fresh(now_s) and wheels.torques):
@@ -102,7 +104,7 @@ def wheels_unpowered(history: History, window: Window, now_s: float) -> Evidence
     return None
 
 
-def odometry_off_wheels(history: History, window: Window, now_s: float) -> Evidence | None:
+def odometry_off_wheels(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See odometry that tells of another way than the wheels turned."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
@@ -118,7 +120,7 @@ def odometry_off_wheels(history: History, window: Window, now_s: float) -> Evide
     return compared("odometry and wheels disagree", figures, bound_m / window_s, window_s)
 
 
-def joints_silent(history: History, window: Window, now_s: float) -> Evidence | None:
+def joints_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
     """See that the sensors of the wheels no longer tell anything."""
     if history.wheels is None:
         return None

@@ -9,7 +9,7 @@ from typing import Final
 from executive.faults import FaultTable
 from executive.obstacles.zones import Footprint, Zones
 from executive.settings.controller import Controller
-from executive.settings.mpc_settings import Mpc
+from executive.settings.mpc_settings import MpcSettings
 from executive.settings.prediction_settings import BatterySettings, PredictionSettings
 from executive.settings.settings_files import (
     HIGHEST_FIGURE,
@@ -52,7 +52,7 @@ class LocomotionKind(Enum):
     WHOLE_MOTION = "whole_motion"
 
 
-class Profile(Enum):
+class SpeedProfileKind(Enum):
     """How speed goes with the distance left."""
 
     TRAPEZOID = "trapezoid"
@@ -60,7 +60,7 @@ class Profile(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class TurnDrive:
+class TurnDriveSettings:
     """Turn-then-drive.
 
     Attributes:
@@ -69,7 +69,7 @@ class TurnDrive:
         position_tolerance_m, heading_tolerance_rad: when a goal counts as reached.
     """
 
-    profile: Profile
+    profile: SpeedProfileKind
     reverse: bool
     control_point_m: float
     latency_s: float
@@ -94,7 +94,7 @@ class CameraLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class Safety:
+class SafetySettings:
     """What stops the rover beside the monitors of `faults`.
 
     Attributes:
@@ -255,7 +255,7 @@ class LinkLossStage:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkLoss:
+class LinkLossSettings:
     """The stages of what is done in a mode, the earliest first; without any the rover goes on."""
 
     teleop: tuple[LinkLossStage, ...] = ()
@@ -427,9 +427,9 @@ class Settings:
     intent_stale_ticks: int
     status_interval_s: float
     drive: DriveLimits
-    turn_drive: TurnDrive
+    turn_drive: TurnDriveSettings
     camera: CameraLimits
-    safety: Safety = field(default_factory=Safety)
+    safety: SafetySettings = field(default_factory=SafetySettings)
     faults: FaultTable = field(default_factory=FaultTable)
     rover: str | None = None
     kept_reports: int = 100_000
@@ -441,9 +441,9 @@ class Settings:
     footprint: Footprint | None = None
     zones: Zones = field(default_factory=Zones)
     mux: MuxSettings | None = None
-    link_loss: LinkLoss = field(default_factory=LinkLoss)
+    link_loss: LinkLossSettings = field(default_factory=LinkLossSettings)
     controller: Controller = Controller.TURN_DRIVE
-    mpc: Mpc = field(default_factory=Mpc)
+    mpc: MpcSettings = field(default_factory=MpcSettings)
     prediction: PredictionSettings = field(default_factory=PredictionSettings)
     battery: BatterySettings | None = None
     recording: RecordingSettings = field(default_factory=RecordingSettings)

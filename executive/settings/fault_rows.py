@@ -12,16 +12,16 @@ from typing import Any, Final
 from executive.faults import (
     DECLARED,
     FIGURES,
-    Clears,
+    ClearPolicy,
+    FaultResponse,
     FaultTable,
-    Row,
-    Then,
-    When,
+    MonitoredWhen,
+    Reaction,
     Window,
 )
 from executive.settings.strict_reader import FormatError, StrictReader, unknown_keys
 
-_CHOICES: Final = {"when": When, "then": Then, "clears": Clears}
+_CHOICES: Final = {"when": MonitoredWhen, "then": Reaction, "clears": ClearPolicy}
 
 
 def settings_reader(
@@ -50,7 +50,7 @@ def _read_faults(raw: object) -> FaultTable:
     return FaultTable(**{name: _read_row(name, row) for name, row in given.items()})
 
 
-def _read_row(name: str, raw: object) -> Row:
+def _read_row(name: str, raw: object) -> FaultResponse:
     row = DECLARED[name].row
     several = {each.name: each for each in row.windows if each.name}
     given = _mapping(raw, [*_CHOICES, *(several or FIGURES)], name)
@@ -67,7 +67,7 @@ def _read_row(name: str, raw: object) -> Row:
     else:
         figures = {key: value for key, value in given.items() if key not in _CHOICES}
         windows = [_read_window(row.window, figures, name)]
-    changed: Row = replace(row, windows=tuple(windows), **choices)
+    changed: FaultResponse = replace(row, windows=tuple(windows), **choices)
     return changed
 
 
@@ -86,7 +86,7 @@ def _plain_faults(table: FaultTable) -> dict[str, dict[str, Any]]:
     return {declared.name: _plain_row(row) for declared, row in table}
 
 
-def _plain_row(row: Row) -> dict[str, Any]:
+def _plain_row(row: FaultResponse) -> dict[str, Any]:
     found: dict[str, Any] = {key: getattr(row, key).value for key in _CHOICES}
     for window in row.windows:
         said = _figures().plain(window)

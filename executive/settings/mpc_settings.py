@@ -32,7 +32,7 @@ class YawResponse:
 
 
 @dataclass(frozen=True, slots=True)
-class Slip:
+class SlipSettings:
     """How a turning rover slips, at the speed v, the rate of turn w and the acceleration a.
 
     To its left by -(offset + gain sign(v) sqrt|v w| - acceleration a) w: the point about which it
@@ -65,7 +65,7 @@ MOST_STEPS: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Mpc:
+class MpcSettings:
     """Model predictive control.
 
     Attributes:
@@ -83,8 +83,8 @@ class Mpc:
     command_delay_s: float = 0.05
     odometry_age_s: float = 0.02
     yaw: YawResponse = field(default_factory=YawResponse)
-    slip: Slip = field(default_factory=Slip)
-    odometry_slip: Slip | None = None
+    slip: SlipSettings = field(default_factory=SlipSettings)
+    odometry_slip: SlipSettings | None = None
     offered: bool = False
 
     def __post_init__(self) -> None:

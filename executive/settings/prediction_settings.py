@@ -10,7 +10,7 @@ from executive.settings.settings_files import HIGHEST_FIGURE, require_above_zero
 from executive.values.geometry import Point
 
 
-class End(Enum):
+class MotionEndKind(Enum):
     """How the last motion of a way ends."""
 
     LINE = auto()
@@ -20,7 +20,7 @@ class End(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class MotionExtent:
     """What a deviation or an energy depends on.
 
     Attributes:
@@ -33,7 +33,7 @@ class Way:
     length_m: float
     turned_rad: float
     curved_m: float = 0.0
-    end: End = End.LINE
+    end: MotionEndKind = MotionEndKind.LINE
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,27 +79,27 @@ class PredictionSettings:
             if not 0 <= figure <= HIGHEST_FIGURE:
                 raise ValueError(f"{name} must be 0 to {HIGHEST_FIGURE:g}, not {figure}")
 
-    def within_m(self, way: Way) -> float:
+    def within_m(self, way: MotionExtent) -> float:
         """Return the deviation of the place after a way, at 2 sigma."""
         grown = (self.place_m_per_m * way.length_m, self.place_m_per_rad * way.turned_rad)
-        curve_m = 0.0 if way.end is End.LINE else self.curve_place_m
+        curve_m = 0.0 if way.end is MotionEndKind.LINE else self.curve_place_m
         return hypot(self.place_m, curve_m, *grown)
 
-    def within_rad(self, way: Way) -> float:
+    def within_rad(self, way: MotionExtent) -> float:
         """Return the deviation of the heading after a way, at 2 sigma."""
         grown = (self.heading_rad_per_m * way.length_m, self.heading_rad_per_rad * way.turned_rad)
         match way.end:
-            case End.LINE:
+            case MotionEndKind.LINE:
                 end_rad = 0.0
-            case End.CURVE:
+            case MotionEndKind.CURVE:
                 end_rad = self.curve_heading_rad
-            case End.FREE_CURVE:
+            case MotionEndKind.FREE_CURVE:
                 end_rad = self.free_heading_rad
             case _:
                 assert_never(way.end)
         return hypot(self.heading_rad, end_rad, *grown)
 
-    def energy_j(self, way: Way) -> float | None:
+    def energy_j(self, way: MotionExtent) -> float | None:
         """Return what a motion takes of the battery, None where that is not known."""
         if self.standing_w is None:
             return None

@@ -5,8 +5,8 @@ from executive.state.files import FileFolder as FileFolder
 from executive.state.files import FileStamp as FileStamp
 from executive.state.files import check_path as check_path
 from executive.state.files import store_picture as store_picture
-from executive.state.fusion import Disagreement as Disagreement
 from executive.state.fusion import FramePair as FramePair
+from executive.state.fusion import PoseDisagreement as PoseDisagreement
 from executive.state.fusion import disagreement as disagreement
 from executive.state.motion_statistics import MotionStatistics as MotionStatistics
 from executive.state.rejections import Rejections as Rejections

@@ -64,7 +64,7 @@ class FramePair:
 
 
 @dataclass(frozen=True, slots=True)
-class Disagreement:
+class PoseDisagreement:
     """By how much two odometries differ over a way."""
 
     off_m: float
@@ -72,18 +72,18 @@ class Disagreement:
     way_m: float
 
 
-def disagreement(first: FramePair, last: FramePair) -> Disagreement:
+def disagreement(first: FramePair, last: FramePair) -> PoseDisagreement:
     """Return by how much two odometries differ over the way between two pairs."""
     own, other = _seen_from(first.pose, last.pose), _seen_from(first.second, last.second)
     turned_rad = wrap_rad(last.pose.heading_rad - first.pose.heading_rad)
     other_rad = wrap_rad(last.second.heading_rad - first.second.heading_rad)
-    return Disagreement(
+    return PoseDisagreement(
         own.distance_m(other), abs(wrap_rad(turned_rad - other_rad)), last.way_m - first.way_m
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _OdometrySample:
     """Where dead reckoning has come to, and what was summed up on the way."""
 
     stamp_s: float
@@ -95,7 +95,7 @@ class _Place:
     downhill_y: float
 
 
-class Fusion:
+class PoseFusion:
     """Takes both odometries, and gives the pose.
 
     Attributes:
@@ -107,11 +107,11 @@ class Fusion:
 
     def __init__(self, fused: bool) -> None:
         self.fused = fused
-        self._places: deque[_Place] = deque(maxlen=MOST_KEPT)
+        self._places: deque[_OdometrySample] = deque(maxlen=MOST_KEPT)
         self._raw: Odometry | None = None
         self.latest: FramePair | None = None
         self.unconfirmed_since: FramePair | None = None
-        self._before: _Place | None = None
+        self._before: _OdometrySample | None = None
         self._left = Point(0.0, 0.0)
         self._left_sd_m = 0.0
         self._wheels_m2 = 0.0
@@ -157,7 +157,7 @@ class Fusion:
             self._places.clear()
             self._before = None
         if before is None or not self._places:
-            self._places.append(_Place(fact.stamp_s, fact.pose, 0.0, 0.0, 0.0, 0.0, 0.0))
+            self._places.append(_OdometrySample(fact.stamp_s, fact.pose, 0.0, 0.0, 0.0, 0.0, 0.0))
             return
         last = self._places[-1]
         step = Point(fact.pose.x_m - before.pose.x_m, fact.pose.y_m - before.pose.y_m)
@@ -171,7 +171,7 @@ class Fusion:
         slope, way_m = hypot(x, y), hypot(step.x_m, step.y_m)
         since_s = max(0.0, fact.stamp_s - last.stamp_s)
         self._places.append(
-            _Place(
+            _OdometrySample(
                 fact.stamp_s,
                 pose,
                 last.way_m + way_m,
@@ -209,7 +209,9 @@ class Fusion:
             fact.heading_sd_rad,
         )
 
-    def _correct(self, before: _Place, here: _Place, second: Pose, second_now: Pose) -> None:
+    def _correct(
+        self, before: _OdometrySample, here: _OdometrySample, second: Pose, second_now: Pose
+    ) -> None:
         step = _seen_from(second, second_now)
         heading_rad = before.pose.heading_rad
         cosine, sine = cos(heading_rad), sin(heading_rad)
@@ -231,7 +233,9 @@ class Fusion:
         self._left_sd_m *= 1 - gain
         self._wheels_m2 *= 1 - gain
 
-    def _learn(self, before: _Place, here: _Place, apart_x: float, apart_y: float) -> None:
+    def _learn(
+        self, before: _OdometrySample, here: _OdometrySample, apart_x: float, apart_y: float
+    ) -> None:
         """Learn the slide of turns from one step in which the rover turned on a slope."""
         turn_rad = here.turn_rad - before.turn_rad
         x, y = here.downhill_x - before.downhill_x, here.downhill_y - before.downhill_y
@@ -242,7 +246,7 @@ class Fusion:
         self._turns2 = FORGOTTEN * self._turns2 + turned**2
         self._slid = FORGOTTEN * self._slid + turned * downhill_m
 
-    def _at(self, stamp_s: float) -> _Place | None:
+    def _at(self, stamp_s: float) -> _OdometrySample | None:
         """Return where dead reckoning was at a stamp; None where that is not known."""
         places = self._places
         if not places or not places[0].stamp_s <= stamp_s <= places[-1].stamp_s + AHEAD_S:
@@ -280,7 +284,7 @@ def _downhill(pose: Pose) -> tuple[float, float]:
     return ahead * cosine - left * sine, ahead * sine + left * cosine
 
 
-def _between(one: _Place, other: _Place, stamp_s: float) -> _Place:
+def _between(one: _OdometrySample, other: _OdometrySample, stamp_s: float) -> _OdometrySample:
     span_s = other.stamp_s - one.stamp_s
     part = (stamp_s - one.stamp_s) / span_s if span_s > 0.0 else 0.0
     part = min(part, 1.0)
@@ -296,7 +300,7 @@ def _between(one: _Place, other: _Place, stamp_s: float) -> _Place:
         y_m=mix(one.pose.y_m, other.pose.y_m),
         heading_rad=wrap_rad(heading_rad + part * turned_rad),
     )
-    return _Place(
+    return _OdometrySample(
         stamp_s,
         pose,
         mix(one.way_m, other.way_m),

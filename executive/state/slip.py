@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import copysign, cos, exp, sin, sqrt
 from typing import Final
 
-from executive.settings import Slip
+from executive.settings import SlipSettings
 from executive.values.facts import Odometry
 from executive.values.geometry import Velocity, wrap_rad
 
@@ -20,7 +20,7 @@ LONGEST_S: Final = 0.2
 class SlipModel:
     """How fast a rover slips, by what it moves at one time after another."""
 
-    def __init__(self, law: Slip) -> None:
+    def __init__(self, law: SlipSettings) -> None:
         self._law = law
         self._ahead_mps = self._left_mps = 0.0
 
@@ -44,7 +44,7 @@ class SlipCorrection:
         known: what its odometry takes that for.
     """
 
-    def __init__(self, rover: Slip, known: Slip) -> None:
+    def __init__(self, rover: SlipSettings, known: SlipSettings) -> None:
         self._rover, self._known = SlipModel(rover), SlipModel(known)
         self._last: Odometry | None = None
         self._x_m = self._y_m = 0.0

@@ -173,7 +173,7 @@ class _Frames:
         return SourceMotion("second odometry", stands, figures, not (known and self._compared))
 
 
-class Standstill:
+class StandstillDetector:
     """Takes what the sources tell, and says whether the rover stands by all that are there."""
 
     def __init__(self, clock: Clock) -> None:

@@ -5,12 +5,12 @@ from math import cos, inf, isfinite, nan, sin
 from typing import Final
 
 from executive.obstacles.local_map import LocalMap
-from executive.obstacles.zones import MAX_MARGIN_M, Seen, Zones
+from executive.obstacles.zones import MAX_MARGIN_M, ScannedObstacle, Zones
 from executive.settings import Settings
-from executive.state.fusion import Fusion
+from executive.state.fusion import PoseFusion
 from executive.state.rejections import Rejections
 from executive.state.slip import SlipCorrection
-from executive.state.standstill import Standstill, is_slow
+from executive.state.standstill import StandstillDetector, is_slow
 from executive.state.uncertainty import Uncertainty
 from executive.values.clock import Clock
 from executive.values.facts import (
@@ -81,10 +81,10 @@ class Status:
         self._motion_ended_at_s = -inf
         self.elsewhere: Identity | None = None
         self.foreign: tuple[str, ...] = ()
-        self.standstill = Standstill(clock)
+        self.standstill = StandstillDetector(clock)
         self.rejections = Rejections(clock)
         second = settings.sensors.second_odometry
-        self.fusion = None if second is None else Fusion(second.fused)
+        self.fusion = None if second is None else PoseFusion(second.fused)
         mpc = settings.mpc
         self._slip = None
         if settings.offers_mpc and mpc.odometry_slip is not None:
@@ -94,7 +94,7 @@ class Status:
             self._local_map = LocalMap(settings.footprint, settings.zones)
         self.uncertainty = Uncertainty()
         self._obstacles = settings.zones
-        self._obstacles_of: tuple[tuple[Seen, ...], float] = ((), 0.0)
+        self._obstacles_of: tuple[tuple[ScannedObstacle, ...], float] = ((), 0.0)
         self._odometry_at_s = -inf
         self._counted_m = 0.0
         self._counted_at: Point | None = None

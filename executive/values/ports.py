@@ -93,7 +93,7 @@ class VelocityRover(Rover, Protocol):
 
 
 @runtime_checkable
-class MotionRover(Rover, Protocol):
+class DelegatedMotionRover(Rover, Protocol):
     """A rover that carries out whole motions by itself, and tells their end by `MotionEnded`."""
 
     def carry_out(self, motion: WholeMotion) -> None:

@@ -68,7 +68,7 @@ class Severity(Enum):
 
 
 @unique
-class Kind(Enum):
+class ReportKind(Enum):
     """What a report is about (numbers as on the MRS wire)."""
 
     COMMAND = 1
@@ -92,7 +92,7 @@ class Report:
 
     sequence: int
     utc_s: float
-    kind: Kind
+    kind: ReportKind
     severity: Severity
     text: str
     identity: Identity | None = None

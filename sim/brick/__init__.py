@@ -2,7 +2,7 @@
 
 from sim.brick.firmware import Firmware as Firmware
 from sim.brick.firmware import Readings as Readings
-from sim.brick.machine import Senses as Senses
+from sim.brick.machine import SensorReadings as SensorReadings
 from sim.brick.machine import SetPoints as SetPoints
 from sim.brick.plug import UsbPlug as UsbPlug
 from sim.brick.settings import BrickSettings as BrickSettings

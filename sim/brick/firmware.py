@@ -15,7 +15,7 @@ from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
-from sim.brick.machine import Machine, Senses, SetPoints, Work
+from sim.brick.machine import Machine, SensorReadings, SetPoints, Work
 from sim.brick.motion import StuckError
 from sim.brick.settings import BrickSettings
 
@@ -81,7 +81,7 @@ class Firmware:
         self._said.clear()
         return said
 
-    def step(self, now_s: float, senses: Senses, period_s: float) -> SetPoints:
+    def step(self, now_s: float, senses: SensorReadings, period_s: float) -> SetPoints:
         """Advance by a period: take measurements, continue the task, emit replies and telemetry."""
         machine = self.machine
         machine.sense(now_s, senses)

@@ -16,7 +16,7 @@ from executive.commands import (
     SetTravelSpeed,
 )
 from executive.values.geometry import Point, Pose
-from sim.brick.motion import Course, Motion, course
+from sim.brick.motion import Motion, SegmentSequence, course
 from sim.brick.odometry import CountOdometry, Rims
 from sim.brick.settings import BrickSettings
 from sim.pan_tilt import HeadController, HeadLimits
@@ -38,7 +38,7 @@ _STILL: Rims = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Senses:
+class SensorReadings:
     """What the brick measures in a period: counts of wheels, volts, angles of the head."""
 
     left_deg: int
@@ -74,9 +74,9 @@ class Machine:
         self.track_m = track_m
         self._limits = HeadLimits()
         self._head = HeadController(self._limits)
-        self._course: Course | None = None
+        self._course: SegmentSequence | None = None
         self.odometry = CountOdometry(settings.wheel_radius_m, track_m, start)
-        self.senses = Senses(0, 0, 0.0, 0.0, 0.0)
+        self.senses = SensorReadings(0, 0, 0.0, 0.0, 0.0)
         self.travel_mps = settings.first_travel_mps
         self.rotate_radps = settings.first_rotate_radps
         self.camera_radps = 0.5
@@ -86,7 +86,7 @@ class Machine:
         """Whether a motion is under way."""
         return self._course is not None
 
-    def sense(self, now_s: float, senses: Senses) -> None:
+    def sense(self, now_s: float, senses: SensorReadings) -> None:
         """Take what was measured in a period."""
         self.senses = senses
         self.odometry.advance(now_s, senses.left_deg, senses.right_deg)

@@ -106,7 +106,7 @@ class StuckError(Exception):
     """A wheel shall turn and does not; the text says which."""
 
 
-class Course:
+class SegmentSequence:
     """The segments of one motion, each begun when the rover stands."""
 
     def __init__(
@@ -158,7 +158,7 @@ def course(
     track_m: float,
     odometry: CountOdometry,
     settings: BrickSettings,
-) -> Course:
+) -> SegmentSequence:
     """Return the course of a motion: turn, line, turn where it leads to a place."""
 
     def line(distance_m: float) -> Segment:
@@ -195,4 +195,4 @@ def course(
             segments = [lambda _: HoldSegment(*rims, duration_s, settings)]
         case _:
             assert_never(motion)
-    return Course(segments, odometry, settings)
+    return SegmentSequence(segments, odometry, settings)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sim.campaign.model import Campaign
-    from sim.campaign.runs import Runs
-    from sim.campaign.verdict import Verdict
+    from sim.campaign.runs import RunTable
+    from sim.campaign.verdict import CampaignVerdict
 
 PIPE_WIDTH: Final = 240
 NOT_USABLE: Final = 2
@@ -150,7 +150,7 @@ def _play(
     from sim.campaign.output import open_output
     from sim.campaign.progress import ProgressBar, show
     from sim.campaign.reading import campaign_path, load_campaign
-    from sim.campaign.session import Session, keep_failed
+    from sim.campaign.session import CampaignSession, keep_failed
     from sim.campaign.verdict import judge
     from sim.campaign.worker import play_and_keep, play_job
 
@@ -164,7 +164,7 @@ def _play(
         click.echo(f"Warning: {text} and grids more often than others", err=True)
     try:
         with cluster as client, ProgressBar(console) as bar:
-            Session(loaded, data, partial(results, client, play_job), bar).to_the_end()
+            CampaignSession(loaded, data, partial(results, client, play_job), bar).to_the_end()
             unlike = keep_failed(
                 loaded, data, partial(results, client, play_and_keep), out, keep, bar
             )
@@ -186,7 +186,7 @@ def _play(
 
 
 def _report(
-    console: "Console", loaded: "Campaign", data: "Runs", verdict: "Verdict", out: Path
+    console: "Console", loaded: "Campaign", data: "RunTable", verdict: "CampaignVerdict", out: Path
 ) -> None:
     """Write verdict, report and JUnit, and say where all is."""
     from executive.settings import SettingsError

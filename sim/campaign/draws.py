@@ -33,14 +33,14 @@ from sim.campaign.model import (
     Variation,
 )
 from sim.rover.faults import Onset, read_kind
-from sim.scenario.changes import NO_FAULT, Change
+from sim.scenario.changes import NO_FAULT, Override
 from sim.scenario.reading import SUFFIXES
 
 INJECT: Final = "inject"
 
 
 @unique
-class Kind(Enum):
+class ValueKind(Enum):
     """What the values of a varied quantity are."""
 
     NUMBER = "number"
@@ -49,7 +49,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class VariedQuantity:
     """A varied quantity, a column of the data set.
 
     Attributes:
@@ -57,7 +57,7 @@ class Quantity:
     """
 
     name: str
-    kind: Kind
+    kind: ValueKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Draw:
 
     run: int
     scenario: str
-    changes: tuple[Change, ...]
+    changes: tuple[Override, ...]
     values: tuple[Scalar | None, ...]
 
     @property
@@ -87,7 +87,7 @@ class Draw:
         return shlex.join(words)
 
 
-def quantities(campaign: Campaign) -> tuple[Quantity, ...]:
+def quantities(campaign: Campaign) -> tuple[VariedQuantity, ...]:
     """Return what varies in a campaign."""
     return tuple(found for variation in campaign.vary for found in _quantities(variation))
 
@@ -99,7 +99,7 @@ def draw(campaign: Campaign, run: int) -> Draw:
     chosen: dict[str, int] = {}
     for name, grid in campaign.grids:
         place, chosen[name] = divmod(place, len(grid.grid))
-    changes: list[Change] = []
+    changes: list[Override] = []
     values: list[Scalar | None] = []
     for variation in campaign.vary:
         value = _drawn(campaign.seed, run, variation.key, variation.distribution, chosen)
@@ -107,7 +107,7 @@ def draw(campaign: Campaign, run: int) -> Draw:
             change, given = _fault(campaign.seed, run, variation, value, chosen)
         else:
             assert not isinstance(value, FaultDraw)
-            change = Change(variation.key, written(value))
+            change = Override(variation.key, written(value))
             given = [value.name if isinstance(value, Named) else value]
         changes.append(change)
         values += given
@@ -128,16 +128,16 @@ def written(value: Scalar | Named) -> str:
     return as_yaml(value.value if isinstance(value, Named) else value)
 
 
-def _quantities(variation: Variation) -> Iterator[Quantity]:
+def _quantities(variation: Variation) -> Iterator[VariedQuantity]:
     distribution = variation.distribution
     if variation.key != INJECT:
-        yield Quantity(variation.key, _kind([distribution]))
+        yield VariedQuantity(variation.key, _kind([distribution]))
         return
-    yield Quantity(INJECT, Kind.TEXT)
-    yield Quantity(f"{INJECT}.onset", Kind.TEXT)
-    yield Quantity(f"{INJECT}.at", Kind.NUMBER)
+    yield VariedQuantity(INJECT, ValueKind.TEXT)
+    yield VariedQuantity(f"{INJECT}.onset", ValueKind.TEXT)
+    yield VariedQuantity(f"{INJECT}.at", ValueKind.NUMBER)
     if variation.lasts is not None:
-        yield Quantity(f"{INJECT}.for", Kind.NUMBER)
+        yield VariedQuantity(f"{INJECT}.for", ValueKind.NUMBER)
     for name in parameters(variation):
         given = [
             value
@@ -146,7 +146,7 @@ def _quantities(variation: Variation) -> Iterator[Quantity]:
             for parameter, value in fault.parameters
             if parameter == name
         ]
-        yield Quantity(f"{INJECT}.{name}", _kind(given))
+        yield VariedQuantity(f"{INJECT}.{name}", _kind(given))
 
 
 def parameters(variation: Variation) -> list[str]:
@@ -166,39 +166,39 @@ def alternatives(distribution: Distribution) -> Sequence[Alternative]:
             return ()
 
 
-def _kind(given: Sequence[Distribution | Scalar]) -> Kind:
+def _kind(given: Sequence[Distribution | Scalar]) -> ValueKind:
     """Return what all of several distributions and constants give."""
     found = set()
     for each in given:
         match each:
             case Integers():
-                found.add(Kind.WHOLE)
+                found.add(ValueKind.WHOLE)
             case Uniform() | LogUniform() | Normal():
-                found.add(Kind.NUMBER)
+                found.add(ValueKind.NUMBER)
             case Choice(choice=values) | Grid(grid=values):
                 found |= {_kind_of(value) for value in values}
             case _:
                 found.add(_kind_of(each))
-    if Kind.TEXT in found or not found:
-        return Kind.TEXT
-    return Kind.NUMBER if Kind.NUMBER in found else Kind.WHOLE
+    if ValueKind.TEXT in found or not found:
+        return ValueKind.TEXT
+    return ValueKind.NUMBER if ValueKind.NUMBER in found else ValueKind.WHOLE
 
 
-def _kind_of(value: Alternative) -> Kind:
+def _kind_of(value: Alternative) -> ValueKind:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        return Kind.TEXT
-    return Kind.WHOLE if isinstance(value, int) else Kind.NUMBER
+        return ValueKind.TEXT
+    return ValueKind.WHOLE if isinstance(value, int) else ValueKind.NUMBER
 
 
-def _typed(value: Scalar | None, kind: Kind) -> Scalar | None:
+def _typed(value: Scalar | None, kind: ValueKind) -> Scalar | None:
     match kind:
         case _ if value is None:
             return None
-        case Kind.TEXT:
+        case ValueKind.TEXT:
             return as_yaml(value)
-        case Kind.NUMBER:
+        case ValueKind.NUMBER:
             return float(value)
-        case Kind.WHOLE:
+        case ValueKind.WHOLE:
             return int(value)
         case _:
             assert_never(kind)
@@ -237,7 +237,7 @@ def number(distribution: Number, random: np.random.Generator) -> float | int:
 
 def _fault(
     seed: int, run: int, variation: Variation, value: Alternative, chosen: dict[str, int]
-) -> tuple[Change, list[Scalar | None]]:
+) -> tuple[Override, list[Scalar | None]]:
     """Return the change that injects a fault, and its name, times and parameters."""
     assert not isinstance(value, Named)
     fault = value if isinstance(value, FaultDraw) else FaultDraw(as_yaml(value))
@@ -247,7 +247,7 @@ def _fault(
         times["for"] = variation.lasts
     if fault.name == NO_FAULT:
         nothing = [None for _ in (*times, *names)]
-        return Change(INJECT, NO_FAULT), [NO_FAULT, Onset.NONE.value, *nothing]
+        return Override(INJECT, NO_FAULT), [NO_FAULT, Onset.NONE.value, *nothing]
     times_s = {
         key: said if isinstance(said, float) else _seconds(seed, run, key, said, chosen)
         for key, said in times.items()
@@ -272,9 +272,9 @@ def _seconds(
     return drawn
 
 
-def fault_change(name: str, given: dict[str, Scalar], times_s: dict[str, float]) -> Change:
+def fault_change(name: str, given: dict[str, Scalar], times_s: dict[str, float]) -> Override:
     """Return the change that injects a fault, with its times `at` and, if it ends, `for`."""
     said = ", ".join(f"{parameter}: {as_yaml(value)}" for parameter, value in given.items())
     fault = f"{name}: {{{said}}}" if said else name
     times = ", ".join(f"{key}: {as_yaml(time_s)}" for key, time_s in times_s.items())
-    return Change(INJECT, f"{{{fault}, {times}}}")
+    return Override(INJECT, f"{{{fault}, {times}}}")

@@ -8,7 +8,7 @@ from math import isfinite, prod
 from typing import Final
 
 from executive.settings import figure
-from sim.campaign.where import EVERYWHERE, Where
+from sim.campaign.where import EVERYWHERE, RunFilter
 
 MOST_RUNS: Final = 10_000_000
 
@@ -180,7 +180,7 @@ class Success:
 
     success: float = figure(most=1.0)
     confidence: float = figure(0.5, 0.999999, default=0.95)
-    where: Where = EVERYWHERE
+    where: RunFilter = EVERYWHERE
 
     def __post_init__(self) -> None:
         if self.success == 0:
@@ -214,7 +214,7 @@ class Quantile:
     below: float | None = None
     above: float | None = None
     confidence: float = figure(0.5, 0.999999, default=0.95)
-    where: Where = EVERYWHERE
+    where: RunFilter = EVERYWHERE
 
     def __post_init__(self) -> None:
         if (self.below is None) == (self.above is None):

@@ -13,7 +13,7 @@ from adapters.process import StartError, exclusive
 from executive.settings import SettingsError
 from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign
-from sim.campaign.runs import Runs
+from sim.campaign.runs import RunTable
 from sim.campaign.worker import Software, fingerprint, software
 
 FILE: Final = "campaign.json"
@@ -22,7 +22,7 @@ LOCK: Final = "lock"
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class CampaignFingerprint:
     """What decides over the bits of all runs.
 
     Attributes:
@@ -38,13 +38,13 @@ class Identity:
     software: Software
 
     @classmethod
-    def of(cls, campaign: Campaign) -> "Identity":
+    def of(cls, campaign: Campaign) -> "CampaignFingerprint":
         """Return that of a campaign, here and now."""
         drawn = repr((campaign.scenarios, campaign.seed, campaign.vary))
         prints = "".join(map(fingerprint, campaign.scenarios))
         return cls(campaign.title, _digest(drawn), _digest(prints), software())
 
-    def obstacle(self, other: "Identity") -> str:
+    def obstacle(self, other: "CampaignFingerprint") -> str:
         """Return why another campaign's runs do not go with those of this one; empty if they do."""
         if self.software != other.software:
             return f"the software has changed: {self.software.differences(other.software)}"
@@ -77,7 +77,7 @@ def sole_writer(folder: Path) -> Iterator[None]:
         yield
 
 
-def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -> Runs:
+def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -> RunTable:
     """Return the data set in the folder of a campaign, a new one or one to go on with.
 
     Whoever writes to it is its `sole_writer`.
@@ -91,7 +91,7 @@ def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -
     Raises:
         SettingsError: the folder cannot be used; the text says why, and what to do.
     """
-    identity = Identity.of(campaign)
+    identity = CampaignFingerprint.of(campaign)
     begun = (folder / FILE).is_file()
     if resume and begun:
         obstacle = _read(folder / FILE).obstacle(identity)
@@ -106,7 +106,7 @@ def open_output(folder: Path, campaign: Campaign, file: Path, *, resume: bool) -
             shutil.copyfile(file, folder / COPY)
             text = json.dumps(asdict(identity), indent=1, ensure_ascii=False) + "\n"
             (folder / FILE).write_text(text, encoding="utf-8")
-        return Runs(folder, quantities(campaign))
+        return RunTable(folder, quantities(campaign))
     except OSError as error:
         raise SettingsError(f"{folder}: cannot be written ({error.strerror})") from error
 
@@ -118,10 +118,10 @@ def _usable(folder: Path) -> bool:
     return all(each.name == LOCK for each in folder.iterdir())
 
 
-def _read(path: Path) -> Identity:
+def _read(path: Path) -> CampaignFingerprint:
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
-        return Identity(**{**said, "software": Software(**said["software"])})
+        return CampaignFingerprint(**{**said, "software": Software(**said["software"])})
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise SettingsError(f"{path}: is not that of a campaign ({error})") from error
 

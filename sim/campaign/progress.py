@@ -18,15 +18,15 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-from sim.campaign.runs import Run
-from sim.campaign.verdict import Judgement, Verdict, clopper_pearson
+from sim.campaign.runs import CampaignRun
+from sim.campaign.verdict import CampaignVerdict, CriterionStatus, clopper_pearson
 
 FIRST_FAILURES: Final = 5
 _MARKS: Final = {
-    Judgement.HOLDS: "[green]holds[/]",
-    Judgement.FAILS: "[red]FAILS[/]",
-    Judgement.UNDECIDED: "[yellow]UNDECIDED[/]",
-    Judgement.EMPTY: "[red]ERROR[/]",
+    CriterionStatus.HOLDS: "[green]holds[/]",
+    CriterionStatus.FAILS: "[red]FAILS[/]",
+    CriterionStatus.UNDECIDED: "[yellow]UNDECIDED[/]",
+    CriterionStatus.EMPTY: "[red]ERROR[/]",
 }
 
 
@@ -82,7 +82,7 @@ class ProgressBar:
         self._succeeded = succeeded
         self._bar.update(self._task, total=total, completed=done, succeeded=succeeded)
 
-    def played(self, run: Run) -> None:
+    def played(self, run: CampaignRun) -> None:
         """Show one more run; the first that fail by name, with why."""
         self._succeeded += run.holds
         if not run.holds:
@@ -99,7 +99,7 @@ class ProgressBar:
         """Show that one more is."""
         self._bar.advance(self._kept)
 
-    def _tell_of(self, run: Run) -> None:
+    def _tell_of(self, run: CampaignRun) -> None:
         if self._failed <= FIRST_FAILURES:
             self._console.print(f"run {run.run} fails: {escape(run.failed_findings[0])}")
             self._console.print(f"  [dim]{escape(run.command)}[/]", soft_wrap=True)
@@ -107,7 +107,7 @@ class ProgressBar:
             self._console.print("[dim]more runs fail; the data set has them all[/]")
 
 
-def show(console: Console, verdict: Verdict) -> None:
+def show(console: Console, verdict: CampaignVerdict) -> None:
     """Print a verdict."""
     console.print(f"[bold]{escape(verdict.title)}[/]")
     table = Table(box=None, pad_edge=False, header_style="dim")

@@ -45,9 +45,9 @@ from sim.campaign.model import (
     Variation,
     combinations,
 )
-from sim.campaign.where import Where, require_key
-from sim.scenario.changes import NO_FAULT, Change
-from sim.scenario.model import PlayMode
+from sim.campaign.where import RunFilter, require_key
+from sim.scenario.changes import NO_FAULT, Override
+from sim.scenario.model import RunMode
 from sim.scenario.reading import SUFFIXES, load_scenario, path_of
 
 MOST_COMBINATIONS: Final = 1_000_000
@@ -118,7 +118,7 @@ def _campaign(raw: object, folder: Path) -> Campaign:
 def _reader(*, faults: bool = False) -> StrictReader:
     """Return the reader of campaigns, or of the alternatives of `inject`, which are faults."""
     special: dict[Any, Callable[[Any], Any]] = {
-        Where: lambda raw: Where.parse(reader.read(raw, str)),
+        RunFilter: lambda raw: RunFilter.parse(reader.read(raw, str)),
         Interval: _interval,
         Scalar: _scalar,
         FaultDraw: _fault,
@@ -297,21 +297,21 @@ def _check_scenarios(campaign: Campaign) -> None:
                     raise FormatError(path, f"{error.faults[0][1]}; {hint}: add within") from error
 
 
-def _try(scenario: str, changes: tuple[Change, ...], path: str) -> None:
+def _try(scenario: str, changes: tuple[Override, ...], path: str) -> None:
     try:
-        load_scenario(scenario, PlayMode.LOCK_STEP, changes)
+        load_scenario(scenario, RunMode.LOCK_STEP, changes)
     except SettingsError as error:
         raise FormatError(path, str(error)) from error
 
 
-def _ends(variation: Variation) -> Iterator[tuple[str, Change]]:
+def _ends(variation: Variation) -> Iterator[tuple[str, Override]]:
     """Yield the least and the greatest that a key is set to, or all, each with its path."""
     path = f"vary.{variation.key}"
     values = list(_ends_of(variation.distribution))
     if variation.key != INJECT:
         for value in values:
             assert not isinstance(value, FaultDraw)
-            yield path, Change(variation.key, draws.written(value))
+            yield path, Override(variation.key, draws.written(value))
         return
     said = {"at": variation.at, "for": variation.lasts}
     times = {

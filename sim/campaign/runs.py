@@ -19,10 +19,10 @@ from cattrs.strategies import configure_union_passthrough
 
 from executive.settings import SettingsError
 from executive.values.reasons import Reason
-from sim.campaign.draws import Kind, Quantity, quantities
+from sim.campaign.draws import ValueKind, VariedQuantity, quantities
 from sim.campaign.model import Campaign, Scalar
-from sim.campaign.where import EVERYWHERE, Where
-from sim.scenario.outcome import Figures
+from sim.campaign.where import EVERYWHERE, RunFilter
+from sim.scenario.outcome import RunMetrics
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -31,20 +31,20 @@ FOLDER: Final = "runs"
 VARY: Final = "vary."
 """What the columns of varied quantities begin with."""
 _ARROW: Final = {
-    Kind.NUMBER: pa.float64(),
-    Kind.WHOLE: pa.int64(),
-    Kind.TEXT: pa.string(),
+    ValueKind.NUMBER: pa.float64(),
+    ValueKind.WHOLE: pa.int64(),
+    ValueKind.TEXT: pa.string(),
     float | None: pa.float64(),
     float: pa.float64(),
     int | None: pa.int64(),
     int: pa.int64(),
     tuple[Reason, ...]: pa.list_(pa.string()),
 }
-_FIGURES: Final[dict[str, Any]] = get_type_hints(Figures)
+_FIGURES: Final[dict[str, Any]] = get_type_hints(RunMetrics)
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class CampaignRun:
     """One run.
 
     Attributes:
@@ -64,7 +64,7 @@ class Run:
     scenario: str
     seed: int
     varied: Mapping[str, Scalar | None]
-    figures: Figures
+    figures: RunMetrics
     holds: bool
     failed_findings: tuple[str, ...]
     digest: str
@@ -75,11 +75,11 @@ class Run:
 def keys_of(campaign: Campaign) -> dict[str, bool]:
     """Return all that conditions and quantiles can go by, and whether it is a number."""
     figures = {name: True for name, kind in _FIGURES.items() if kind != tuple[Reason, ...]}
-    varied = {each.name: each.kind is not Kind.TEXT for each in quantities(campaign)}
+    varied = {each.name: each.kind is not ValueKind.TEXT for each in quantities(campaign)}
     return {"scenario": False, **figures, **varied}
 
 
-class Runs:
+class RunTable:
     """The data set in a folder.
 
     Args:
@@ -87,7 +87,7 @@ class Runs:
         varied: what varies.
     """
 
-    def __init__(self, folder: Path, varied: Sequence[Quantity]) -> None:
+    def __init__(self, folder: Path, varied: Sequence[VariedQuantity]) -> None:
         self._folder = folder / FOLDER
         self._varied = tuple(varied)
         self._schema = _schema(self._varied)
@@ -95,7 +95,7 @@ class Runs:
         for rest in self._folder.glob("*.unfinished"):
             rest.unlink()
 
-    def add(self, runs: Sequence[Run]) -> None:
+    def add(self, runs: Sequence[CampaignRun]) -> None:
         """Write runs as one more part, durably; those of a part once more change nothing.
 
         Raises:
@@ -136,11 +136,11 @@ class Runs:
             raise SettingsError(f"{self._folder}: run {twice} is there twice; begin in a new --out")
         return list(found)
 
-    def frame(self, *keys: str, where: Where = EVERYWHERE) -> "DataFrame":
+    def frame(self, *keys: str, where: RunFilter = EVERYWHERE) -> "DataFrame":
         """Return columns of the runs, by their numbers; NA is what a run does not have.
 
         Args:
-            keys: of `keys_of`, or other fields of `Run`.
+            keys: of `keys_of`, or other fields of `CampaignRun`.
             where: of which runs.
 
         Raises:
@@ -152,7 +152,7 @@ class Runs:
         table = self._table(["run", *names]).to_pandas(types_mapper=ArrowDtype)
         return where.of(table.rename(columns=names).set_index("run").sort_index())
 
-    def read(self, where: Where = EVERYWHERE, *, failed: bool = False) -> Iterator[Run]:
+    def read(self, where: RunFilter = EVERYWHERE, *, failed: bool = False) -> Iterator[CampaignRun]:
         """Yield runs by number.
 
         Args:
@@ -162,15 +162,15 @@ class Runs:
         holds = self.frame("holds", where=where)["holds"]
         yield from self.at(holds.index[~holds] if failed else holds.index)
 
-    def at(self, numbers: Iterable[int]) -> Iterator[Run]:
+    def at(self, numbers: Iterable[int]) -> Iterator[CampaignRun]:
         """Yield the runs of these numbers, by number."""
         table = self._table(None, ds.field("run").isin(list(numbers))).sort_by("run")
         for batch in table.to_batches(max_chunksize=1000):
             yield from map(self._run, batch.to_pylist())
 
-    def _run(self, row: dict[str, Any]) -> Run:
+    def _run(self, row: dict[str, Any]) -> CampaignRun:
         varied = {each.name: row[VARY + each.name] for each in self._varied}
-        return _converter().structure({**row, "varied": varied, "figures": row}, Run)
+        return _converter().structure({**row, "varied": varied, "figures": row}, CampaignRun)
 
     def _column(self, key: str) -> str:
         return VARY + key if VARY + key in self._schema.names else key
@@ -185,7 +185,7 @@ class Runs:
             raise SettingsError(f"{self._folder}: is no data set of runs ({error})") from error
 
 
-def _schema(varied: Sequence[Quantity]) -> Any:
+def _schema(varied: Sequence[VariedQuantity]) -> Any:
     return pa.schema(
         [
             ("run", pa.int64()),
@@ -202,7 +202,7 @@ def _schema(varied: Sequence[Quantity]) -> Any:
     )
 
 
-def _row(run: Run) -> dict[str, Any]:
+def _row(run: CampaignRun) -> dict[str, Any]:
     row: dict[str, Any] = _converter().unstructure(run)
     varied = {VARY + name: value for name, value in row.pop("varied").items()}
     return {**row.pop("figures"), **varied, **row}

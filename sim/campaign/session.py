@@ -18,9 +18,9 @@ from typing import Final, Protocol
 from executive.settings import SettingsError
 from sim.campaign.draws import Draw, draw, quantities
 from sim.campaign.model import Campaign, Until
-from sim.campaign.runs import Run, Runs
+from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.verdict import clopper_pearson
-from sim.campaign.worker import Job, Kept, NotPlayed, Played, fingerprint
+from sim.campaign.worker import Job, JobFailed, JobResult, RunArtifacts, fingerprint
 from sim.scenario.reading import SUFFIXES
 
 WRITE_EVERY_S: Final = 10.0
@@ -33,21 +33,21 @@ FOLDER: Final = "failed"
 DIGEST: Final = "digest.txt"
 """In such a folder: the digest of the run that left it."""
 
-Play = Callable[[Iterable[Job]], Iterator[Played | NotPlayed]]
+Play = Callable[[Iterable[Job]], Iterator[JobResult | JobFailed]]
 """Plays jobs, in whatever order."""
 
 
-class Watcher(Protocol):
+class ProgressListener(Protocol):
     """Who hears how a campaign goes."""
 
     def expect(self, total: int, done: int, succeeded: int) -> None:
         """Hear how many runs there are to be, and how many there are."""
 
-    def played(self, run: Run) -> None:
+    def played(self, run: CampaignRun) -> None:
         """Hear of one more run."""
 
 
-class KeepWatcher(Protocol):
+class ArtifactListener(Protocol):
     """Who hears how the keeping of failed runs goes."""
 
     def keep(self, total: int) -> None:
@@ -65,7 +65,7 @@ def job_of(drawn: Draw) -> Job:
     return Job(drawn.run, scenario, drawn.changes, fingerprint(drawn.scenario))
 
 
-class Session:
+class CampaignSession:
     """One campaign and its data set.
 
     Args:
@@ -79,9 +79,9 @@ class Session:
     def __init__(
         self,
         campaign: Campaign,
-        runs: Runs,
+        runs: RunTable,
         play: Play,
-        watcher: Watcher,
+        watcher: ProgressListener,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._campaign, self._runs = campaign, runs
@@ -126,7 +126,7 @@ class Session:
         done = [self._holds[run] for run in range(total) if run in self._holds]
         self._watcher.expect(total, len(done), sum(done))
         given: dict[int, Draw] = {}
-        fresh: list[Run] = []
+        fresh: list[CampaignRun] = []
         written_s = self._clock()
         try:
             for result in self._play(self._jobs(missing, given)):
@@ -146,20 +146,20 @@ class Session:
             given[number] = draw(self._campaign, number)
             yield job_of(given[number])
 
-    def _run(self, result: Played | NotPlayed, drawn: Draw) -> Run:
-        if isinstance(result, NotPlayed):
+    def _run(self, result: JobResult | JobFailed, drawn: Draw) -> CampaignRun:
+        if isinstance(result, JobFailed):
             raise SettingsError(
                 f"run {result.run} ({drawn.command}) cannot be played: {result.why}"
             )
         names = [each.name for each in quantities(self._campaign)]
-        return Run(
-            **{each.name: getattr(result, each.name) for each in fields(Played)},
+        return CampaignRun(
+            **{each.name: getattr(result, each.name) for each in fields(JobResult)},
             scenario=drawn.scenario,
             varied=dict(zip(names, drawn.values, strict=True)),
             command=drawn.command,
         )
 
-    def _write(self, fresh: list[Run]) -> None:
+    def _write(self, fresh: list[CampaignRun]) -> None:
         """Write what is not written yet; where that fails, or Ctrl-C cuts it short, it stays."""
         self._runs.add(fresh)
         fresh.clear()
@@ -167,11 +167,11 @@ class Session:
 
 def keep_failed(
     campaign: Campaign,
-    runs: Runs,
-    play: Callable[[Iterable[Job]], Iterator[Kept | NotPlayed]],
+    runs: RunTable,
+    play: Callable[[Iterable[Job]], Iterator[RunArtifacts | JobFailed]],
     folder: Path,
     most: int,
-    watcher: KeepWatcher,
+    watcher: ArtifactListener,
 ) -> list[int]:
     """Keep what failed runs leave, of those that are not kept yet.
 
@@ -194,7 +194,7 @@ def keep_failed(
     watcher.keep(len(missing))
     unlike = []
     for result in play(job_of(draw(campaign, run)) for run in missing):
-        if isinstance(result, NotPlayed):
+        if isinstance(result, JobFailed):
             raise SettingsError(f"run {result.run} cannot be played once more: {result.why}")
         if result.digest != digests[result.run]:
             unlike.append(result.run)
@@ -208,13 +208,13 @@ def folder_of(folder: Path, run: int) -> Path:
     return folder / FOLDER / f"run-{run:06d}"
 
 
-def is_kept(folder: Path, run: Run) -> bool:
+def is_kept(folder: Path, run: CampaignRun) -> bool:
     """Return whether what a failed run left is kept, alike bit for bit."""
     digest = folder_of(folder, run.run) / DIGEST
     return digest.exists() and digest.read_text(encoding="utf-8") == run.digest
 
 
-def _unpack(kept: Kept, place: Path) -> None:
+def _unpack(kept: RunArtifacts, place: Path) -> None:
     """Write what a run left into a folder, which is there as a whole or not at all."""
     unfinished = place.with_suffix(".unfinished")
     rmtree(unfinished, ignore_errors=True)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, assert_never
 from scipy.stats import binomtest
 
 from sim.campaign.model import Campaign, Hold, Interval, Quantile, Success, Until
-from sim.campaign.runs import Runs
+from sim.campaign.runs import RunTable
 
 if TYPE_CHECKING:
     from pandas import Series
@@ -27,7 +27,7 @@ INTERVAL_CONFIDENCE: Final = 0.95
 
 
 @unique
-class Judgement(Enum):
+class CriterionStatus(Enum):
     """What the runs say of something that must hold."""
 
     HOLDS = "holds"
@@ -39,7 +39,7 @@ class Judgement(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class CriterionResult:
     """One thing that must hold, and what came of it; without runs it is about none.
 
     Attributes:
@@ -58,7 +58,7 @@ class Judged:
     """
 
     hold: str
-    judgement: Judgement = Judgement.EMPTY
+    judgement: CriterionStatus = CriterionStatus.EMPTY
     figure: float | None = None
     bound: float
     share: float = 0.0
@@ -73,7 +73,7 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class CampaignVerdict:
     """What came of a campaign.
 
     Attributes:
@@ -89,18 +89,18 @@ class Verdict:
     succeeded: int
     low: float
     high: float
-    judged: tuple[Judged, ...]
+    judged: tuple[CriterionResult, ...]
     notes: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
         """Whether all holds that must."""
-        return all(each.judgement is Judgement.HOLDS for each in self.judged)
+        return all(each.judgement is CriterionStatus.HOLDS for each in self.judged)
 
     @property
     def empty(self) -> bool:
         """Whether something is about no run."""
-        return any(each.judgement is Judgement.EMPTY for each in self.judged)
+        return any(each.judgement is CriterionStatus.EMPTY for each in self.judged)
 
     def write(self, folder: Path) -> None:
         """Write it as JSON."""
@@ -126,14 +126,16 @@ def quantile(values: Iterable[float], share: float) -> float:
     return ordered[max(ceil(share * len(ordered) - 1e-9), 1) - 1]
 
 
-def judge(campaign: Campaign, runs: Runs) -> Verdict:
+def judge(campaign: Campaign, runs: RunTable) -> CampaignVerdict:
     """Return what came of a campaign with these runs, one at least."""
     holds = runs.frame("holds")["holds"]
     many, succeeded = len(holds), int(holds.sum())
     interval = clopper_pearson(succeeded, many)
     judged = tuple(_judged(hold, runs) for hold in campaign.hold)
     notes = tuple(_notes(campaign.runs, many, succeeded))
-    return Verdict(campaign.title, many, succeeded, interval.low, interval.high, judged, notes)
+    return CampaignVerdict(
+        campaign.title, many, succeeded, interval.low, interval.high, judged, notes
+    )
 
 
 def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
@@ -151,11 +153,11 @@ def _notes(wanted: int | Until, runs: int, succeeded: int) -> Iterator[str]:
             )
 
 
-def _judged(hold: Hold, runs: Runs) -> Judged:
+def _judged(hold: Hold, runs: RunTable) -> CriterionResult:
     """Judge by how many runs keep a bound; one that has no such figure does not."""
     key = hold.of if isinstance(hold, Quantile) else "holds"
     seen = runs.frame(key, where=hold.where)[key]
-    judged = Judged(
+    judged = CriterionResult(
         hold=str(hold), bound=hold.bound, wanted=hold.wanted, confidence=hold.confidence
     )
     if seen.empty:
@@ -168,7 +170,7 @@ def _judged(hold: Hold, runs: Runs) -> Judged:
     text = f"{figure:.4g}" if isfinite(figure) else f"no {key} in {missing} runs"
     text += f"; {kept} of {many} runs keep it"
     text += f", a share of {interval.low:.4g} .. {interval.high:.4g}"
-    if judgement is Judgement.UNDECIDED and kept == many:
+    if judgement is CriterionStatus.UNDECIDED and kept == many:
         needed = ceil(log(1 - hold.confidence) / log(hold.wanted))
         text += f"; it takes {needed} runs of which all do"
     return replace(
@@ -198,8 +200,8 @@ def _kept(hold: Hold, seen: "Series") -> tuple["Series", float]:
             assert_never(hold)
 
 
-def _judgement(wanted: float, interval: Interval, *, all_keep: bool) -> Judgement:
+def _judgement(wanted: float, interval: Interval, *, all_keep: bool) -> CriterionStatus:
     if interval.low >= wanted or (wanted == 1 and all_keep):
-        return Judgement.HOLDS
+        return CriterionStatus.HOLDS
     fails = interval.high < wanted or wanted == 1
-    return Judgement.FAILS if fails else Judgement.UNDECIDED
+    return CriterionStatus.FAILS if fails else CriterionStatus.UNDECIDED

@@ -58,13 +58,13 @@ class Term:
 
 
 @dataclass(frozen=True, slots=True)
-class Where:
+class RunFilter:
     """Several comparisons, all of which hold. What is missing in a run compares with nothing."""
 
     terms: tuple[Term, ...]
 
     @classmethod
-    def parse(cls, text: str) -> "Where":
+    def parse(cls, text: str) -> "RunFilter":
         """Read comparisons joined by `and`.
 
         Raises:
@@ -107,7 +107,7 @@ class Where:
                 raise ValueError(f"{term}: {term.key} is a text, and only == or != compares it")
 
 
-EVERYWHERE: Final = Where(())
+EVERYWHERE: Final = RunFilter(())
 """Each run."""
 
 

@@ -15,16 +15,16 @@ from typing import Final
 
 from executive.settings import SettingsError
 from executive.values.reports import printable
-from sim.scenario.changes import Change
-from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.outcome import Figures, play_once
+from sim.scenario.changes import Override
+from sim.scenario.model import RunMode, Scenario
+from sim.scenario.outcome import RunMetrics, play_once
 from sim.scenario.playing import DATA, play_recorded
 from sim.scenario.reading import load_scenario
 
 OWN_PACKAGES: Final = ("executive", "trees", "adapters", "sim")
 ERROR: Final = "error.txt"
 """What a run leaves that raised an error: the traceback."""
-NO_FIGURES: Final = Figures(None, None, None, 0.0, None, None, None, None, 0, 0, 0, ())
+NO_FIGURES: Final = RunMetrics(None, None, None, 0.0, None, None, None, None, 0, 0, 0, ())
 _OF_THIS_MACHINE: Final = (SettingsError, OSError, MemoryError)
 """Errors that another machine, or this one later, may not have: they say nothing of the run."""
 
@@ -40,7 +40,7 @@ class Job:
 
     run: int
     scenario: str
-    changes: tuple[Change, ...]
+    changes: tuple[Override, ...]
     fingerprint: str
 
     def __str__(self) -> str:
@@ -49,12 +49,12 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class JobResult:
     """What came of a run; its fields are those of `sim.campaign.runs.Run`."""
 
     run: int
     seed: int
-    figures: Figures
+    figures: RunMetrics
     holds: bool
     failed_findings: tuple[str, ...]
     digest: str
@@ -62,7 +62,7 @@ class Played:
 
 
 @dataclass(frozen=True, slots=True)
-class NotPlayed:
+class JobFailed:
     """A run that cannot be played, and why."""
 
     run: int
@@ -70,7 +70,7 @@ class NotPlayed:
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class RunArtifacts:
     """What a run leaves that was played once more.
 
     Attributes:
@@ -83,7 +83,7 @@ class Kept:
     archive: bytes
 
 
-def play_job(job: Job) -> Played | NotPlayed:
+def play_job(job: Job) -> JobResult | JobFailed:
     """Play a run and return what came of it; one that raises an error has failed."""
     began_s = time.perf_counter()
     try:
@@ -91,7 +91,7 @@ def play_job(job: Job) -> Played | NotPlayed:
         with tempfile.TemporaryDirectory(prefix="rover-run-", dir=_scratch()) as folder:
             outcome = play_once(job.scenario, scenario, Path(folder))
     except _OF_THIS_MACHINE as error:
-        return NotPlayed(job.run, _why(error))
+        return JobFailed(job.run, _why(error))
     except Exception as error:
         figures, holds, digest = NO_FIGURES, False, _digest(error)
         failed: tuple[str, ...] = (_finding(error),)
@@ -103,10 +103,10 @@ def play_job(job: Job) -> Played | NotPlayed:
             if not finding.holds
         )
     seconds = time.perf_counter() - began_s
-    return Played(job.run, scenario.seed, figures, holds, failed, digest, seconds)
+    return JobResult(job.run, scenario.seed, figures, holds, failed, digest, seconds)
 
 
-def play_and_keep(job: Job) -> Kept | NotPlayed:
+def play_and_keep(job: Job) -> RunArtifacts | JobFailed:
     """Play a run and return all that it leaves, as `rover scenario --out` does.
 
     One that raises an error leaves `error.txt`, and what it had written aboard.
@@ -130,9 +130,9 @@ def play_and_keep(job: Job) -> Kept | NotPlayed:
                 digest = outcome.digest
                 write_run(folder, scenario, outcome.record)
             archive = shutil.make_archive(str(Path(scratch, "kept")), "zip", folder)
-            return Kept(job.run, digest, Path(archive).read_bytes())
+            return RunArtifacts(job.run, digest, Path(archive).read_bytes())
     except _OF_THIS_MACHINE as error:
-        return NotPlayed(job.run, _why(error))
+        return JobFailed(job.run, _why(error))
 
 
 def _scenario(job: Job) -> Scenario:
@@ -141,7 +141,7 @@ def _scenario(job: Job) -> Scenario:
     Raises:
         SettingsError: it cannot be played here, as it is meant.
     """
-    scenario = load_scenario(job.scenario, PlayMode.LOCK_STEP, job.changes)
+    scenario = load_scenario(job.scenario, RunMode.LOCK_STEP, job.changes)
     # Read after what is played: an edit before, between or since is told apart.
     if _fingerprint(job.scenario) != job.fingerprint:
         raise SettingsError(

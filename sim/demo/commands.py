@@ -97,8 +97,8 @@ def demo(
     from sim.demo.participants import Participants, start_rovers
     from sim.demo.script import SHOWS
     from sim.processes import (
+        AddressError,
         ChildError,
-        PlaceError,
         free_place,
         known_place,
         operations_console,
@@ -147,7 +147,7 @@ def demo(
                 console.print(ENDS)
             if not as_planned:
                 sys.exit(FAILED)
-    except (ChildError, PlaceError) as error:
+    except (ChildError, AddressError) as error:
         raise click.ClickException(str(error)) from error
 
 

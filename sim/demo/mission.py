@@ -17,8 +17,8 @@ from sim.demo.display import display
 from sim.demo.participants import Participant, Participants
 from sim.demo.script import Link
 from sim.demo.session import Session, look, until_first
-from sim.processes import LOOK_S, OperationsConsole, PlaceError, ProcessGroup
-from sim.processes.recorder import Recorder, recorder, since_start_s, told
+from sim.processes import LOOK_S, AddressError, OperationsConsole, ProcessGroup
+from sim.processes.recorder import RoverRecorder, recorder, since_start_s, told
 
 BROWSE: Final = "In a browser on this computer: "
 LOG: Final = "mission-control.log"
@@ -34,7 +34,7 @@ class Played:
 
     participant: Participant
     session: Session
-    heard: Recorder
+    heard: RoverRecorder
 
 
 def await_executives(participants: Participants) -> None:
@@ -93,7 +93,7 @@ def play(
 
 async def _play(
     participants: Participants,
-    heard: Sequence[Recorder],
+    heard: Sequence[RoverRecorder],
     console: Console,
     operations: OperationsConsole | None,
     scripted: bool,
@@ -140,13 +140,13 @@ async def _play(
     return played
 
 
-async def _require_alone(members: Sequence[Participant], heard: Sequence[Recorder]) -> None:
+async def _require_alone(members: Sequence[Participant], heard: Sequence[RoverRecorder]) -> None:
     """Look who else is in the ROS domains, where others may be."""
     if any(member.rover.place.shared for member in members):
         await asyncio.sleep(DISCOVERY_S)
     for member, listener in zip(members, heard, strict=True):
         if listener.rovers() > 1:
-            raise PlaceError(
+            raise AddressError(
                 f"another rover drives in ROS domain {member.rover.place.domain}."
                 " End that one, or set ROS_DOMAIN_ID to another number, the same in every terminal."
             )

@@ -14,7 +14,7 @@ from cattrs.preconf.json import make_converter
 from rich.console import Console
 from rich.table import Table
 
-from adapters.mal import Typed
+from adapters.mal import TypedAttribute
 from adapters.mrs.spec import Stage
 from executive.commands import Stop, TakePicture, Waypoint
 from executive.settings import config_folder
@@ -25,8 +25,8 @@ from sim.demo.participants import Participants
 from sim.demo.script import Ending, Link, Script
 from sim.demo.session import Life, Session, Told
 from sim.demo.timeline import draw_timeline, timeline_of, waited
-from sim.drawing import Drive, draw_map, thinned, write_drawing
-from sim.processes.recorder import Recorder, Sighting, told
+from sim.drawing import DriveMap, draw_map, thinned, write_drawing
+from sim.processes.recorder import PoseSample, RoverRecorder, told
 from sim.rover import World, load_world
 from trees import as_svg as tree_as_svg
 
@@ -54,7 +54,9 @@ class Figures:
     drift_m: float
 
 
-def measure(heard: Recorder, lives: Sequence[Life], last: Waypoint, speed: float = 1.0) -> Figures:
+def measure(
+    heard: RoverRecorder, lives: Sequence[Life], last: Waypoint, speed: float = 1.0
+) -> Figures:
     """Return the figures of a drive that ended at a waypoint."""
     true, believed = heard.true[-1].pose, heard.driven[-1].pose
     corners = thinned([sighting.pose.point for sighting in heard.driven])
@@ -72,7 +74,7 @@ def measure(heard: Recorder, lives: Sequence[Life], last: Waypoint, speed: float
 def write_map(
     folder: Path,
     world: World,
-    heard: Recorder,
+    heard: RoverRecorder,
     lives: Sequence[Life],
     script: Script,
     figures: Figures,
@@ -80,7 +82,7 @@ def write_map(
     """Write the map of the drive as SVG and as PNG."""
     views = [_at(heard.driven, life) for life in _executed(lives, TakePicture)]
     figure = draw_map(
-        Drive(
+        DriveMap(
             title=f"Drive of {script.title}, world “{world.name}”",
             world=world,
             planned=script.route,
@@ -105,7 +107,7 @@ def write_reports(folder: Path, reports: Mapping[Link, Sequence[Told]]) -> Path:
     converter.register_unstructure_hook_func(
         lambda kind: isinstance(kind, type) and issubclass(kind, Enum), lambda value: value.name
     )
-    converter.register_unstructure_hook(Typed, lambda typed: typed.value)
+    converter.register_unstructure_hook(TypedAttribute, lambda typed: typed.value)
     path = folder / "reports.jsonl"
     lines = [
         json.dumps(
@@ -130,13 +132,13 @@ def _executed(lives: Sequence[Life], kind: type) -> list[Life]:
     ]
 
 
-def _at(sightings: Sequence[Sighting], life: Life) -> Sighting:
+def _at(sightings: Sequence[PoseSample], life: Life) -> PoseSample:
     """Return where the rover was when a command ended."""
     ended_s = life.ended.aboard_utc_s if life.ended else 0.0
     return min(sightings, key=lambda sighting: abs(sighting.utc_s - ended_s))
 
 
-def _camera(sighting: Sighting) -> Pose:
+def _camera(sighting: PoseSample) -> Pose:
     pose = sighting.pose
     return Pose(pose.x_m, pose.y_m, heading_rad=pose.heading_rad + sighting.pan_rad)
 

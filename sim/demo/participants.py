@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from sim.demo.script import Link, Script
-from sim.processes import Deployment, Place, ProcessGroup, deployed
+from sim.processes import Deployment, ProcessGroup, RoverAddress, deployed
 
 if TYPE_CHECKING:
     from sim.processes.relay import Orbiter
@@ -55,7 +55,7 @@ class Participants:
 
 @contextmanager
 def start_rovers(
-    scripts: tuple[Script, ...], place: Place, folder: Path, seed: int, speed: float = 1.0
+    scripts: tuple[Script, ...], place: RoverAddress, folder: Path, seed: int, speed: float = 1.0
 ) -> Iterator[tuple[Participant, ...]]:
     """Yield a rover that starts for each script; where they are several, each in its own folder."""
     with ExitStack() as running:

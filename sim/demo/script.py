@@ -17,7 +17,7 @@ from executive.commands import (
     Waypoint,
     declaration_of,
 )
-from sim.processes import Eclipse
+from sim.processes import Outage
 
 
 class Link(Enum):
@@ -143,7 +143,7 @@ class Show:
     """What is played at once."""
 
     scripts: tuple[Script, ...]
-    eclipses: tuple[Eclipse, ...] = ()
+    eclipses: tuple[Outage, ...] = ()
 
     @property
     def relayed(self) -> bool:
@@ -248,6 +248,6 @@ ASSETS: Final = (
 SHOWS: Final = {
     "jackal": Show((JACKAL,)),
     "mocup": Show((MOCUP,)),
-    "relay": Show((RELAY,), (Eclipse(14, 30),)),
+    "relay": Show((RELAY,), (Outage(14, 30),)),
     "assets": Show(ASSETS),
 }

@@ -1,6 +1,6 @@
 """Drawings of runs: the map, the timeline, and the style that all pictures share.
 
-They are made of plain data (`Drive`, `RunTimeline`), whoever ran the run, as matplotlib figures.
+They are made of plain data (`DriveMap`, `RunTimeline`), whoever ran the run, as matplotlib figures.
 Importing this package loads matplotlib, so commands import it late.
 """
 
@@ -18,7 +18,7 @@ from sim.drawing.lanes import draw_rule as draw_rule
 from sim.drawing.lanes import line as line
 from sim.drawing.lanes import mark as mark
 from sim.drawing.lanes import write_beside as write_beside
-from sim.drawing.map import Drive as Drive
+from sim.drawing.map import DriveMap as DriveMap
 from sim.drawing.map import Incident as Incident
 from sim.drawing.map import draw_map as draw_map
 from sim.drawing.map import thinned as thinned
@@ -44,7 +44,7 @@ from sim.drawing.style import sheet as sheet
 from sim.drawing.style import write_drawing as write_drawing
 from sim.drawing.timeline import CommandLane as CommandLane
 from sim.drawing.timeline import RunTimeline as RunTimeline
-from sim.drawing.timeline import Span as Span
+from sim.drawing.timeline import TimeSpan as TimeSpan
 from sim.drawing.timeline import draw_timeline as draw_timeline
 from sim.drawing.timeline import events_of as events_of
 from sim.drawing.timeline import lane_of as lane_of

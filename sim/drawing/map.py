@@ -15,7 +15,7 @@ from matplotlib.path import Path as Shape
 from matplotlib.ticker import MultipleLocator
 
 from executive.commands import Waypoint
-from executive.obstacles.zones import KeepIn, KeepOut, Seen, Zones
+from executive.obstacles.zones import KeepIn, KeepOut, ScannedObstacle, Zones
 from executive.values.geometry import Point, Pose
 from sim.drawing.style import DONE, DPI, FAINT, INK, MOTION, POINT, WRONG, sheet
 from sim.rover import CELL_M, FeatureKind, Outline, Rock, World, make_terrain
@@ -84,7 +84,7 @@ class Incident:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DriveMap:
     """What a map shows.
 
     Attributes:
@@ -111,10 +111,10 @@ class Drive:
     scale: float = 1.0
     incidents: tuple[Incident, ...] = ()
     zones: Zones = field(default_factory=Zones)
-    seen: tuple[Seen, ...] = ()
+    seen: tuple[ScannedObstacle, ...] = ()
 
 
-def draw_map(drive: Drive) -> Figure:
+def draw_map(drive: DriveMap) -> Figure:
     """Return the map. The true track needs at least one pose."""
     scale = drive.scale
     start = drive.world.start_pose.point
@@ -354,7 +354,7 @@ _INCIDENT: Final[dict[str, Any]] = {
 }
 
 
-def _add_legend(figure: Figure, axes: Axes, drive: Drive) -> None:
+def _add_legend(figure: Figure, axes: Axes, drive: DriveMap) -> None:
     def line(colour: str, width: float, **style: Any) -> Line2D:
         return Line2D([], [], color=colour, linewidth=width * POINT, **style)
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from executive.commands import Mode
-from executive.history import CommandLife
-from executive.values.reports import Kind, Report, Stage
+from executive.history import CommandHistory
+from executive.values.reports import Report, ReportKind, Stage
 from sim.drawing.lanes import (
     ENDED,
     LEFT_PX,
@@ -59,7 +59,7 @@ _FAULT: Final = line(WRONG, 9, alpha=0.75)
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class TimeSpan:
     """Something done to the rover, from when to when; times in seconds, as all here."""
 
     name: str
@@ -90,7 +90,7 @@ class CommandLane:
 
 
 def lane_of(
-    life: CommandLife | None,
+    life: CommandHistory | None,
     time_of: Callable[[Report], float],
     title: str,
     sent_s: Sequence[float],
@@ -131,7 +131,7 @@ def events_of(
     """Return the name of each kind of event among reports, and when it was."""
     events: dict[str, list[float]] = {}
     for report in reports:
-        if report.kind is Kind.EVENT:
+        if report.kind is ReportKind.EVENT:
             name = report.text if report.reason is None else report.reason.name
             events.setdefault(name, []).append(time_of(report))
     return tuple((name, tuple(times_s)) for name, times_s in events.items())
@@ -153,7 +153,7 @@ class RunTimeline:
     title: str
     end_s: float
     commands: tuple[CommandLane, ...] = ()
-    faults: tuple[Span, ...] = ()
+    faults: tuple[TimeSpan, ...] = ()
     events: tuple[tuple[str, tuple[float, ...]], ...] = ()
     modes: tuple[tuple[Mode, float, float], ...] = ()
     speeds: tuple[tuple[float, float], ...] = ()

@@ -26,7 +26,7 @@ class ChildError(Exception):
     """A process ended by itself; the text names it, how it ended, and the end of its log."""
 
 
-class Child:
+class ChildProcess:
     """A Python module that runs as a process of its own.
 
     Must be started by the main thread, before any other thread: the kernel ends the child with
@@ -132,7 +132,7 @@ LOOK_S: Final = 0.1
 class ProcessGroup:
     """Some processes that are to run until they are ended."""
 
-    def __init__(self, *children: Child) -> None:
+    def __init__(self, *children: ChildProcess) -> None:
         self.children = children
 
     @property
@@ -149,7 +149,7 @@ class ProcessGroup:
         for child in self.children:
             child.check()
 
-    async def said(self, child: Child, pattern: re.Pattern[str]) -> str:
+    async def said(self, child: ChildProcess, pattern: re.Pattern[str]) -> str:
         """Wait until a process has written a pattern, and return its first group.
 
         Raises:

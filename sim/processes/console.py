@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from adapters.console import PORT, PORT_VARIABLE
-from sim.processes.children import Child, ProcessGroup
+from sim.processes.children import ChildProcess, ProcessGroup
 from sim.processes.place import ANY_PORT, HOST
 
 SERVES: Final = re.compile(r"^(http://\S+)$", re.MULTILINE)
@@ -19,7 +19,7 @@ SERVES: Final = re.compile(r"^(http://\S+)$", re.MULTILINE)
 class OperationsConsole(ProcessGroup):
     """A console that starts, or runs."""
 
-    def __init__(self, console: Child) -> None:
+    def __init__(self, console: ChildProcess) -> None:
         super().__init__(console)
         self._console = console
 
@@ -47,7 +47,7 @@ def operations_console(folder: Path, uris: Sequence[str]) -> Iterator[Operations
     arguments = [*to, "--data", str(folder / "console")]
     if PORT_VARIABLE not in os.environ and not _is_free(PORT):
         arguments += ["--port", str(ANY_PORT)]
-    child = Child("console", "adapters.console.process", arguments, folder, {})
+    child = ChildProcess("console", "adapters.console.process", arguments, folder, {})
     try:
         yield OperationsConsole(child)
     finally:

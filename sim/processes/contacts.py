@@ -11,7 +11,7 @@ RATE_OCTETS_S: Final = 125_000
 
 
 @dataclass(frozen=True, slots=True)
-class Eclipse:
+class Outage:
     """A time without contact, in seconds after a reference; whole ones, as in contact plans."""
 
     begin_s: int
@@ -19,7 +19,7 @@ class Eclipse:
 
 
 def plan_text(
-    eclipses: Sequence[Eclipse], start_utc_s: int, orbiter: int, rovers: Sequence[int]
+    eclipses: Sequence[Outage], start_utc_s: int, orbiter: int, rovers: Sequence[int]
 ) -> str:
     """Return a contact plan with contact both ways outside of eclipses."""
     reference = time.strftime("@ %Y/%m/%d-%H:%M:%S", time.gmtime(start_utc_s))
@@ -32,9 +32,9 @@ def plan_text(
     return "\n".join([reference, *lines]) + "\n"
 
 
-def _contacts(eclipses: Sequence[Eclipse]) -> Iterator[tuple[int, int]]:
+def _contacts(eclipses: Sequence[Outage]) -> Iterator[tuple[int, int]]:
     begin_s = 0
-    for eclipse in (*eclipses, Eclipse(LAST_S, LAST_S)):
+    for eclipse in (*eclipses, Outage(LAST_S, LAST_S)):
         if begin_s < eclipse.begin_s:
             yield begin_s, eclipse.begin_s
         begin_s = eclipse.end_s

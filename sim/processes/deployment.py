@@ -9,8 +9,8 @@ from typing import Final
 
 from adapters.process import ROS_ARGS
 from executive.settings import LocomotionKind, Settings, load_settings
-from sim.processes.children import Child, ProcessGroup
-from sim.processes.place import HOST, Place, free_udp_ports
+from sim.processes.children import ChildProcess, ProcessGroup
+from sim.processes.place import HOST, RoverAddress, free_udp_ports
 
 LISTENS: Final = re.compile(r"listens at (maltcp://\S+)")
 
@@ -27,12 +27,12 @@ class Deployment(ProcessGroup):
 
     def __init__(
         self,
-        place: Place,
+        place: RoverAddress,
         settings: Settings,
         aboard: Path,
         speed: float,
-        executive: Child,
-        *others: Child,
+        executive: ChildProcess,
+        *others: ChildProcess,
     ) -> None:
         super().__init__(*others, executive)
         self.place = place
@@ -52,7 +52,7 @@ class Deployment(ProcessGroup):
 
 @contextmanager
 def deployed(
-    place: Place,
+    place: RoverAddress,
     folder: Path,
     asset: str,
     world: str,
@@ -77,8 +77,8 @@ def deployed(
     settings = load_settings(asset)
     with ExitStack() as running:
 
-        def start(name: str, module: str, *arguments: str) -> Child:
-            child = Child(name, module, ("--asset", asset, *arguments), folder, environment)
+        def start(name: str, module: str, *arguments: str) -> ChildProcess:
+            child = ChildProcess(name, module, ("--asset", asset, *arguments), folder, environment)
             running.callback(child.end)
             return child
 

@@ -25,12 +25,12 @@ DISCOVERY_PORTS: Final = 250
 """Of DDS: the first, and how many each domain has (DDSI-RTPS 9.6.1.1)."""
 
 
-class PlaceError(Exception):
+class AddressError(Exception):
     """Another rover is there; the text says where and what to do."""
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class RoverAddress:
     """Where the processes meet.
 
     Attributes:
@@ -43,12 +43,12 @@ class Place:
     port: int
     shared: bool
 
-    def beside(self, number: int) -> "Place":
+    def beside(self, number: int) -> "RoverAddress":
         """Return the place of one more rover in the same domain, at the port after so many."""
         return self if self.port == ANY_PORT else replace(self, port=self.port + number)
 
 
-def known_place() -> Place:
+def known_place() -> RoverAddress:
     """Return where `rover command`, `rover status` and `rover watch` look without options.
 
     Raises:
@@ -56,18 +56,18 @@ def known_place() -> Place:
     """
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
-        raise PlaceError(f"ROS_DOMAIN_ID is {domain!r}: a domain is 0 to {LAST_DOMAIN}")
+        raise AddressError(f"ROS_DOMAIN_ID is {domain!r}: a domain is 0 to {LAST_DOMAIN}")
     port = _known_port()
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((HOST, port))
         except OSError as error:
-            raise PlaceError(
+            raise AddressError(
                 f"port {port} of {HOST} is taken, probably by another rover. End that one, or play"
                 " without --stay, which takes a port of its own."
             ) from error
-    return Place(int(domain), port, shared=not _is_empty(int(domain)))
+    return RoverAddress(int(domain), port, shared=not _is_empty(int(domain)))
 
 
 def _known_port() -> int:
@@ -79,9 +79,9 @@ def _known_port() -> int:
     try:
         uri = parse_address(address)
     except ValueError as error:
-        raise PlaceError(f"ROVER_URI: {error}") from error
+        raise AddressError(f"ROVER_URI: {error}") from error
     if uri.host not in (HOST, "localhost"):
-        raise PlaceError(
+        raise AddressError(
             f"ROVER_URI is {address}: that is where `rover command` looks, and a simulated rover"
             f" stays on {HOST}. Unset ROVER_URI, or play without --stay."
         )
@@ -89,7 +89,7 @@ def _known_port() -> int:
 
 
 @contextmanager
-def free_place() -> Iterator[Place]:
+def free_place() -> Iterator[RoverAddress]:
     """Hold a ROS domain that nobody uses, with any port.
 
     Raises:
@@ -103,9 +103,9 @@ def free_place() -> Iterator[Place]:
             except OSError:
                 continue
             if _is_empty(domain):
-                yield Place(domain, ANY_PORT, shared=False)
+                yield RoverAddress(domain, ANY_PORT, shared=False)
                 return
-    raise PlaceError("every ROS domain from 1 to 101 is in use on this machine")
+    raise AddressError("every ROS domain from 1 to 101 is in use on this machine")
 
 
 def free_udp_ports(count: int) -> list[int]:

@@ -19,7 +19,7 @@ from std_msgs.msg import Float64, String
 from adapters.ros import declare_topics, odometry_fact, ros_node, single_threaded
 from adapters.ros.tree_topic import from_json, tree_qos
 from executive.values.geometry import Pose
-from trees import NodeStatus, Snapshot
+from trees import NodeStatus, TreeSnapshot
 
 _STARTTIME: Final = 19
 """Field 22 of proc(5)'s stat, counted behind the name of the program."""
@@ -42,7 +42,7 @@ _SPIN_S: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class PoseSample:
     """Where the rover was, and how far its camera was turned.
 
     Attributes:
@@ -56,7 +56,7 @@ class Sighting:
     pan_rad: float
 
 
-class Recorder:
+class RoverRecorder:
     """Keeps what it hears. Written by the thread that spins the node, read by any.
 
     Attributes:
@@ -67,10 +67,10 @@ class Recorder:
     """
 
     def __init__(self, node: Node, asset: str) -> None:
-        self.driven: list[Sighting] = []
-        self.true: list[Sighting] = []
+        self.driven: list[PoseSample] = []
+        self.true: list[PoseSample] = []
         self._pan_rad = 0.0
-        self.busiest: Snapshot | None = None
+        self.busiest: TreeSnapshot | None = None
         self.moved_after_s: float | None = None
         topics = declare_topics(node)
         self._node = node
@@ -110,9 +110,9 @@ class Recorder:
     def _on_truth(self, message: Odometry) -> None:
         self.true.append(self._sighting(message))
 
-    def _sighting(self, message: Odometry) -> Sighting:
+    def _sighting(self, message: Odometry) -> PoseSample:
         seen = odometry_fact(message)
-        return Sighting(time.time(), seen.stamp_s, seen.pose, self._pan_rad)
+        return PoseSample(time.time(), seen.stamp_s, seen.pose, self._pan_rad)
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = message.data
@@ -128,13 +128,13 @@ class Recorder:
 
 
 @contextmanager
-def recorder(asset: str, domain: int, parameters: Path) -> Iterator[Recorder]:
+def recorder(asset: str, domain: int, parameters: Path) -> Iterator[RoverRecorder]:
     """Yield a recorder that listens on a thread of its own."""
     with (
         ros_node("demo", asset, parameters=parameters, domain_id=domain) as node,
         single_threaded(node) as executor,
     ):
-        heard = Recorder(node, asset)
+        heard = RoverRecorder(node, asset)
         closing = threading.Event()
 
         def listen() -> None:
@@ -150,5 +150,5 @@ def recorder(asset: str, domain: int, parameters: Path) -> Iterator[Recorder]:
             thread.join()
 
 
-def _running(snapshot: Snapshot) -> int:
+def _running(snapshot: TreeSnapshot) -> int:
     return sum(node.status is NodeStatus.RUNNING for node in snapshot.nodes)

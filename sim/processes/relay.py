@@ -25,8 +25,8 @@ from adapters.bundle import (
 from adapters.relay.orbiter import OrbiterSettings, RelayedRoverSettings, load_orbiter
 from adapters.relay.rover import RelaySettings, load_relay
 from executive.settings import SettingsError, config_folder
-from sim.processes.children import Child, ProcessGroup
-from sim.processes.contacts import Eclipse, plan_text
+from sim.processes.children import ChildProcess, ProcessGroup
+from sim.processes.contacts import Outage, plan_text
 from sim.processes.deployment import Deployment
 from sim.processes.place import ANY_PORT, HOST, free_udp_ports
 
@@ -122,10 +122,10 @@ class Orbiter(ProcessGroup):
     def __init__(
         self,
         start_utc_s: int,
-        eclipses: Sequence[Eclipse],
+        eclipses: Sequence[Outage],
         data: Path,
-        orbiter: Child,
-        relays: Mapping[str, Child],
+        orbiter: ChildProcess,
+        relays: Mapping[str, ChildProcess],
         rovers: Sequence[Deployment],
     ) -> None:
         aboard = (child for rover in rovers for child in rover.children)
@@ -150,7 +150,7 @@ class Orbiter(ProcessGroup):
 def relayed(
     folder: Path,
     *rovers: Deployment,
-    eclipses: Sequence[Eclipse] = (),
+    eclipses: Sequence[Outage] = (),
     restart: bool = False,
 ) -> Iterator[Orbiter]:
     """Yield the relay that starts beside rovers; in the end the orbiter ends before their relays.
@@ -186,11 +186,11 @@ def relayed(
             *arguments: str,
             domain: int,
             up: re.Pattern[str] | None = None,
-        ) -> Child:
+        ) -> ChildProcess:
             path = folder / f"{name}.yaml"
             path.write_text(yaml.safe_dump(cattrs.unstructure(settings)), encoding="utf-8")
             options = ("--config", str(path), *arguments)
-            child = Child(name, module, options, folder, {"ROS_DOMAIN_ID": str(domain)}, up)
+            child = ChildProcess(name, module, options, folder, {"ROS_DOMAIN_ID": str(domain)}, up)
             running.callback(child.end)
             return child
 

@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from adapters.ros import CAMERA_OPTICAL, Topics, time_message
 from sim.ros.video_stream import VideoStream
 from sim.rover import Image as Pixels
-from sim.rover.body import SimulatedBody, View
+from sim.rover.body import CameraView, SimulatedBody
 from sim.rover.camera import Camera, PictureSettings, encode_jpeg, focal_px
 
 
@@ -88,7 +88,7 @@ class CameraNode:
         self._camera = Camera(rover.model, settings)
         self._state = mujoco.MjData(rover.model)
         mujoco.mj_copyData(self._state, rover.model, rover.data)
-        self._seen = View(self._state, 0.0)
+        self._seen = CameraView(self._state, 0.0)
         self._ready, self._offered = threading.Event(), threading.Event()
         self._closing = self._streaming = False
         self._thread = threading.Thread(target=self._work, name="camera")

@@ -20,7 +20,14 @@ from rclpy.node import Node
 from adapters.ros import ros_node, single_threaded
 from executive.settings import parse_yaml
 from sim.rover.body import SimulatedBody
-from sim.rover.faults import Fault, fault_declaration, lacking, read_fault, read_kind, written
+from sim.rover.faults import (
+    SimulatedFault,
+    fault_declaration,
+    lacking,
+    read_fault,
+    read_kind,
+    written,
+)
 
 SERVICE: Final = "simulation/faults"
 ANSWER_S: Final = 10.0
@@ -39,7 +46,7 @@ def serve_faults(node: Node, rover: SimulatedBody) -> None:
             response.result = SetParametersResult(successful=False, reason=reason)
             return response
         for fault in wanted:
-            if isinstance(fault, Fault):
+            if isinstance(fault, SimulatedFault):
                 rover.inject(fault)
                 _LOG.warning("fault injected: %s", written(fault))
             else:
@@ -51,7 +58,7 @@ def serve_faults(node: Node, rover: SimulatedBody) -> None:
     node.create_service(SetParametersAtomically, SERVICE, on_request)
 
 
-def _read(parameter: Parameter, rover: SimulatedBody) -> Fault | type[Fault]:
+def _read(parameter: Parameter, rover: SimulatedBody) -> SimulatedFault | type[SimulatedFault]:
     """Return the fault that begins, or the kind of the one that ends.
 
     Raises:
@@ -90,7 +97,7 @@ class FaultClient:
         """Wait until a simulation is there; return whether one is."""
         return bool(self._client.wait_for_service(limit_s))
 
-    def inject(self, fault: Fault) -> None:
+    def inject(self, fault: SimulatedFault) -> None:
         """Have a fault begin.
 
         Raises:
@@ -101,7 +108,7 @@ class FaultClient:
         text = yaml.safe_dump(given, default_flow_style=True)
         self._set(name, ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=text))
 
-    def clear(self, kind: type[Fault]) -> None:
+    def clear(self, kind: type[SimulatedFault]) -> None:
         """Have a fault end, if it is there.
 
         Raises:

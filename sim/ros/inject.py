@@ -8,9 +8,9 @@ import click
 from adapters.process import asset_option
 from executive.commands import Argument
 from sim.rover.faults import (
-    FaultDeclaration,
-    Part,
+    FaultTarget,
     Side,
+    SimulatedFaultDeclaration,
     Value,
     bounds,
     declared_faults,
@@ -39,7 +39,7 @@ def inject() -> None:
     """
 
 
-def _command(declaration: FaultDeclaration) -> click.Command:
+def _command(declaration: SimulatedFaultDeclaration) -> click.Command:
     """Return the sub-command that has a fault begin or end."""
 
     @asset_option()
@@ -60,7 +60,7 @@ def _command(declaration: FaultDeclaration) -> click.Command:
     return click.command(declaration.name)(begin_or_end)
 
 
-def _tell(declaration: FaultDeclaration, asset: str, fault: Any) -> None:
+def _tell(declaration: SimulatedFaultDeclaration, asset: str, fault: Any) -> None:
     """Tell the simulation, and say what became of it."""
     from executive.settings import SettingsError, config_folder, load_settings
     from sim.ros.faults import fault_client
@@ -91,7 +91,7 @@ def _plain(text: str | bool) -> object:
         return text
 
 
-def _option(declaration: FaultDeclaration, parameter: Argument) -> Any:
+def _option(declaration: SimulatedFaultDeclaration, parameter: Argument) -> Any:
     default = declaration.default(parameter)
     if isinstance(default, bool):
         return click.option(
@@ -121,7 +121,7 @@ def _shown(value: Value, parameter: Argument) -> str:
     return f"{degrees(value):.3g}deg" if parameter.unit.startswith("rad") else f"{value:g}"
 
 
-def _help(declaration: FaultDeclaration) -> str:
+def _help(declaration: SimulatedFaultDeclaration) -> str:
     example = f"  rover inject {declaration.name}"
     lines = [example]
     for parameter in declaration.parameters[:1]:
@@ -135,5 +135,5 @@ def _help(declaration: FaultDeclaration) -> str:
 
 
 for _each in declared_faults():
-    if _each.needs is not Part.LINK:
+    if _each.needs is not FaultTarget.LINK:
         inject.add_command(_command(_each))

@@ -89,7 +89,7 @@ def main(
     from tempfile import gettempdir
 
     from executive.settings import config_folder, load_settings, named_file
-    from sim.ros.service import Options, serve
+    from sim.ros.service import SimulationOptions, serve
     from sim.rover import load_world
 
     file = Path(world) if world.endswith((".yaml", ".yml")) else None
@@ -97,7 +97,7 @@ def main(
     ground = load_world(file or named_file("world", world, config_folder() / "worlds"))
     parameters = ros_params or config_folder() / f"{settings.asset}.ros.yaml"
     usb = usb_socket or Path(gettempdir()) / f"{settings.asset}.usb"
-    serve(Options(settings, ground, parameters, ros_arguments, usb, **simulated))
+    serve(SimulationOptions(settings, ground, parameters, ros_arguments, usb, **simulated))
 
 
 if __name__ == "__main__":

@@ -254,7 +254,7 @@ class UsbError(SettingsError):
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class SimulationOptions:
     """What the command line says.
 
     Attributes:
@@ -277,7 +277,7 @@ class Options:
     video_to: tuple[str, int] | None
 
 
-def serve(options: Options) -> None:
+def serve(options: SimulationOptions) -> None:
     """Simulate until SIGINT or SIGTERM.
 
     Raises:
@@ -311,7 +311,9 @@ def serve(options: Options) -> None:
                 executor.spin_once()
 
 
-def _rover(node: Node, topics: Topics, options: Options) -> tuple[SimulatedBody, Exchange]:
+def _rover(
+    node: Node, topics: Topics, options: SimulationOptions
+) -> tuple[SimulatedBody, Exchange]:
     """Return the rover of an asset, and how it is spoken to: its settings choose both."""
     world, seed, settings = options.world, options.seed, options.settings
     match settings.locomotion:
@@ -339,7 +341,7 @@ def _plugged_in(mocup: SimulatedMocup, usb: Path) -> BrickOnUsb:
 
 @contextmanager
 def _camera(
-    node: Node, topics: Topics, rover: SimulatedBody, options: Options
+    node: Node, topics: Topics, rover: SimulatedBody, options: SimulationOptions
 ) -> Iterator[CameraNode | None]:
     if options.camera == "off":
         yield None

@@ -4,8 +4,8 @@ from sim.rover.features import FeatureKind as FeatureKind
 from sim.rover.features import Outline as Outline
 from sim.rover.scenery import Image as Image
 from sim.rover.world import CELL_M as CELL_M
-from sim.rover.world import Ground as Ground
 from sim.rover.world import Rock as Rock
+from sim.rover.world import SoilShape as SoilShape
 from sim.rover.world import Terrain as Terrain
 from sim.rover.world import World as World
 from sim.rover.world import load_world as load_world

@@ -17,11 +17,11 @@ from executive.values.geometry import Pose, Velocity
 from sim.rover import faults
 from sim.rover.camera import Camera, PictureSettings
 from sim.rover.disturbance import Disturbance
-from sim.rover.faults import Fault, Part
+from sim.rover.faults import FaultTarget, SimulatedFault
 from sim.rover.model import Chassis, build_model
 from sim.rover.world import World
 
-F = TypeVar("F", bound=Fault)
+F = TypeVar("F", bound=SimulatedFault)
 
 
 _CELL_CURVE: Final = ((0.0, 3.00), (0.05, 3.35), (0.2, 3.55), (0.5, 3.70), (0.8, 3.97), (1.0, 4.16))
@@ -29,7 +29,7 @@ _CELL_CURVE: Final = ((0.0, 3.00), (0.05, 3.35), (0.2, 3.55), (0.5, 3.70), (0.8,
 
 
 @dataclass(frozen=True, slots=True)
-class Pack:
+class BatteryPack:
     """A pack of lithium-ion cells, and what hangs on it. A Jackal's has seven in series, 270 Wh.
 
     Attributes:
@@ -54,7 +54,7 @@ class Pack:
 class BatteryModel:
     """Charge that goes down with the load, and the voltage that is left."""
 
-    def __init__(self, pack: Pack, charge_ratio: float) -> None:
+    def __init__(self, pack: BatteryPack, charge_ratio: float) -> None:
         self._pack = pack
         self._left_j = pack.capacity_j * charge_ratio
         self._load_j = 0.0
@@ -118,7 +118,7 @@ CUT_OCTETS: Final = 200
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class CameraView:
     """What the camera looks at.
 
     Attributes:
@@ -174,10 +174,10 @@ class SimulatedBody(ABC):
     def __init__(
         self,
         chassis: Chassis,
-        pack: Pack,
+        pack: BatteryPack,
         world: World,
         picture: PictureSettings | None,
-        parts: frozenset[Part],
+        parts: frozenset[FaultTarget],
     ) -> None:
         """Put the rover on the ground at the world's start and let it settle."""
         self.world = world
@@ -200,8 +200,8 @@ class SimulatedBody(ABC):
         self._battery = BatteryModel(pack, world.charge_ratio)
         self._camera = Camera(self.model, picture or PictureSettings())
         self._frame_wanted = False
-        self._faults: dict[type[Fault], Fault] = {}
-        self._stale: View | None = None
+        self._faults: dict[type[SimulatedFault], SimulatedFault] = {}
+        self._stale: CameraView | None = None
         self._stuck_head: CameraAngles | None = None
         self._obstacles = _obstacles(self.model)
         self._touching = False
@@ -240,11 +240,11 @@ class SimulatedBody(ABC):
         return due
 
     @property
-    def view(self) -> View | None:
+    def view(self) -> CameraView | None:
         """What the camera looks at, as its faults let it; None if it is dead."""
         if faults.CameraDead in self._faults:
             return None
-        view = self._stale or View(self.data, self.time_s)
+        view = self._stale or CameraView(self.data, self.time_s)
         return replace(view, octets=CUT_OCTETS) if faults.CameraCut in self._faults else view
 
     def load(self, mass_kg: float) -> None:
@@ -262,7 +262,7 @@ class SimulatedBody(ABC):
         geom.group[:] = _SEEN if mass_kg else _UNSEEN
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
-    def inject(self, fault: Fault) -> None:
+    def inject(self, fault: SimulatedFault) -> None:
         """Have a fault begin; one of its kind that is there already is replaced.
 
         Raises:
@@ -276,7 +276,7 @@ class SimulatedBody(ABC):
             case faults.CameraStale():
                 seen = mujoco.MjData(self.model)
                 mujoco.mj_copyData(seen, self.model, self.data)
-                self._stale = View(seen, self.time_s)
+                self._stale = CameraView(seen, self.time_s)
             case faults.BatteryDrained(charge):
                 self._battery.drain(charge)
             case faults.HeadStuck():
@@ -288,7 +288,7 @@ class SimulatedBody(ABC):
             case _:
                 self._disturb()
 
-    def clear(self, kind: type[Fault]) -> None:
+    def clear(self, kind: type[SimulatedFault]) -> None:
         """Have a fault end, if it is there."""
         if self._faults.pop(kind, None) is None:
             return

@@ -11,7 +11,7 @@ from enum import Enum, unique
 from math import pi, radians
 from typing import Final, NewType, TypeVar, assert_never, dataclass_transform
 
-from executive.commands import Argument, Within, argument, arguments_of, record, within
+from executive.commands import Argument, ValueRange, argument, arguments_of, record, within
 from executive.settings import (
     FormatError,
     LocomotionKind,
@@ -23,17 +23,17 @@ from executive.settings import (
     hint,
 )
 
-F = TypeVar("F", bound="Fault")
+F = TypeVar("F", bound="SimulatedFault")
 
 
-class Fault:
+class SimulatedFault:
     """What goes wrong, with its parameters; its class is the kind by which it is cleared."""
 
     __slots__ = ()
 
 
 @unique
-class Part(Enum):
+class FaultTarget(Enum):
     """What a fault acts on, and a rover need not have."""
 
     ODOMETRY = "odometry"
@@ -91,7 +91,7 @@ _READER: Final = StrictReader({_Angle: angle_of}, units=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FaultDeclaration:
+class SimulatedFaultDeclaration:
     """What is known of a kind of fault.
 
     Attributes:
@@ -103,9 +103,9 @@ class FaultDeclaration:
         parameters: each has bounds, or is a `Side`, or true or false.
     """
 
-    kind: type[Fault]
+    kind: type[SimulatedFault]
     name: str
-    needs: Part | None
+    needs: FaultTarget | None
     onset: Onset
     summary: str
     parameters: tuple[Argument, ...]
@@ -115,7 +115,7 @@ class FaultDeclaration:
         value: Value = getattr(self.kind(), parameter.field)
         return value
 
-    def make(self, given: Mapping[str, object]) -> Fault:
+    def make(self, given: Mapping[str, object]) -> SimulatedFault:
         """Return the fault with parameters by their names, as files and people write them.
 
         Raises:
@@ -131,11 +131,11 @@ class FaultDeclaration:
         return self.kind(**values)
 
 
-_DECLARED: Final[dict[str, FaultDeclaration]] = {}
+_DECLARED: Final[dict[str, SimulatedFaultDeclaration]] = {}
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(argument,))
-def fault(needs: Part | None, onset: Onset = Onset.NONE) -> Callable[[type[F]], type[F]]:
+def fault(needs: FaultTarget | None, onset: Onset = Onset.NONE) -> Callable[[type[F]], type[F]]:
     """Make a fault of a class whose fields are `argument(...)`, each with a default."""
 
     def declare(cls: type[F]) -> type[F]:
@@ -143,94 +143,96 @@ def fault(needs: Part | None, onset: Onset = Onset.NONE) -> Callable[[type[F]], 
         name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", made.__name__).lower()
         assert all(each.default is not MISSING for each in fields(made))  # type: ignore[arg-type]
         summary = (made.__doc__ or "").partition("\n")[0]
-        _DECLARED[name] = FaultDeclaration(made, name, needs, onset, summary, arguments_of(made))
+        _DECLARED[name] = SimulatedFaultDeclaration(
+            made, name, needs, onset, summary, arguments_of(made)
+        )
         return made
 
     return declare
 
 
-@fault(Part.ODOMETRY, Onset.ABRUPT)
-class OdometryLost(Fault):
+@fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
+class OdometryLost(SimulatedFault):
     """No odometry arrives."""
 
 
-@fault(Part.ODOMETRY, Onset.ABRUPT)
-class OdometryFrozen(Fault):
+@fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
+class OdometryFrozen(SimulatedFault):
     """Odometry arrives with new stamps, its pose and velocity as they were."""
 
 
-@fault(Part.ODOMETRY, Onset.ABRUPT)
-class OdometryRepeated(Fault):
+@fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
+class OdometryRepeated(SimulatedFault):
     """The last odometry message arrives again and again, with its old stamp."""
 
 
-@fault(Part.ODOMETRY, Onset.ABRUPT)
-class OdometryJump(Fault):
+@fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
+class OdometryJump(SimulatedFault):
     """The pose of the odometry jumps once; clearing it does not jump back."""
 
     by_m: float = argument(within(10.0), "to the left", default=0.36)
 
 
-@fault(Part.ODOMETRY, Onset.LATENT)
-class OdometryDrift(Fault):
+@fault(FaultTarget.ODOMETRY, Onset.LATENT)
+class OdometryDrift(SimulatedFault):
     """The pose of the odometry drifts, its velocity stays right; clearing it ends the drift."""
 
     rate_mps: float = argument(within(5.0), "to the left", default=0.1)
 
 
-@fault(Part.ENCODERS, Onset.LATENT)
-class EncoderScale(Fault):
+@fault(FaultTarget.ENCODERS, Onset.LATENT)
+class EncoderScale(SimulatedFault):
     """The wheel encoders count too much or too little."""
 
     factor: float = argument(within(3.0), "1 is right", default=1.1)
     shared: bool = argument(help="messages of the wheels are wrong, too", default=False)
 
 
-@fault(Part.GYRO, Onset.LATENT)
-class GyroGain(Fault):
+@fault(FaultTarget.GYRO, Onset.LATENT)
+class GyroGain(SimulatedFault):
     """The gyro measures too much or too little."""
 
     factor: float = argument(within(3.0), "1 is right", default=1.2)
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
-@fault(Part.ODOMETRY, Onset.ABRUPT)
-class OdometryLate(Fault):
+@fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
+class OdometryLate(SimulatedFault):
     """Odometry arrives late, with the stamps of when it was measured."""
 
     by_s: float = argument(within(0.02, 10.0), default=0.2)
 
 
-@fault(Part.ODOMETRY_LINK)
-class OdometryJitter(Fault):
+@fault(FaultTarget.ODOMETRY_LINK)
+class OdometryJitter(SimulatedFault):
     """Odometry arrives late by chance, in order, as over a busy computer or network."""
 
     mean_s: float = argument(within(0.0, 1.0), "exponentially distributed", default=0.015)
     stall_s: float = argument(within(0.0, 10.0), "longest pause, every 4 s or so", default=0.18)
 
 
-@fault(Part.ODOMETRY, Onset.ABRUPT)
-class OdometryZeroTwist(Fault):
+@fault(FaultTarget.ODOMETRY, Onset.ABRUPT)
+class OdometryZeroTwist(SimulatedFault):
     """Odometry says that the rover stands; its pose is right."""
 
 
-@fault(Part.GYRO, Onset.LATENT)
-class GyroBias(Fault):
+@fault(FaultTarget.GYRO, Onset.LATENT)
+class GyroBias(SimulatedFault):
     """The gyro measures a turn that is not there."""
 
     rate_radps: float = argument(within(3.0), "counter-clockwise positive", default=0.02)
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
-@fault(Part.GYRO, Onset.LATENT)
-class GyroDead(Fault):
+@fault(FaultTarget.GYRO, Onset.LATENT)
+class GyroDead(SimulatedFault):
     """The gyro measures no turn."""
 
     shared: bool = argument(help="messages of the IMU are wrong, too", default=False)
 
 
-@fault(Part.ENCODERS, Onset.ABRUPT)
-class EncoderDead(Fault):
+@fault(FaultTarget.ENCODERS, Onset.ABRUPT)
+class EncoderDead(SimulatedFault):
     """The encoders of a side count nothing."""
 
     side: Side = argument(default=Side.BOTH)
@@ -238,41 +240,41 @@ class EncoderDead(Fault):
 
 
 @fault(None, Onset.ABRUPT)
-class LeftStuck(Fault):
+class LeftStuck(SimulatedFault):
     """The left wheels are locked."""
 
 
 @fault(None, Onset.ABRUPT)
-class RightStuck(Fault):
+class RightStuck(SimulatedFault):
     """The right wheels are locked."""
 
 
 @fault(None, Onset.ABRUPT)
-class WheelsStuck(Fault):
+class WheelsStuck(SimulatedFault):
     """All wheels are locked."""
 
 
 @fault(None, Onset.LATENT)
-class MotorDead(Fault):
+class MotorDead(SimulatedFault):
     """The motors of a side have no torque: its wheels roll freely."""
 
     side: Side = argument(default=Side.BOTH)
 
 
 @fault(None, Onset.GROUND)
-class Slip(Fault):
+class Slip(SimulatedFault):
     """All ground is slippery."""
 
     factor: float = argument(within(0.01, 1.0), "of the friction that is left", default=0.1)
 
 
-@fault(Part.CMD_VEL, Onset.ABRUPT)
-class CmdVelCut(Fault):
+@fault(FaultTarget.CMD_VEL, Onset.ABRUPT)
+class CmdVelCut(SimulatedFault):
     """Velocity commands do not reach the base."""
 
 
-@fault(Part.CMD_VEL, Onset.ABRUPT)
-class CmdVelTaken(Fault):
+@fault(FaultTarget.CMD_VEL, Onset.ABRUPT)
+class CmdVelTaken(SimulatedFault):
     """Somebody else commands a velocity, too; without a mux the newest command counts."""
 
     travel_mps: float = argument(within(2.0), default=0.5)
@@ -284,107 +286,107 @@ class CmdVelTaken(Fault):
 
 
 @fault(None, Onset.LATENT)
-class Brownout(Fault):
+class Brownout(SimulatedFault):
     """The motors have only a part of their torque."""
 
     factor: float = argument(within(0.0, 1.0), "of the torque that is left", default=0.12)
 
 
 @fault(None, Onset.ABRUPT)
-class Tip(Fault):
+class Tip(SimulatedFault):
     """The rover is tipped over sideways at once; clearing it sets it upright where it lies."""
 
     by_rad: float = argument(within(pi), "to the right", default=radians(120))
 
 
-@fault(Part.BATTERY)
-class BatteryLow(Fault):
+@fault(FaultTarget.BATTERY)
+class BatteryLow(SimulatedFault):
     """The battery shows less than its lowest voltage."""
 
 
-@fault(Part.BATTERY)
-class BatteryDrained(Fault):
+@fault(FaultTarget.BATTERY)
+class BatteryDrained(SimulatedFault):
     """The battery has lost charge at once; clearing it does not charge it."""
 
     charge: float = argument(within(0.0, 1.0), "of the whole, at most left", default=0.1)
 
 
-@fault(Part.BATTERY)
-class BatterySilent(Fault):
+@fault(FaultTarget.BATTERY)
+class BatterySilent(SimulatedFault):
     """No battery voltage arrives."""
 
 
-@fault(Part.BATTERY)
-class BatteryNan(Fault):
+@fault(FaultTarget.BATTERY)
+class BatteryNan(SimulatedFault):
     """The battery voltage is not a number."""
 
 
-@fault(Part.CAMERA)
-class CameraDead(Fault):
+@fault(FaultTarget.CAMERA)
+class CameraDead(SimulatedFault):
     """No picture comes, however often one is asked for."""
 
 
-@fault(Part.CAMERA)
-class CameraStale(Fault):
+@fault(FaultTarget.CAMERA)
+class CameraStale(SimulatedFault):
     """Every picture is that of the moment when the fault began, with its old stamp."""
 
 
-@fault(Part.CAMERA)
-class CameraCut(Fault):
+@fault(FaultTarget.CAMERA)
+class CameraCut(SimulatedFault):
     """Of every JPEG only the first 200 octets arrive."""
 
 
 @fault(None)
-class HeadStuck(Fault):
+class HeadStuck(SimulatedFault):
     """The camera's head does not turn."""
 
 
-@fault(Part.BRICK, Onset.ABRUPT)
-class BrickSilent(Fault):
+@fault(FaultTarget.BRICK, Onset.ABRUPT)
+class BrickSilent(SimulatedFault):
     """The brick tells nothing, neither telemetry nor replies; it still does what it is told."""
 
 
-@fault(Part.IMU)
-class ImuDead(Fault):
+@fault(FaultTarget.IMU)
+class ImuDead(SimulatedFault):
     """No message of the inertial measurement unit arrives."""
 
 
-@fault(Part.JOINTS)
-class JointsDead(Fault):
+@fault(FaultTarget.JOINTS)
+class JointsDead(SimulatedFault):
     """No message of the wheels arrives."""
 
 
-@fault(Part.SECOND_ODOMETRY)
-class SecondOdometryLost(Fault):
+@fault(FaultTarget.SECOND_ODOMETRY)
+class SecondOdometryLost(SimulatedFault):
     """No message of the second odometry arrives."""
 
 
-@fault(Part.SECOND_ODOMETRY, Onset.ABRUPT)
-class SecondOdometryFrozen(Fault):
+@fault(FaultTarget.SECOND_ODOMETRY, Onset.ABRUPT)
+class SecondOdometryFrozen(SimulatedFault):
     """The second odometry arrives with new stamps, its pose as it was."""
 
 
-@fault(Part.SECOND_ODOMETRY, Onset.ABRUPT)
-class SecondOdometryJump(Fault):
+@fault(FaultTarget.SECOND_ODOMETRY, Onset.ABRUPT)
+class SecondOdometryJump(SimulatedFault):
     """The pose of the second odometry jumps once; clearing it does not jump back."""
 
     by_m: float = argument(within(10.0), "to the left", default=0.36)
 
 
-@fault(Part.SECOND_ODOMETRY, Onset.LATENT)
-class SecondOdometryDrift(Fault):
+@fault(FaultTarget.SECOND_ODOMETRY, Onset.LATENT)
+class SecondOdometryDrift(SimulatedFault):
     """The pose of the second odometry drifts; clearing it ends the drift."""
 
     rate_mps: float = argument(within(5.0), "to the left", default=0.1)
 
 
-@fault(Part.LASER)
-class LaserDead(Fault):
+@fault(FaultTarget.LASER)
+class LaserDead(SimulatedFault):
     """No scan of the laser arrives."""
 
 
-@fault(Part.LASER)
-class LaserBlind(Fault):
+@fault(FaultTarget.LASER)
+class LaserBlind(SimulatedFault):
     """Rays of the laser measure nothing usable: they are not a number."""
 
     share: float = argument(within(0.0, 1.0), "of the rays of the sector", default=1.0)
@@ -392,59 +394,65 @@ class LaserBlind(Fault):
 
 
 @fault(None, Onset.GROUND)
-class Pushed(Fault):
+class Pushed(SimulatedFault):
     """The rover is pushed sideways at once; clearing it does not push it back."""
 
     by_m: float = argument(within(5.0), "to the left", default=0.5)
 
 
-@fault(Part.LINK)
-class LinkLost(Fault):
+@fault(FaultTarget.LINK)
+class LinkLost(SimulatedFault):
     """Nothing passes between ground and rover."""
 
 
 JACKAL_PARTS: Final = frozenset(
     {
-        Part.ODOMETRY,
-        Part.ODOMETRY_LINK,
-        Part.ENCODERS,
-        Part.GYRO,
-        Part.CMD_VEL,
-        Part.BATTERY,
-        Part.CAMERA,
+        FaultTarget.ODOMETRY,
+        FaultTarget.ODOMETRY_LINK,
+        FaultTarget.ENCODERS,
+        FaultTarget.GYRO,
+        FaultTarget.CMD_VEL,
+        FaultTarget.BATTERY,
+        FaultTarget.CAMERA,
     }
 )
 MOCUP_PARTS: Final = frozenset(
-    {Part.ODOMETRY, Part.ENCODERS, Part.BATTERY, Part.CAMERA, Part.BRICK}
+    {
+        FaultTarget.ODOMETRY,
+        FaultTarget.ENCODERS,
+        FaultTarget.BATTERY,
+        FaultTarget.CAMERA,
+        FaultTarget.BRICK,
+    }
 )
 
 
 SENSOR_PARTS: Final = {
-    Sensor.IMU: Part.IMU,
-    Sensor.JOINTS: Part.JOINTS,
-    Sensor.SECOND_ODOMETRY: Part.SECOND_ODOMETRY,
-    Sensor.LASER: Part.LASER,
+    Sensor.IMU: FaultTarget.IMU,
+    Sensor.JOINTS: FaultTarget.JOINTS,
+    Sensor.SECOND_ODOMETRY: FaultTarget.SECOND_ODOMETRY,
+    Sensor.LASER: FaultTarget.LASER,
 }
 """What an asset's settings may give a simulated Jackal."""
 
 
-def declared_faults() -> tuple[FaultDeclaration, ...]:
+def declared_faults() -> tuple[SimulatedFaultDeclaration, ...]:
     """Return all declarations, in their order."""
     return tuple(_DECLARED.values())
 
 
-def fault_declaration(kind: type[Fault]) -> FaultDeclaration:
+def fault_declaration(kind: type[SimulatedFault]) -> SimulatedFaultDeclaration:
     """Return the declaration of a kind of fault."""
     (found,) = (each for each in _DECLARED.values() if each.kind is kind)
     return found
 
 
-def jackal_parts(sensors: Sensors) -> frozenset[Part]:
+def jackal_parts(sensors: Sensors) -> frozenset[FaultTarget]:
     """Return what a simulated Jackal with these sensors has."""
     return JACKAL_PARTS.union(SENSOR_PARTS[each] for each in sensors.present)
 
 
-def parts_of(settings: Settings) -> frozenset[Part]:
+def parts_of(settings: Settings) -> frozenset[FaultTarget]:
     """Return what the simulated rover of an asset has."""
     match settings.locomotion:
         case LocomotionKind.VELOCITY:
@@ -455,7 +463,7 @@ def parts_of(settings: Settings) -> frozenset[Part]:
             assert_never(settings.locomotion)
 
 
-def lacking(kind: type[Fault], parts: frozenset[Part]) -> str | None:
+def lacking(kind: type[SimulatedFault], parts: frozenset[FaultTarget]) -> str | None:
     """Return why a rover with these parts cannot have a fault; None where it can."""
     declaration = fault_declaration(kind)
     if declaration.needs is None or declaration.needs in parts:
@@ -465,7 +473,7 @@ def lacking(kind: type[Fault], parts: frozenset[Part]) -> str | None:
     return f"{lacks}: a Jackal has it with settings.sensors.{keys[0]}" if keys else lacks
 
 
-def read_kind(raw: object) -> FaultDeclaration:
+def read_kind(raw: object) -> SimulatedFaultDeclaration:
     """Return the declaration of a fault by its name.
 
     Raises:
@@ -478,7 +486,7 @@ def read_kind(raw: object) -> FaultDeclaration:
     return found
 
 
-def read_fault(raw: object) -> Fault:
+def read_fault(raw: object) -> SimulatedFault:
     """Return a fault as files write it: `odometry_lost`, or `{odometry_jump: {by: 0.5}}`.
 
     Raises:
@@ -491,7 +499,7 @@ def read_fault(raw: object) -> Fault:
     return declaration.make(given)
 
 
-def written(fault: Fault) -> dict[str, dict[str, float | bool | str]]:
+def written(fault: SimulatedFault) -> dict[str, dict[str, float | bool | str]]:
     """Return what `read_fault` reads."""
     declaration, plain = fault_declaration(type(fault)), _READER.plain(fault)
     return {declaration.name: {each.name: plain[each.field] for each in declaration.parameters}}
@@ -512,7 +520,7 @@ def _value(raw: object, parameter: Argument, path: str) -> Value:
 def bounds(parameter: Argument) -> tuple[float, float]:
     """Return the least and the greatest value of a parameter that is a figure."""
     bound = parameter.bound
-    assert isinstance(bound, Within)
+    assert isinstance(bound, ValueRange)
     assert isinstance(bound.high, float)
     low = -bound.high if bound.low is None else bound.low
     assert isinstance(low, float)

@@ -62,7 +62,7 @@ class Outline:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class GroundPoint:
     """A place on the ground."""
 
     x_m: float = figure(-FARTHEST_M, FARTHEST_M)
@@ -128,7 +128,7 @@ class Wall:
 
     x_m: float = figure(-FARTHEST_M, FARTHEST_M)
     y_m: float = figure(-FARTHEST_M, FARTHEST_M)
-    to: Place
+    to: GroundPoint
     height_m: float = figure(0.02, 10.0, default=1.0)
     thickness_m: float = figure(0.02, 5.0, default=0.1)
     friction: float = figure(*_FRICTION, default=0.3)
@@ -158,7 +158,7 @@ class Wall:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step(Rectangle):
+class StepBlock(Rectangle):
     """A block with upright sides, on which a rover can stand if it gets up there."""
 
     height_m: float = figure(*_RELIEF_M)
@@ -192,7 +192,7 @@ class Ditch(Rectangle):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Patch(Rectangle):
+class FrictionPatch(Rectangle):
     """Ground of another friction."""
 
     friction: float = figure(*_FRICTION)

@@ -17,9 +17,16 @@ from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.values.ports import CameraIntent
 from sim.pan_tilt import HeadController, HeadLimits
 from sim.rover import faults
-from sim.rover.body import PERIOD_S, SOON_S, STEPS_PER_PERIOD, Pack, SimulatedBody, moved_left
+from sim.rover.body import (
+    PERIOD_S,
+    SOON_S,
+    STEPS_PER_PERIOD,
+    BatteryPack,
+    SimulatedBody,
+    moved_left,
+)
 from sim.rover.camera import PictureSettings
-from sim.rover.faults import Fault, jackal_parts
+from sim.rover.faults import SimulatedFault, jackal_parts
 from sim.rover.instruments import draws
 from sim.rover.model import JACKAL
 from sim.rover.mux import Mux
@@ -182,7 +189,7 @@ class SimulatedJackal(SimulatedBody):
             mux: who may drive it; None for everybody.
         """
         sensors = sensors or Sensors()
-        super().__init__(JACKAL, Pack(), world, picture, jackal_parts(sensors))
+        super().__init__(JACKAL, BatteryPack(), world, picture, jackal_parts(sensors))
         random = np.random.default_rng(seed)
         self.odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController()
@@ -247,7 +254,7 @@ class SimulatedJackal(SimulatedBody):
         self._servos.set_speed(wanted.speed_radps)
         self._servos.point(wanted.pan_rad, wanted.tilt_rad)
 
-    def inject(self, fault: Fault) -> None:
+    def inject(self, fault: SimulatedFault) -> None:
         """Have a fault begin."""
         super().inject(fault)
         match fault:

@@ -75,7 +75,7 @@ def _refuse(line: str) -> None:
 STEP_S = 0.01
 
 
-class Recorder:
+class DownlinkRecorder:
     """A downlink that keeps what it hears."""
 
     def __init__(self) -> None:
@@ -137,7 +137,7 @@ class LockStep:
         self._tape = tape
         self.rover = _rover(settings, world, seed, picture, odometry)
         self.clock = ManualClock()
-        self.heard = Recorder()
+        self.heard = DownlinkRecorder()
         self._folder = folder
         self._downlinks = (self.heard, *downlinks)
         self._steps = 0

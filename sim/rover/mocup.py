@@ -9,15 +9,15 @@ from typing import Final
 from adapters.mops import load_dictionary
 from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
-from sim.brick import BrickSettings, Firmware, Readings, Senses, SetPoints
+from sim.brick import BrickSettings, Firmware, Readings, SensorReadings, SetPoints
 from sim.rover import faults
-from sim.rover.body import PERIOD_S, Pack, SimulatedBody, moved_left
+from sim.rover.body import PERIOD_S, BatteryPack, SimulatedBody, moved_left
 from sim.rover.camera import PictureSettings
-from sim.rover.faults import MOCUP_PARTS, Fault
+from sim.rover.faults import MOCUP_PARTS, SimulatedFault
 from sim.rover.model import MOCUP
 from sim.rover.world import World
 
-PACK: Final = Pack(
+PACK: Final = BatteryPack(
     cells=2,
     capacity_j=10.4 * 3600.0,
     resistance_ohm=0.3,
@@ -66,7 +66,7 @@ class SimulatedMocup(SimulatedBody):
         """Give the brick octets."""
         self.brick.take(octets, self.time_s)
 
-    def inject(self, fault: Fault) -> None:
+    def inject(self, fault: SimulatedFault) -> None:
         """Have a fault begin."""
         super().inject(fault)
         if isinstance(fault, faults.OdometryJump):
@@ -74,7 +74,7 @@ class SimulatedMocup(SimulatedBody):
         if isinstance(fault, faults.BrickSilent):
             self.brick.mute = True
 
-    def clear(self, kind: type[Fault]) -> None:
+    def clear(self, kind: type[SimulatedFault]) -> None:
         """Have a fault end, if it is there."""
         super().clear(kind)
         if kind is faults.BrickSilent:
@@ -100,7 +100,7 @@ class SimulatedMocup(SimulatedBody):
             )
             self._counts = (left, right)
         angles = self.camera_angles
-        senses = Senses(*self._counts, self._voltage_v(), angles.pan_rad, angles.tilt_rad)
+        senses = SensorReadings(*self._counts, self._voltage_v(), angles.pan_rad, angles.tilt_rad)
         self._points = self.brick.step(self.time_s, senses, PERIOD_S)
 
     def _move_belief(self, distance_m: float) -> None:

@@ -14,7 +14,7 @@ from executive.settings import MuxEntry, MuxSettings
 
 
 @dataclass(slots=True)
-class _Heard:
+class _LastMessage:
     """An input or a lock, and when it was heard last; `locked` is of a lock."""
 
     entry: MuxEntry
@@ -30,12 +30,12 @@ class Mux:
 
     def __init__(self, settings: MuxSettings) -> None:
         self.settings = settings
-        self._inputs = {name: _Heard(entry) for name, entry in settings.topics.items()}
-        self._locks = {name: _Heard(entry) for name, entry in settings.locks.items()}
+        self._inputs = {name: _LastMessage(entry) for name, entry in settings.topics.items()}
+        self._locks = {name: _LastMessage(entry) for name, entry in settings.locks.items()}
 
     def add(self, name: str, entry: MuxEntry) -> None:
         """Have one input more, in place of one of that name."""
-        self._inputs[name] = _Heard(entry)
+        self._inputs[name] = _LastMessage(entry)
 
     def passes(self, name: str, now_s: float) -> bool:
         """Take a velocity of an input; return whether it goes on to the base."""

@@ -22,7 +22,7 @@ _KINDS: Final[Mapping[Sensor, type[Instrument]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class _OnItsWay:
+class _DelayedFact:
     due_s: float
     fact: Fact
 
@@ -43,7 +43,7 @@ class SensorSuite:
             if each in sensors.present
         )
         self._due_s = dict.fromkeys(self._instruments, 0.0)
-        self._on_their_way: list[_OnItsWay] = []
+        self._on_their_way: list[_DelayedFact] = []
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
 
     def read(self, steps: int) -> list[Fact]:
@@ -61,7 +61,7 @@ class SensorSuite:
                 continue
             due_s = max(time_s + instrument.latency_s, self._due_s[instrument])
             self._due_s[instrument] = due_s
-            self._on_their_way.append(_OnItsWay(due_s, fact))
+            self._on_their_way.append(_DelayedFact(due_s, fact))
         return published
 
     def _arrived(self, time_s: float) -> list[Fact]:

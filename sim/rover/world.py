@@ -19,10 +19,10 @@ from sim.rover.features import (
     BANK_M,
     FARTHEST_M,
     Ditch,
+    FrictionPatch,
     Outline,
-    Patch,
     SlopeZone,
-    Step,
+    StepBlock,
     Wall,
     require,
 )
@@ -32,7 +32,7 @@ CLEAR_M = 0.35
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class SoilShape:
     """The soil: flat, or hills of smooth random shape on a square about the origin.
 
     Attributes:
@@ -118,7 +118,7 @@ class Scatter:
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class StartPose:
     """Where the rover stands at first."""
 
     x_m: float = figure(-FARTHEST_M, FARTHEST_M, default=0.0)
@@ -146,17 +146,17 @@ class World:
     """
 
     name: str = "flat"
-    ground: Ground = field(default_factory=Ground)
+    ground: SoilShape = field(default_factory=SoilShape)
     slope_rad: float = figure(-1.0, 1.0, default=0.0)
     friction: float = figure(0.05, 2.0, default=0.6)
     rocks: tuple[Rock, ...] = ()
     scatter: Scatter = field(default_factory=Scatter)
     walls: tuple[Wall, ...] = ()
-    steps: tuple[Step, ...] = ()
+    steps: tuple[StepBlock, ...] = ()
     ditches: tuple[Ditch, ...] = ()
-    patches: tuple[Patch, ...] = ()
+    patches: tuple[FrictionPatch, ...] = ()
     slopes: tuple[SlopeZone, ...] = ()
-    start: Start = field(default_factory=Start)
+    start: StartPose = field(default_factory=StartPose)
     charge_ratio: float = figure(most=1.0, default=0.9)
     dark: bool = False
 
@@ -248,7 +248,7 @@ class Terrain:
         return np.array([np.interp(along_m, own_m, column) for column in across.T]).T
 
 
-def make_terrain(ground: Ground, reliefs: Sequence[Ditch | SlopeZone] = ()) -> Terrain:
+def make_terrain(ground: SoilShape, reliefs: Sequence[Ditch | SlopeZone] = ()) -> Terrain:
     """Return the terrain of a ground with reliefs in it, which need finer cells than hills."""
     hills = _hills(ground)
     if not reliefs:
@@ -262,7 +262,7 @@ def make_terrain(ground: Ground, reliefs: Sequence[Ditch | SlopeZone] = ()) -> T
     return Terrain(heights_m, ground.size_m)
 
 
-def _hills(ground: Ground) -> Terrain:
+def _hills(ground: SoilShape) -> Terrain:
     """Return smooth noise that runs out to level ground at the edges."""
     cells = max(2, ceil(ground.size_m / CELL_M))
     if ground.amplitude_m == 0:

@@ -18,7 +18,7 @@ _LASTS: Final = "for"
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class Override:
     """What a file says under a key, and what it is to say instead.
 
     Attributes:
@@ -34,7 +34,7 @@ class Change:
     value: str
 
     @classmethod
-    def parse(cls, text: str) -> "Change":
+    def parse(cls, text: str) -> "Override":
         """Read `KEY=VALUE`.
 
         Raises:
@@ -50,7 +50,7 @@ class Change:
 
 
 def changed(
-    raw: dict[str, Any], changes: Sequence[Change], world: Callable[[str], dict[str, Any]]
+    raw: dict[str, Any], changes: Sequence[Override], world: Callable[[str], dict[str, Any]]
 ) -> dict[str, Any]:
     """Return the plain data of a scenario with changes, in their order.
 
@@ -72,7 +72,7 @@ def changed(
 
 
 def _changed(
-    raw: dict[str, Any], change: Change, world: Callable[[str], dict[str, Any]]
+    raw: dict[str, Any], change: Override, world: Callable[[str], dict[str, Any]]
 ) -> dict[str, Any]:
     root, _, rest = change.key.partition(".")
     value = parse_yaml(change.value, "the value")

@@ -8,7 +8,7 @@ import click
 from click.shell_completion import CompletionItem
 
 if TYPE_CHECKING:
-    from sim.scenario.changes import Change
+    from sim.scenario.changes import Override
 
 PIPE_WIDTH: Final = 240
 
@@ -28,10 +28,10 @@ class ChangeType(click.ParamType[Any]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the change."""
-        from sim.scenario.changes import Change
+        from sim.scenario.changes import Override
 
         try:
-            return Change.parse(value)
+            return Override.parse(value)
         except ValueError as error:
             self.fail(str(error), param, ctx)
 
@@ -97,7 +97,7 @@ def scenario(
     files: tuple[str, ...],
     listed: bool,
     seed: int | None,
-    changes: "tuple[Change, ...]",
+    changes: "tuple[Override, ...]",
     repeat: int,
     as_json: bool,
     junit: BinaryIO | None,
@@ -135,15 +135,15 @@ def scenario(
     """
     from rich.console import Console
 
-    from sim.scenario.model import PlayMode
-    from sim.scenario.session import Session, list_scenarios
+    from sim.scenario.model import RunMode
+    from sim.scenario.session import ScenarioBatch, list_scenarios
 
-    mode = PlayMode.LOCK_STEP
+    mode = RunMode.LOCK_STEP
     if live:
-        mode = PlayMode.RELAY if link == "relay" else PlayMode.DIRECT
+        mode = RunMode.RELAY if link == "relay" else RunMode.DIRECT
     elif link != "direct":
         raise click.UsageError("--link relay works with --live only")
-    if speed != 1.0 and mode is not PlayMode.DIRECT:
+    if speed != 1.0 and mode is not RunMode.DIRECT:
         raise click.UsageError(f"--speed does not work {mode.value}")
     if as_json and (verbose or listed):
         raise click.UsageError("--json goes with neither --verbose nor --list")
@@ -155,7 +155,7 @@ def scenario(
     console = Console(width=width, highlight=False, quiet=as_json)
     if listed:
         sys.exit(list_scenarios(console))
-    session = Session(console, mode, speed, seed, changes, repeat, verbose, out)
+    session = ScenarioBatch(console, mode, speed, seed, changes, repeat, verbose, out)
     for name in files:
         session.read(name)
     session.play()

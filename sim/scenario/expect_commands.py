@@ -9,16 +9,16 @@ from zlib import crc32
 
 from executive.settings import figure
 from executive.values.reasons import Reason
-from executive.values.reports import FileEventKind, Kind, PlanStatus, Report, Severity, Stage
+from executive.values.reports import FileEventKind, PlanStatus, Report, ReportKind, Severity, Stage
 from sim.scenario.record import (
     ALMOST_S,
     NEVER,
     Answer,
+    Check,
     Fetched,
-    Finding,
-    NotFetched,
+    FetchFailed,
     Record,
-    Timed,
+    Scheduled,
     joined,
 )
 
@@ -48,15 +48,15 @@ class ExpectedLife:
         if all(each is None for each in said):
             raise ValueError("one of stages, ends, reason, answers, within is needed")
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare the life of a command."""
         reports = record.life(self.command)
         found = joined(f"command {self.command}", list(self._aspects(reports, record)))
         if found.holds or not reports:
             return found
-        return Finding(found.subject, found.expected, f"{found.seen}: {reports[-1].text}", False)
+        return Check(found.subject, found.expected, f"{found.seen}: {reports[-1].text}", False)
 
-    def _aspects(self, reports: Sequence[Report], record: Record) -> Iterator[Finding]:
+    def _aspects(self, reports: Sequence[Report], record: Record) -> Iterator[Check]:
         if self.answers is not None:
             answers = [sent.answer for sent in record.sendings if sent.label == self.command]
             yield _aspect(_answers(self.answers), _answers(answers))
@@ -71,7 +71,7 @@ class ExpectedLife:
         if self.within_s is not None:
             ended = bool(last and last.stage and last.stage.terminal)
             took_s = record.time_of(reports[-1]) - record.time_of(reports[0]) if ended else 0.0
-            yield Finding(
+            yield Check(
                 "",
                 f"within {self.within_s:g} s",
                 f"after {took_s:.2f} s" if ended else "no end",
@@ -86,35 +86,35 @@ class Events:
     event: Reason
     count: int = figure(default=1)
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Count the events with a reason."""
         count = len(
             {
                 report.sequence
                 for report in record.reports
-                if report.kind is Kind.EVENT and report.reason is self.event
+                if report.kind is ReportKind.EVENT and report.reason is self.event
             }
         )
-        return Finding(
+        return Check(
             f"event {_reason(self.event)}", f"{self.count} ×", f"{count} ×", count == self.count
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkTells:
+class LinkNotificationCount:
     """How often the relay tells something of itself, of a severity; with --link relay only."""
 
     link: Severity
     count: int = figure(default=1)
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Count what the relay told of itself, with a severity."""
         told = [
             report.text
             for report in record.reports
-            if report.kind is Kind.LINK and report.severity is self.link
+            if report.kind is ReportKind.LINK and report.severity is self.link
         ]
-        return Finding(
+        return Check(
             f"link {self.link.name}",
             f"{self.count} ×",
             "; ".join([f"{len(told)} ×", *told]),
@@ -123,18 +123,18 @@ class LinkTells:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanIs(Timed):
+class PlanIs(Scheduled):
     """Where a plan is in its life."""
 
     plan: str
     status: PlanStatus
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare where a plan was in its life at a time."""
         subject, wanted = f"plan {self.plan}", f"{self.status.name} {self.when}"
         time_s = record.moment(self)
         if time_s is None:
-            return Finding(subject, wanted, NEVER, False)
+            return Check(subject, wanted, NEVER, False)
         told = [
             update
             for update in record.plans
@@ -142,14 +142,14 @@ class PlanIs(Timed):
             and record.since_start_s(update.utc_s) <= time_s + ALMOST_S
         ]
         if not told:
-            return Finding(subject, wanted, "nothing told", False)
+            return Check(subject, wanted, "nothing told", False)
         last = told[-1]
         seen = f"{last.status.name}, {last.done} of {last.total} leaves"
-        return Finding(subject, wanted, seen, last.status is self.status)
+        return Check(subject, wanted, seen, last.status is self.status)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FileLife:
+class FileEventsExpectation:
     """Everything that is told of one file aboard.
 
     Attributes:
@@ -164,7 +164,7 @@ class FileLife:
         if FileEventKind.TRANSFERRED in self.events:
             raise ValueError("events: whether it was TRANSFERRED, fetched says")
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare everything that was told of a file."""
         told = [
             event.kind
@@ -172,7 +172,7 @@ class FileLife:
             if event.path == self.file and event.kind is not FileEventKind.TRANSFERRED
         ]
         holds = told == list(self.events)
-        return Finding(f"file {self.file}", _kinds(self.events), _kinds(told), holds)
+        return Check(f"file {self.file}", _kinds(self.events), _kinds(told), holds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,14 +182,14 @@ class FileList:
     files: tuple[str, ...]
     asked: str
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare the files that were listed."""
         wanted = f"{_paths(self.files)} listed, asked by {self.asked}"
         answers = [asked.files for asked in record.answers if asked.label == self.asked]
         if not answers:
-            return Finding("files", wanted, "not asked", False)
+            return Check("files", wanted, "not asked", False)
         holds = set(answers[0]) == set(self.files)
-        return Finding("files", wanted, _paths(answers[0]), holds)
+        return Check("files", wanted, _paths(answers[0]), holds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,12 +198,12 @@ class FileFetched:
 
     fetched: str
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare what came with what was aboard, octet for octet, and with the checksum told."""
         attempts = [each for each in record.fetched if each.path == self.fetched]
         faults = [fault for each in attempts if (fault := _fault(each))]
         octets = [f"{len(each.came)} octets" for each in attempts if isinstance(each, Fetched)]
-        return Finding(
+        return Check(
             f"fetched {self.fetched}",
             "octet for octet, of the checksum told",
             ", ".join([*octets, *faults]) or "never fetched",
@@ -211,11 +211,19 @@ class FileFetched:
         )
 
 
-CommandExpectation = ExpectedLife | Events | LinkTells | PlanIs | FileLife | FileList | FileFetched
+CommandExpectation = (
+    ExpectedLife
+    | Events
+    | LinkNotificationCount
+    | PlanIs
+    | FileEventsExpectation
+    | FileList
+    | FileFetched
+)
 
 
-def _aspect(expected: str, seen: str) -> Finding:
-    return Finding("", expected, seen, expected == seen)
+def _aspect(expected: str, seen: str) -> Check:
+    return Check("", expected, seen, expected == seen)
 
 
 def _answers(answers: Sequence[Answer]) -> str:
@@ -230,8 +238,8 @@ def _reason(reason: Reason | None) -> str:
     return f"{reason.value} {reason.name}" if reason else "no reason"
 
 
-def _fault(attempt: Fetched | NotFetched) -> str:
-    if isinstance(attempt, NotFetched):
+def _fault(attempt: Fetched | FetchFailed) -> str:
+    if isinstance(attempt, FetchFailed):
         return attempt.why
     if attempt.came != attempt.aboard:
         return "other octets than aboard"

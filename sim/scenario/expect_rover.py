@@ -15,7 +15,15 @@ from executive.commands import Mode
 from executive.settings import angle, figure
 from executive.values.geometry import wrap_rad
 from executive.values.parameters import Parameter
-from sim.scenario.record import NEVER, Finding, HeardValue, Lasting, Record, Timed, TruePose
+from sim.scenario.record import (
+    NEVER,
+    Check,
+    ReceivedValue,
+    Record,
+    Scheduled,
+    ScheduledInterval,
+    TruePose,
+)
 
 SHORTEST_S: Final = 0.001
 """A while that is needed lasts at least so long."""
@@ -27,7 +35,7 @@ LEAST_CONTRAST: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class WorldPose:
     """Where base_link is, in the frame of the world; the heading may be left open."""
 
     x_m: float
@@ -44,7 +52,7 @@ class Movement(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PoseIs(Timed):
+class PoseIs(Scheduled):
     """Where the rover truly is.
 
     Attributes:
@@ -52,11 +60,11 @@ class PoseIs(Timed):
         heading_tolerance_rad: greatest angle from the heading.
     """
 
-    pose: Place
+    pose: WorldPose
     tolerance_m: float = figure()
     heading_tolerance_rad: float = figure(default=0.05)
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare the true pose at a time."""
         place = self.pose
         wanted = f"x {place.x_m:.2f} y {place.y_m:.2f} ± {self.tolerance_m:g} m"
@@ -65,7 +73,7 @@ class PoseIs(Timed):
         wanted += f" {self.when}"
         seen = record.sample(record.poses, self)
         if seen is None:
-            return Finding("true pose", wanted, NEVER, False)
+            return Check("true pose", wanted, NEVER, False)
         true = seen.pose
         away_m = hypot(true.x_m - place.x_m, true.y_m - place.y_m)
         found = f"x {true.x_m:.3f} y {true.y_m:.3f}, {away_m:.3f} m off"
@@ -74,40 +82,40 @@ class PoseIs(Timed):
             off_rad = abs(wrap_rad(true.heading_rad - place.heading_rad))
             found += f", {_angle(true.heading_rad)}, {_angle(off_rad)} off"
             holds = holds and off_rad <= self.heading_tolerance_rad
-        return Finding("true pose", wanted, found, holds)
+        return Check("true pose", wanted, found, holds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModeIs(Timed):
+class ModeIs(Scheduled):
     """The asset's mode."""
 
     mode: Mode
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare the mode at a time."""
         wanted = f"{self.mode.name} {self.when}"
         seen = record.sample(record.modes, self)
         if seen is None:
-            return Finding("mode", wanted, NEVER, False)
-        return Finding("mode", wanted, seen.mode.name, seen.mode is self.mode)
+            return Check("mode", wanted, NEVER, False)
+        return Check("mode", wanted, seen.mode.name, seen.mode is self.mode)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RoverMoves(Lasting):
+class RoverMoves(ScheduledInterval):
     """Whether the rover truly stands throughout a while, or moves within it."""
 
     rover: Movement
     for_s: float = figure(SHORTEST_S)
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Look whether the rover moves in a while."""
         wanted = f"{self.rover.value} {self.period}"
         poses = record.during(record.poses, self)
         if not poses:
-            return Finding("rover", wanted, NEVER, False)
+            return Check("rover", wanted, NEVER, False)
         away_m, turned_rad = travel(poses)
         stands = away_m <= STILL_M and turned_rad <= STILL_RAD
-        return Finding(
+        return Check(
             "rover",
             wanted,
             f"went {away_m:.3f} m, turned {_angle(turned_rad)}",
@@ -116,7 +124,7 @@ class RoverMoves(Lasting):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterIs(Lasting):
+class ParameterIs(ScheduledInterval):
     """What a telemetry parameter says: the first value after the time, or all in a while.
 
     Attributes:
@@ -131,11 +139,11 @@ class ParameterIs(Lasting):
     asked: str | None = None
 
     def __post_init__(self) -> None:
-        Lasting.__post_init__(self)
+        ScheduledInterval.__post_init__(self)
         if self.once and not self.for_s:
             raise ValueError("once needs for: one value of which while?")
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare the values of a parameter in telemetry, or in the answer to a question."""
         unit = self.parameter.unit
         when = self.period if self.asked is None else f"asked by {self.asked}"
@@ -144,17 +152,17 @@ class ParameterIs(Lasting):
         wanted = f"{self.value:.4g} ± {self.tolerance:.4g} {unit} {when}{once}"
         seen = [each.value for each in self._looked_at(record)]
         if not seen:
-            return Finding(subject, wanted, "no value came", False)
+            return Check(subject, wanted, "no value came", False)
         known = [value for value in seen if value is not None]
         if len(known) < len(seen):
-            return Finding(subject, wanted, "not known aboard", False)
+            return Check(subject, wanted, "not known aboard", False)
         judged = (min if self.once else max)(known, key=self._distance)
         which = "nearest" if self.once else "worst"
         count = f", the {which} of {len(known)}" if len(known) > 1 else ""
         holds = self._distance(judged) <= self.tolerance
-        return Finding(subject, wanted, f"{judged:.4g} {unit}{count}", holds)
+        return Check(subject, wanted, f"{judged:.4g} {unit}{count}", holds)
 
-    def _looked_at(self, record: Record) -> Sequence[HeardValue]:
+    def _looked_at(self, record: Record) -> Sequence[ReceivedValue]:
         wanted = self.parameter
         if self.asked is not None:
             answers = [asked.values for asked in record.answers if asked.label == self.asked]
@@ -171,20 +179,20 @@ class ParameterIs(Lasting):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TelemetryCount(Lasting):
+class TelemetryCount(ScheduledInterval):
     """How often each of the twelve parameters arrives in a while."""
 
     telemetry: int = figure()
     tolerance: int = figure(default=0)
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Count how often each parameter arrived in a while."""
         wanted = f"{self.telemetry} ± {self.tolerance} × each parameter {self.period}"
         if record.moment(self) is None:
-            return Finding("telemetry", wanted, NEVER, False)
+            return Check("telemetry", wanted, NEVER, False)
         heard = Counter(value.parameter for value in record.during(record.values, self))
         counts = sorted(heard[each] for each in Parameter)
-        return Finding(
+        return Check(
             "telemetry",
             wanted,
             f"{counts[0]} to {counts[-1]} ×" if counts[0] < counts[-1] else f"{counts[0]} ×",
@@ -193,7 +201,7 @@ class TelemetryCount(Lasting):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pictures:
+class PictureCount:
     """Pictures that the rover has stored by the end: JPEG files that decode and show something.
 
     Attributes:
@@ -204,7 +212,7 @@ class Pictures:
     width_px: int | None = None
     height_px: int | None = None
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Look into the pictures that the rover has stored."""
         size = f"{self.width_px or 'any'} × {self.height_px or 'any'}"
         paths = sorted(record.files.glob("pictures/*.jpg"))
@@ -213,7 +221,7 @@ class Pictures:
             for path in paths
             if (fault := _fault(path.read_bytes(), self.width_px, self.height_px))
         ]
-        return Finding(
+        return Check(
             "pictures",
             f"{self.pictures} stored, {size} px, showing something",
             ", ".join([f"{len(paths)} stored", *faults]),
@@ -222,7 +230,7 @@ class Pictures:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VideoComes(Lasting):
+class VideoComes(ScheduledInterval):
     """Pictures of the video stream that arrive on the ground while it lasts; with --live only.
 
     Attributes:
@@ -232,18 +240,18 @@ class VideoComes(Lasting):
     video: int = figure()
     for_s: float = figure(SHORTEST_S)
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Look into the pictures that arrived; where none is wanted, at every datagram."""
         wanted = f"at least {self.video} pictures" if self.video else "nothing arrives"
         wanted = f"{wanted} {self.period}"
         if record.moment(self) is None:
-            return Finding("video", wanted, NEVER, False)
+            return Check("video", wanted, NEVER, False)
         arrived = record.during(record.video, self)
         came = [each.picture for each in arrived if each.picture is not None]
         faults = [fault for picture in came if (fault := _fault(picture))]
         seen = f"{len(came)} pictures, {len(arrived)} datagrams"
         enough = len(came) >= self.video if self.video else not arrived
-        return Finding("video", wanted, ", ".join([seen, *faults]), enough and not faults)
+        return Check("video", wanted, ", ".join([seen, *faults]), enough and not faults)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,15 +260,22 @@ class Contacts:
 
     contacts: int = figure()
 
-    def judge(self, record: Record) -> Finding:
+    def judge(self, record: Record) -> Check:
         """Compare the contacts of the whole run."""
         seen = record.contacts
         text = "not known" if seen is None else f"{seen} contacts"
-        return Finding("contacts", f"{self.contacts} contacts", text, seen == self.contacts)
+        return Check("contacts", f"{self.contacts} contacts", text, seen == self.contacts)
 
 
 RoverExpectation = (
-    PoseIs | ModeIs | RoverMoves | ParameterIs | TelemetryCount | Pictures | VideoComes | Contacts
+    PoseIs
+    | ModeIs
+    | RoverMoves
+    | ParameterIs
+    | TelemetryCount
+    | PictureCount
+    | VideoComes
+    | Contacts
 )
 
 

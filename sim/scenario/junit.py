@@ -11,7 +11,7 @@ from executive.values.reports import printable
 
 
 @unique
-class Trouble(Enum):
+class CaseStatus(Enum):
     """What is wrong with a case, by the name of its element."""
 
     FAILURE = "failure"
@@ -23,7 +23,7 @@ class Trouble(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class JunitCase:
     """One thing that was to hold.
 
     Attributes:
@@ -33,11 +33,11 @@ class Case:
 
     name: str
     seen: str
-    trouble: Trouble | None = None
+    trouble: CaseStatus | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Suite:
+class JunitSuite:
     """What was looked at together.
 
     Attributes:
@@ -46,12 +46,12 @@ class Suite:
     """
 
     name: str
-    cases: Sequence[Case]
+    cases: Sequence[JunitCase]
     took_s: float = 0.0
     properties: Mapping[str, str] = field(default_factory=dict)
 
 
-def write_junit(file: BinaryIO, name: str, suites: Sequence[Suite]) -> None:
+def write_junit(file: BinaryIO, name: str, suites: Sequence[JunitSuite]) -> None:
     """Write suites as one XML document; a case that has the name of another gets a number."""
     root = ElementTree.Element("testsuites", _counts(name, suites))
     for suite in suites:
@@ -67,7 +67,7 @@ def write_junit(file: BinaryIO, name: str, suites: Sequence[Suite]) -> None:
     file.write(b"\n")
 
 
-def _add_cases(suite: ElementTree.Element, said: Suite) -> None:
+def _add_cases(suite: ElementTree.Element, said: JunitSuite) -> None:
     named: Counter[str] = Counter()
     for case in said.cases:
         named[case.name] += 1
@@ -79,13 +79,13 @@ def _add_cases(suite: ElementTree.Element, said: Suite) -> None:
             ElementTree.SubElement(made, case.trouble.value, {"message": seen}).text = seen
 
 
-def _counts(name: str, suites: Sequence[Suite]) -> dict[str, str]:
+def _counts(name: str, suites: Sequence[JunitSuite]) -> dict[str, str]:
     troubles = Counter(case.trouble for suite in suites for case in suite.cases)
     return {
         "name": printable(name),
         "tests": str(troubles.total()),
-        "failures": str(troubles[Trouble.FAILURE]),
-        "errors": str(troubles[Trouble.ERROR]),
-        "skipped": str(troubles[Trouble.SKIPPED]),
+        "failures": str(troubles[CaseStatus.FAILURE]),
+        "errors": str(troubles[CaseStatus.ERROR]),
+        "skipped": str(troubles[CaseStatus.SKIPPED]),
         "time": f"{sum(suite.took_s for suite in suites):.3f}",
     }

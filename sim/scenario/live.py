@@ -22,14 +22,14 @@ from executive.commands import SetCameraAngles
 from executive.settings import LocomotionKind, config_folder, unstructure
 from executive.values.parameters import Parameter
 from sim.processes import ANY_PORT, HOST, Deployment, deployed, free_place
-from sim.processes import Eclipse as Dark
-from sim.processes.recorder import Recorder, recorder
+from sim.processes import Outage as Dark
+from sim.processes.recorder import RoverRecorder, recorder
 from sim.processes.relay import Orbiter, relayed
 from sim.ros.cargo import loading
 from sim.ros.faults import FaultClient, fault_client
-from sim.rover.faults import Fault, LinkLost
+from sim.rover.faults import LinkLost, SimulatedFault
 from sim.scenario.live_session import GLANCE_S, LiveSession, watched
-from sim.scenario.model import Cargo, Clear, Eclipse, Inject, PlayMode, Scenario
+from sim.scenario.model import Cargo, Clear, Eclipse, Inject, RunMode, Scenario
 from sim.scenario.record import Record, TruePose
 from sim.scenario.truth import look_up_requests, undelayed_s
 
@@ -42,7 +42,7 @@ seconds, and more where the rover took long to start, for so will the relay."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class LiveSetup:
     """Where scenarios are played.
 
     Attributes:
@@ -56,7 +56,7 @@ class Scene:
     rover: Deployment
     orbiter: Orbiter | None
     start_utc_s: float | None
-    heard: Recorder
+    heard: RoverRecorder
     ground: socket.socket
     load: Callable[[float], None] | None
     faults: FaultClient | None
@@ -65,16 +65,18 @@ class Scene:
         """Do nothing while all processes run; else raise ChildError."""
         (self.orbiter or self.rover).check()
 
-    async def uri(self, mode: PlayMode) -> str:
+    async def uri(self, mode: RunMode) -> str:
         """Wait until the MRS is served by a link, and return where."""
-        if mode is not PlayMode.RELAY:
+        if mode is not RunMode.RELAY:
             return await self.rover.uri()
         assert self.orbiter is not None
         return await self.orbiter.uri(self.rover.settings.asset)
 
 
 @contextmanager
-def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) -> Iterator[Scene]:
+def scene_of(
+    scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0
+) -> Iterator[LiveSetup]:
     """Yield what it takes to play a scenario, or others with its rover and world.
 
     Raises:
@@ -105,10 +107,10 @@ def scene_of(scenario: Scenario, folder: Path, relay: bool, speed: float = 1.0) 
         faults: FaultClient | None = None
         if any(kind is not LinkLost for kind in _fault_kinds(scenario)):
             faults = running.enter_context(fault_client(name, place.domain, parameters, START_S))
-        yield Scene(rover, orbiter, start_utc_s, heard, ground, load, faults)
+        yield LiveSetup(rover, orbiter, start_utc_s, heard, ground, load, faults)
 
 
-def _fault_kinds(scenario: Scenario) -> Iterator[type[Fault]]:
+def _fault_kinds(scenario: Scenario) -> Iterator[type[SimulatedFault]]:
     """Yield the kind of each fault that begins or ends."""
     for entry in scenario.timeline:
         match entry:
@@ -146,7 +148,7 @@ def _write(scenario: Scenario, folder: Path) -> tuple[str, str]:
     return paths[0], paths[1]
 
 
-def run_live(scenario: Scenario, folder: Path, mode: PlayMode, speed: float = 1.0) -> Record:
+def run_live(scenario: Scenario, folder: Path, mode: RunMode, speed: float = 1.0) -> Record:
     """Play a scenario that can be played live, and return what was seen.
 
     Must be called on the main thread, which no other thread may run beside yet.
@@ -157,16 +159,18 @@ def run_live(scenario: Scenario, folder: Path, mode: PlayMode, speed: float = 1.
         PlaceError: no ROS domain is free.
         TimeoutError: the rover did not get ready in time.
     """
-    with scene_of(scenario, folder, mode is PlayMode.RELAY, speed) as scene:
+    with scene_of(scenario, folder, mode is RunMode.RELAY, speed) as scene:
 
         async def play() -> Record:
-            await ready(scene, PlayMode.DIRECT)
+            await ready(scene, RunMode.DIRECT)
             return await play_in(scene, scenario, mode)
 
         return asyncio.run(play())
 
 
-async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool = False) -> Record:
+async def play_in(
+    scene: LiveSetup, scenario: Scenario, mode: RunMode, brief: bool = False
+) -> Record:
     """Play a scenario in a scene of its rover and world.
 
     Args:
@@ -183,7 +187,7 @@ async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool 
     """
     uri = await ready(scene, mode)
     start_utc_s = time.time()
-    if mode is PlayMode.RELAY and scene.start_utc_s is not None:
+    if mode is RunMode.RELAY and scene.start_utc_s is not None:
         start_utc_s = scene.start_utc_s
         late_s = time.time() - start_utc_s
         if late_s > 0:
@@ -211,7 +215,7 @@ async def play_in(scene: Scene, scenario: Scenario, mode: PlayMode, brief: bool 
     return record
 
 
-async def ready(scene: Scene, mode: PlayMode) -> str:
+async def ready(scene: LiveSetup, mode: RunMode) -> str:
     """Wait until a link tells where the rover is, and the simulation too; return its address.
 
     An executive begins with a stop, which a brick may hear late: where the relay reaches it, too,
@@ -231,14 +235,14 @@ async def ready(scene: Scene, mode: PlayMode) -> str:
         raise TimeoutError(f"it was not ready after {START_S:.0f} s") from error
 
 
-async def _known(uri: str, scene: Scene, mode: PlayMode) -> None:
+async def _known(uri: str, scene: LiveSetup, mode: RunMode) -> None:
     """Wait until every parameter is known aboard, or to the orbiter, and the true pose here."""
-    needed = () if mode is PlayMode.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
+    needed = () if mode is RunMode.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:
         while not scene.heard.true or any(
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
         ):
             await asyncio.sleep(GLANCE_S)
         brick = scene.rover.settings.locomotion is LocomotionKind.WHOLE_MOTION
-        if brick and mode is PlayMode.DIRECT and scene.orbiter is not None:
+        if brick and mode is RunMode.DIRECT and scene.orbiter is not None:
             await client.run(client.command(SetCameraAngles(0.0, 0.0)))

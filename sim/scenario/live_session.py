@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from adapters.mal import MalError
-from adapters.mrs.ground import FileNews, MrsClient, Stream, TransferError
+from adapters.mrs.ground import FileNotification, MrsClient, Stream, TransferError
 from adapters.mrs.spec import (
     AreaError,
     Notification,
@@ -32,33 +32,33 @@ from adapters.video import JpegStream
 from executive.commands import Command
 from executive.values.reports import FileEvent, FileEventKind
 from sim.ros.faults import FaultClient
-from sim.rover.faults import Fault, LinkLost, fault_declaration
+from sim.rover.faults import LinkLost, SimulatedFault, fault_declaration
 from sim.scenario.model import (
-    Ask,
     Cargo,
     Clear,
     Eclipse,
     Entry,
     Fetch,
     Inject,
-    PlayMode,
+    QueryParameters,
     Repeat,
+    RunMode,
     Scenario,
     Send,
 )
 from sim.scenario.record import (
+    AdmittedRequest,
     Answer,
-    Asked,
     Datagram,
+    FaultChange,
     Fetched,
-    NotFetched,
+    FetchFailed,
+    ModeSample,
+    QueryAnswer,
     Record,
-    Requested,
-    SeenFault,
-    SeenMode,
-    Sending,
+    SentCommand,
 )
-from sim.scenario.timeline import Ground, Timeline
+from sim.scenario.timeline import CommandFactory, Timeline
 
 T = TypeVar("T")
 
@@ -91,7 +91,7 @@ class LiveSession:
         self,
         scenario: Scenario,
         uri: str,
-        mode: PlayMode,
+        mode: RunMode,
         load: Callable[[float], None] | None,
         faults: FaultClient | None,
         look: Callable[[], None],
@@ -108,9 +108,9 @@ class LiveSession:
         self._record = record
         self._lasts_s = scenario.lasts_s
         self._timeline = Timeline(scenario, record)
-        self._ground = Ground(scenario, mode.link, speed)
+        self._ground = CommandFactory(scenario, mode.link, speed)
         self._client: MrsClient | None = None
-        self._listening: Listening | None = None
+        self._listening: DownlinkSubscriptions | None = None
         self._faults = faults
         self._contact_s = inf
         self._lost = False
@@ -135,9 +135,11 @@ class LiveSession:
     def _now_s(self) -> float:
         return self._record.since_start_s(self._system.utc_s())
 
-    async def _connect(self) -> "Listening":
+    async def _connect(self) -> "DownlinkSubscriptions":
         self._client = await MrsClient.connect(self._uri, system=self._system)
-        self._listening = Listening(self._client, self._record, self._mode, self._news.set)
+        self._listening = DownlinkSubscriptions(
+            self._client, self._record, self._mode, self._news.set
+        )
         await self._listening.begin()
         return self._listening
 
@@ -182,14 +184,16 @@ class LiveSession:
                 label, command = self._ground.command(entry, self._system.utc_s())
                 sent_s = self._now_s()
                 answer = await self._submit(command)
-                self._record.sendings.append(Sending(label, command.identity, sent_s, answer))
+                self._record.sendings.append(SentCommand(label, command.identity, sent_s, answer))
                 if answer is Answer.ADMITTED:
-                    self._record.requested.append(Requested(command.identity, command.request))
-            case Ask(ask=label):
+                    self._record.requested.append(
+                        AdmittedRequest(command.identity, command.request)
+                    )
+            case QueryParameters(ask=label):
                 self._record.answers.append(await self._asked(label))
             case Fetch(fetch=path):
                 if self._client is None:
-                    self._record.fetched.append(NotFetched(path, "nobody is there"))
+                    self._record.fetched.append(FetchFailed(path, "nobody is there"))
                     return
                 self._record.fetched.append(await fetched(self._client, path, self._record.files))
             case Cargo(cargo_kg=mass_kg) if self._load is not None:
@@ -199,13 +203,13 @@ class LiveSession:
             case Clear(clear=kind):
                 await self._fault(kind, None)
             case Eclipse(eclipse_s=dark_s):
-                if self._mode is PlayMode.DIRECT:
+                if self._mode is RunMode.DIRECT:
                     await self._hang_up()
                     self._contact_s = self._now_s() + dark_s
             case _:
                 raise TypeError(f"{type(entry).__name__} cannot be done over the socket")
 
-    async def _fault(self, kind: type[Fault], begins: Fault | None) -> None:
+    async def _fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
         """Have a fault begin, or one of a kind end."""
         if kind is LinkLost:
             await self._lose_link(begins is not None)
@@ -216,7 +220,7 @@ class LiveSession:
             else:
                 await asyncio.to_thread(self._faults.clear, kind)
         name = fault_declaration(kind).name
-        self._record.faults.append(SeenFault(self._now_s(), name, begins is not None))
+        self._record.faults.append(FaultChange(self._now_s(), name, begins is not None))
 
     async def _lose_link(self, lost: bool) -> None:
         """Hang up until the link is there again, and no eclipse either."""
@@ -236,24 +240,24 @@ class LiveSession:
             return Answer.DUPLICATE if known else Answer.REFUSED
         return Answer.ADMITTED
 
-    async def _asked(self, label: str) -> Asked:
+    async def _asked(self, label: str) -> QueryAnswer:
         if self._client is None:
-            return Asked(label, (), ())
+            return QueryAnswer(label, (), ())
         values = rover_values_of(await self._client.get_value())
-        direct = self._mode is PlayMode.DIRECT
+        direct = self._mode is RunMode.DIRECT
         files = await self._client.list_files() if direct else ()
-        return Asked(label, self._record.heard(values), tuple(file.path for file in files))
+        return QueryAnswer(label, self._record.heard(values), tuple(file.path for file in files))
 
 
-class Listening:
+class DownlinkSubscriptions:
     """Listens over one client, from `begin` to `end`."""
 
     def __init__(
-        self, client: MrsClient, record: Record, mode: PlayMode, on_news: Callable[[], None]
+        self, client: MrsClient, record: Record, mode: RunMode, on_news: Callable[[], None]
     ) -> None:
         self._client = client
         self._record = record
-        self._direct = mode is PlayMode.DIRECT
+        self._direct = mode is RunMode.DIRECT
         self._on_news = on_news
         self._notifications = client.notifications()
         self._tasks: list[asyncio.Task[None]] = []
@@ -269,7 +273,7 @@ class Listening:
         def on_value(value: ParameterValue) -> None:
             record.values += record.heard(rover_values_of([value]))
 
-        def on_file(news: FileNews) -> None:
+        def on_file(news: FileNotification) -> None:
             kind = FileEventKind(news.event.value)
             record.file_events.append(FileEvent(kind, news.file.path))
 
@@ -319,7 +323,7 @@ class Listening:
             mode = mode_of(status.mode)
             if mode is not None:
                 seen_s = self._record.since_start_s(utc_s_of(status.timestamp))
-                self._record.modes.append(SeenMode(seen_s, mode))
+                self._record.modes.append(ModeSample(seen_s, mode))
             await asyncio.sleep(LOOK_S)
 
 
@@ -328,7 +332,7 @@ async def _each(stream: Stream[T], put: Callable[[T], None]) -> None:
         put(item)
 
 
-async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | NotFetched:
+async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | FetchFailed:
     """Fetch a file.
 
     Args:
@@ -344,14 +348,14 @@ async def fetched(client: MrsClient, path: str, aboard: Path) -> Fetched | NotFe
         try:
             file = await client.retrieve_file(path, here)
         except MalError as error:
-            return NotFetched(path, describe_error(error))
+            return FetchFailed(path, describe_error(error))
         except TransferError as error:
-            return NotFetched(path, str(error))
+            return FetchFailed(path, str(error))
         assert file.checksum is not None
         return Fetched(path, here.read_bytes(), (aboard / path).read_bytes(), file.checksum)
 
 
-class _Watch(asyncio.DatagramProtocol):
+class _DatagramRecorder(asyncio.DatagramProtocol):
     def __init__(self, record: Record) -> None:
         self._record = record
         self._stream = JpegStream()
@@ -367,7 +371,7 @@ async def watched(ground: socket.socket, record: Record) -> AsyncIterator[None]:
     loop = asyncio.get_running_loop()
     own = ground.dup()
     own.setblocking(False)
-    transport, _ = await loop.create_datagram_endpoint(lambda: _Watch(record), sock=own)
+    transport, _ = await loop.create_datagram_endpoint(lambda: _DatagramRecorder(record), sock=own)
     try:
         yield
     finally:

@@ -16,28 +16,28 @@ from executive.settings import SettingsError
 from executive.values.geometry import wrap_rad
 from executive.values.reasons import Reason, Refusal
 from sim.rover.camera import PictureSettings
-from sim.rover.faults import Fault, LinkLost, fault_declaration
-from sim.rover.lockstep import STEP_S, LockStep, Recorder
+from sim.rover.faults import LinkLost, SimulatedFault, fault_declaration
+from sim.rover.lockstep import STEP_S, DownlinkRecorder, LockStep
 from sim.scenario import model
-from sim.scenario.model import Entry, PlayMode, Scenario
+from sim.scenario.model import Entry, RunMode, Scenario
 from sim.scenario.record import (
     ALMOST_S,
+    AdmittedRequest,
     Answer,
-    Asked,
+    FaultChange,
     Fetched,
-    NotFetched,
+    FetchFailed,
+    ModeSample,
+    QueryAnswer,
     Record,
-    Requested,
-    SeenFault,
-    SeenMode,
-    Sending,
+    SentCommand,
     TruePose,
 )
-from sim.scenario.timeline import Ground, Timeline
+from sim.scenario.timeline import CommandFactory, Timeline
 from sim.scenario.truth import look_up_requests
 
 
-class DownlinkLog:
+class DownlinkCollector:
     """Carries what a rover says into the record of a run.
 
     Attributes:
@@ -45,7 +45,7 @@ class DownlinkLog:
         dark: whether nothing passes now.
     """
 
-    def __init__(self, said: Recorder, record: Record) -> None:
+    def __init__(self, said: DownlinkRecorder, record: Record) -> None:
         self._said = said
         self._record = record
         self._batches = 0
@@ -100,7 +100,7 @@ def run_in_lock_step(scenario: Scenario, folder: Path, tape: Tape | None = None)
         raise SettingsError(f"world: {error}") from error
     record = Record(lock.clock.utc_s(), folder / "files")
     began_s = time.perf_counter()
-    _Play(scenario, lock, record).to_the_end()
+    _LockstepRun(scenario, lock, record).to_the_end()
     record.wall_s = time.perf_counter() - began_s
     record.seen = lock.executive.status.obstacles.seen
     lock.executive.abandon()
@@ -111,15 +111,15 @@ def run_in_lock_step(scenario: Scenario, folder: Path, tape: Tape | None = None)
     return record
 
 
-class _Play:
+class _LockstepRun:
     def __init__(self, scenario: Scenario, lock: LockStep, record: Record) -> None:
         self._lock = lock
         self._record = record
         self._steps = round(scenario.lasts_s / STEP_S)
         self._tick_steps = round(scenario.settings.tick_s / STEP_S)
         self._timeline = Timeline(scenario, record)
-        self._ground = Ground(scenario, PlayMode.LOCK_STEP.link)
-        self._downlink = DownlinkLog(lock.heard, record)
+        self._ground = CommandFactory(scenario, RunMode.LOCK_STEP.link)
+        self._downlink = DownlinkCollector(lock.heard, record)
         self._start_s = inf
 
     def to_the_end(self) -> None:
@@ -154,7 +154,7 @@ class _Play:
         if self._there:
             self._lock.executive.ground.hear()
         if self._lock.alive:
-            self._record.modes.append(SeenMode(time_s, self._lock.executive.mode))
+            self._record.modes.append(ModeSample(time_s, self._lock.executive.mode))
 
     def _carry_out(self, entry: Entry) -> None:
         lock, record = self._lock, self._record
@@ -163,10 +163,10 @@ class _Play:
                 self._send(entry)
             case model.Fix(fix=label):
                 self._send(model.Send(command=self._compensation(), label=label))
-            case model.Ask(ask=label):
+            case model.QueryParameters(ask=label):
                 values = record.heard(lock.executive.parameters() if self._there else ())
                 files = tuple(lock.executive.files.paths()) if self._there else ()
-                record.answers.append(Asked(label, values, files))
+                record.answers.append(QueryAnswer(label, values, files))
             case model.Fetch(fetch=path):
                 record.fetched.append(self._read(path))
             case model.Inject(inject=fault):
@@ -187,9 +187,11 @@ class _Play:
     def _send(self, entry: model.Send | model.Repeat) -> None:
         label, command = self._ground.command(entry, self._lock.clock.utc_s())
         answer = self._submit(command)
-        self._record.sendings.append(Sending(label, command.identity, self._lock.time_s, answer))
+        self._record.sendings.append(
+            SentCommand(label, command.identity, self._lock.time_s, answer)
+        )
         if answer in (Answer.ADMITTED, Answer.REFUSED):
-            self._record.requested.append(Requested(command.identity, command.request))
+            self._record.requested.append(AdmittedRequest(command.identity, command.request))
 
     def _compensation(self) -> SetPositionCompensation:
         """Return the compensation with which the reported pose is the true one."""
@@ -204,7 +206,7 @@ class _Play:
             wrap_rad(now.heading_rad + turn_rad),
         )
 
-    def _fault(self, kind: type[Fault], begins: Fault | None) -> None:
+    def _fault(self, kind: type[SimulatedFault], begins: SimulatedFault | None) -> None:
         """Have a fault begin, or one of a kind end."""
         if kind is LinkLost:
             self._downlink.lose(begins is not None)
@@ -213,7 +215,7 @@ class _Play:
         else:
             self._lock.rover.clear(kind)
         name = fault_declaration(kind).name
-        self._record.faults.append(SeenFault(self._lock.time_s, name, begins is not None))
+        self._record.faults.append(FaultChange(self._lock.time_s, name, begins is not None))
 
     def _submit(self, command: Command) -> Answer:
         if self._downlink.dark:
@@ -237,11 +239,11 @@ class _Play:
     def _there(self) -> bool:
         return self._lock.alive and not self._downlink.dark
 
-    def _read(self, path: str) -> Fetched | NotFetched:
+    def _read(self, path: str) -> Fetched | FetchFailed:
         if not self._there:
-            return NotFetched(path, "nobody is there")
+            return FetchFailed(path, "nobody is there")
         place = self._lock.executive.files.find(path)
         if isinstance(place, Refusal):
-            return NotFetched(path, place.text)
+            return FetchFailed(path, place.text)
         octets = place.read_bytes()
         return Fetched(path, octets, octets, crc32(octets))

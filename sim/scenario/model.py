@@ -11,15 +11,15 @@ from executive.commands import Request, declaration_of
 from executive.settings import Settings, figure
 from sim.rover import World
 from sim.rover.body import MAX_CARGO_KG
-from sim.rover.faults import Fault
+from sim.rover.faults import SimulatedFault
 from sim.rover.jackal import OdometrySettings
 from sim.scenario.expect_commands import CommandExpectation
 from sim.scenario.expect_rover import SHORTEST_S, RoverExpectation
-from sim.scenario.record import Timed
+from sim.scenario.record import Scheduled
 
 
 @unique
-class PlayMode(Enum):
+class RunMode(Enum):
     """Where it is played, and by which link the ground speaks to the rover."""
 
     LOCK_STEP = "in lock step"
@@ -32,14 +32,14 @@ class PlayMode(Enum):
     @property
     def link(self) -> str:
         """The name of the link, as commands carry it."""
-        return "relay" if self is PlayMode.RELAY else "direct"
+        return "relay" if self is RunMode.RELAY else "direct"
 
 
 LONGEST_S = 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Send(Timed):
+class Send(Scheduled):
     """A command is sent.
 
     Attributes:
@@ -65,7 +65,7 @@ class Send(Timed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fix(Timed):
+class Fix(Scheduled):
     """The true pose is measured, and a position compensation sent with which it is reported.
 
     Attributes:
@@ -81,7 +81,7 @@ class Fix(Timed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repeat(Timed):
+class Repeat(Scheduled):
     """A command that was sent is sent once more, as it was, as a relay does that heard no answer.
 
     Attributes:
@@ -94,35 +94,35 @@ class Repeat(Timed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ask(Timed):
+class QueryParameters(Scheduled):
     """The present values of all parameters, and what files there are, are asked for."""
 
     ask: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fetch(Timed):
+class Fetch(Scheduled):
     """A file aboard is fetched; in lock step, where nothing is transferred, it is read."""
 
     fetch: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Inject(Timed):
+class Inject(Scheduled):
     """A fault begins."""
 
-    inject: Fault
+    inject: SimulatedFault
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clear(Timed):
+class Clear(Scheduled):
     """A fault ends, of which the kind is named."""
 
-    clear: type[Fault]
+    clear: type[SimulatedFault]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Crash(Timed):
+class Crash(Scheduled):
     """The executive is lost as by kill -9.
 
     Attributes:
@@ -133,14 +133,14 @@ class Crash(Timed):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cargo(Timed):
+class Cargo(Scheduled):
     """The rover carries so much from now on, in place of what it carried."""
 
     cargo_kg: float = figure(most=MAX_CARGO_KG)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Eclipse(Timed):
+class Eclipse(Scheduled):
     """Nothing passes between ground and rover, which is on its own.
 
     By the direct link, what is sent meanwhile is lost; by the relay it waits. What the rover
@@ -155,7 +155,7 @@ class Eclipse(Timed):
 
 Expectation = CommandExpectation | RoverExpectation
 """How each kind is judged is its own method `judge`."""
-Entry = Send | Fix | Repeat | Ask | Fetch | Inject | Clear | Crash | Cargo | Eclipse
+Entry = Send | Fix | Repeat | QueryParameters | Fetch | Inject | Clear | Crash | Cargo | Eclipse
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,11 +13,11 @@ from executive.commands import FollowPath, Mode, MoveTo, RotateTo, SetPositionCo
 from executive.core.recording import Tape
 from executive.settings import SettingsError
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 from sim.scenario.expect_rover import STILL_M, STILL_RAD, travel
 from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
-from sim.scenario.record import Finding, Record, Sending, between
+from sim.scenario.record import Check, Record, SentCommand, between
 from sim.scenario.truth import reported_error, true_ends, way_m, what_was_executed_is_true
 
 DIGITS: Final = 6
@@ -33,7 +33,7 @@ ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
+class RunMetrics:
     """A run in figures. What there is none of is None.
 
     Attributes:
@@ -75,7 +75,7 @@ class Figures:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ScenarioResult:
     """One run.
 
     Attributes:
@@ -86,13 +86,15 @@ class Outcome:
     """
 
     holds: bool
-    findings: tuple[Finding, ...]
-    figures: Figures
+    findings: tuple[Check, ...]
+    figures: RunMetrics
     digest: str
     record: Record = field(repr=False, compare=False)
 
 
-def play_once(name: str, scenario: Scenario, folder: Path, tape: Tape | None = None) -> Outcome:
+def play_once(
+    name: str, scenario: Scenario, folder: Path, tape: Tape | None = None
+) -> ScenarioResult:
     """Play a scenario in lock step, and judge it.
 
     Args:
@@ -111,21 +113,21 @@ def play_once(name: str, scenario: Scenario, folder: Path, tape: Tape | None = N
     return outcome_of(scenario, record)
 
 
-def outcome_of(scenario: Scenario, record: Record) -> Outcome:
+def outcome_of(scenario: Scenario, record: Record) -> ScenarioResult:
     """Return what comes of a run, however it was played."""
     findings = tuple(judge(scenario, record))
     holds = all(finding.holds for finding in findings)
-    return Outcome(holds, findings, figures_of(record), digest_of(record), record)
+    return ScenarioResult(holds, findings, figures_of(record), digest_of(record), record)
 
 
-def judge(scenario: Scenario, record: Record) -> list[Finding]:
+def judge(scenario: Scenario, record: Record) -> list[Check]:
     """Return a finding for each expectation, then one for each promise.
 
     Promises are what every run must keep, whatever the file expects: the whole timeline was
     played, every command ends exactly once, reports are numbered without gaps, the rover
     stands while it is STOPPED or SAFE, and what ended EXECUTED is true.
     """
-    played = Finding(
+    played = Check(
         "promise",
         f"all {len(scenario.timeline)} entries of the timeline are played",
         f"{record.played} were",
@@ -141,13 +143,13 @@ def judge(scenario: Scenario, record: Record) -> list[Finding]:
     ]
 
 
-def _commands_end_once(record: Record) -> Finding:
+def _commands_end_once(record: Record) -> Check:
     """Hold every command that was received to one terminal report."""
     reports = {report.sequence: report for report in record.reports}.values()
     lives = {report.identity for report in reports if report.identity}
     ends = Counter(report.identity for report in reports if report.stage and report.stage.terminal)
     wrong = [f"{life} ends {ends[life]} ×" for life in lives if ends[life] != 1]
-    return Finding(
+    return Check(
         "promise",
         "every command received ends exactly once",
         ", ".join(sorted(wrong)) or f"{len(lives)} of {len(lives)} do",
@@ -155,11 +157,11 @@ def _commands_end_once(record: Record) -> Finding:
     )
 
 
-def _reports_without_gap(record: Record) -> Finding:
+def _reports_without_gap(record: Record) -> Check:
     """Hold the numbers of all reports to one more each."""
-    numbers = sorted({r.sequence for r in record.reports if r.kind is not Kind.LINK})
+    numbers = sorted({r.sequence for r in record.reports if r.kind is not ReportKind.LINK})
     missing = sorted(set(range(numbers[0], numbers[-1])) - set(numbers)) if numbers else []
-    return Finding(
+    return Check(
         "promise",
         "reports are numbered without gaps",
         f"missing {', '.join(map(str, missing))}" if missing else f"{len(numbers)} reports",
@@ -167,7 +169,7 @@ def _reports_without_gap(record: Record) -> Finding:
     )
 
 
-def _stands_while_held(record: Record) -> Finding:
+def _stands_while_held(record: Record) -> Check:
     """Hold the rover to stand while it is STOPPED or SAFE."""
     worst_m = worst_rad = 0.0
     for held, seen in groupby(record.modes, key=lambda seen: seen.mode in HELD):
@@ -175,7 +177,7 @@ def _stands_while_held(record: Record) -> Finding:
             times = [each.time_s for each in seen]
             away_m, turned_rad = travel(between(record.poses, times[0] + BRAKING_S, times[-1]))
             worst_m, worst_rad = max(worst_m, away_m), max(worst_rad, turned_rad)
-    return Finding(
+    return Check(
         "promise",
         "no motion while STOPPED or SAFE",
         f"went {worst_m:.3f} m, turned {degrees(worst_rad):.1f}°",
@@ -183,7 +185,7 @@ def _stands_while_held(record: Record) -> Finding:
     )
 
 
-def figures_of(record: Record) -> Figures:
+def figures_of(record: Record) -> RunMetrics:
     """Return a run in figures."""
     lives = record.lives().values()
     ends = [life.end for life in lives if life.end is not None]
@@ -196,7 +198,7 @@ def figures_of(record: Record) -> Figures:
     fixes_s = [s.time_s for s in record.sendings if _asks_for(record, s, SetPositionCompensation)]
     fixed_s = min(fixes_s, default=inf)
     error_m, error_rad = reported_error(record, absolute[0].time_s) if absolute else (None, None)
-    return Figures(
+    return RunMetrics(
         duration_s=round(max(ended_s) - min(begun_s), DIGITS) if ended_s else None,
         true_error_m=max((end.off_m for end in true if end.off_m is not None), default=None),
         true_error_rad=max((end.off_rad for end in true if end.off_rad is not None), default=None),
@@ -217,13 +219,13 @@ def figures_of(record: Record) -> Figures:
     )
 
 
-def _asks_for(record: Record, sent: Sending, kinds: type | tuple[type, ...]) -> bool:
+def _asks_for(record: Record, sent: SentCommand, kinds: type | tuple[type, ...]) -> bool:
     """Return whether a command was received and is of a kind."""
     asked = (each.request for each in record.requested if each.identity == sent.identity)
     return isinstance(next(asked, None), kinds)
 
 
-def _executed(record: Record, sent: Sequence[Sending]) -> float | None:
+def _executed(record: Record, sent: Sequence[SentCommand]) -> float | None:
     """Return which share of commands ended EXECUTED; None of none."""
     lives = [record.life(each.label) for each in sent]
     done = [any(report.stage is Stage.EXECUTED for report in life) for life in lives]
@@ -265,7 +267,7 @@ def _detection_s(record: Record) -> float | None:
 
 
 def _tells_of_a_fault(report: Report) -> bool:
-    if report.kind is Kind.COMMAND:
+    if report.kind is ReportKind.COMMAND:
         return report.stage is Stage.FAILED and report.reason is not Reason.INTERRUPTED
     worrying = report.severity is not Severity.INFORMATIONAL
-    return report.kind is Kind.EVENT and worrying and report.reason is not Reason.DUPLICATE
+    return report.kind is ReportKind.EVENT and worrying and report.reason is not Reason.DUPLICATE

@@ -22,17 +22,17 @@ from executive.commands import (
     Turn,
     Waypoint,
 )
-from executive.history import CommandLife
+from executive.history import CommandHistory
 from executive.settings import LocomotionKind
 from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
 from executive.values.reports import Identity, Stage
 from sim.drawing import (
     CommandLane,
-    Drive,
+    DriveMap,
     Incident,
     RunTimeline,
-    Span,
+    TimeSpan,
     draw_map,
     draw_timeline,
     events_of,
@@ -40,7 +40,7 @@ from sim.drawing import (
     write_drawing,
 )
 from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
-from sim.scenario.record import Record, Requested, TruePose
+from sim.scenario.record import AdmittedRequest, Record, TruePose
 from sim.scenario.truth import true_ends
 
 REPORTS: Final = "reports.jsonl"
@@ -72,13 +72,13 @@ def _write_reports(folder: Path, record: Record) -> Path:
     return path
 
 
-def drive_of(scenario: Scenario, record: Record) -> Drive:
+def drive_of(scenario: Scenario, record: Record) -> DriveMap:
     """Return what the map of a run shows."""
     poses = record.poses or [TruePose(0.0, scenario.world.start_pose)]
     small = scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION
     lives = record.lives()
 
-    def at(request: Requested, stage: Stage) -> Pose | None:
+    def at(request: AdmittedRequest, stage: Stage) -> Pose | None:
         life = lives.get(request.identity)
         report = None if life is None else life.at(stage)
         return None if report is None else _at(poses, record.time_of(report))
@@ -89,7 +89,7 @@ def drive_of(scenario: Scenario, record: Record) -> Drive:
 
     started = ((each.request, at(each, Stage.STARTED)) for each in record.requested)
     end = poses[-1].pose
-    return Drive(
+    return DriveMap(
         title=f"{scenario.title}: the drive, world “{scenario.world.name}”",
         world=scenario.world,
         planned=tuple(place for request, pose in started if pose for place in _to(request, pose)),
@@ -179,7 +179,7 @@ def _incidents(scenario: Scenario, record: Record) -> Iterator[tuple[float, str]
             yield record.time_of(end), f"{label} EXECUTED, but {untrue[label]}"
 
 
-def _faults(scenario: Scenario, record: Record) -> Iterator[Span]:
+def _faults(scenario: Scenario, record: Record) -> Iterator[TimeSpan]:
     """Yield what was done to the rover, each until it ended or the run did."""
     end_s = record.simulated_s
     begun_s: dict[str, float] = {}
@@ -187,23 +187,23 @@ def _faults(scenario: Scenario, record: Record) -> Iterator[Span]:
         if fault.begins:
             begun_s.setdefault(fault.name, fault.time_s)
         elif fault.name in begun_s:
-            yield Span(fault.name, begun_s.pop(fault.name), fault.time_s)
+            yield TimeSpan(fault.name, begun_s.pop(fault.name), fault.time_s)
     for name, time_s in begun_s.items():
-        yield Span(name, time_s, end_s)
+        yield TimeSpan(name, time_s, end_s)
     for entry in scenario.timeline:
         begin_s = record.moment(entry)
         if begin_s is None or begin_s > end_s:
             continue
         match entry:
             case Crash(crash_s=down_s):
-                yield Span("executive lost", begin_s, min(end_s, begin_s + down_s))
+                yield TimeSpan("executive lost", begin_s, min(end_s, begin_s + down_s))
             case Cargo(cargo_kg=mass_kg):
-                yield Span(f"cargo {mass_kg:g} kg", begin_s, end_s)
+                yield TimeSpan(f"cargo {mass_kg:g} kg", begin_s, end_s)
             case _:
                 pass
 
 
-def _lane(record: Record, identity: Identity, life: CommandLife | None) -> CommandLane:
+def _lane(record: Record, identity: Identity, life: CommandHistory | None) -> CommandLane:
     sent = [each for each in record.sendings if each.identity == identity]
     answers = ", ".join(dict.fromkeys(each.answer.value for each in sent))
     sent_s = [each.time_s for each in sent]

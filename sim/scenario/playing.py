@@ -10,8 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.outcome import Outcome, outcome_of, play_once
+from sim.scenario.model import RunMode, Scenario
+from sim.scenario.outcome import ScenarioResult, outcome_of, play_once
 from sim.scenario.record import Record
 
 DATA: Final = "data"
@@ -20,7 +20,7 @@ RECORDING: Final = "run.mcap"
 PLOT: Final = "plot.png"
 
 
-def show(console: Console, scenario: Scenario, outcome: Outcome, verbose: bool) -> None:
+def show(console: Console, scenario: Scenario, outcome: ScenarioResult, verbose: bool) -> None:
     """Print what came of a scenario; with all reports before, if verbose."""
     record = outcome.record
     console.print(f"[bold]{escape(scenario.title)}[/]")
@@ -57,13 +57,13 @@ def _show_reports(console: Console, record: Record) -> None:
     console.print(table)
 
 
-class PlayError(Exception):
+class RunError(Exception):
     """A live run broke down; the text says why."""
 
 
 def play(
-    name: str, scenario: Scenario, mode: PlayMode, speed: float = 1.0, out: Path | None = None
-) -> Outcome:
+    name: str, scenario: Scenario, mode: RunMode, speed: float = 1.0, out: Path | None = None
+) -> ScenarioResult:
     """Play a scenario and return what came of it.
 
     Args:
@@ -85,7 +85,7 @@ def play(
     from sim.scenario.pictures import write_run
 
     kept = _new_folder(out, Path(name).stem)
-    if mode is PlayMode.LOCK_STEP:
+    if mode is RunMode.LOCK_STEP:
         outcome = play_recorded(name, scenario, kept)
     else:
         outcome = _play(name, scenario, mode, speed, kept / DATA)
@@ -93,7 +93,7 @@ def play(
     return outcome
 
 
-def play_recorded(name: str, scenario: Scenario, kept: Path) -> Outcome:
+def play_recorded(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
     """Play a scenario in lock step, as `play_once` does, and keep its recording and plot.
 
     Args:
@@ -121,17 +121,19 @@ def _new_folder(out: Path, name: str) -> Path:
     return folder
 
 
-def _play(name: str, scenario: Scenario, mode: PlayMode, speed: float, folder: Path) -> Outcome:
-    if mode is PlayMode.LOCK_STEP:
+def _play(
+    name: str, scenario: Scenario, mode: RunMode, speed: float, folder: Path
+) -> ScenarioResult:
+    if mode is RunMode.LOCK_STEP:
         return play_once(name, scenario, folder)
     return outcome_of(scenario, _live(name, scenario, folder, mode, speed))
 
 
-def _live(name: str, scenario: Scenario, folder: Path, mode: PlayMode, speed: float) -> Record:
-    from sim.processes import ChildError, PlaceError
+def _live(name: str, scenario: Scenario, folder: Path, mode: RunMode, speed: float) -> Record:
+    from sim.processes import AddressError, ChildError
     from sim.scenario.live import run_live
 
     try:
         return run_live(scenario, folder, mode, speed)
-    except (ChildError, PlaceError) as error:
-        raise PlayError(f"{name}: {error}") from error
+    except (ChildError, AddressError) as error:
+        raise RunError(f"{name}: {error}") from error

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from executive.commands import (
-    Declaration,
+    CommandDeclaration,
     PlanArgument,
     PlanDefinition,
     Request,
@@ -35,15 +35,32 @@ from executive.settings import (
     shown,
 )
 from sim.rover import World, load_world
-from sim.rover.faults import Fault, LinkLost, Part, lacking, parts_of, read_fault, read_kind
+from sim.rover.faults import (
+    FaultTarget,
+    LinkLost,
+    SimulatedFault,
+    lacking,
+    parts_of,
+    read_fault,
+    read_kind,
+)
 from sim.rover.jackal import OdometrySettings
 from sim.rover.lockstep import STEP_S
 from sim.scenario import expect_commands as of_commands
 from sim.scenario import expect_rover as of_rover
 from sim.scenario import model
-from sim.scenario.changes import Change, changed
-from sim.scenario.model import Ask, Entry, Expectation, Fetch, PlayMode, Repeat, Scenario, Send
-from sim.scenario.record import After, Lasting, Timed
+from sim.scenario.changes import Override, changed
+from sim.scenario.model import (
+    Entry,
+    Expectation,
+    Fetch,
+    QueryParameters,
+    Repeat,
+    RunMode,
+    Scenario,
+    Send,
+)
+from sim.scenario.record import Scheduled, ScheduledInterval, StageTime
 
 SUFFIXES: Final = (".yaml", ".yml")
 OPERATIONS: Final = {each.name: each for each in declared()}
@@ -79,7 +96,7 @@ def path_of(kind: str, name: str, folder: Path) -> Path:
 
 
 def load_scenario(
-    name: str, mode: PlayMode | None = None, changes: Sequence[Change] = ()
+    name: str, mode: RunMode | None = None, changes: Sequence[Override] = ()
 ) -> Scenario:
     """Read a scenario.
 
@@ -103,7 +120,7 @@ def load_scenario(
 
 
 def _checked(
-    raw: object, folder: Path, mode: PlayMode | None, changes: Sequence[Change]
+    raw: object, folder: Path, mode: RunMode | None, changes: Sequence[Override]
 ) -> Scenario:
     scenario = _scenario(raw, folder, changes)
     check(scenario)
@@ -113,8 +130,8 @@ def _checked(
 
 
 def _blamed(
-    raw: object, folder: Path, mode: PlayMode | None, changes: Sequence[Change]
-) -> Change | None:
+    raw: object, folder: Path, mode: RunMode | None, changes: Sequence[Override]
+) -> Override | None:
     """Return the last change before which the data fitted; None if it never did."""
     for count in range(len(changes) - 1, -1, -1):
         try:
@@ -125,7 +142,7 @@ def _blamed(
     return None
 
 
-def _scenario(raw: object, folder: Path, changes: Sequence[Change]) -> Scenario:
+def _scenario(raw: object, folder: Path, changes: Sequence[Override]) -> Scenario:
     if not isinstance(raw, dict):
         raise FormatError("", "a scenario is keys and values, such as title, timeline, expect")
     reader = _reader()
@@ -145,10 +162,10 @@ def _reader() -> StrictReader:
     """Return the reader of scenarios; to make one costs more than to read a hundred files."""
     reader = settings_reader(
         {
-            After: lambda raw: After.parse(_text(raw, "")),
+            StageTime: lambda raw: StageTime.parse(_text(raw, "")),
             Request: lambda raw: read_request(raw, reader),
-            Fault: read_fault,
-            type[Fault]: lambda raw: read_kind(raw).kind,
+            SimulatedFault: read_fault,
+            type[SimulatedFault]: lambda raw: read_kind(raw).kind,
         }
     )
     return reader
@@ -222,7 +239,7 @@ def read_request(raw: Any, reader: StrictReader) -> Request:
 
 
 @cache
-def _written(declaration: Declaration) -> Any:
+def _written(declaration: CommandDeclaration) -> Any:
     """Return the dataclass of what a file says of a request: the parts of its composite, if any."""
     if declaration.composite is None:
         return declaration.kind
@@ -254,17 +271,17 @@ def check(scenario: Scenario) -> None:
     _check_settings(scenario)
     _check_odometry(scenario)
     _check_start(scenario)
-    parts = parts_of(scenario.settings) | {Part.LINK}
-    commands, questions = _labels(scenario, Send, model.Fix), _labels(scenario, Ask)
+    parts = parts_of(scenario.settings) | {FaultTarget.LINK}
+    commands, questions = _labels(scenario, Send, model.Fix), _labels(scenario, QueryParameters)
     for label in scenario.false_executed:
         if not label.startswith(SOURCE_PREFIX):
             _known(label, commands, "false_executed")
     fetched = {entry.fetch for entry in scenario.timeline if isinstance(entry, Fetch)}
     for path, said in _said(scenario):
-        if isinstance(said, Timed):
+        if isinstance(said, Scheduled):
             if said.after is not None:
                 _known(said.after.label, commands, f"{path}.after")
-            lasting_s = said.for_s if isinstance(said, Lasting) else 0.0
+            lasting_s = said.for_s if isinstance(said, ScheduledInterval) else 0.0
             if said.at_s is not None and said.at_s + lasting_s > scenario.lasts_s:
                 raise FormatError(path, f"is later than the end, {scenario.lasts_s:g} s")
             if said.at_end and isinstance(said, Entry):
@@ -336,12 +353,12 @@ def _said(scenario: Scenario) -> Iterator[tuple[str, Entry | Expectation]]:
         yield f"expect[{index}]", expected
 
 
-def _labels(scenario: Scenario, *kinds: type[Send | model.Fix | Ask]) -> set[str]:
+def _labels(scenario: Scenario, *kinds: type[Send | model.Fix | QueryParameters]) -> set[str]:
     labels: set[str] = set()
     for index, entry in enumerate(scenario.timeline):
         if not isinstance(entry, kinds):
             continue
-        label = entry.ask if isinstance(entry, Ask) else entry.name
+        label = entry.ask if isinstance(entry, QueryParameters) else entry.name
         if not re.fullmatch(r"\S+", label):
             raise FormatError(f"timeline[{index}]", f"{label!r} is no label: it has a space")
         if label in labels:
@@ -356,21 +373,21 @@ def _known(label: str, labels: set[str], path: str) -> None:
         raise FormatError(path, f"no {label!r} in timeline; known are {', '.join(sorted(labels))}")
 
 
-def check_play_mode(scenario: Scenario, mode: PlayMode) -> None:
+def check_play_mode(scenario: Scenario, mode: RunMode) -> None:
     """Look for what cannot be played this way.
 
     Raises:
         FormatError: there is such an entry or expectation.
     """
-    if mode is not PlayMode.LOCK_STEP and not _usual(scenario.odometry):
+    if mode is not RunMode.LOCK_STEP and not _usual(scenario.odometry):
         raise FormatError("odometry", "works in lock step only")
     for path, said in _said(scenario):
         for key, text in _obstacles(said, mode):
             raise FormatError(f"{path}{key}", text)
 
 
-def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str, str]]:
-    live, relay = mode is not PlayMode.LOCK_STEP, mode is PlayMode.RELAY
+def _obstacles(said: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, str]]:
+    live, relay = mode is not RunMode.LOCK_STEP, mode is RunMode.RELAY
     match said:
         case model.Crash() if live:
             yield "", "crash works in lock step only"
@@ -384,7 +401,7 @@ def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str,
             yield ".contacts", "what the rover touches is known in lock step only"
         case of_rover.VideoComes() if not live:
             yield ".video", "video works with --live only"
-        case of_commands.LinkTells() if not relay:
+        case of_commands.LinkNotificationCount() if not relay:
             yield ".link", "works with --live --link relay only"
         case Fetch() if relay:
             yield "", "files do not travel by the relay"
@@ -396,7 +413,7 @@ def _obstacles(said: Entry | Expectation, mode: PlayMode) -> Iterator[tuple[str,
             if not (at_s.is_integer() and dark_s.is_integer()):
                 yield "", "by the relay an eclipse begins and ends at whole seconds"
         case (
-            of_commands.FileLife()
+            of_commands.FileEventsExpectation()
             | of_commands.FileList()
             | of_commands.FileFetched()
             | of_commands.PlanIs()

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 from executive.commands import Mode, Request
-from executive.history import CommandLife, RunHistory
-from executive.obstacles.zones import Seen
+from executive.history import CommandHistory, RunHistory
+from executive.obstacles.zones import ScannedObstacle
 from executive.settings import figure
 from executive.values.geometry import Point, Pose
 from executive.values.parameters import Parameter, ParameterValue
@@ -26,7 +26,7 @@ _AFTER: Final = re.compile(r"(\S+)\s+([A-Z]+)(?:\s*\+\s*(\d+(?:\.\d*)?))?")
 
 
 @dataclass(frozen=True, slots=True)
-class After:
+class StageTime:
     """When a command first reached a stage, and so many seconds on.
 
     Attributes:
@@ -38,7 +38,7 @@ class After:
     delay_s: float = 0.0
 
     @classmethod
-    def parse(cls, text: str) -> "After":
+    def parse(cls, text: str) -> "StageTime":
         """Read `LABEL STAGE` or `LABEL STAGE + SECONDS`.
 
         Raises:
@@ -78,7 +78,7 @@ class Near:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timed:
+class Scheduled:
     """Something that has its time: `at`, `after`, or neither.
 
     Attributes:
@@ -86,7 +86,7 @@ class Timed:
     """
 
     at_s: float | None = figure(default=None)
-    after: After | None = None
+    after: StageTime | None = None
     near: Near | None = None
 
     def __post_init__(self) -> None:
@@ -109,7 +109,7 @@ class Timed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lasting(Timed):
+class ScheduledInterval(Scheduled):
     """Something that holds for a while from its time on; without a time, for the last while.
 
     Attributes:
@@ -134,7 +134,7 @@ ALMOST_S: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Check:
     """What was expected, what was seen, and whether the one holds of the other.
 
     Attributes:
@@ -147,9 +147,9 @@ class Finding:
     holds: bool
 
 
-def joined(subject: str, aspects: Sequence[Finding]) -> Finding:
+def joined(subject: str, aspects: Sequence[Check]) -> Check:
     """Return several findings about one subject as one."""
-    return Finding(
+    return Check(
         subject,
         ", ".join(aspect.expected for aspect in aspects),
         ", ".join(aspect.seen for aspect in aspects),
@@ -178,7 +178,7 @@ class TruePose:
 
 
 @dataclass(frozen=True, slots=True)
-class HeardValue:
+class ReceivedValue:
     """A parameter value that reached the ground, with the time aboard when it was sampled."""
 
     time_s: float
@@ -187,7 +187,7 @@ class HeardValue:
 
 
 @dataclass(frozen=True, slots=True)
-class SeenMode:
+class ModeSample:
     """The mode at a time."""
 
     time_s: float
@@ -195,7 +195,7 @@ class SeenMode:
 
 
 @dataclass(frozen=True, slots=True)
-class Sending:
+class SentCommand:
     """A command that was sent, or sent again, and what was answered."""
 
     label: str
@@ -205,7 +205,7 @@ class Sending:
 
 
 @dataclass(frozen=True, slots=True)
-class Requested:
+class AdmittedRequest:
     """What a command that was received asks for, whether the ground sent it or a plan gave it."""
 
     identity: Identity
@@ -213,7 +213,7 @@ class Requested:
 
 
 @dataclass(frozen=True, slots=True)
-class SeenFault:
+class FaultChange:
     """A fault that began, or ended.
 
     Attributes:
@@ -226,11 +226,11 @@ class SeenFault:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class QueryAnswer:
     """A question, and the values and paths of files that answered it."""
 
     label: str
-    values: tuple[HeardValue, ...]
+    values: tuple[ReceivedValue, ...]
     files: tuple[str, ...]
 
 
@@ -251,7 +251,7 @@ class Fetched:
 
 
 @dataclass(frozen=True, slots=True)
-class NotFetched:
+class FetchFailed:
     """A file that could not be fetched, and why."""
 
     path: str
@@ -270,7 +270,7 @@ class Datagram:
     picture: bytes | None
 
 
-S = TypeVar("S", TruePose, HeardValue, SeenMode, Datagram)
+S = TypeVar("S", TruePose, ReceivedValue, ModeSample, Datagram)
 """Something seen at a time."""
 
 
@@ -295,21 +295,21 @@ class Record:
     files: Path
     clock: Callable[[float], float] = float
     reports: list[Report] = field(default_factory=list)
-    values: list[HeardValue] = field(default_factory=list)
-    answers: list[Asked] = field(default_factory=list)
+    values: list[ReceivedValue] = field(default_factory=list)
+    answers: list[QueryAnswer] = field(default_factory=list)
     poses: list[TruePose] = field(default_factory=list)
-    modes: list[SeenMode] = field(default_factory=list)
-    sendings: list[Sending] = field(default_factory=list)
-    requested: list[Requested] = field(default_factory=list)
-    faults: list[SeenFault] = field(default_factory=list)
+    modes: list[ModeSample] = field(default_factory=list)
+    sendings: list[SentCommand] = field(default_factory=list)
+    requested: list[AdmittedRequest] = field(default_factory=list)
+    faults: list[FaultChange] = field(default_factory=list)
     file_events: list[FileEvent] = field(default_factory=list)
     plans: list[PlanUpdate] = field(default_factory=list)
-    fetched: list[Fetched | NotFetched] = field(default_factory=list)
+    fetched: list[Fetched | FetchFailed] = field(default_factory=list)
     video: list[Datagram] = field(default_factory=list)
     played: int = 0
     energy_j: float | None = None
     contacts: int | None = None
-    seen: tuple[Seen, ...] = ()
+    seen: tuple[ScannedObstacle, ...] = ()
     simulated_s: float = 0.0
     wall_s: float = 0.0
 
@@ -317,10 +317,10 @@ class Record:
         """Return the time of the scenario at which it was this UTC."""
         return self.clock(utc_s) - self.clock(self.start_utc_s)
 
-    def heard(self, values: Sequence[ParameterValue]) -> tuple[HeardValue, ...]:
+    def heard(self, values: Sequence[ParameterValue]) -> tuple[ReceivedValue, ...]:
         """Return values with times of the scenario."""
         return tuple(
-            HeardValue(self.since_start_s(value.utc_s), value.parameter, value.value)
+            ReceivedValue(self.since_start_s(value.utc_s), value.parameter, value.value)
             for value in values
         )
 
@@ -343,13 +343,13 @@ class Record:
         life = None if identity is None else self.lives().get(identity)
         return () if life is None else life.stages
 
-    def lives(self) -> dict[Identity, CommandLife]:
+    def lives(self) -> dict[Identity, CommandHistory]:
         """Return what became of each command that was reported on."""
         once = {report.sequence: report for report in self.reports}
         reports = tuple(once[sequence] for sequence in sorted(once))
         return RunHistory(self.start_utc_s, reports).lives()
 
-    def moment(self, timed: Timed) -> float | None:
+    def moment(self, timed: Scheduled) -> float | None:
         """Return when something is or was to be, or None while that is not known.
 
         What has no time of its own is at the end.
@@ -360,7 +360,7 @@ class Record:
         from_then_on = between(self.poses, begin_s, inf)
         return next((seen.time_s for seen in from_then_on if near.reached(seen.pose)), None)
 
-    def _begin_s(self, timed: Timed) -> float | None:
+    def _begin_s(self, timed: Scheduled) -> float | None:
         """Return when something is to be, wherever the rover is then."""
         after = timed.after
         if after is None:
@@ -371,7 +371,7 @@ class Record:
                 return self.time_of(report) + after.delay_s
         return None
 
-    def sample(self, samples: Sequence[S], timed: Timed) -> S | None:
+    def sample(self, samples: Sequence[S], timed: Scheduled) -> S | None:
         """Return the first sample after a time; the last one, for what is at the end."""
         if timed.at_end:
             return samples[-1] if samples else None
@@ -380,7 +380,7 @@ class Record:
             return None
         return next((each for each in samples if each.time_s > time_s + ALMOST_S), None)
 
-    def during(self, samples: Sequence[S], lasting: Lasting) -> Sequence[S]:
+    def during(self, samples: Sequence[S], lasting: ScheduledInterval) -> Sequence[S]:
         """Return the samples of a while; of the last while, for what is at the end."""
         start_s = self.moment(lasting)
         if start_s is None:

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, BinaryIO
 
-from sim.scenario.changes import Change
-from sim.scenario.junit import Case, Suite, Trouble, write_junit
-from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.outcome import Figures, Outcome
-from sim.scenario.record import Finding
+from sim.scenario.changes import Override
+from sim.scenario.junit import CaseStatus, JunitCase, JunitSuite, write_junit
+from sim.scenario.model import RunMode, Scenario
+from sim.scenario.outcome import RunMetrics, ScenarioResult
+from sim.scenario.record import Check
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class ScenarioRun:
     """A scenario that was played.
 
     Attributes:
@@ -26,11 +26,11 @@ class Run:
 
     name: str
     title: str
-    mode: PlayMode
+    mode: RunMode
     seed: int
-    changes: tuple[Change, ...]
-    findings: tuple[Finding, ...]
-    figures: Figures
+    changes: tuple[Override, ...]
+    findings: tuple[Check, ...]
+    figures: RunMetrics
     digest: str | None
     simulated_s: float
     wall_s: float
@@ -40,10 +40,10 @@ class Run:
         cls,
         name: str,
         scenario: Scenario,
-        mode: PlayMode,
-        changes: tuple[Change, ...],
-        outcome: Outcome,
-    ) -> "Run":
+        mode: RunMode,
+        changes: tuple[Override, ...],
+        outcome: ScenarioResult,
+    ) -> "ScenarioRun":
         """Return a run without its record, which is large."""
         return cls(
             name,
@@ -53,7 +53,7 @@ class Run:
             changes,
             outcome.findings,
             outcome.figures,
-            outcome.digest if mode is PlayMode.LOCK_STEP else None,
+            outcome.digest if mode is RunMode.LOCK_STEP else None,
             outcome.record.simulated_s,
             outcome.record.wall_s,
         )
@@ -71,9 +71,9 @@ class Run:
             words += ["--set", str(change)]
         words += ["--seed", str(self.seed)]
         match self.mode:
-            case PlayMode.DIRECT:
+            case RunMode.DIRECT:
                 words += ["--live"]
-            case PlayMode.RELAY:
+            case RunMode.RELAY:
                 words += ["--live", "--link", "relay"]
             case _:
                 pass
@@ -81,14 +81,14 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Broken:
+class ScenarioError:
     """A scenario that could not be played, and why."""
 
     name: str
     text: str
 
 
-def document(runs: Sequence[Run], broken: Sequence[Broken]) -> str:
+def document(runs: Sequence[ScenarioRun], broken: Sequence[ScenarioError]) -> str:
     """Return the JSON document that `--json` prints; units are in the names, SI."""
     made = {
         "holds": not broken and all(run.holds for run in runs),
@@ -98,19 +98,23 @@ def document(runs: Sequence[Run], broken: Sequence[Broken]) -> str:
     return json.dumps(made, indent=2, ensure_ascii=False)
 
 
-def write_results(file: BinaryIO, runs: Sequence[Run], broken: Sequence[Broken]) -> None:
+def write_results(
+    file: BinaryIO, runs: Sequence[ScenarioRun], broken: Sequence[ScenarioError]
+) -> None:
     """Write JUnit XML: a suite for each run and each error, a case for each finding."""
-    suites = [Suite(each.name, [Case("play", each.text, Trouble.ERROR)]) for each in broken]
+    suites = [
+        JunitSuite(each.name, [JunitCase("play", each.text, CaseStatus.ERROR)]) for each in broken
+    ]
     write_junit(file, "rover scenario", [*map(_suite, runs), *suites])
 
 
-def summary(runs: Sequence[Run]) -> str:
+def summary(runs: Sequence[ScenarioRun]) -> str:
     """Return the last line for people."""
     findings = [finding for run in runs for finding in run.findings]
     return f"{sum(finding.holds for finding in findings)} of {len(findings)} expectations hold"
 
 
-def repeats(runs: Sequence[Run]) -> list[str]:
+def repeats(runs: Sequence[ScenarioRun]) -> list[str]:
     """Return lines on how often a scenario holds that was played with several seeds."""
     seeds = [run.seed for run in runs]
     failing = [run for run in runs if not run.holds]
@@ -123,7 +127,7 @@ def repeats(runs: Sequence[Run]) -> list[str]:
     return lines
 
 
-def _plain(run: Run) -> dict[str, Any]:
+def _plain(run: ScenarioRun) -> dict[str, Any]:
     return {
         "scenario": run.name,
         "title": run.title,
@@ -143,20 +147,20 @@ def _plain(run: Run) -> dict[str, Any]:
     }
 
 
-def _figures(figures: Figures) -> dict[str, Any]:
+def _figures(figures: RunMetrics) -> dict[str, Any]:
     plain = {each.name: getattr(figures, each.name) for each in fields(figures)}
     return plain | {"reasons": [reason.name for reason in figures.reasons]}
 
 
-def _suite(run: Run) -> Suite:
+def _suite(run: ScenarioRun) -> JunitSuite:
     cases = [
-        Case(
+        JunitCase(
             f"{finding.subject}: {finding.expected}",
             finding.seen,
-            None if finding.holds else Trouble.FAILURE,
+            None if finding.holds else CaseStatus.FAILURE,
         )
         for finding in run.findings
     ]
     properties = {"seed": str(run.seed), "command": run.command}
     name = f"{run.name} seed {run.seed}"
-    return Suite(name, cases, run.wall_s, properties)
+    return JunitSuite(name, cases, run.wall_s, properties)

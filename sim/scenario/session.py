@@ -9,18 +9,25 @@ import click
 from rich.console import Console
 
 from executive.settings import SettingsError, names_in
-from sim.scenario.changes import Change
-from sim.scenario.model import PlayMode, Scenario
-from sim.scenario.playing import PlayError, play, show
+from sim.scenario.changes import Override
+from sim.scenario.model import RunMode, Scenario
+from sim.scenario.playing import RunError, play, show
 from sim.scenario.reading import load_scenario, scenario_folder
-from sim.scenario.results import Broken, Run, document, repeats, summary, write_results
+from sim.scenario.results import (
+    ScenarioError,
+    ScenarioRun,
+    document,
+    repeats,
+    summary,
+    write_results,
+)
 
 FAILED: Final = 1
 BAD_FILE: Final = 2
 UNREACHABLE: Final = 3
 
 
-class Session:
+class ScenarioBatch:
     """What one call of `rover scenario` plays.
 
     Args:
@@ -36,10 +43,10 @@ class Session:
     def __init__(
         self,
         console: Console,
-        mode: PlayMode,
+        mode: RunMode,
         speed: float,
         seed: int | None,
-        changes: Sequence[Change],
+        changes: Sequence[Override],
         repeat: int,
         verbose: bool,
         out: Path | None,
@@ -48,8 +55,8 @@ class Session:
         self._seed, self._changes, self._repeat = seed, tuple(changes), repeat
         self._verbose, self._out = verbose, out
         self._usable: list[tuple[str, Scenario]] = []
-        self._runs: list[Run] = []
-        self._broken: list[Broken] = []
+        self._runs: list[ScenarioRun] = []
+        self._broken: list[ScenarioError] = []
         self._troubles: set[int] = set()
 
     @property
@@ -95,7 +102,7 @@ class Session:
         """Write all of it as JUnit XML."""
         write_results(file, self._runs, self._broken)
 
-    def _play(self, name: str, scenario: Scenario) -> Run | None:
+    def _play(self, name: str, scenario: Scenario) -> ScenarioRun | None:
         out = self._out
         if out is not None and self._repeat > 1:
             out /= f"seed-{scenario.seed}"
@@ -104,7 +111,7 @@ class Session:
         except SettingsError as error:
             self._break(name, str(error), BAD_FILE)
             return None
-        except PlayError as error:
+        except RunError as error:
             self._break(name, str(error), FAILED)
             return None
         except (ConnectionError, TimeoutError) as error:
@@ -112,11 +119,11 @@ class Session:
             return None
         if self._repeat == 1 or self._verbose:
             show(self._console, scenario, outcome, self._verbose)
-        return Run.of(name, scenario, self._mode, self._changes, outcome)
+        return ScenarioRun.of(name, scenario, self._mode, self._changes, outcome)
 
     def _break(self, name: str, text: str, trouble: int) -> None:
         click.echo(f"Error: {text}", err=True)
-        self._broken.append(Broken(name, text))
+        self._broken.append(ScenarioError(name, text))
         self._troubles.add(trouble)
 
     def _print(self, lines: Sequence[str]) -> None:

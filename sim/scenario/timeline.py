@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import inf
 
-from executive.commands import Arrival, Command
+from executive.commands import Command, PreemptionPolicy
 from executive.values.reports import Identity
 from sim.scenario.model import Entry, Fix, Repeat, Scenario, Send
 from sim.scenario.record import ALMOST_S, Record
@@ -54,7 +54,7 @@ class Timeline:
         return inf if time_s is None else time_s
 
 
-class Ground:
+class CommandFactory:
     """Makes the commands of a scenario, and remembers them for repeats.
 
     They are numbered in the order of the file, where it gives no number.
@@ -84,7 +84,7 @@ class Ground:
             link=entry.link or self._link,
             created_utc_s=utc_s,
             lifetime_s=None if entry.lifetime_s is None else entry.lifetime_s / self._speed,
-            arrival=Arrival.REPLACE if entry.replace else Arrival.APPEND,
+            arrival=PreemptionPolicy.REPLACE if entry.replace else PreemptionPolicy.APPEND,
         )
         self._sent[entry.name] = command
         return entry.name, command

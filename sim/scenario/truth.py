@@ -15,12 +15,12 @@ from typing import Final
 
 from executive.commands import Arc, Line, Motion, Reference, Request, Stop, Turn
 from executive.commands.intake import SOURCE_PREFIX
-from executive.history import CommandLife
+from executive.history import CommandHistory
 from executive.record import Ledger, Synchronous
 from executive.values.geometry import Point, Pose, wrap_rad
 from executive.values.parameters import Parameter
 from executive.values.reports import Report, Stage
-from sim.scenario.record import ALMOST_S, Finding, Record, Requested, TruePose
+from sim.scenario.record import ALMOST_S, AdmittedRequest, Check, Record, TruePose
 
 NEAR_M: Final = 0.15
 NEAR_PER_M: Final = 0.05
@@ -85,7 +85,7 @@ def true_ends(record: Record) -> list[TrueEnd]:
     return [end for end in ends if end is not None]
 
 
-def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> Finding:
+def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> Check:
     """Hold every command that ended EXECUTED to what it asked for.
 
     Args:
@@ -108,7 +108,7 @@ def what_was_executed_is_true(record: Record, false_executed: Sequence[str]) -> 
     count = len(ends)
     held = f"{count} of {count} are, at most {worst_m:.3f} m off" if ends else "nothing did"
     but = f", but for {', '.join(false_executed)}" if false_executed else ""
-    return Finding(
+    return Check(
         "promise",
         f"what ended EXECUTED is true{but}",
         "; ".join(amiss) or held,
@@ -131,7 +131,7 @@ def look_up_requests(record: Record, ledger: Path) -> None:
         for identity in unknown:
             request = aboard.request(identity)
             if request is not None:
-                record.requested.append(Requested(identity, request))
+                record.requested.append(AdmittedRequest(identity, request))
     finally:
         aboard.abandon()
 
@@ -157,7 +157,7 @@ def way_m(poses: Iterable[TruePose]) -> float:
 
 
 def _true_end(
-    record: Record, life: CommandLife, executed: Report, request: Request
+    record: Record, life: CommandHistory, executed: Report, request: Request
 ) -> TrueEnd | None:
     label, poses, end_s = record.label(life.identity), record.poses, record.time_of(executed)
     if isinstance(request, Stop):

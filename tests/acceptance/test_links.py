@@ -12,10 +12,10 @@ import pytest
 
 from adapters.mrs.ground.client import MrsClient
 from executive.commands.catalogue import SetTravelSpeed
-from sim.processes.children import Child
-from sim.scenario.live import Scene, play_in, ready, scene_of
+from sim.processes.children import ChildProcess
+from sim.scenario.live import LiveSetup, play_in, ready, scene_of
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode, Scenario, Send
+from sim.scenario.model import RunMode, Scenario, Send
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Record
@@ -59,13 +59,13 @@ def failing(scenario: Scenario, record: Record) -> list[str]:
     ]
 
 
-async def briefly(scene: Scene, scenario: Scenario, mode: PlayMode) -> Record:
+async def briefly(scene: LiveSetup, scenario: Scenario, mode: RunMode) -> Record:
     """Play a scenario for its reports, and give it time on a machine that has much to do."""
     patient = replace(scenario, lasts_s=PATIENCE_S)
     return await play_in(scene, patient, mode, brief=True)
 
 
-async def under_way(scene: Scene, then: Callable[[], None]) -> None:
+async def under_way(scene: LiveSetup, then: Callable[[], None]) -> None:
     """Do something as soon as the rover has gone a little way."""
     while not scene.heard.true:
         await asyncio.sleep(0.02)
@@ -84,31 +84,31 @@ async def meanwhile(play: Coroutine[Any, Any, Record], kill: Coroutine[Any, Any,
     return record
 
 
-def kill_relay(scene: Scene) -> None:
+def kill_relay(scene: LiveSetup) -> None:
     assert scene.orbiter is not None
     asset = scene.rover.settings.asset
     scene.orbiter.relays[asset].kill()
     scene.orbiter.children[-1].kill()
 
 
-def executive_again(scene: Scene, folder: Path, uri: str) -> Child:
+def executive_again(scene: LiveSetup, folder: Path, uri: str) -> ChildProcess:
     port = uri.rpartition(":")[2].partition("/")[0]
     options = ("--asset", str(folder / "asset.yaml"), "--data", str(scene.rover.aboard))
     environment = {"ROS_DOMAIN_ID": str(scene.rover.place.domain)}
     module = "adapters.onboard.process"
-    return Child("again", module, (*options, "--port", port), folder, environment)
+    return ChildProcess("again", module, (*options, "--port", port), folder, environment)
 
 
 def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Path) -> None:
     camera = load_scenario("mocup_camera")
     locomotion = told_by("MOE-2", load_scenario("mocup_locomotion"))
 
-    async def by_relay(scene: Scene, folder: Path) -> tuple[Record, Record]:
-        uri = await ready(scene, PlayMode.DIRECT)
+    async def by_relay(scene: LiveSetup, folder: Path) -> tuple[Record, Record]:
+        uri = await ready(scene, RunMode.DIRECT)
         async with await MrsClient.connect(uri, patience_s=PATIENCE_S) as direct:
             kill = under_way(scene, scene.rover.children[-1].kill)
-            first = await meanwhile(briefly(scene, camera, PlayMode.RELAY), kill)
-            second = await briefly(scene, locomotion, PlayMode.RELAY)
+            first = await meanwhile(briefly(scene, camera, RunMode.RELAY), kill)
+            second = await briefly(scene, locomotion, RunMode.RELAY)
             again = executive_again(scene, folder, uri)
             try:
                 assert (await direct.run(direct.command(SetTravelSpeed(0.2)))).executed
@@ -116,20 +116,20 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
                 again.end()
             return first, second
 
-    async def by_direct_link(scene: Scene) -> tuple[Record, Record]:
+    async def by_direct_link(scene: LiveSetup) -> tuple[Record, Record]:
         kill = under_way(scene, lambda: kill_relay(scene))
-        first = await meanwhile(briefly(scene, camera, PlayMode.DIRECT), kill)
-        return first, await briefly(scene, locomotion, PlayMode.DIRECT)
+        first = await meanwhile(briefly(scene, camera, RunMode.DIRECT), kill)
+        return first, await briefly(scene, locomotion, RunMode.DIRECT)
 
     with ExitStack() as running:
         scenes = []
-        for mode in (PlayMode.DIRECT, PlayMode.RELAY):
+        for mode in (RunMode.DIRECT, RunMode.RELAY):
             folder = tmp_path / mode.link
             folder.mkdir()
             scenes.append(running.enter_context(scene_of(camera, folder, relay=True)))
 
         async def both() -> tuple[tuple[Record, Record], tuple[Record, Record]]:
-            relayed = by_relay(scenes[1], tmp_path / PlayMode.RELAY.link)
+            relayed = by_relay(scenes[1], tmp_path / RunMode.RELAY.link)
             return await asyncio.gather(by_direct_link(scenes[0]), relayed)
 
         direct, relay = asyncio.run(both())
@@ -140,15 +140,15 @@ def test_mocup_reports_the_same_by_either_link_while_the_other_dies(tmp_path: Pa
 
 
 def test_the_jackal_by_the_relay_and_then_without_it(tmp_path: Path) -> None:
-    relay = load_scenario("relay", PlayMode.RELAY)
+    relay = load_scenario("relay", RunMode.RELAY)
     path = tmp_path / "short.yaml"
     path.write_text(SHORT)
-    short = told_by("MOE-2", load_scenario(str(path), PlayMode.DIRECT))
+    short = told_by("MOE-2", load_scenario(str(path), RunMode.DIRECT))
 
-    async def session(scene: Scene) -> tuple[Record, Record]:
-        by_relay = await play_in(scene, relay, PlayMode.RELAY)
+    async def session(scene: LiveSetup) -> tuple[Record, Record]:
+        by_relay = await play_in(scene, relay, RunMode.RELAY)
         kill = under_way(scene, lambda: kill_relay(scene))
-        return by_relay, await meanwhile(briefly(scene, short, PlayMode.DIRECT), kill)
+        return by_relay, await meanwhile(briefly(scene, short, RunMode.DIRECT), kill)
 
     with scene_of(relay, tmp_path, relay=True) as scene:
         by_relay, direct = asyncio.run(session(scene))

@@ -10,7 +10,7 @@ import pytest
 
 from sim.scenario.expect_commands import ExpectedLife
 from sim.scenario.live import play_in, scene_of
-from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.model import RunMode, Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 
@@ -35,9 +35,9 @@ def patient(scenario: Scenario) -> Scenario:
 @pytest.mark.usefixtures("ros_domain")
 def test_hold_over_real_processes(name: str, tmp_path: Path) -> None:
     """One at a time: a rover and its processes take most of a core."""
-    scenario = patient(load_scenario(name, PlayMode.DIRECT))
+    scenario = patient(load_scenario(name, RunMode.DIRECT))
     with scene_of(scenario, tmp_path, relay=False) as scene:
-        record = asyncio.run(play_in(scene, scenario, PlayMode.DIRECT))
+        record = asyncio.run(play_in(scene, scenario, RunMode.DIRECT))
     assert [str(found) for found in judge(scenario, record) if not found.holds] == []
 
 

@@ -42,7 +42,7 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Run:
         def probe() -> None:
             raise error
 
-        monkeypatch.setattr(cli.Commands, "get_command", lambda *_: probe)
+        monkeypatch.setattr(cli.EntryPointGroup, "get_command", lambda *_: probe)
         return CliRunner().invoke(cli.main, ["probe"])
 
     return call

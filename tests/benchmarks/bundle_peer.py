@@ -21,8 +21,8 @@ from adapters.bundle import (
     NodeSettings,
 )
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.node.database import Database
-from adapters.bundle.node.node import Node
+from adapters.bundle.node.database import BundleDatabase
+from adapters.bundle.node.node import BundleNode
 
 LOOK_S: Final = 0.01
 _TOGETHER: Final = 256
@@ -103,8 +103,8 @@ async def receive(told: argparse.Namespace) -> None:
 
 async def fill(told: argparse.Namespace) -> None:
     """Put units into a store that nobody serves."""
-    database, settings = Database(told.store), settings_of(_SENDER, _RECEIVER, 1)
-    node = Node(settings, database, lambda: int(1000 * time.time()), lambda _: None)
+    database, settings = BundleDatabase(told.store), settings_of(_SENDER, _RECEIVER, 1)
+    node = BundleNode(settings, database, lambda: int(1000 * time.time()), lambda _: None)
     for place in range(told.count):
         node.put(Ipn(_RECEIVER, 1), b"." * told.octets)
         if place % 1000 == 999:

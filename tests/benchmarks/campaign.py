@@ -17,10 +17,10 @@ from sim.campaign.draws import draw
 from sim.campaign.model import Campaign, Integers, Interval, Success, Uniform, Variation
 from sim.campaign.output import open_output
 from sim.campaign.reading import campaign_path
-from sim.campaign.runs import Run
-from sim.campaign.session import Session
-from sim.campaign.worker import Job, NotPlayed, Played, fingerprint, play_job
-from sim.scenario.outcome import Figures
+from sim.campaign.runs import CampaignRun
+from sim.campaign.session import CampaignSession
+from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, play_job
+from sim.scenario.outcome import RunMetrics
 from tests.support.figures import Figure, Goal
 
 SCENARIO: Final = "motion_goal"
@@ -28,7 +28,7 @@ ROUNDS: Final = 3
 WORKERS: Final = 2
 DECILES: Final = 10
 MIB: Final = 2**20
-_NOTHING: Final = Figures(
+_NOTHING: Final = RunMetrics(
     duration_s=1.0,
     true_error_m=0.0,
     true_error_rad=0.0,
@@ -72,11 +72,11 @@ def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
     twos: list[float] = []
     digests: set[str] = set()
 
-    def rate(played: Iterator[Played | NotPlayed], to: list[float]) -> None:
+    def rate(played: Iterator[JobResult | JobFailed], to: list[float]) -> None:
         began_s = time.perf_counter()
         said = sorted(played, key=lambda result: result.run)
         to.append(runs / (time.perf_counter() - began_s))
-        found = [result.digest for result in said if isinstance(result, Played)]
+        found = [result.digest for result in said if isinstance(result, JobResult)]
         assert len(found) == runs, f"{len(found)} of {runs} runs were played"
         digests.add(repr(found))
 
@@ -103,9 +103,9 @@ def _throughput(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
     yield Figure("campaign, different results", len(digests) - 1, "", over, Goal(0.0))
 
 
-def play_nothing(job: Job) -> Played:
+def play_nothing(job: Job) -> JobResult:
     """Play a run that takes no time."""
-    return Played(job.run, 0, _NOTHING, True, (), f"{job.run:064x}", 0.0)
+    return JobResult(job.run, 0, _NOTHING, True, (), f"{job.run:064x}", 0.0)
 
 
 class _Clocked:
@@ -122,7 +122,7 @@ class _Clocked:
         """Begin."""
         self.times_s = [time.perf_counter()]
 
-    def played(self, run: Run) -> None:
+    def played(self, run: CampaignRun) -> None:
         """Count one more."""
         self._done += 1
         if self._done % 500 == 0:
@@ -138,7 +138,9 @@ def _many(runs: int, tell: Callable[[str], None]) -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder, local_cluster(WORKERS) as client:
         campaign = _campaign(runs)
         data = open_output(Path(folder), campaign, campaign_path("normal"), resume=True)
-        Session(campaign, data, partial(results, client, play_nothing), clocked).to_the_end()
+        CampaignSession(
+            campaign, data, partial(results, client, play_nothing), clocked
+        ).to_the_end()
         written = len(set(data.numbers()))
     took_s = [after - before for before, after in pairwise(clocked.times_s)]
     over = f"{runs} runs that take no time, scheduler and client in one process"

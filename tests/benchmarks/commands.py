@@ -69,7 +69,7 @@ def run(measures: list[Measure], json_path: Path | None) -> None:
     from rich.console import Console
 
     from executive.settings import SettingsError
-    from sim.processes import ChildError, PlaceError
+    from sim.processes import AddressError, ChildError
     from tests.support.figures import table, write_json
 
     if json_path is not None and not json_path.parent.is_dir():
@@ -80,7 +80,7 @@ def run(measures: list[Measure], json_path: Path | None) -> None:
             figures += measure()
         except SettingsError as error:
             raise click.UsageError(str(error)) from error
-        except (ChildError, ChildProcessError, PlaceError, TimeoutError) as error:
+        except (ChildError, ChildProcessError, AddressError, TimeoutError) as error:
             raise click.ClickException(str(error)) from error
     Console().print(table(figures))
     if json_path is not None:

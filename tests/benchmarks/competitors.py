@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import copysign, cos, hypot, pi, sin, sqrt
 from typing import TYPE_CHECKING, Final, Protocol
 
-from executive.settings import Controller, Profile
+from executive.settings import Controller, SpeedProfileKind
 from executive.values.geometry import Pose, Velocity, on_arc, wrap_rad
 
 if TYPE_CHECKING:
@@ -198,13 +198,13 @@ class Own:
     """
 
     choice: Controller
-    profile: Profile
+    profile: SpeedProfileKind
     true_cm: float
 
 
 OWN: Final = {
-    "turn-drive": Own(Controller.TURN_DRIVE, Profile.SQUARE_ROOT, 2.0),
-    "turn-drive-trapezoid": Own(Controller.TURN_DRIVE, Profile.TRAPEZOID, 2.0),
-    "mpc": Own(Controller.MPC, Profile.SQUARE_ROOT, 6.0),
+    "turn-drive": Own(Controller.TURN_DRIVE, SpeedProfileKind.SQUARE_ROOT, 2.0),
+    "turn-drive-trapezoid": Own(Controller.TURN_DRIVE, SpeedProfileKind.TRAPEZOID, 2.0),
+    "mpc": Own(Controller.MPC, SpeedProfileKind.SQUARE_ROOT, 6.0),
 }
 """Controllers of the product, by the name that `--controller` takes."""

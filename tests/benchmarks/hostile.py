@@ -10,7 +10,7 @@ from typing import Final
 
 import psutil
 
-from adapters.mal import Consumer, Header, Stage, encode_message
+from adapters.mal import Consumer, Header, InteractionStage, encode_message
 from adapters.mrs.spec import mrs_specification
 from tests.support.figures import Figure, Goal, quantile
 from tests.support.victims import Victim, Workplace, workplace
@@ -38,7 +38,9 @@ async def attack(port: int, count: int, kind: str) -> None:
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     operation = mrs_specification().operation(SERVICE, OPERATION)
-    header = Header.of(operation, Stage.REQUEST, 1, "maltcp://h:1/x", f"maltcp://h:{port}/MRS")
+    header = Header.of(
+        operation, InteractionStage.REQUEST, 1, "maltcp://h:1/x", f"maltcp://h:{port}/MRS"
+    )
     octets = {
         "half messages": encode_message(header, bytes(MESSAGE_OCTETS - 100))[: MESSAGE_OCTETS // 2],
         "silent": b"",

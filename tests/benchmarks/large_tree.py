@@ -7,7 +7,7 @@ from pathlib import Path
 
 from py_trees.composites import Selector
 
-from adapters.onboard.service import Options, serve
+from adapters.onboard.service import ExecutiveOptions, serve
 from adapters.process import log_to_stderr
 from executive.goals import Context
 from executive.settings import config_folder, load_settings
@@ -47,7 +47,7 @@ def main(data: Path) -> None:
     log_to_stderr("warning")
     parameters = config_folder() / "jackal.ros.yaml"
     serve(
-        Options(load_settings("jackal"), "127.0.0.1", 0, data, parameters, ()),
+        ExecutiveOptions(load_settings("jackal"), "127.0.0.1", 0, data, parameters, ()),
         build_tree=partial(PaddedTree, data=data),
     )
 

@@ -10,9 +10,9 @@ from time import process_time
 from typing import Any, Final
 
 from executive.commands.catalogue import Command, MoveTo, Waypoint
-from executive.motion import Plan, Problem, SharedSolver, make_solver
+from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_solver
 from executive.motion.locomotion import Bounds
-from executive.motion.velocity_control import VelocityMover
+from executive.motion.velocity_control import VelocityDriver
 from executive.settings import Controller as Choice
 from executive.settings import Settings, SettingsError, structure
 from executive.state import Status
@@ -117,14 +117,14 @@ class TimedSolver:
         self.later_s: list[float] = []
         self.missed = 0
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         """Solve a problem, and note how long it took."""
         began_s = process_time()
         self._solver.ask(problem)
         took_s = process_time() - began_s
         (self.first_s if problem.guess is None else self.later_s).append(took_s)
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         """Return the answer to the last problem."""
         plan = self._solver.answer()
         self.missed += plan is None
@@ -306,7 +306,7 @@ class _Race:
         self._clock = ManualClock()
         self.rover = SimulatedJackal(World(), seed, sensors=settings.sensors, mux=settings.mux)
         self.status = Status(self._clock, settings)
-        self._mover = VelocityMover(self._clock, settings, self.status, self.rover)
+        self._mover = VelocityDriver(self._clock, settings, self.status, self.rover)
         self._steps = 0
         self.took_s: list[float] = []
 

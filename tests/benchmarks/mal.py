@@ -6,7 +6,14 @@ from typing import Final
 
 import psutil
 
-from adapters.mal import Consumer, Header, Stage, Subscription, UpdateHeader, encode_message
+from adapters.mal import (
+    Consumer,
+    Header,
+    InteractionStage,
+    Subscription,
+    UpdateHeader,
+    encode_message,
+)
 from adapters.mrs.spec import ParameterValue, mrs_specification
 from executive.values.parameters import Parameter
 from tests.benchmarks.mal_peers import CHUNK_OCTETS, FILE, TRANSFER_OCTETS
@@ -72,7 +79,7 @@ def _message(uri: str) -> bytes:
     operation = mrs_specification().operation(SERVICE, OPERATION)
     from_uri = "maltcp://127.0.0.1:40000/bench"
     return encode_message(
-        Header.of(operation, Stage.REQUEST, 1, from_uri, uri, time.time_ns()), b""
+        Header.of(operation, InteractionStage.REQUEST, 1, from_uri, uri, time.time_ns()), b""
     )
 
 

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from adapters.mal import AttributeType, Call, Typed
+from adapters.mal import AttributeType, CallContext, TypedAttribute
 from adapters.mrs.aboard import FileServices, ServedOperations
 from adapters.mrs.spec import ParameterValue, Pose, Validity
 from executive.settings import load_settings
@@ -27,7 +27,7 @@ FILE: Final = "file"
 POSE: Final = Pose(frame="odom", x=1.0, y=2.0, z=0.0, heading=0.5)
 
 
-def get_pose(_call: Call) -> tuple[Pose]:
+def get_pose(_call: CallContext) -> tuple[Pose]:
     return (POSE,)
 
 
@@ -54,7 +54,7 @@ async def publish(tell: Callable[..., None]) -> None:
                 name=parameter.value,
                 timestamp=time.monotonic_ns(),
                 validity=Validity.VALID,
-                value=Typed(AttributeType.DOUBLE, float(number)),
+                value=TypedAttribute(AttributeType.DOUBLE, float(number)),
             )
             tell(value, keys=("bench", parameter.value))
 

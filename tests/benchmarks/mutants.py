@@ -26,7 +26,7 @@ from executive.settings import SettingsError, names_in
 from sim.campaign.draws import draw
 from sim.campaign.reading import campaign_folder, load_campaign
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.model import RunMode, Scenario
 from sim.scenario.reading import load_scenario, scenario_folder
 from tests.benchmarks.mutant_replays import Traced
 from tests.benchmarks.mutation import ROOMS, Mutant, MutantKind, probes, sample, uses
@@ -121,7 +121,7 @@ def record_all(folder: Path, tell: Tell) -> None:
 def _scenarios() -> Iterator[tuple[str, Scenario]]:
     for name in names_in(scenario_folder()):
         with suppress(SettingsError):  # of those that are for real processes alone
-            yield f"scenario-{name}", load_scenario(name, PlayMode.LOCK_STEP)
+            yield f"scenario-{name}", load_scenario(name, RunMode.LOCK_STEP)
 
 
 def _runs_of_campaigns() -> Iterator[tuple[str, Scenario]]:
@@ -129,7 +129,7 @@ def _runs_of_campaigns() -> Iterator[tuple[str, Scenario]]:
         campaign = load_campaign(name)
         for run in range(RUNS):
             drawn = draw(campaign, run * APART)
-            scenario = load_scenario(drawn.scenario, PlayMode.LOCK_STEP, drawn.changes)
+            scenario = load_scenario(drawn.scenario, RunMode.LOCK_STEP, drawn.changes)
             yield f"campaign-{name}-{run}", scenario
 
 

@@ -4,7 +4,7 @@ import socket
 from itertools import count
 from typing import Any, Self
 
-from adapters.mal import Codec, Header, MalUri, Stage, encode_message
+from adapters.mal import Codec, Header, InteractionStage, MalUri, encode_message
 from adapters.mal.codec import decode_message
 from adapters.mrs.spec import header_of, invocation, mrs_specification
 from executive.commands.catalogue import Command, Request
@@ -40,12 +40,14 @@ class Octets:
             Command(identity, request, "direct", report_started=False),
         )
         header = header_of(command)
-        return self.message(call.service, call.operation, Stage.SUBMIT, header, *call.parts)
+        return self.message(
+            call.service, call.operation, InteractionStage.SUBMIT, header, *call.parts
+        )
 
-    def message(self, service: str, name: str, stage: Stage, *values: Any) -> bytes:
+    def message(self, service: str, name: str, stage: InteractionStage, *values: Any) -> bytes:
         operation = self._specification.operation(service, name)
         body = self._codec.encode(operation.parts[stage], values)
-        to = str(MalUri.parse(self._to).broker) if stage is Stage.REGISTER else self._to
+        to = str(MalUri.parse(self._to).broker) if stage is InteractionStage.REGISTER else self._to
         from_uri = "maltcp://127.0.0.1:1/bench"
         return encode_message(Header.of(operation, stage, next(_NUMBERS), from_uri, to), body)
 

@@ -18,9 +18,9 @@ from executive.commands import Command, DriveFor, MoveForward, Request, SetTrave
 from executive.settings import SecondOdometrySettings, Settings, load_settings
 from executive.values.reports import Identity, Report, Stage
 from sim.rover import faults
-from sim.rover.features import Patch
+from sim.rover.features import FrictionPatch
 from sim.rover.lockstep import LockStep
-from sim.rover.world import Start, World
+from sim.rover.world import StartPose, World
 from tests.support.figures import Figure, Goal
 
 SENSORS: Final = ("imu", "second", "gaps")
@@ -134,12 +134,12 @@ def settings_of(sensors: str) -> Settings:
 
 
 def world_of(case: Case) -> World:
-    firm = (Patch(x_m=0.0, y_m=0.0, length_m=1.0, width_m=1.0, friction=0.6),)
+    firm = (FrictionPatch(x_m=0.0, y_m=0.0, length_m=1.0, width_m=1.0, friction=0.6),)
     return World(
         slope_rad=case.slope_rad,
         friction=case.friction,
         patches=firm if case.firm_start or case.friction <= STANDS * tan(case.slope_rad) else (),
-        start=Start(heading_rad=case.heading_rad),
+        start=StartPose(heading_rad=case.heading_rad),
     )
 
 

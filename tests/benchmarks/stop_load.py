@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from adapters.mal import MalError, Stage, Subscription
+from adapters.mal import InteractionStage, MalError, Subscription
 from adapters.mrs.ground import MrsClient
 from executive.commands.catalogue import SetTravelSpeed
 from tests.benchmarks.octets import Octets
@@ -91,7 +91,7 @@ async def connect(port: int, _: Path) -> None:
         resource.RLIMIT_NOFILE, (4096, resource.getrlimit(resource.RLIMIT_NOFILE)[1])
     )
     with Octets(port) as octets:
-        asks = octets.message("Status", "getStatus", Stage.REQUEST)
+        asks = octets.message("Status", "getStatus", InteractionStage.REQUEST)
     held = []
     for _each in range(CONNECTIONS):
         with suppress(OSError):
@@ -110,7 +110,9 @@ async def send_large(port: int, _: Path) -> None:
     def one_after_the_other() -> None:
         while True:
             with suppress(OSError), Octets(port, "large") as octets:
-                large = octets.message("Monitoring", "getValue", Stage.REQUEST, ("",) * ELEMENTS)
+                large = octets.message(
+                    "Monitoring", "getValue", InteractionStage.REQUEST, ("",) * ELEMENTS
+                )
                 while True:
                     octets.send(large)
                     octets.reply()
@@ -131,7 +133,9 @@ async def register(port: int, _: Path) -> None:
             for number in range(REGISTRATIONS_EACH):
                 subscription = Subscription(subscriptionId=str(number))
                 octets.send(
-                    octets.message("Monitoring", "monitorValue", Stage.REGISTER, subscription)
+                    octets.message(
+                        "Monitoring", "monitorValue", InteractionStage.REGISTER, subscription
+                    )
                 )
     _loads()
     await asyncio.Event().wait()

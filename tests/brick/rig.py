@@ -11,7 +11,7 @@ from adapters.mops.dictionary import load_dictionary
 from executive.values.geometry import Pose
 from executive.values.reports import TERMINAL
 from sim.brick.firmware import Firmware
-from sim.brick.machine import Senses, SetPoints
+from sim.brick.machine import SensorReadings, SetPoints
 from sim.brick.settings import BrickSettings
 
 PERIOD_S = 0.02
@@ -84,7 +84,7 @@ class Rig:
             self._wheels_rad[0] += self.points.left_radps * PERIOD_S
             self._wheels_rad[1] += self.points.right_radps * PERIOD_S
         left, right = (int(degrees(angle_rad) // 1) for angle_rad in self._wheels_rad)
-        senses = Senses(left, right, 8.0, self.points.pan_rad, self.points.tilt_rad)
+        senses = SensorReadings(left, right, 8.0, self.points.pan_rad, self.points.tilt_rad)
         self.points = self.brick.step(self.time_s, senses, PERIOD_S)
         for message in self._stream.feed(self.brick.give()):
             telemetry = message.code == SPELLING.telemetry.code

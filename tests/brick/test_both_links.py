@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import String, UInt64
 
 from adapters.mops.codec import Message, decode, fingerprint
-from adapters.mops.dictionary import Conditions, load_dictionary
+from adapters.mops.dictionary import CommandConditions, load_dictionary
 from adapters.mrs.ground.client import MrsClient
 from adapters.mrs.spec.types import Notification, Stage
 from adapters.ros import Topic, publish_heartbeat, ros_node, single_threaded
@@ -77,7 +77,7 @@ class RelayEnd:
         node.create_subscription(String, "mops/relay/notification", self._hear, 100)
 
     def send(self, command: Command) -> None:
-        conditions = Conditions(command.authority)
+        conditions = CommandConditions(command.authority)
         message = DICTIONARY.command(command.request, command.identity, "MOCUP", conditions)
         self._commands.publish(String(data=str(message)))
 

@@ -23,7 +23,6 @@ from sim.rover.faults import (
     BatteryNan,
     BrickSilent,
     EncoderScale,
-    Fault,
     HeadStuck,
     LeftStuck,
     MotorDead,
@@ -32,6 +31,7 @@ from sim.rover.faults import (
     OdometryRepeated,
     OdometryZeroTwist,
     Side,
+    SimulatedFault,
     WheelsStuck,
 )
 from sim.rover.lockstep import LockStep
@@ -105,7 +105,7 @@ def test_a_stop_stands_within_a_tenth_of_a_second_and_ends_the_motion(mocup: Moc
     ids=lambda value: type(value).__name__,
 )
 def test_a_fault_under_way_fails_the_command_with_figures(
-    mocup: Mocup, fault: Fault, request_: Request, reason: Reason, within_s: float
+    mocup: Mocup, fault: SimulatedFault, request_: Request, reason: Reason, within_s: float
 ) -> None:
     number = mocup.ask(request_)
     mocup.lock.run(2.0)

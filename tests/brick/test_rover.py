@@ -8,7 +8,7 @@ import pytest
 from executive.values.geometry import wrap_rad
 from sim.rover.faults import BatteryLow, OdometryLost
 from sim.rover.mocup import SimulatedMocup
-from sim.rover.world import Ground, Scatter, World
+from sim.rover.world import Scatter, SoilShape, World
 from tests.brick.rig import command
 from tests.sim.driving import jpeg
 
@@ -20,7 +20,7 @@ TURN: Script = (("rotateBy", repr(pi / 2)),)
 SQUARE: Script = (*LINE, *TURN) * 4
 PLACE: Script = (("moveTo", "1.0", "1.0", "0.0", ""),)
 SETTINGS: Script = (("setTravelSpeed", "0.2"), ("setRotateSpeed", "1.0"))
-UNEVEN = World(ground=Ground(amplitude_m=0.1, seed=2))
+UNEVEN = World(ground=SoilShape(amplitude_m=0.1, seed=2))
 
 
 def carry_out(rover: SimulatedMocup, script: Script) -> bytes:
@@ -67,7 +67,7 @@ def test_odometry_errs_as_much_as_the_track_is_misjudged(
 
 
 def test_a_run_repeats_bit_for_bit() -> None:
-    world = World(ground=Ground(amplitude_m=0.1), scatter=Scatter(count=20, seed=1))
+    world = World(ground=SoilShape(amplitude_m=0.1), scatter=Scatter(count=20, seed=1))
 
     def run(advance: Callable[[SimulatedMocup], None]) -> tuple[bytes, object]:
         rover = SimulatedMocup(world, seed=3)

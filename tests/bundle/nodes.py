@@ -6,9 +6,9 @@ from pathlib import Path
 
 from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import StoreError
-from adapters.bundle.node.database import Database, Limits, Synchronous
-from adapters.bundle.node.node import Node
-from adapters.bundle.node.reporting import DeliveryStatus, Notice
+from adapters.bundle.node.database import BundleDatabase, StoreLimits, Synchronous
+from adapters.bundle.node.node import BundleNode
+from adapters.bundle.node.reporting import DeliveryNotice, DeliveryStatus
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
 
@@ -49,18 +49,18 @@ class TestedNode:
         folder: Path,
         settings: NodeSettings,
         clock: Clock,
-        limits: Limits | None = None,
+        limits: StoreLimits | None = None,
         security: Security | None = None,
     ) -> None:
         self.path = folder / f"{settings.node}.db"
         self.settings, self.clock, self.limits = settings, clock, limits
         self.security = security
-        self.notices: list[Notice] = []
+        self.notices: list[DeliveryNotice] = []
         self.start()
 
     def start(self) -> None:
-        self.database = Database(self.path, self.limits, Synchronous.OFF)
-        self.node = Node(
+        self.database = BundleDatabase(self.path, self.limits, Synchronous.OFF)
+        self.node = BundleNode(
             self.settings, self.database, self.clock, self.notices.append, self.security
         )
 

@@ -9,8 +9,8 @@ from adapters.bundle.codec.bundle import (
     Crc,
     Creation,
     Flag,
+    FragmentRange,
     HopCount,
-    Part,
     Primary,
     encode_age,
     encode_hop_count,
@@ -21,10 +21,10 @@ from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,
     Checkpoint,
-    Claim,
     Data,
-    Report,
+    ReceptionClaim,
     ReportAck,
+    ReportSegment,
     Segment,
     SessionId,
 )
@@ -54,7 +54,9 @@ CREATIONS = st.builds(Creation, st.integers(1, 2**64 - 1), NUMBERS)
 @st.composite
 def bundles(draw: st.DrawFn) -> Bundle:
     payload = draw(st.binary(max_size=300))
-    part = draw(st.none() | st.builds(lambda at, more: Part(at, at + 300 + more), SMALL, SMALL))
+    part = draw(
+        st.none() | st.builds(lambda at, more: FragmentRange(at, at + 300 + more), SMALL, SMALL)
+    )
     flags = draw(st.sampled_from([0, Flag.REPORT_DELIVERY | Flag.REPORT_TIMES, 1 << 40]))
     primary = Primary(
         draw(NODES), draw(NODES), draw(st.just(Dtn()) | NODES), draw(CREATIONS), draw(NUMBERS),
@@ -84,20 +86,20 @@ REPORTS = st.builds(
     SMALL,
     NODES,
     CREATIONS,
-    st.none() | st.builds(Part, SMALL, SMALL),
+    st.none() | st.builds(FragmentRange, SMALL, SMALL),
 )
 EIDS: st.SearchStrategy[Eid] = NODES | st.just(Dtn())
 
 
 @st.composite
-def ltp_reports(draw: st.DrawFn) -> Report:
+def ltp_reports(draw: st.DrawFn) -> ReportSegment:
     lower = draw(SMALL)
     claims, at = [], lower
     for gap, length in draw(st.lists(st.tuples(SMALL, st.integers(1, 1000)), min_size=1)):
-        claims.append(Claim(at + gap, length))
+        claims.append(ReceptionClaim(at + gap, length))
         at += gap + length
     upper = at + draw(SMALL)
-    return Report(draw(SESSIONS), draw(NUMBERS), draw(NUMBERS), upper, lower, tuple(claims))
+    return ReportSegment(draw(SESSIONS), draw(NUMBERS), draw(NUMBERS), upper, lower, tuple(claims))
 
 
 SESSIONS = st.builds(SessionId, NUMBERS, NUMBERS)

@@ -15,7 +15,7 @@ from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import StoreError
 from adapters.bundle.links import udp
 from adapters.bundle.links.contact import Contact, ContactPlan
-from adapters.bundle.node.database import Database
+from adapters.bundle.node.database import BundleDatabase
 from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.settings import (
     Address,
@@ -59,7 +59,7 @@ async def test_a_store_that_fails_is_tried_again_now_and_then(
 ) -> None:
     tried = 0
 
-    def fail(_: Database) -> None:
+    def fail(_: BundleDatabase) -> None:
         nonlocal tried
         tried += 1
         raise StoreError("no disk")
@@ -70,7 +70,7 @@ async def test_a_store_that_fails_is_tried_again_now_and_then(
         async with running(tmp_path, 1, 2, dials, Listen()) as one:
             await send_all(one, TWO, [b"unit"])
             async with two.agent.receive():
-                monkeypatch.setattr(Database, "commit", fail)
+                monkeypatch.setattr(BundleDatabase, "commit", fail)
             await two.until(lambda: tried > 3)
             before = asyncio.get_running_loop().time()
             await two.until(lambda: tried > 8)

@@ -17,7 +17,7 @@ from adapters.bundle.codec.bundle import (
     Crc,
     Creation,
     Flag,
-    Part,
+    FragmentRange,
     Primary,
     crc16,
     crc32c,
@@ -126,7 +126,9 @@ FORBIDDEN = {
         reporting(PAYLOAD),
     ),
     "a fragment that forbids fragmentation": (
-        replace(PRIMARY, flags=int(Flag.FRAGMENT | Flag.MUST_NOT_FRAGMENT), part=Part(0, 11)),
+        replace(
+            PRIMARY, flags=int(Flag.FRAGMENT | Flag.MUST_NOT_FRAGMENT), part=FragmentRange(0, 11)
+        ),
         PAYLOAD,
     ),
 }

@@ -11,7 +11,7 @@ from adapters.bundle.links.contact import (
     ContactGate,
     ContactOverride,
     ContactPlan,
-    PlanError,
+    ContactPlanError,
     load_contact_plan,
     parse_plan,
     read_plan,
@@ -84,16 +84,16 @@ def test_a_range_holds_both_ways(plan: ContactPlan) -> None:
 def test_what_is_wrong_with_a_line_is_said(tmp_path: Path, line: str, fault: str) -> None:
     path = tmp_path / "plan.ionrc"
     path.write_text("# plan\n" + line + "\n")
-    with pytest.raises(PlanError, match=f"line 2: {fault}") as error:
+    with pytest.raises(ContactPlanError, match=f"line 2: {fault}") as error:
         read_plan(path, 0.0)
     assert len(str(error.value).splitlines()) == 1
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(PlanError, match="missing"):
+    with pytest.raises(ContactPlanError, match="missing"):
         read_plan(tmp_path / "missing", 0.0)
     (tmp_path / "binary").write_bytes(b"\xff\xfe")
-    with pytest.raises(PlanError, match="UTF-8"):
+    with pytest.raises(ContactPlanError, match="UTF-8"):
         read_plan(tmp_path / "binary", 0.0)
 
 
@@ -209,7 +209,7 @@ def test_a_plan_that_makes_no_sense_is_not_the_first(deployed: Deployed) -> None
     for text in (None, "a contact +60\n"):
         if text is not None:
             deployed.write(text)
-        with pytest.raises(PlanError, match="contact plan"):
+        with pytest.raises(ContactPlanError, match="contact plan"):
             deployed.start(START_S)
     deployed.write(PLAN)
     assert deployed.start(START_S + 10) == [(START_S + 70, START_S + 130)]

@@ -8,7 +8,7 @@ import pytest
 from adapters.bundle.codec.bundle import BlockType, decode_bundle, is_expedited
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import StoreFull
-from adapters.bundle.node.database import Limits
+from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.settings import Listen, UdpLink
 from tests.bundle.nodes import Clock, Pair, TestedNode, carry, settings_of
 from tests.bundle.weather import Weather, World
@@ -63,7 +63,7 @@ def test_it_is_forwarded_first_and_sent_again_after_a_restart(tmp_path: Path, cl
 
 
 def test_room_is_kept_for_it_in_every_store(tmp_path: Path, clock: Clock) -> None:
-    limits = Limits(most_octets=100_000)
+    limits = StoreLimits(most_octets=100_000)
     one = TestedNode(tmp_path, settings_of(1, 2), clock, limits)
     two = TestedNode(tmp_path, settings_of(2, 1), clock, limits)
     one.put(Ipn(2, 1), STOP, expedited=True)
@@ -81,7 +81,7 @@ def test_room_is_kept_for_it_in_every_store(tmp_path: Path, clock: Clock) -> Non
 
 
 def test_what_is_kept_for_it_ends_too(tmp_path: Path, clock: Clock) -> None:
-    one = TestedNode(tmp_path, settings_of(1, 2), clock, Limits(100_000, 0, 200_000))
+    one = TestedNode(tmp_path, settings_of(1, 2), clock, StoreLimits(100_000, 0, 200_000))
     with suppress(StoreFull):
         for _ in range(1000):
             one.put(Ipn(2, 1), bytes(4096), expedited=True)

@@ -28,7 +28,7 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import BundleError, DecodeError
-from adapters.bundle.codec.integrity import Form, Key, Sha, sign, verify
+from adapters.bundle.codec.integrity import IntegrityVariant, Key, Sha, sign, verify
 from adapters.bundle.commands import bundle
 from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.security import (
@@ -43,7 +43,7 @@ from tests.bundle.nodes import Clock, TestedNode, carry, settings_of
 SECRET = bytes(range(32))
 PRIMARY = Primary(Ipn(2, 1), Ipn(1, 1), Ipn(1, 0), Creation(7, 0), 1000)
 PLAIN = Bundle(PRIMARY, (Block(BlockType.PAYLOAD, 1, b"drive", crc=Crc.CRC32C),))
-KEYS = st.builds(Key, st.just(SECRET), st.sampled_from(Form), st.sampled_from(Sha))
+KEYS = st.builds(Key, st.just(SECRET), st.sampled_from(IntegrityVariant), st.sampled_from(Sha))
 TARGETS = st.sampled_from([(0,), (1,), (0, 1)])
 
 
@@ -71,7 +71,7 @@ def test_no_changed_octet_passes(key: Key, targets: tuple[int, ...], data: st.Da
 
 
 def test_the_two_forms_are_not_taken_for_each_other() -> None:
-    for one, other in (Form, reversed(Form)):
+    for one, other in (IntegrityVariant, reversed(IntegrityVariant)):
         octets = encode_bundle(sign(PLAIN, Key(SECRET, one), Ipn(1, 0), (1,)))
         (check,) = verify(octets, decode_bundle(octets), Key(SECRET, other))
         assert check.fault == "its HMAC is wrong"
@@ -100,7 +100,7 @@ def asb(
     )
 
 
-def check(*contents: bytes, key: Key = Key(SECRET, Form.ION)) -> str:  # noqa: B008 - frozen
+def check(*contents: bytes, key: Key = Key(SECRET, IntegrityVariant.ION)) -> str:  # noqa: B008 - frozen
     bibs = [Block(BlockType.INTEGRITY, 2 + n, data) for n, data in enumerate(contents)]
     octets = encode_bundle(replace(PLAIN, blocks=(*bibs, *PLAIN.blocks)))
     return verify(octets, decode_bundle(octets), key)[0].fault
@@ -148,14 +148,14 @@ def test_a_malformed_block_is_refused(contents: tuple[bytes, ...]) -> None:
 
 def test_a_session_key_is_unwrapped_with_the_key() -> None:
     session = bytes(32)
-    signed = sign(PLAIN, Key(session, Form.ION), Ipn(1, 0), (1,))
+    signed = sign(PLAIN, Key(session, IntegrityVariant.ION), Ipn(1, 0), (1,))
     wrapped = cbor.octet_string(aes_key_wrap(SECRET, session))
     data = signed.blocks[0].data
     data = data.replace(b"\x82\x82\x01\x05", b"\x83\x82\x02" + wrapped + b"\x82\x01\x05")
     octets = encode_bundle(
         replace(signed, blocks=(replace(signed.blocks[0], data=data), *signed.blocks[1:]))
     )
-    (found,) = verify(octets, decode_bundle(octets), Key(SECRET, Form.ION))
+    (found,) = verify(octets, decode_bundle(octets), Key(SECRET, IntegrityVariant.ION))
     assert not found.fault
 
 
@@ -274,13 +274,13 @@ def test_the_first_policy_that_fits_holds(tmp_path: Path, clock: Clock) -> None:
 @pytest.mark.parametrize(
     ("content", "form", "fault"),
     [
-        (None, Form.RFC9173, r"k: No such file .*; `rover bundle key"),
-        (bytes(15), Form.RFC9173, "has 15 octets: 16 or more"),
-        (bytes(33), Form.ION, "has 33 octets: 16, 24 or 32, without a line's end"),
+        (None, IntegrityVariant.RFC9173, r"k: No such file .*; `rover bundle key"),
+        (bytes(15), IntegrityVariant.RFC9173, "has 15 octets: 16 or more"),
+        (bytes(33), IntegrityVariant.ION, "has 33 octets: 16, 24 or 32, without a line's end"),
     ],
 )
 def test_a_key_that_cannot_be_used_is_named(
-    tmp_path: Path, content: bytes | None, form: Form, fault: str
+    tmp_path: Path, content: bytes | None, form: IntegrityVariant, fault: str
 ) -> None:
     if content is not None:
         (tmp_path / "k").write_bytes(content)

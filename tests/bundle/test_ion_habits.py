@@ -12,7 +12,7 @@ import pytest
 from adapters.bundle.codec.bundle import (
     DTN_EPOCH_UTC_MS,
     Bundle,
-    Part,
+    FragmentRange,
     decode_bundle,
     encode_bundle,
 )
@@ -28,9 +28,9 @@ from adapters.bundle.links.tcpcl_messages import (
     Shutdown,
     encode_message,
 )
-from adapters.bundle.node.database import Database, Synchronous
-from adapters.bundle.node.node import Node
-from adapters.bundle.node.reporting import DeliveryStatus, Notice
+from adapters.bundle.node.database import BundleDatabase, Synchronous
+from adapters.bundle.node.node import BundleNode
+from adapters.bundle.node.reporting import DeliveryNotice, DeliveryStatus
 from adapters.bundle.node.settings import Neighbour, NodeSettings, TcpclLink
 from tests.bundle.nodes import Clock, TestedNode, settings_of
 
@@ -99,9 +99,9 @@ class Caller:
         self.clock.utc_ms = DTN_EPOCH_UTC_MS + 848_563_950_000
         neighbour = Neighbour(Ipn(1, 0), link)
         settings = NodeSettings(Ipn(2, 1), (Ipn(2, 1),), (neighbour,))
-        database = Database(folder / "2.db", None, Synchronous.OFF)
-        self.notices: list[Notice] = []
-        self.node = Node(settings, database, self.clock, self.notices.append)
+        database = BundleDatabase(folder / "2.db", None, Synchronous.OFF)
+        self.notices: list[DeliveryNotice] = []
+        self.node = BundleNode(settings, database, self.clock, self.notices.append)
         self.now_s = 0.0
         context = LinkContext(self.node, lambda: self.now_s, lambda: None)
         self.link = TcpclNeighbour(context, neighbour, {})
@@ -261,7 +261,7 @@ def test_its_fragments_with_block_number_0_are_put_together(tmp_path: Path) -> N
     for at, length in ((0, begin), (end, primary.part.total - end)):
         if length:
             rest = replace(fragment.blocks[-1], data=bytes(length))
-            part = replace(primary, part=Part(at, primary.part.total))
+            part = replace(primary, part=FragmentRange(at, primary.part.total))
             node.node.receiving.arrived("ipn:1.0", encode_bundle(Bundle(part, (rest,))))
     node.commit()
     (whole,) = node.take()

@@ -10,7 +10,7 @@ import pytest
 
 from adapters.bundle.agent import make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.codec.integrity import Form, Key
+from adapters.bundle.codec.integrity import IntegrityVariant, Key
 from adapters.bundle.node.reporting import DeliveryStatus
 from adapters.bundle.node.security import KeySettings, PolicySettings, Security, SecuritySettings
 from adapters.bundle.node.settings import (
@@ -133,9 +133,10 @@ async def test_the_fragments_of_ion_are_put_together(tmp_path: Path) -> None:
 async def test_an_ion_that_signs_with_null_cipher_suites_is_named(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    keys = {"k": Key(bytes(range(32)), Form.ION)}
+    keys = {"k": Key(bytes(range(32)), IntegrityVariant.ION)}
     policies = SecuritySettings(
-        keys={"k": KeySettings(file="k", form=Form.ION)}, policies=(PolicySettings(key="k"),)
+        keys={"k": KeySettings(file="k", form=IntegrityVariant.ION)},
+        policies=(PolicySettings(key="k"),),
     )
     security = Security(Ipn(2, 0), policies, keys)
     async with beside_ion(tmp_path, security=security) as (node, ours), node.sink(2) as printed:

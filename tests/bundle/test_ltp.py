@@ -10,15 +10,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.bundle.links.ltp_engine import Arrived, Cancelled, Completed, LtpSpan, Ranges
+from adapters.bundle.links.ltp_engine import (
+    BlockReceived,
+    ExportCancelled,
+    ExportCompleted,
+    LtpSpan,
+    Ranges,
+)
 from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,
     Checkpoint,
-    Claim,
     Data,
-    Report,
+    ReceptionClaim,
     ReportAck,
+    ReportSegment,
     Segment,
     SessionId,
     decode_segment,
@@ -52,15 +58,17 @@ class Engine:
         self.span.tick()
 
 
-def reported(checkpoint: Data, *claims: tuple[int, int], serial: int = 1, upper: int = 0) -> Report:
+def reported(
+    checkpoint: Data, *claims: tuple[int, int], serial: int = 1, upper: int = 0
+) -> ReportSegment:
     assert checkpoint.checkpoint
-    return Report(
+    return ReportSegment(
         checkpoint.session,
         serial,
         checkpoint.checkpoint.serial,
         upper or checkpoint.offset + len(checkpoint.octets),
         0,
-        tuple(Claim(*claim) for claim in claims),
+        tuple(ReceptionClaim(*claim) for claim in claims),
     )
 
 
@@ -73,13 +81,13 @@ def test_a_block_that_ion_sent_is_reported_as_it_was_then() -> None:
     engine = Engine()
     engine.span.receive(decode_segment(RECORDED[3]))
     (arrived,) = engine.events()
-    assert isinstance(arrived, Arrived)
+    assert isinstance(arrived, BlockReceived)
     assert engine.said() == []
     engine.span.stored(arrived.number)
     (report,) = engine.said()
     then = decode_segment(RECORDED[4])
-    assert isinstance(report, Report)
-    assert isinstance(then, Report)
+    assert isinstance(report, ReportSegment)
+    assert isinstance(then, ReportSegment)
     assert (report.session, report.claims) == (then.session, then.claims)
     assert report.checkpoint_serial == then.checkpoint_serial
     engine.span.receive(ReportAck(report.session, report.serial))
@@ -94,10 +102,10 @@ def test_a_block_that_ion_took_is_done() -> None:
     number = engine.span.send(bytes(74))
     checkpoint = data_of(engine.said())[-1]
     recorded = decode_segment(RECORDED[1])
-    assert isinstance(recorded, Report)
+    assert isinstance(recorded, ReportSegment)
     engine.span.receive(reported(checkpoint, (0, 74), serial=recorded.serial))
     assert engine.said() == [decode_segment(RECORDED[2])]
-    assert engine.events() == [Completed(number)]
+    assert engine.events() == [ExportCompleted(number)]
     assert engine.span.owns(checkpoint.session)
     engine.span.receive(reported(checkpoint, (0, 74), serial=recorded.serial))
     assert engine.said() == [decode_segment(RECORDED[2])]
@@ -148,7 +156,7 @@ def test_a_round_trip_is_that_of_a_checkpoint_that_was_sent_once() -> None:
     last = data_of(engine.said()[1:])[-1]
     engine.wait(1.0)  # repeated: nobody knows which of the two is answered
     engine.span.receive(reported(last, (0, 40), serial=2))
-    assert isinstance(engine.events()[-1], Completed)
+    assert isinstance(engine.events()[-1], ExportCompleted)
     assert engine.span.round_trip_s == 0.25
     assert engine.span.resent == 4
 
@@ -185,11 +193,11 @@ def test_a_receiver_that_lost_its_memory_gets_everything_again() -> None:
     assert engine.events() == []
     third = again[-1]
     engine.span.receive(
-        Report(third.session, 8, third.checkpoint.serial, 40, 0, (Claim(0, 40),))
+        ReportSegment(third.session, 8, third.checkpoint.serial, 40, 0, (ReceptionClaim(0, 40),))
         if third.checkpoint
         else pytest.fail("no checkpoint")
     )
-    assert engine.events() == [Completed(number)]
+    assert engine.events() == [ExportCompleted(number)]
 
 
 def test_who_lost_its_memory_says_so() -> None:
@@ -209,7 +217,7 @@ def test_who_lost_its_memory_in_mid_block_says_so_though_something_came_since() 
         receiver.span.receive(data)
     (cancel,) = receiver.said()
     sender.span.receive(cancel)
-    assert sender.events() == [Cancelled(number)]
+    assert sender.events() == [ExportCancelled(number)]
 
 
 def test_what_was_cancelled_is_given_back_and_acknowledged() -> None:
@@ -220,7 +228,7 @@ def test_what_was_cancelled_is_given_back_and_acknowledged() -> None:
     for _ in range(2):
         engine.span.receive(Cancel(session, by_sender=False, reason=4))
         assert engine.said() == [CancelAck(session, of_sender=False)]
-    assert engine.events() == [Cancelled(number)]
+    assert engine.events() == [ExportCancelled(number)]
     assert engine.span.next_s == inf
 
 
@@ -243,10 +251,10 @@ def test_a_block_that_is_not_stored_is_not_reported_whole_however_often_it_is_as
     assert len(engine.events()) == 1
     engine.span.stored(9)
     (report,) = engine.said()
-    assert isinstance(report, Report)
+    assert isinstance(report, ReportSegment)
     engine.span.receive(data)
     (again,) = engine.said()
-    assert isinstance(again, Report)
+    assert isinstance(again, ReportSegment)
     assert again.claims == report.claims
     assert engine.events() == []
 
@@ -271,7 +279,7 @@ def test_segments_in_any_order_become_the_block() -> None:
     chance.shuffle(segments)
     for segment in segments:
         receiver.span.receive(segment)
-    assert receiver.events() == [Arrived(1, block)]
+    assert receiver.events() == [BlockReceived(1, block)]
 
 
 def arrive(receiver: Engine, sender: Engine, block: bytes) -> list[object]:
@@ -282,7 +290,7 @@ def arrive(receiver: Engine, sender: Engine, block: bytes) -> list[object]:
         for segment in sender.said():
             receiver.span.receive(segment)
         for event in receiver.events():
-            assert isinstance(event, Arrived)
+            assert isinstance(event, BlockReceived)
             receiver.span.stored(event.number)
             arrived.append(event)
         for segment in receiver.said():
@@ -298,7 +306,7 @@ def test_an_engine_that_numbers_anew_after_a_restart_loses_nothing(octets: int) 
         sender = Engine(1, 5)
         for number in range(15):
             block = bytes((life, number)) * octets
-            assert arrive(receiver, sender, block) == [Arrived(number + 1, block)]
+            assert arrive(receiver, sender, block) == [BlockReceived(number + 1, block)]
 
 
 def test_half_a_block_of_an_earlier_life_is_not_mixed_with_the_next() -> None:
@@ -306,7 +314,7 @@ def test_half_a_block_of_an_earlier_life_is_not_mixed_with_the_next() -> None:
     before.span.send(b"old" * 30)
     for segment in before.said()[1:-1]:
         receiver.span.receive(segment)
-    assert arrive(receiver, after, b"new" * 30) == [Arrived(1, b"new" * 30)]
+    assert arrive(receiver, after, b"new" * 30) == [BlockReceived(1, b"new" * 30)]
 
 
 def test_what_was_stored_is_forgotten_after_some_round_trips_without_repeats() -> None:
@@ -314,7 +322,7 @@ def test_what_was_stored_is_forgotten_after_some_round_trips_without_repeats() -
     sender.span.send(b"block")
     (checkpoint,) = sender.said()
     receiver.span.receive(checkpoint)
-    assert receiver.events() == [Arrived(1, b"block")]
+    assert receiver.events() == [BlockReceived(1, b"block")]
     receiver.span.stored(1)
     for _ in range(5):
         receiver.now_s += 9.0
@@ -322,7 +330,7 @@ def test_what_was_stored_is_forgotten_after_some_round_trips_without_repeats() -
         assert receiver.events() == []
     receiver.now_s += 11.0
     receiver.span.receive(checkpoint)
-    assert receiver.events() == [Arrived(1, b"block")]
+    assert receiver.events() == [BlockReceived(1, b"block")]
 
 
 def test_blocks_that_never_end_do_not_pile_up() -> None:
@@ -343,7 +351,7 @@ def test_whatever_segments_come_nothing_breaks(
     for segment in segments:
         engine.span.receive(segment)
         for event in engine.events():
-            if isinstance(event, Arrived):
+            if isinstance(event, BlockReceived):
                 if chance.random() < 0.5:
                     engine.span.stored(event.number)
                 else:

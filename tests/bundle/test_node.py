@@ -18,7 +18,7 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import NONE, Ipn
 from adapters.bundle.codec.errors import StoreError, StoreFull
-from adapters.bundle.node.database import Limits
+from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.reporting import DeliveryStatus
 from tests.bundle.nodes import Clock, Pair, TestedNode, carry, nothing, settings_of
 
@@ -355,7 +355,7 @@ def test_a_bundle_may_be_forwarded_as_often_as_its_hop_limit_says(
 
 def test_a_full_store_takes_nothing_more_and_loses_nothing(tmp_path: Path, clock: Clock) -> None:
     one = TestedNode(tmp_path, settings_of(1, 2), clock)
-    two = TestedNode(tmp_path, settings_of(2, 1), clock, Limits(most_octets=400_000))
+    two = TestedNode(tmp_path, settings_of(2, 1), clock, StoreLimits(most_octets=400_000))
     for _ in range(100):
         one.put(Ipn(2, 1), bytes(5000))
     taken = 0

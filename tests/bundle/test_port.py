@@ -8,7 +8,7 @@ import pytest
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.errors import AgentClosed, StoreFull
 from adapters.bundle.links.contact import ContactOverride
-from adapters.bundle.node.database import Limits
+from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.reporting import DeliveryStatus
 from tests.bundle.worlds import (
     ATTACHED_BY_PAYLOAD,
@@ -113,7 +113,7 @@ async def test_what_outlives_its_lifetime_is_told_and_does_not_come(
 async def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
     kind: Kind, tmp_path: Path
 ) -> None:
-    limits = {1: Limits(most_octets=150_000)}
+    limits = {1: StoreLimits(most_octets=150_000)}
     async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
         one.agent.override(Ipn(2, 0), ContactOverride.DOWN)
         sent = 0
@@ -131,7 +131,7 @@ async def test_a_store_that_is_full_refuses_and_takes_again_when_it_is_not(
 
 @every_way
 async def test_a_receiver_that_is_full_loses_nothing(kind: Kind, tmp_path: Path) -> None:
-    limits = {2: Limits(most_octets=100_000)}
+    limits = {2: StoreLimits(most_octets=100_000)}
     async with world(kind, tmp_path, limits) as there, there.both() as (one, two):
         payloads = [b"%04d" % number + bytes(8000) for number in range(15)]
         await send_all(one, TWO, payloads)

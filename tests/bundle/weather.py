@@ -15,9 +15,9 @@ from adapters.bundle.links.contact import ContactGate, ContactPlan
 from adapters.bundle.links.link import LinkContext
 from adapters.bundle.links.ltp import LtpNeighbour
 from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_segment
-from adapters.bundle.node.database import Database, Limits, Synchronous
-from adapters.bundle.node.node import Node
-from adapters.bundle.node.reporting import Notice
+from adapters.bundle.node.database import BundleDatabase, StoreLimits, Synchronous
+from adapters.bundle.node.node import BundleNode
+from adapters.bundle.node.reporting import DeliveryNotice
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
 
 START_UTC_S = 1_800_000_000.0
@@ -69,7 +69,7 @@ class Side:
         other: int,
         folder: Path,
         link: LtpLink,
-        limits: Limits | None = None,
+        limits: StoreLimits | None = None,
         plan: ContactPlan | None = None,
     ) -> None:
         self.world, self.number, self.other = world, number, other
@@ -79,7 +79,7 @@ class Side:
         self.path = folder / f"{number}.db"
         self.limits = limits
         self.application = Application()
-        self.notices: list[Notice] = []
+        self.notices: list[DeliveryNotice] = []
         self.clock_error_s = 0.0
         self.reads = True
         self.put_count = 0
@@ -97,8 +97,8 @@ class Side:
         return START_UTC_S + self.world.now_s + self.clock_error_s
 
     def start(self) -> None:
-        self.database = Database(self.path, self.limits, Synchronous.OFF)
-        self.node = Node(
+        self.database = BundleDatabase(self.path, self.limits, Synchronous.OFF)
+        self.node = BundleNode(
             self.settings, self.database, lambda: int(1000 * self.utc_s()), self.notices.append
         )
         first = self.database.reserve("session", 1 << 20)
@@ -174,7 +174,7 @@ class World:
         seed: int,
         weather: Weather,
         link: LtpLink | None = None,
-        limits: Limits | None = None,
+        limits: StoreLimits | None = None,
         plan: ContactPlan | None = None,
     ) -> None:
         self.now_s = 0.0

@@ -11,8 +11,8 @@ from typing import Any
 
 from adapters.bundle.agent import BundleAgent, Delivery, make_agent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.node.database import Limits, Synchronous
-from adapters.bundle.node.reporting import Notice
+from adapters.bundle.node.database import StoreLimits, Synchronous
+from adapters.bundle.node.reporting import DeliveryNotice
 from adapters.bundle.node.settings import (
     Address,
     AnyLink,
@@ -41,7 +41,7 @@ class Running:
 
     def __init__(self, agent: BundleAgent) -> None:
         self.agent = agent
-        self.notices: list[Notice] = []
+        self.notices: list[DeliveryNotice] = []
 
     async def take(self, count: int) -> list[bytes]:
         """Receive so many units."""
@@ -128,7 +128,7 @@ def payloads_of(count: int) -> list[bytes]:
 
 
 ONE, TWO = Ipn(1, 1), Ipn(2, 1)
-NO_LIMITS: Mapping[int, Limits] = {}
+NO_LIMITS: Mapping[int, StoreLimits] = {}
 
 
 class Kind(Enum):
@@ -146,13 +146,13 @@ CONFIRMING = (Kind.EMBEDDED, Kind.ION_WHOLE)
 class World(ABC):
     """Makes agents, each with its store; one made for the same node again goes on with it."""
 
-    def __init__(self, folder: Path, limits: Mapping[int, Limits]) -> None:
+    def __init__(self, folder: Path, limits: Mapping[int, StoreLimits]) -> None:
         self._folder, self._limits = folder, limits
 
     def agent(self, number: int) -> AbstractAsyncContextManager[Running]:
         """Have a node's agent open for the time of a with."""
         link, others = self._way(number)
-        limits = self._limits.get(number, Limits())
+        limits = self._limits.get(number, StoreLimits())
         settings = settings_of(number, 3 - number, link, limits=limits)
         path = self._folder / f"{number}.db"
         return opened(make_agent(settings, path, synchronous=Synchronous.OFF, **others))
@@ -205,7 +205,7 @@ class _Ion(World):
     """Attached agents; ION has no room while it is dark."""
 
     def __init__(
-        self, folder: Path, limits: Mapping[int, Limits], nodes: IonNodes, whole: bool
+        self, folder: Path, limits: Mapping[int, StoreLimits], nodes: IonNodes, whole: bool
     ) -> None:
         super().__init__(folder, limits)
         self._nodes, self._settings = nodes, IonSettings(whole=whole, answer_s=2.0)
@@ -224,7 +224,7 @@ class _Ion(World):
 
 @asynccontextmanager
 async def world(
-    kind: Kind, folder: Path, limits: Mapping[int, Limits] = NO_LIMITS
+    kind: Kind, folder: Path, limits: Mapping[int, StoreLimits] = NO_LIMITS
 ) -> AsyncIterator[World]:
     """Have what carries for the time of a with; some stores may be small."""
     if kind is Kind.EMBEDDED:

@@ -10,13 +10,13 @@ from click.testing import CliRunner
 from adapters.calibration import Calibration, calibrate, plan_xml, read_drive, with_figures
 from executive.commands import PlanDefinition
 from executive.plans import check_plan
-from executive.settings import Mpc, SettingsError, load_settings
+from executive.settings import MpcSettings, SettingsError, load_settings
 from executive.values.reasons import Refusal
 from sim.calibration.commands import calibrate as command
 from sim.calibration.drive import drive_pattern
 
 JACKAL = load_settings("jackal")
-UNKNOWN = replace(JACKAL, mpc=Mpc(odometry_age_s=JACKAL.mpc.odometry_age_s))
+UNKNOWN = replace(JACKAL, mpc=MpcSettings(odometry_age_s=JACKAL.mpc.odometry_age_s))
 
 
 @pytest.fixture(scope="module")

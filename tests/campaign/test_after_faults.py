@@ -7,10 +7,10 @@ import pytest
 
 from sim.campaign.model import FaultDraw, Grid, Named
 from sim.campaign.reading import load_campaign
-from sim.rover.faults import Part, declared_faults
-from sim.scenario.changes import Change
-from sim.scenario.model import PlayMode
-from sim.scenario.outcome import Figures, play_once
+from sim.rover.faults import FaultTarget, declared_faults
+from sim.scenario.changes import Override
+from sim.scenario.model import RunMode
+from sim.scenario.outcome import RunMetrics, play_once
 from sim.scenario.reading import load_scenario
 
 CAMPAIGNS = ("after_faults", "after_sensor_faults")
@@ -31,15 +31,15 @@ def alternatives(key: str) -> dict[str, str]:
     return {each.name: str(each.value) for each in named}
 
 
-def play(folder: Path, scene: str, sensors: str, crash: str, fault: str) -> Figures:
+def play(folder: Path, scene: str, sensors: str, crash: str, fault: str) -> RunMetrics:
     """Play a run as the campaign does, of a fault from 4 s to 5.5 s unless it tells its time."""
     scenario = f"after_fault_{scene}"
     changes = (
-        Change("crash", alternatives("crash")[crash]),
-        Change("inject", f"{{{fault if ' at: ' in fault else f'{fault}, at: 4, for: 1.5'}}}"),
-        Change("settings.sensors", alternatives("settings.sensors")[sensors]),
+        Override("crash", alternatives("crash")[crash]),
+        Override("inject", f"{{{fault if ' at: ' in fault else f'{fault}, at: 4, for: 1.5'}}}"),
+        Override("settings.sensors", alternatives("settings.sensors")[sensors]),
     )
-    loaded = load_scenario(scenario, PlayMode.LOCK_STEP, changes)
+    loaded = load_scenario(scenario, RunMode.LOCK_STEP, changes)
     return play_once(scenario, loaded, folder).figures
 
 
@@ -82,5 +82,9 @@ def test_each_fault_is_in_one_of_the_campaigns() -> None:
         if isinstance(fault, FaultDraw)
     }
     drawn |= {"none"}
-    there = {each.name for each in declared_faults() if each.needs not in (Part.BRICK, Part.LASER)}
+    there = {
+        each.name
+        for each in declared_faults()
+        if each.needs not in (FaultTarget.BRICK, FaultTarget.LASER)
+    }
     assert drawn == there | {"none"}

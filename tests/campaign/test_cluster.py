@@ -23,9 +23,9 @@ from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
-from sim.campaign.runs import Run, Runs
-from sim.campaign.session import Play, Session
-from sim.campaign.worker import Job, Played, Software, fingerprint, play_job
+from sim.campaign.runs import CampaignRun, RunTable
+from sim.campaign.session import CampaignSession, Play
+from sim.campaign.worker import Job, JobResult, Software, fingerprint, play_job
 from tests.campaign.conftest import Write
 from tests.support.certificates import certified
 from tests.support.processes import Running
@@ -45,19 +45,19 @@ class Watcher:
     def expect(self, total: int, done: int, succeeded: int) -> None:
         """Need nothing of that."""
 
-    def played(self, run: Run) -> None:
+    def played(self, run: CampaignRun) -> None:
         self._after -= 1
         if self._after == 0:
             self._act()
 
 
-def play(campaign: Campaign, out: str, jobs: Play, watcher: Watcher) -> Runs:
+def play(campaign: Campaign, out: str, jobs: Play, watcher: Watcher) -> RunTable:
     runs = open_output(Path(out), campaign, Path("mine.yaml"), resume=True)
-    Session(campaign, runs, jobs, watcher).to_the_end()
+    CampaignSession(campaign, runs, jobs, watcher).to_the_end()
     return runs
 
 
-def timeless(runs: Runs) -> list[Run]:
+def timeless(runs: RunTable) -> list[CampaignRun]:
     """Return runs without how long they took."""
     return [replace(run, seconds=0.0) for run in runs.read()]
 
@@ -175,7 +175,7 @@ def test_a_cluster_is_reached_by_tls(write: Write, tmp_path: Path) -> None:
             with worker(far, "first"):
                 status, said = rover_campaign("--on", far.address, "--runs", "2", "--keep", "0")
     assert status == 0, said
-    assert Runs(Path("out"), ()).numbers() == [0, 1]
+    assert RunTable(Path("out"), ()).numbers() == [0, 1]
 
 
 @contextmanager
@@ -200,11 +200,11 @@ def test_another_machine_plays_as_this_one_does(write: Write, far: Far) -> None:
     with worker(far, "first"):
         status, said = rover_campaign("--on", far.address)
         assert (status, "12 of 12" in said or "12/12" in said) == (0, True), said
-        runs = Runs(Path("out"), ())
+        runs = RunTable(Path("out"), ())
         assert runs.numbers() == list(range(12))
         given = draw(campaign, 3)
         here = play_job(Job(3, given.scenario, given.changes, fingerprint(given.scenario)))
-        assert isinstance(here, Played)
+        assert isinstance(here, JobResult)
         assert runs.frame("digest")["digest"][3] == here.digest
 
         # The scheduler is lost in the middle; the rest is played here.
@@ -240,7 +240,7 @@ def test_no_worker_is_told_and_one_of_other_software_refused(
         def interrupt(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(Session, "to_the_end", interrupt)
+        patch.setattr(CampaignSession, "to_the_end", interrupt)
         status, said = rover_campaign("--on", far.address)
         assert status == 130
         assert "no worker is there yet; waiting for one" in said
@@ -257,7 +257,7 @@ def test_no_worker_is_told_and_one_of_other_software_refused(
 def test_a_worker_that_comes_later_with_another_scenario_is_refused(write: Write) -> None:
     campaign = load_campaign(write())
     told = play_job(Job(0, campaign.scenarios[0], (), "another"))
-    assert not isinstance(told, Played)
+    assert not isinstance(told, JobResult)
     assert "another version of scenario short.yaml" in told.why
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.settings import parse_yaml
-from sim.campaign.draws import Kind, as_yaml, draw, number, quantities
+from sim.campaign.draws import ValueKind, as_yaml, draw, number, quantities
 from sim.campaign.model import (
     Campaign,
     Choice,
@@ -25,7 +25,7 @@ from sim.campaign.model import (
     Uniform,
     Variation,
 )
-from sim.scenario.changes import Change
+from sim.scenario.changes import Override
 
 SEED = Variation(key="seed", distribution=Integers((0, 10**6)))
 FRICTION = Variation(key="world.friction", distribution=Uniform(Interval(0.45, 0.75)))
@@ -105,21 +105,21 @@ def test_weights_say_how_often() -> None:
 def test_faults_have_columns_for_their_time_and_parameters() -> None:
     found = quantities(campaign(FAULTS, SEED))
     assert [(each.name, each.kind) for each in found] == [
-        ("inject", Kind.TEXT),
-        ("inject.onset", Kind.TEXT),
-        ("inject.at", Kind.NUMBER),
-        ("inject.by", Kind.NUMBER),
-        ("seed", Kind.WHOLE),
+        ("inject", ValueKind.TEXT),
+        ("inject.onset", ValueKind.TEXT),
+        ("inject.at", ValueKind.NUMBER),
+        ("inject.by", ValueKind.NUMBER),
+        ("seed", ValueKind.WHOLE),
     ]
     by_fault = {}
     for run in range(30):
         drawn = draw(campaign(FAULTS), run)
         by_fault[drawn.values[0]] = drawn
     assert by_fault["none"].values == ("none", "none", None, None)
-    assert by_fault["none"].changes == (Change("inject", "none"),)
+    assert by_fault["none"].changes == (Override("inject", "none"),)
     _, onset, at_s, by = by_fault["tip"].values
     assert onset == "abrupt"
-    assert by_fault["tip"].changes == (Change("inject", f"{{tip: {{by: {by}}}, at: {at_s}}}"),)
+    assert by_fault["tip"].changes == (Override("inject", f"{{tip: {{by: {by}}}, at: {at_s}}}"),)
     assert by_fault["left_stuck"].values[3] is None
 
 
@@ -138,7 +138,7 @@ def test_a_fault_that_ends_says_after_what_time() -> None:
     assert isinstance(for_s, float)
     assert 1 <= for_s <= 2
     said = f"{{tip: {{by: {by}}}, at: {at_s}, for: {for_s}}}"
-    assert drawn.changes == (Change("inject", said),)
+    assert drawn.changes == (Override("inject", said),)
 
 
 def test_the_command_says_the_changes() -> None:
@@ -148,7 +148,7 @@ def test_the_command_says_the_changes() -> None:
     said = dict(zip(words[3::2], words[4::2], strict=True))
     assert set(said) == {"--set", "--seed"}
     options = list(zip(words[3::2], words[4::2], strict=True))
-    told = [Change("seed", v) if k == "--seed" else Change.parse(v) for k, v in options]
+    told = [Override("seed", v) if k == "--seed" else Override.parse(v) for k, v in options]
     assert tuple(told) == drawn.changes
 
 
@@ -178,4 +178,4 @@ def test_a_named_value_is_set_and_called_by_its_name() -> None:
     sensors = Grid((Named("none", "{imu: null}"), Named("asset", "{}")))
     drawn = draw(campaign(Variation(key="settings.sensors", distribution=sensors)), 0)
     assert drawn.values == ("none",)
-    assert drawn.changes == (Change("settings.sensors", "{imu: null}"),)
+    assert drawn.changes == (Override("settings.sensors", "{imu: null}"),)

@@ -13,18 +13,18 @@ from sim.campaign.model import Campaign
 from sim.campaign.output import open_output
 from sim.campaign.reading import load_campaign
 from sim.campaign.report import write_report
-from sim.campaign.runs import Runs
-from sim.campaign.session import DIGEST, FOLDER, Session, job_of, keep_failed
+from sim.campaign.runs import RunTable
+from sim.campaign.session import DIGEST, FOLDER, CampaignSession, job_of, keep_failed
 from sim.campaign.verdict import judge
-from sim.campaign.worker import Job, Kept, NotPlayed, play_and_keep, play_job
+from sim.campaign.worker import Job, JobFailed, RunArtifacts, play_and_keep, play_job
 from sim.scenario.model import Scenario
-from sim.scenario.outcome import Outcome, play_once
+from sim.scenario.outcome import ScenarioResult, play_once
 from sim.scenario.playing import play_recorded
 from tests.campaign.conftest import Write
 from tests.campaign.test_session import Watcher
 
 OUT = Path("out")
-Play = Callable[[str, Scenario, Path], Outcome]
+Play = Callable[[str, Scenario, Path], ScenarioResult]
 
 
 class Keeper:
@@ -44,17 +44,17 @@ def campaign(write: Write) -> Campaign:
 
 
 @pytest.fixture
-def runs(campaign: Campaign) -> Runs:
+def runs(campaign: Campaign) -> RunTable:
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
-    Session(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
+    CampaignSession(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
     return found
 
 
-def here(jobs: Iterable[Job]) -> Iterator[Kept | NotPlayed]:
+def here(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
     return map(play_and_keep, jobs)
 
 
-def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: Runs) -> None:
+def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: RunTable) -> None:
     failed = [run.run for run in runs.read(failed=True)]
     assert len(failed) == 2
     first = Keeper()
@@ -71,11 +71,11 @@ def test_what_failed_runs_leave_is_kept_once(campaign: Campaign, runs: Runs) -> 
 
 
 def test_the_report_shows_what_is_kept_and_plays_only_what_is_not(
-    campaign: Campaign, runs: Runs, monkeypatch: pytest.MonkeyPatch
+    campaign: Campaign, runs: RunTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     played = []
 
-    def count(name: str, scenario: Scenario, kept: Path) -> Outcome:
+    def count(name: str, scenario: Scenario, kept: Path) -> ScenarioResult:
         played.append(kept.name)
         return play_recorded(name, scenario, kept)
 
@@ -97,15 +97,15 @@ def test_the_report_shows_what_is_kept_and_plays_only_what_is_not(
         assert page == once_more
 
 
-def runs_digest(runs: Runs, folder: str) -> str:
+def runs_digest(runs: RunTable, folder: str) -> str:
     return next(run.digest for run in runs.read() if folder.endswith(f"-{run.run:06d}"))
 
 
-def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: Runs) -> None:
-    def other(jobs: Iterable[Job]) -> Iterator[Kept | NotPlayed]:
+def test_a_run_that_is_not_alike_is_named(campaign: Campaign, runs: RunTable) -> None:
+    def other(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
         for job in jobs:
             found = play_and_keep(job)
-            assert isinstance(found, Kept)
+            assert isinstance(found, RunArtifacts)
             yield replace(found, digest="other")
 
     failed = [run.run for run in runs.read(failed=True)]
@@ -116,7 +116,7 @@ def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(play: Play) -> Play:
-        def once(name: str, scenario: Scenario, folder: Path) -> Outcome:
+        def once(name: str, scenario: Scenario, folder: Path) -> ScenarioResult:
             if scenario.seed == seed:
                 raise ZeroDivisionError("by\nnothing")
             return play(name, scenario, folder)
@@ -128,7 +128,7 @@ def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
     for place in ("sim.campaign.worker", "sim.campaign.report.failures"):
         monkeypatch.setattr(f"{place}.play_recorded", broken(play_recorded))
     found = open_output(OUT, campaign, Path("mine.yaml"), resume=False)
-    Session(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
+    CampaignSession(campaign, found, lambda jobs: map(play_job, jobs), Watcher()).to_the_end()
     assert found.numbers() == [0, 1]
     broke = list(found.read())[1]
     assert not broke.holds
@@ -145,20 +145,22 @@ def test_a_run_that_raises_an_error_has_failed_and_the_others_go_on(
 def test_an_error_of_the_machine_is_no_failed_run(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*_: object) -> Outcome:
+    def full(*_: object) -> ScenarioResult:
         raise OSError(28, "No space left on device")
 
     for way in ("play_once", "play_recorded"):
         monkeypatch.setattr(f"sim.campaign.worker.{way}", full)
     job = job_of(draw(campaign, 0))
     for told in (play_job(job), play_and_keep(job)):
-        assert isinstance(told, NotPlayed)
+        assert isinstance(told, JobFailed)
         assert "No space left on device" in told.why
 
 
-def test_a_run_that_cannot_be_played_any_more_is_one_error(campaign: Campaign, runs: Runs) -> None:
-    def refuse(jobs: Iterable[Job]) -> Iterator[Kept | NotPlayed]:
-        return (NotPlayed(job.run, "no such world") for job in jobs)
+def test_a_run_that_cannot_be_played_any_more_is_one_error(
+    campaign: Campaign, runs: RunTable
+) -> None:
+    def refuse(jobs: Iterable[Job]) -> Iterator[RunArtifacts | JobFailed]:
+        return (JobFailed(job.run, "no such world") for job in jobs)
 
     with pytest.raises(SettingsError, match="cannot be played once more: no such world"):
         keep_failed(campaign, runs, refuse, OUT, 1, Keeper())

@@ -27,9 +27,9 @@ from sim.campaign.report.charts import BINS, by_number, by_value
 from sim.campaign.report.failures import choose, failure_groups
 from sim.campaign.report.junit import MOST_RUNS
 from sim.campaign.report.page import MOST_WORST, judgement_of
-from sim.campaign.runs import Run, Runs
-from sim.campaign.session import Session
-from sim.campaign.verdict import Judgement, Verdict, clopper_pearson, judge
+from sim.campaign.runs import CampaignRun, RunTable
+from sim.campaign.session import CampaignSession
+from sim.campaign.verdict import CampaignVerdict, CriterionStatus, clopper_pearson, judge
 from sim.campaign.worker import play_job
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
 
@@ -79,7 +79,7 @@ class Watching:
 
     def expect(self, total: int, done: int, succeeded: int) -> None: ...
 
-    def played(self, run: Run) -> None: ...
+    def played(self, run: CampaignRun) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +88,13 @@ class Reported:
 
     folder: Path
     campaign: Campaign
-    runs: Runs
-    verdict: Verdict
+    runs: RunTable
+    verdict: CampaignVerdict
     page: str
     junit: JUnitXml
 
 
-def report(folder: Path, campaign: Campaign, runs: Runs) -> Reported:
+def report(folder: Path, campaign: Campaign, runs: RunTable) -> Reported:
     verdict = judge(campaign, runs)
     page = write_report(folder, campaign, runs, verdict).read_text()
     junit = JUnitXml.fromfile(str(write_campaign_junit(folder, campaign, runs, verdict)))
@@ -115,8 +115,8 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Reported:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         campaign = read(folder, CAMPAIGN)
-        runs = Runs(folder, quantities(campaign))
-        Session(campaign, runs, lambda jobs: map(play_job, jobs), Watching()).to_the_end()
+        runs = RunTable(folder, quantities(campaign))
+        CampaignSession(campaign, runs, lambda jobs: map(play_job, jobs), Watching()).to_the_end()
         return report(folder, campaign, runs)
 
 
@@ -217,13 +217,13 @@ def test_a_run_that_is_not_alike_when_it_is_repeated_is_told(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     campaign = read(tmp_path, CAMPAIGN)
-    runs = Runs(tmp_path, quantities(campaign))
+    runs = RunTable(tmp_path, quantities(campaign))
     first = next(reported.runs.read())
     runs.add([replace(first, digest="0" * 64)])
     assert "not alike bit for bit" in report(tmp_path, campaign, runs).page
 
 
-def alike(run: Run, number: int) -> Run:
+def alike(run: CampaignRun, number: int) -> CampaignRun:
     """Return a run under another number, that succeeded and has hardly a figure."""
     none = dict.fromkeys(("duration_s", "true_error_m", "true_error_rad", "detection_s"))
     figures = replace(run.figures, **none, false_executed=0)  # type: ignore[arg-type]
@@ -235,7 +235,7 @@ def test_what_there_is_none_of_is_said_in_words(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     campaign = read(tmp_path, STEADY)
-    runs = Runs(tmp_path, quantities(campaign))
+    runs = RunTable(tmp_path, quantities(campaign))
     first = replace(next(reported.runs.read()), varied={"seed": 1}, failed_findings=())
     runs.add([alike(first, number) for number in range(40)])
     steady = report(tmp_path, replace(campaign, runs=39), runs)
@@ -253,10 +253,10 @@ def test_what_there_is_none_of_is_said_in_words(
 def test_a_campaign_is_as_good_as_the_worst_of_what_must_hold(reported: Reported) -> None:
     first = reported.verdict.judged[0]
     for worst, others in (
-        (Judgement.HOLDS, ()),
-        (Judgement.UNDECIDED, (Judgement.HOLDS,)),
-        (Judgement.FAILS, (Judgement.UNDECIDED, Judgement.HOLDS)),
-        (Judgement.EMPTY, (Judgement.HOLDS, Judgement.FAILS)),
+        (CriterionStatus.HOLDS, ()),
+        (CriterionStatus.UNDECIDED, (CriterionStatus.HOLDS,)),
+        (CriterionStatus.FAILS, (CriterionStatus.UNDECIDED, CriterionStatus.HOLDS)),
+        (CriterionStatus.EMPTY, (CriterionStatus.HOLDS, CriterionStatus.FAILS)),
     ):
         judged = tuple(replace(first, judgement=each) for each in (*others, worst))
         assert judgement_of(replace(reported.verdict, judged=judged)) is worst
@@ -284,7 +284,7 @@ def test_junit_fails_if_and_only_if_the_campaign_does_and_is_bounded(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     campaign = read(tmp_path, STEADY.replace("0.9", "0.1"))
-    runs = Runs(tmp_path, quantities(campaign))
+    runs = RunTable(tmp_path, quantities(campaign))
     failed = next(reported.runs.read(failed=True))
     failed = replace(failed, scenario="brief.yaml", varied={"seed": 1})
     many = MOST_RUNS + 50
@@ -311,7 +311,7 @@ def test_junit_holds_a_scenario_to_what_its_runs_can_tell(
   - {quantile: 0.5, of: distance_m, above: 100}
 """
     campaign = read(tmp_path, CAMPAIGN.partition("hold:")[0] + holds)
-    runs = Runs(tmp_path, quantities(campaign))
+    runs = RunTable(tmp_path, quantities(campaign))
     first = alike(next(reported.runs.read()), 0)
     names = ["brief.yaml"] * 29 + ["briefer.yaml"] * 20
     runs.add([replace(first, run=run, scenario=name) for run, name in enumerate(names)])
@@ -333,7 +333,7 @@ def test_figures_that_differ_by_the_last_bit_are_alike(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     campaign = read(tmp_path, CAMPAIGN)
-    runs = Runs(tmp_path, quantities(campaign))
+    runs = RunTable(tmp_path, quantities(campaign))
     first = next(reported.runs.read(failed=False))
     near = replace(first.figures, energy_j=nextafter(first.figures.energy_j or 1.0, inf))
     friction = nextafter(float(first.varied["world.friction"] or 0), 1)

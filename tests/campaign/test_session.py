@@ -12,9 +12,9 @@ from sim.campaign.draws import quantities
 from sim.campaign.model import Campaign, Until
 from sim.campaign.output import FILE, open_output, sole_writer
 from sim.campaign.reading import campaign_path, load_campaign
-from sim.campaign.runs import FOLDER, Run, Runs
-from sim.campaign.session import Play, Session
-from sim.campaign.worker import Job, NotPlayed, Played, fingerprint, play_job
+from sim.campaign.runs import FOLDER, CampaignRun, RunTable
+from sim.campaign.session import CampaignSession, Play
+from sim.campaign.worker import Job, JobFailed, JobResult, fingerprint, play_job
 from tests.campaign.conftest import Write
 from tests.campaign.test_verdict import FIGURES
 
@@ -26,24 +26,24 @@ class Player:
         self.played: list[int] = []
         self._most = most
 
-    def __call__(self, jobs: Iterable[Job]) -> Iterator[Played | NotPlayed]:
+    def __call__(self, jobs: Iterable[Job]) -> Iterator[JobResult | JobFailed]:
         waiting = list(jobs)
         for job in sorted(waiting, key=lambda job: job.run * 7 % 11):  # in whatever order
             if len(self.played) == self._most:
                 raise KeyboardInterrupt
             self.played.append(job.run)
-            yield Played(job.run, 1, FIGURES, job.run % 3 > 0, (), f"digest {job.run}", 0.4)
+            yield JobResult(job.run, 1, FIGURES, job.run % 3 > 0, (), f"digest {job.run}", 0.4)
 
 
 class Watcher:
     def __init__(self) -> None:
         self.told: list[tuple[int, int, int]] = []
-        self.runs: list[Run] = []
+        self.runs: list[CampaignRun] = []
 
     def expect(self, total: int, done: int, succeeded: int) -> None:
         self.told.append((total, done, succeeded))
 
-    def played(self, run: Run) -> None:
+    def played(self, run: CampaignRun) -> None:
         self.runs.append(run)
 
 
@@ -53,10 +53,10 @@ def campaign(write: Write) -> Campaign:
     return load_campaign(write())
 
 
-def play(campaign: Campaign, player: Play, *, resume: bool = False) -> tuple[Runs, Watcher]:
+def play(campaign: Campaign, player: Play, *, resume: bool = False) -> tuple[RunTable, Watcher]:
     runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=resume)
     watcher = Watcher()
-    Session(campaign, runs, player, watcher).to_the_end()
+    CampaignSession(campaign, runs, player, watcher).to_the_end()
     return runs, watcher
 
 
@@ -131,7 +131,7 @@ def test_runs_are_written_as_they_come(campaign: Campaign) -> None:
     runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=False)
     times_s = iter(range(0, 1000, 3))
     watcher = Watcher()
-    Session(campaign, runs, Player(), watcher, lambda: float(next(times_s))).to_the_end()
+    CampaignSession(campaign, runs, Player(), watcher, lambda: float(next(times_s))).to_the_end()
     assert len(runs.parts) == 3
     assert runs.numbers() == list(range(12))
 
@@ -231,14 +231,14 @@ def test_what_is_another_campaign_does_not_go_on(
 def test_a_scenario_edited_meanwhile_is_not_mixed_in(campaign: Campaign) -> None:
     text = Path("short.yaml").read_text()
 
-    def edit(jobs: Iterable[Job]) -> Iterator[Played | NotPlayed]:
+    def edit(jobs: Iterable[Job]) -> Iterator[JobResult | JobFailed]:
         for job in jobs:
             yield play_job(job)
             Path("short.yaml").write_text(text.replace("lasts: 4", "lasts: 5"))
 
     with pytest.raises(SettingsError, match=r"run 1 .* another version of scenario "):
         play(campaign, edit)
-    assert Runs(Path("out"), quantities(campaign)).numbers() == [0]
+    assert RunTable(Path("out"), quantities(campaign)).numbers() == [0]
     Path("short.yaml").write_text(text)
     play(campaign, lambda jobs: map(play_job, list(jobs)[:1]), resume=True)
 
@@ -251,10 +251,10 @@ def test_a_change_of_what_must_hold_is_none(campaign: Campaign) -> None:
 
 
 def test_a_run_that_cannot_be_played_ends_the_campaign(campaign: Campaign) -> None:
-    def refuse(jobs: Iterable[Job]) -> Iterator[Played | NotPlayed]:
+    def refuse(jobs: Iterable[Job]) -> Iterator[JobResult | JobFailed]:
         for job in jobs:
-            yield NotPlayed(job.run, "on there: no such world")
+            yield JobFailed(job.run, "on there: no such world")
 
     runs = open_output(Path("out"), campaign, campaign_path("mine.yaml"), resume=False)
     with pytest.raises(SettingsError, match=r"run 0 \(rover scenario .*: on there: no such world"):
-        Session(campaign, runs, refuse, Watcher()).to_the_end()
+        CampaignSession(campaign, runs, refuse, Watcher()).to_the_end()

@@ -11,15 +11,23 @@ from hypothesis import strategies as st
 from rich.console import Console
 from scipy.stats import binomtest
 
-from sim.campaign.draws import Kind, Quantity
+from sim.campaign.draws import ValueKind, VariedQuantity
 from sim.campaign.model import Campaign, Hold, Quantile, Success, Until
 from sim.campaign.progress import show
-from sim.campaign.runs import Run, Runs
-from sim.campaign.verdict import FILE, Judged, Judgement, Verdict, clopper_pearson, judge, quantile
-from sim.campaign.where import Where
-from sim.scenario.outcome import Figures
+from sim.campaign.runs import CampaignRun, RunTable
+from sim.campaign.verdict import (
+    FILE,
+    CampaignVerdict,
+    CriterionResult,
+    CriterionStatus,
+    clopper_pearson,
+    judge,
+    quantile,
+)
+from sim.campaign.where import RunFilter
+from sim.scenario.outcome import RunMetrics
 
-FIGURES = Figures(
+FIGURES = RunMetrics(
     duration_s=5.0,
     true_error_m=0.05,
     true_error_rad=None,
@@ -33,7 +41,7 @@ FIGURES = Figures(
     false_executed=0,
     reasons=(),
 )
-RUN = Run(
+RUN = CampaignRun(
     run=0,
     scenario="locomotion",
     seed=1,
@@ -45,25 +53,28 @@ RUN = Run(
     seconds=0.4,
     command="rover scenario locomotion",
 )
-VARIED = (Quantity("inject", Kind.TEXT), Quantity("world.friction", Kind.NUMBER))
+VARIED = (
+    VariedQuantity("inject", ValueKind.TEXT),
+    VariedQuantity("world.friction", ValueKind.NUMBER),
+)
 
 
-def judged(folder: Path, hold: Hold, *runs: Run) -> Judged:
-    data = Runs(folder, VARIED)
+def judged(folder: Path, hold: Hold, *runs: CampaignRun) -> CriterionResult:
+    data = RunTable(folder, VARIED)
     data.add([replace(run, run=number) for number, run in enumerate(runs)])
     campaign = Campaign(title="", scenarios=("locomotion",), runs=1, hold=(hold,))
     (found,) = judge(campaign, data).judged
     return found
 
 
-def seen(*values: float | None, **figures: float | None) -> list[Run]:
+def seen(*values: float | None, **figures: float | None) -> list[CampaignRun]:
     return [
         replace(RUN, figures=replace(FIGURES, detection_s=value, **figures))  # type: ignore[arg-type]
         for value in values
     ]
 
 
-def outcomes(held: int, failed: int) -> list[Run]:
+def outcomes(held: int, failed: int) -> list[CampaignRun]:
     return [RUN] * held + [replace(RUN, holds=False, failed_findings=("pose",))] * failed
 
 
@@ -78,17 +89,17 @@ def test_a_quantile_is_not_exceeded_by_its_share(values: list[float], share: flo
 @pytest.mark.parametrize(
     ("held", "failed", "judgement"),
     [
-        (299, 0, Judgement.HOLDS),
-        (298, 0, Judgement.UNDECIDED),
-        (472, 1, Judgement.HOLDS),
-        (471, 1, Judgement.UNDECIDED),
-        (90, 10, Judgement.FAILS),
-        (97, 3, Judgement.UNDECIDED),
-        (0, 1, Judgement.FAILS),
+        (299, 0, CriterionStatus.HOLDS),
+        (298, 0, CriterionStatus.UNDECIDED),
+        (472, 1, CriterionStatus.HOLDS),
+        (471, 1, CriterionStatus.UNDECIDED),
+        (90, 10, CriterionStatus.FAILS),
+        (97, 3, CriterionStatus.UNDECIDED),
+        (0, 1, CriterionStatus.FAILS),
     ],
 )
 def test_success_is_judged_with_confidence(
-    tmp_path: Path, held: int, failed: int, judgement: Judgement
+    tmp_path: Path, held: int, failed: int, judgement: CriterionStatus
 ) -> None:
     hold = Success(success=0.99)
     found = judged(tmp_path, hold, *outcomes(held, failed))
@@ -104,31 +115,35 @@ def test_it_is_told_how_many_runs_it_takes(tmp_path: Path) -> None:
     assert "it takes 299 runs of which all do" in found.text
 
 
-@pytest.mark.parametrize(("failed", "judgement"), [(0, Judgement.HOLDS), (1, Judgement.FAILS)])
-def test_a_share_of_one_is_all_of_them(tmp_path: Path, failed: int, judgement: Judgement) -> None:
+@pytest.mark.parametrize(
+    ("failed", "judgement"), [(0, CriterionStatus.HOLDS), (1, CriterionStatus.FAILS)]
+)
+def test_a_share_of_one_is_all_of_them(
+    tmp_path: Path, failed: int, judgement: CriterionStatus
+) -> None:
     assert judged(tmp_path, Success(success=1), *outcomes(3, failed)).judgement is judgement
 
 
 def test_a_quantile_is_judged_with_confidence(tmp_path: Path) -> None:
     hold = Quantile(quantile=0.9, of="detection_s", below=1.0)
     fast, slow = seen(*[0.3] * 60), seen(1.0)
-    assert judged(tmp_path / "1", hold, *fast).judgement is Judgement.HOLDS
-    assert judged(tmp_path / "2", hold, *fast[:20]).judgement is Judgement.UNDECIDED
+    assert judged(tmp_path / "1", hold, *fast).judgement is CriterionStatus.HOLDS
+    assert judged(tmp_path / "2", hold, *fast[:20]).judgement is CriterionStatus.UNDECIDED
     found = judged(tmp_path / "3", hold, *fast[:10], *slow * 10)
-    assert (found.judgement, found.figure, found.kept) == (Judgement.FAILS, 1.0, 10)
+    assert (found.judgement, found.figure, found.kept) == (CriterionStatus.FAILS, 1.0, 10)
 
 
 def test_a_quantile_may_be_bounded_below(tmp_path: Path) -> None:
     hold = Quantile(quantile=0.1, of="detection_s", above=1.0)
     found = judged(tmp_path, hold, *seen(*[2.0] * 60))
-    assert found.judgement is Judgement.HOLDS
+    assert found.judgement is CriterionStatus.HOLDS
     assert found.wanted == pytest.approx(0.9)
 
 
 def test_a_run_without_the_figure_keeps_no_bound(tmp_path: Path) -> None:
     hold = Quantile(quantile=0.9, of="detection_s", below=1.0)
     found = judged(tmp_path, hold, *seen(*[0.3] * 30, *[None] * 30))
-    assert (found.judgement, found.missing, found.figure) == (Judgement.FAILS, 30, None)
+    assert (found.judgement, found.missing, found.figure) == (CriterionStatus.FAILS, 30, None)
     assert found.text.startswith("no detection_s in 30 runs")
 
 
@@ -136,19 +151,19 @@ def test_a_run_without_the_figure_keeps_no_bound(tmp_path: Path) -> None:
 def test_a_figure_that_no_run_has_keeps_no_bound(tmp_path: Path, side: str) -> None:
     hold = Quantile(quantile=0.5, of="detection_s", **{side: 1.0})  # type: ignore[arg-type]
     found = judged(tmp_path, hold, *seen(*[None] * 100))
-    assert (found.judgement, found.kept, found.runs) == (Judgement.FAILS, 0, 100)
+    assert (found.judgement, found.kept, found.runs) == (CriterionStatus.FAILS, 0, 100)
     assert (found.missing, found.figure) == (100, None)
 
 
 @pytest.mark.parametrize(
     "hold",
     [
-        Success(success=0.5, where=Where.parse("inject == odometry_lost")),
-        Quantile(quantile=0.5, of="duration_s", below=9.0, where=Where.parse("executed > 7")),
+        Success(success=0.5, where=RunFilter.parse("inject == odometry_lost")),
+        Quantile(quantile=0.5, of="duration_s", below=9.0, where=RunFilter.parse("executed > 7")),
     ],
 )
 def test_nothing_is_no_pass(tmp_path: Path, hold: Hold) -> None:
-    assert judged(tmp_path, hold, *outcomes(500, 0)).judgement is Judgement.EMPTY
+    assert judged(tmp_path, hold, *outcomes(500, 0)).judgement is CriterionStatus.EMPTY
 
 
 @pytest.mark.parametrize(
@@ -173,12 +188,12 @@ def test_nothing_is_no_pass(tmp_path: Path, hold: Hold) -> None:
 )
 def test_conditions_choose_runs(tmp_path: Path, where: str, runs: int) -> None:
     tip = replace(seen(0.3)[0], varied={"inject": "tip", "world.friction": 0.6})
-    hold = Success(success=0.5, where=Where.parse(where))
+    hold = Success(success=0.5, where=RunFilter.parse(where))
     assert judged(tmp_path, hold, RUN, RUN, tip).runs == runs
 
 
 def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
-    data = Runs(tmp_path, VARIED)
+    data = RunTable(tmp_path, VARIED)
     data.add([replace(run, run=number) for number, run in enumerate(outcomes(9, 1))])
     holds = (Success(success=0.5), Success(success=0.99))
     campaign = Campaign(title="Ten", scenarios=("locomotion",), runs=10, hold=holds)
@@ -188,7 +203,7 @@ def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
     assert (told["title"], told["runs"], told["succeeded"], told["holds"]) == ("Ten", 10, 9, False)
     assert [each["judgement"] for each in told["judged"]] == ["holds", "undecided"]
     assert not verdict.holds
-    assert Verdict("", 1, 1, 0.0, 1.0, verdict.judged[:1]).holds
+    assert CampaignVerdict("", 1, 1, 0.0, 1.0, verdict.judged[:1]).holds
 
 
 @pytest.mark.parametrize(
@@ -209,7 +224,7 @@ def test_the_verdict_is_written_as_json(tmp_path: Path) -> None:
 def test_what_is_not_as_asked_for_is_noted(
     tmp_path: Path, asked: int | Until, held: int, failed: int, notes: tuple[str, ...]
 ) -> None:
-    data = Runs(tmp_path, VARIED)
+    data = RunTable(tmp_path, VARIED)
     data.add([replace(run, run=number) for number, run in enumerate(outcomes(held, failed))])
     campaign = Campaign(
         title="", scenarios=("locomotion",), runs=asked, hold=(Success(success=0.1),)

@@ -20,13 +20,13 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import decode_eid
 from adapters.bundle.codec.errors import BundleError, DecodeError
-from adapters.bundle.codec.integrity import Form, Key, verify
+from adapters.bundle.codec.integrity import IntegrityVariant, Key, verify
 from adapters.bundle.codec.report import Assertion, StatusReport, decode_report
 from adapters.bundle.commands import key
 from adapters.bundle.links.ltp_segment import (
     Data,
-    Report,
     ReportAck,
+    ReportSegment,
     decode_segment,
     encode_segment,
 )
@@ -48,7 +48,7 @@ from tests.conformance.vectors import (
 )
 
 _MOST_SEGMENT_OCTETS: Final = 1 << 24
-_LTP_TYPES: Final = {"red data": Data, "report segment": Report, "report-ack": ReportAck}
+_LTP_TYPES: Final = {"red data": Data, "report segment": ReportSegment, "report-ack": ReportAck}
 
 
 @click.group()
@@ -127,7 +127,11 @@ def _judge(octets: bytes, bundle: Bundle, row: Vector, wanted: set[int]) -> tupl
         return ("invalid", "not signed, and has to be") if wanted else ("unsigned", "no BIB")
     if not row.get("key_hex"):
         return "invalid", "there is no key"
-    form = Form.ION if str(row.get("ippt_form")).startswith("ion") else Form.RFC9173
+    form = (
+        IntegrityVariant.ION
+        if str(row.get("ippt_form")).startswith("ion")
+        else IntegrityVariant.RFC9173
+    )
     checks = verify(octets, bundle, Key(bytes.fromhex(row["key_hex"]), form), lenient=True)
     for check in checks:
         if check.fault:

@@ -18,7 +18,7 @@ from adapters.mal.specification import (
     TypeRef,
     python_name,
 )
-from adapters.mal.values import AttributeType, Typed, TypedList
+from adapters.mal.values import AttributeType, TypedAttribute, TypedList
 from tests.conformance.specification import read_specification
 from tests.conformance.vectors import (
     FILE,
@@ -164,7 +164,7 @@ class _Messages:
 
     def _named(self, value: Any) -> dict[str, Any]:
         match value:
-            case Typed():
+            case TypedAttribute():
                 return {_NAMES[value.type].name: self._plain(_NAMES[value.type], value.value)}
             case TypedList(type=None):
                 elements = TypeRef("MAL", "Element", is_list=True)

@@ -3,10 +3,10 @@
 from adapters.mal.specification import (
     Area,
     CompositeType,
+    EnumerationItem,
     EnumerationType,
     ErrorDefinition,
     Field,
-    Item,
     Operation,
     Pattern,
     Service,
@@ -66,7 +66,7 @@ def _area(data: Vector) -> Area:
         EnumerationType(
             type_name,
             int(e["shortForm"]),
-            tuple(Item(item, int(value)) for value, item in e["values"].items()),
+            tuple(EnumerationItem(item, int(value)) for value, item in e["values"].items()),
         )
         for type_name, e in enumerations.items()
     ]

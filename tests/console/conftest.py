@@ -13,7 +13,7 @@ from adapters.console.archive import open_database
 from adapters.recording import RunFile
 from executive.settings import AuthoritySettings
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode
+from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
 from tests.console.postgres import NEEDED as POSTGRES_NEEDED
 from tests.console.postgres import cluster, fresh
@@ -66,7 +66,7 @@ def record(scenario: str, folder: Path) -> Path:
     """Play a scenario of the product, and return its recording."""
     with pytest.MonkeyPatch.context() as patch, closing(RunFile(folder / "run.mcap")) as tape:
         patch.delenv("ROVER_CONFIG", raising=False)  # a site of another test has its own
-        run_in_lock_step(load_scenario(scenario, PlayMode.LOCK_STEP), folder / "data", tape)
+        run_in_lock_step(load_scenario(scenario, RunMode.LOCK_STEP), folder / "data", tape)
     return folder / "run.mcap"
 
 

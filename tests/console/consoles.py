@@ -10,9 +10,9 @@ from typing import Any
 
 from aiohttp import ClientSession, ClientWebSocketResponse, WSMsgType
 
-from adapters.console.service import Options, running
-from adapters.mrs.cli import Target
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.console.service import ConsoleOptions, running
+from adapters.mrs.cli import RoverTarget
+from adapters.mrs.terms import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 
 LIMIT_S = 60.0
@@ -123,13 +123,13 @@ class Operator:
 async def served(
     folder: Path,
     *uris: str,
-    terms: Terms = CLEAR,
+    terms: TransportSettings = CLEAR,
     system: System = OPERATING_SYSTEM,
     **options: Any,
 ) -> AsyncIterator[str]:
     """Serve a console of rovers at a free port; gives its address."""
-    targets = tuple(Target(uri, terms) for uri in uris)
-    at_once = Options(targets, "127.0.0.1", 0, None, None, folder / "console")
+    targets = tuple(RoverTarget(uri, terms) for uri in uris)
+    at_once = ConsoleOptions(targets, "127.0.0.1", 0, None, None, folder / "console")
     async with running(replace(at_once, **options), system) as address:
         yield address
 

@@ -8,14 +8,14 @@ from typing import Any, Final, Union, get_args, get_origin, get_type_hints
 
 from adapters.console.archive.plans import PlanRevision
 from adapters.console.messages import Message
-from adapters.console.requests.explaining import Why
+from adapters.console.requests.explaining import ExplanationBody
 from adapters.console.requests.files import FileEntry
 from adapters.console.rovers.dictionary import AssetEntry
 from adapters.mrs.spec import Preview
 from tests.docs.pages import CHECKOUT
 
 FILE: Final = CHECKOUT / "adapters" / "console" / "static" / "app" / "model" / "messages.d.ts"
-ANSWERS: Final = (AssetEntry, FileEntry, PlanRevision, Preview, Why)
+ANSWERS: Final = (AssetEntry, FileEntry, PlanRevision, Preview, ExplanationBody)
 PLAIN: Final = {Any: "any", NoneType: "null", bool: "boolean", str: "string"} | dict.fromkeys(
     (int, float), "number"
 )

@@ -16,7 +16,7 @@ from aiohttp import ClientSession, TCPConnector, WSCloseCode
 
 from adapters.console.web import access, read_tokens
 from adapters.console.web.access import GUESS_S, MAX_PEERS, MAX_WAIT_S, TokenGuesses
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.process import StartError
 from tests.console.conftest import NEEDED, Launch
 from tests.console.consoles import at_console, operator, served
@@ -344,9 +344,9 @@ def test_a_file_of_tokens_that_makes_no_sense_is_told(text: str, said: str, tmp_
 
 async def test_with_one_certificate_operators_take_turns(tmp_path: Path, launch: Launch) -> None:
     ends = certified(tmp_path, "rover", "MCC")
-    rover = launch(terms=Terms(certificates=ends["rover"]), authority=NEEDED)
+    rover = launch(terms=TransportSettings(certificates=ends["rover"]), authority=NEEDED)
     rover.runs = True
-    terms = Terms(certificates=ends["MCC"])
+    terms = TransportSettings(certificates=ends["MCC"])
     async with at_console(tmp_path, rover.uri, "anna", "ben", terms=terms) as (anna, ben):
         await anna.page.is_up()
         status, held = await anna.authority("request")

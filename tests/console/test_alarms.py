@@ -10,12 +10,12 @@ import pytest
 from sqlalchemy import Engine
 
 from adapters.console.archive import (
+    AlarmCleared,
+    AlarmRaised,
     Archive,
     Change,
-    Cleared,
-    Page,
-    Raised,
-    Retention,
+    RetentionPolicy,
+    TablePage,
     acknowledge_alarms,
     change_alarms,
     delete_old,
@@ -23,7 +23,7 @@ from adapters.console.archive import (
     standing_alarms,
 )
 from adapters.console.messages import AlarmStatus
-from adapters.console.requests import Alarms
+from adapters.console.requests import AlarmRequests
 from adapters.system import OPERATING_SYSTEM
 from tests.console.conftest import Launch
 from tests.console.consoles import Operator, Said, at_console
@@ -134,7 +134,7 @@ async def test_consoles_at_one_database_show_the_same(
 
 async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    raised = partial(Raised, "jackal", "fault 1", severity="ALARM", text="low", lasts=True)
+    raised = partial(AlarmRaised, "jackal", "fault 1", severity="ALARM", text="low", lasts=True)
 
     async def change(*changes: Change) -> list[AlarmStatus]:
         await archive.write(partial(change_alarms, changes=changes))
@@ -148,9 +148,9 @@ async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
 
     (first,) = await change(raised(utc=5.0), raised(utc=5.0), raised(utc=4.0))
     assert (first.occurrences, first.raised, first.cleared) == (1, 5.0, None)
-    assert await change(Cleared("jackal", "fault 1", 4.0)) == [first]
+    assert await change(AlarmCleared("jackal", "fault 1", 4.0)) == [first]
     assert await change(raised(utc=6.0, again=False)) == [first]
-    (again,) = await change(Cleared("jackal", "fault 1", 7.0), raised(utc=8.0, again=False))
+    (again,) = await change(AlarmCleared("jackal", "fault 1", 7.0), raised(utc=8.0, again=False))
     assert (again.id, again.occurrences, again.last, again.cleared) == (first.id, 2, 8.0, None)
     assert await acknowledge(first, 9.0) == [again]
     (known,) = await acknowledge(again, 9.0)
@@ -158,11 +158,11 @@ async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
     (anew,) = await change(raised(utc=10.0))
     assert (anew.occurrences, anew.operator) == (3, None)
     await acknowledge(anew, 11.0)
-    assert await change(Cleared("jackal", "fault 1", 12.0), raised(utc=10.0)) == []
+    assert await change(AlarmCleared("jackal", "fault 1", 12.0), raised(utc=10.0)) == []
     (other,) = await change(raised(utc=20.0))
     assert (other.id, other.occurrences) == (first.id + 1, 1)
-    await delete_old(archive, Retention(days=1.0), 1e6)
-    all_alarms = partial(read_alarms, page=Page("jackal", None, None, 9))
+    await delete_old(archive, RetentionPolicy(days=1.0), 1e6)
+    all_alarms = partial(read_alarms, page=TablePage("jackal", None, None, 9))
     assert await archive.read(all_alarms) == [other]
     await archive.close()
 
@@ -170,7 +170,7 @@ async def test_what_was_heard_before_changes_nothing(engine: Engine) -> None:
 async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     told: list[AlarmStatus] = []
-    alarms = Alarms(archive, told.append, lambda *_: (None, None))
+    alarms = AlarmRequests(archive, told.append, lambda *_: (None, None))
 
     def hear(utc: float, text: str) -> None:
         alarms.hear_report(replace(notified(1, utc), text=text))
@@ -187,7 +187,7 @@ async def test_what_is_raised_while_alarms_are_written_is_not_lost(engine: Engin
 
 async def test_what_is_heard_at_the_end_is_kept_and_holds_nothing_up(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    alarms = Alarms(archive, lambda _: None, lambda *_: (None, None))
+    alarms = AlarmRequests(archive, lambda _: None, lambda *_: (None, None))
     running = asyncio.create_task(alarms.run())
     await asyncio.sleep(0.1)
     alarms.hear_report(replace(notified(1, 1.0), text="late", severity="WARNING"))
@@ -199,12 +199,16 @@ async def test_what_is_heard_at_the_end_is_kept_and_holds_nothing_up(engine: Eng
     await archive.close()
 
 
-@pytest.mark.parametrize("page", [Page("no", None, None, 9), Page(None, 5_000_001, None, 9)])
-async def test_alarms_are_found_by_asset_and_time(engine: Engine, page: Page) -> None:
+@pytest.mark.parametrize(
+    "page", [TablePage("no", None, None, 9), TablePage(None, 5_000_001, None, 9)]
+)
+async def test_alarms_are_found_by_asset_and_time(engine: Engine, page: TablePage) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-    changes = (Raised("jackal", "event 1", 5.0, "WARNING", "dust"),)
+    changes = (AlarmRaised("jackal", "event 1", 5.0, "WARNING", "dust"),)
     await archive.write(partial(change_alarms, changes=changes))
     assert await archive.read(partial(read_alarms, page=page)) == []
-    found = await archive.read(partial(read_alarms, page=Page("jackal", 5_000_000, 5_000_001, 9)))
+    found = await archive.read(
+        partial(read_alarms, page=TablePage("jackal", 5_000_000, 5_000_001, 9))
+    )
     assert [each.cleared for each in found] == [5.0]
     await archive.close()

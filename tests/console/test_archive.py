@@ -18,12 +18,12 @@ from sqlalchemy.exc import OperationalError
 from adapters.console.archive import (
     METADATA,
     Archive,
-    Conflict,
-    Page,
-    Retention,
-    Stored,
+    RetentionPolicy,
+    RevisionConflict,
+    SampleQuery,
+    StoredObject,
     Strategy,
-    Wanted,
+    TablePage,
     delete_object,
     delete_old,
     get_object,
@@ -42,11 +42,11 @@ from adapters.console.messages import (
     AssetState,
     CommandState,
     CommandStatus,
-    Link,
+    LinkKind,
     Notified,
     Quality,
     Sample,
-    StageReached,
+    StageEntry,
 )
 from adapters.process import StartError
 from adapters.system import OPERATING_SYSTEM
@@ -54,28 +54,28 @@ from adapters.system import OPERATING_SYSTEM
 DAY_S = 86_400.0
 
 
-def sample(utc: float, value: float | str | None, link: Link = Link.DIRECT) -> Sample:
+def sample(utc: float, value: float | str | None, link: LinkKind = LinkKind.DIRECT) -> Sample:
     quality = Quality.INVALID if value is None else Quality.GOOD
     return Sample("jackal", "POS_X", link, utc, utc + 1, value, quality)
 
 
 def notified(sequence: int, utc: float = 100.0) -> Notified:
     return Notified(
-        "jackal", Link.DIRECT, sequence, utc, utc, "EVENT", "WARNING", "dust", None, None, None,
+        "jackal", LinkKind.DIRECT, sequence, utc, utc, "EVENT", "WARNING", "dust", None, None, None,
         None, None, {"depth": float("inf")}, cursor=sequence,
     )  # fmt: skip
 
 
 def command(name: str, state: CommandState, made: float = 5.0) -> CommandStatus:
     ended = state is CommandState.EXECUTED
-    history = [StageReached("SENT", "console", made, made, "by anna", figures={"x": 1.5})]
+    history = [StageEntry("SENT", "console", made, made, "by anna", figures={"x": 1.5})]
     if ended:
-        history.append(StageReached("EXECUTED", "jackal", made, made + 1, "", sequence=9))
+        history.append(StageEntry("EXECUTED", "jackal", made, made + 1, "", sequence=9))
     args = {"waypoints": [{"x": 1.0}]}
     number = int.from_bytes(name.encode())
     return CommandStatus(
-        name, "jackal", "followPath", args, "anna", "anna", number, Link.RELAY, state, ended, made,
-        None, tuple(history),
+        name, "jackal", "followPath", args, "anna", "anna", number, LinkKind.RELAY, state, ended,
+        made, None, tuple(history),
     )  # fmt: skip
 
 
@@ -83,11 +83,11 @@ async def found(
     archive: Archive,
     strategy: Strategy = Strategy.LATEST,
     size: int = 100,
-    link: Link | None = None,
+    link: LinkKind | None = None,
     start: float = 0.0,
     end: float = 1e9,
 ) -> list[tuple[float, float | str | None, str]]:
-    wanted = Wanted("jackal", "POS_X", link, to_us(start), to_us(end), strategy, size)
+    wanted = SampleQuery("jackal", "POS_X", link, to_us(start), to_us(end), strategy, size)
     answer = json.loads(await archive.read(partial(read_samples, wanted=wanted)))
     return [(each["utc"], each["value"], each["q"]) for each in answer]
 
@@ -105,7 +105,7 @@ async def test_what_could_not_be_written_is_written_before_what_came_later(engin
     archive.put(notified(2))
     await asyncio.gather(first, archive.flush())
     await archive.flush()
-    last = partial(last_notification, asset="jackal", link=Link.DIRECT)
+    last = partial(last_notification, asset="jackal", link=LinkKind.DIRECT)
     assert await archive.read(last) == (2, to_us(100.0))
     await archive.close()
 
@@ -123,7 +123,7 @@ async def test_what_waits_when_writing_is_cancelled_is_written_at_the_end(engine
     await before
     archive.put(notified(2))
     await archive.flush()
-    everything = Page(None, None, None, 10)
+    everything = TablePage(None, None, None, 10)
     kept = json.loads(await archive.read(partial(read_notifications, page=everything)))
     assert sorted(each["cursor"] for each in kept) == [1, 2]
     await archive.close()
@@ -133,15 +133,15 @@ async def test_samples_are_found_by_time_and_link_each_once(engine: Engine) -> N
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
     for utc, value in ((3.0, 30.0), (1.0, 10.0), (2.0, None), (3.0, 31.0), (4.5, "Infinity")):
         archive.put(sample(utc, value))
-    archive.put(sample(2.0, 21.0, Link.RELAY))
+    archive.put(sample(2.0, 21.0, LinkKind.RELAY))
     await archive.flush()
-    assert await found(archive, link=Link.DIRECT) == [
+    assert await found(archive, link=LinkKind.DIRECT) == [
         (1.0, 10.0, "good"),
         (2.0, None, "invalid"),
         (3.0, 30.0, "good"),
         (4.5, "Infinity", "good"),
     ]
-    assert await found(archive, link=Link.RELAY) == [(2.0, 21.0, "good")]
+    assert await found(archive, link=LinkKind.RELAY) == [(2.0, 21.0, "good")]
     assert len(await found(archive)) == 5
     assert [utc for utc, _, _ in await found(archive, size=2)] == [3.0, 4.5]
     assert [utc for utc, _, _ in await found(archive, start=2.0, end=3.0)] == [2.0, 2.0, 3.0]
@@ -149,7 +149,7 @@ async def test_samples_are_found_by_time_and_link_each_once(engine: Engine) -> N
         await archive.read(
             partial(
                 read_samples,
-                wanted=Wanted("no", "POS_X", None, 0, 1, Strategy.LATEST, 1),
+                wanted=SampleQuery("no", "POS_X", None, 0, 1, Strategy.LATEST, 1),
             )
         )
         == "[]"
@@ -179,7 +179,7 @@ async def test_an_outage_is_a_gap_however_long_the_time_is(engine: Engine) -> No
             value = None if 500 <= second <= 510 else 24.0 + second % 5
             quality = Quality.INVALID if value is None else Quality.GOOD
             utc = float(second)
-            archive.put(Sample("jackal", "POS_X", Link.DIRECT, utc, utc, value, quality))
+            archive.put(Sample("jackal", "POS_X", LinkKind.DIRECT, utc, utc, value, quality))
     await archive.flush()
     for end in (600.0, 1999.0, 20 * 3600.0):
         for size in (5, 50, 500):
@@ -233,16 +233,16 @@ def test_a_long_time_is_thinned_out_the_same_in_whatever_order_it_was_heard(
         expected: list[tuple[float, float | str | None]],
     ) -> None:
         archive = Archive(engine, OPERATING_SYSTEM.utc_s)
-        await delete_old(archive, Retention(days=0.0), 1e9)
+        await delete_old(archive, RetentionPolicy(days=0.0), 1e9)
         for number, (utc, value) in enumerate(heard):
             quality = Quality.INVALID if value is None else Quality.GOOD
             heard_s = 1000.0 + number
-            put = Sample("jackal", "POS_X", Link.DIRECT, utc, heard_s, value, quality)
+            put = Sample("jackal", "POS_X", LinkKind.DIRECT, utc, heard_s, value, quality)
             archive.put(put)
             if number % batch == 0:
                 await archive.flush()
         await archive.flush()
-        await delete_old(archive, Retention(days=0.0), 1000.0 + cut)
+        await delete_old(archive, RetentionPolicy(days=0.0), 1000.0 + cut)
         thin = await found(archive, Strategy.MINMAX, size=size)
         assert [(utc, value) for utc, value, _ in thin] == expected
         await archive.close()
@@ -291,7 +291,7 @@ async def test_commands_notifications_and_records_come_back_as_they_were(engine:
         archive.put(command(f"c{number}", CommandState.EXECUTED, made=10.0 + number))
     for sequence in (1, 2, 2, 3):
         archive.put(notified(sequence))
-    archive.put(AssetState("jackal", Link.DIRECT, 3.0, "IDLE", None, 0, None))
+    archive.put(AssetState("jackal", LinkKind.DIRECT, 3.0, "IDLE", None, 0, None))
     for cursor in (5, 6, 6, None, None):  # refusals without a number, and not recorded
         archive.put(replace(notified(0, utc=50.0), cursor=cursor))
     archive.put(notified(4))
@@ -300,17 +300,17 @@ async def test_commands_notifications_and_records_come_back_as_they_were(engine:
     last = await archive.read(partial(last_commands, count=2))
     assert [each.id for each in last] == ["old", "c7", "c8"]
     told = json.loads(
-        await archive.read(partial(read_notifications, page=Page("jackal", None, None, 2)))
+        await archive.read(partial(read_notifications, page=TablePage("jackal", None, None, 2)))
     )
     assert len(told) == 2
     assert told[0]["figures"] == {"depth": "Infinity"}
-    every = partial(read_notifications, page=Page("jackal", None, None, 99))
+    every = partial(read_notifications, page=TablePage("jackal", None, None, 99))
     cursors = [each["cursor"] for each in json.loads(await archive.read(every))]
     assert sorted(cursor or 0 for cursor in cursors) == [0, 1, 2, 3, 4, 5, 6]
-    known = partial(last_notification, asset="jackal", link=Link.DIRECT)
+    known = partial(last_notification, asset="jackal", link=LinkKind.DIRECT)
     assert await archive.read(known) == (4, to_us(100.0))
-    assert await archive.read(partial(last_notification, asset="no", link=Link.DIRECT)) is None
-    page = Page(None, to_us(0.0), to_us(4.0), 10)
+    assert await archive.read(partial(last_notification, asset="no", link=LinkKind.DIRECT)) is None
+    page = TablePage(None, to_us(0.0), to_us(4.0), 10)
     (state,) = json.loads(await archive.read(partial(read_records, ty="asset", page=page)))
     assert state["mode"] == "IDLE"
     await archive.close()
@@ -319,19 +319,23 @@ async def test_commands_notifications_and_records_come_back_as_they_were(engine:
 async def test_objects_change_by_their_revision_only(engine: Engine) -> None:
     archive = Archive(engine, OPERATING_SYSTEM.utc_s)
 
-    async def put(value: str, revision: int | None) -> Stored | Conflict:
+    async def put(value: str, revision: int | None) -> StoredObject | RevisionConflict:
         return await archive.write(
             lambda connection: put_object(connection, "plot", value, revision, "anna", 1.0)
         )
 
-    assert await put("1", 1) == Conflict(None)
-    assert await put("1", None) == Stored("plot", 1, "anna", "1")
-    assert await put("2", None) == Conflict(1)
-    assert await put("2", 1) == Stored("plot", 2, "anna", "2")
-    assert await put("3", 1) == Conflict(2)
+    assert await put("1", 1) == RevisionConflict(None)
+    assert await put("1", None) == StoredObject("plot", 1, "anna", "1")
+    assert await put("2", None) == RevisionConflict(1)
+    assert await put("2", 1) == StoredObject("plot", 2, "anna", "2")
+    assert await put("3", 1) == RevisionConflict(2)
     assert await archive.read(list_objects) == [("plot", 2)]
-    assert await archive.read(partial(get_object, key="plot")) == Stored("plot", 2, "anna", "2")
-    assert await archive.write(partial(delete_object, key="plot", revision=1)) == Conflict(2)
+    assert await archive.read(partial(get_object, key="plot")) == StoredObject(
+        "plot", 2, "anna", "2"
+    )
+    assert await archive.write(partial(delete_object, key="plot", revision=1)) == RevisionConflict(
+        2
+    )
     assert await archive.write(partial(delete_object, key="plot", revision=2)) is None
     assert await archive.read(partial(get_object, key="plot")) is None
     await archive.close()
@@ -348,23 +352,23 @@ async def test_what_is_too_old_or_too_much_goes_the_oldest_first(engine: Engine)
     await archive.flush()
     for name in ("first", "last"):
         assert await archive.claim(command(name, CommandState.EXECUTED, made=2.0))
-    clock_is_wrong = Sample("sim", "X", Link.DIRECT, 5.0, now_s - 1.0, 1.0, Quality.GOOD)
+    clock_is_wrong = Sample("sim", "X", LinkKind.DIRECT, 5.0, now_s - 1.0, 1.0, Quality.GOOD)
     archive.put(clock_is_wrong)
     await archive.flush()
     await archive.write(lambda connection: put_object(connection, "plot", "1", None, "anna", 1.0))
-    await delete_old(archive, Retention(days=30.0), now_s)
+    await delete_old(archive, RetentionPolicy(days=30.0), now_s)
     kept = await found(archive, size=10_000)
     assert len(kept) == 30 * 50
     assert kept[0][0] == 70 * DAY_S
-    wrong = Wanted("sim", "X", None, 0, to_us(9.0), Strategy.LATEST, 9)
+    wrong = SampleQuery("sim", "X", None, 0, to_us(9.0), Strategy.LATEST, 9)
     assert '"utc":5.0' in await archive.read(partial(read_samples, wanted=wrong))
-    await delete_old(archive, Retention(days=30.0, megabytes=0.04), now_s)
+    await delete_old(archive, RetentionPolicy(days=30.0, megabytes=0.04), now_s)
     fewer = await found(archive, size=10_000)
     assert 0 < len(fewer) < 1000
     assert fewer[-1] == kept[-1]
-    await delete_old(archive, Retention(days=0.001), now_s)
+    await delete_old(archive, RetentionPolicy(days=0.001), now_s)
     assert await found(archive) == []
-    known = partial(last_notification, asset="jackal", link=Link.DIRECT)
+    known = partial(last_notification, asset="jackal", link=LinkKind.DIRECT)
     assert await archive.read(known) == (100, to_us(99 * DAY_S))
     kept_commands = await archive.read(partial(last_commands, count=9))
     assert [each.id for each in kept_commands] == ["open", "last"]  # revisions go on from the last

@@ -6,27 +6,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.console.command_life import merge, reach
-from adapters.console.messages import CommandState, CommandStatus, Link, StageReached
+from adapters.console.messages import CommandState, CommandStatus, LinkKind, StageEntry
 
 SENT = CommandStatus(
-    "drive", "jackal", "moveForward", {"distance": 1.0}, "anna", "anna", 7, Link.DIRECT,
+    "drive", "jackal", "moveForward", {"distance": 1.0}, "anna", "anna", 7, LinkKind.DIRECT,
     CommandState.SENDING, False, 0.0, 10.0,
-    (StageReached("SENT", "console", 0.0, 0.0, "by anna"),),
+    (StageEntry("SENT", "console", 0.0, 0.0, "by anna"),),
 )  # fmt: skip
 HEARD = replace(SENT, id="jackal:anna:7", name="", args=None, deadline=None, history=())
 ABOARD = [
-    StageReached(stage, "jackal", float(number), float(number), "", sequence=number, step=step)
+    StageEntry(stage, "jackal", float(number), float(number), "", sequence=number, step=step)
     for number, (stage, step) in enumerate(
         [("RECEIVED", None), ("ACCEPTED", None), ("STARTED", None), ("PROGRESS", 1),
          ("PROGRESS", 2), ("EXECUTED", None)],
         start=1,
     )
 ]  # fmt: skip
-DOUBT = StageReached("UNKNOWN", "console", 10.5, 10.5, "nothing was heard of it")
-TAKEN = StageReached("TAKEN", "jackal", 0.5, 0.5, "")
+DOUBT = StageEntry("UNKNOWN", "console", 10.5, 10.5, "nothing was heard of it")
+TAKEN = StageEntry("TAKEN", "jackal", 0.5, 0.5, "")
 
 
-def after(command: CommandStatus, *stages: StageReached) -> CommandStatus:
+def after(command: CommandStatus, *stages: StageEntry) -> CommandStatus:
     for each in stages:
         command = reach(command, each)
     return command
@@ -80,7 +80,7 @@ def test_a_relay_that_has_it_lets_it_wait() -> None:
 
 
 def test_what_the_asset_did_outweighs_that_it_refused() -> None:
-    refusal = StageReached("REJECTED", "jackal", 0.5, 0.5, "the ledger cannot be written")
+    refusal = StageEntry("REJECTED", "jackal", 0.5, 0.5, "the ledger cannot be written")
     answered = after(SENT, refusal)
     assert (answered.state, answered.ended) == (CommandState.REJECTED, True)
     assert after(answered, ABOARD[0]).state is CommandState.REJECTED

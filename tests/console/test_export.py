@@ -9,16 +9,16 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from adapters.console.archive import Archive, Raised, Written, change_alarms, open_database
+from adapters.console.archive import AlarmRaised, Archive, Written, change_alarms, open_database
 from adapters.console.messages import (
     CommandState,
     CommandStatus,
-    Link,
+    LinkKind,
     Notified,
     PlanProgress,
     Quality,
     Sample,
-    StageReached,
+    StageEntry,
     TreeNode,
     TreeState,
     plain,
@@ -38,8 +38,8 @@ async def fill(folder: Path) -> None:
     archive = Archive(open_database(None, folder), OPERATING_SYSTEM.utc_s)
     for number in range(COUNT):
         at_s, value = float(BEGAN_S + number), float(number)
-        archive.put(Sample("jackal", "POS_X", Link.DIRECT, at_s, at_s + 1, value, Quality.GOOD))
-    archive.put(Sample("scout", "HEAD", Link.RELAY, BEGAN_S, BEGAN_S, None, Quality.INVALID))
+        archive.put(Sample("jackal", "POS_X", LinkKind.DIRECT, at_s, at_s + 1, value, Quality.GOOD))
+    archive.put(Sample("scout", "HEAD", LinkKind.RELAY, BEGAN_S, BEGAN_S, None, Quality.INVALID))
     await archive.close()
 
 
@@ -83,21 +83,21 @@ COMMAND = CommandStatus(
     by="anna",
     source="anna",
     number=1,
-    link=Link.DIRECT,
+    link=LinkKind.DIRECT,
     state=CommandState.EXECUTED,
     ended=True,
     made=BEGAN_S + 1.0,
     deadline=None,
     history=(
-        StageReached("SENT", "console", BEGAN_S + 1.0, BEGAN_S + 1.0, ""),
-        StageReached("STARTED", "jackal", BEGAN_S + 2.0, BEGAN_S + 2.5, "", figures={"a": 1.0}),
-        StageReached("EXECUTED", "jackal", BEGAN_S + 5.0, BEGAN_S + 5.5, "done"),
+        StageEntry("SENT", "console", BEGAN_S + 1.0, BEGAN_S + 1.0, ""),
+        StageEntry("STARTED", "jackal", BEGAN_S + 2.0, BEGAN_S + 2.5, "", figures={"a": 1.0}),
+        StageEntry("EXECUTED", "jackal", BEGAN_S + 5.0, BEGAN_S + 5.5, "done"),
     ),
 )
 REPORTS = [
     Notified(
         asset="jackal",
-        link=Link.DIRECT,
+        link=LinkKind.DIRECT,
         sequence=number,
         utc=BEGAN_S + number / 1000,
         rx=BEGAN_S + number / 1000 + 0.5,
@@ -115,7 +115,7 @@ REPORTS = [
 ]
 """More than are read at once."""
 TREE = TreeState(
-    *("jackal", Link.DIRECT, BEGAN_S + 3.0, 7, "MOVING", "for anna:1", "anna:1", ()),
+    *("jackal", LinkKind.DIRECT, BEGAN_S + 3.0, 7, "MOVING", "for anna:1", "anna:1", ()),
     nodes=(
         TreeNode("rover", "rover", 0, "SELECTOR", "running", "", None),
         TreeNode("rover/drive", "drive", 1, "LEAF", "running", "1 m", "anna:1"),
@@ -132,7 +132,9 @@ async def test_what_was_told_is_exported_as_the_archive_has_it(tmp_path: Path) -
     for message in told:
         archive.put(message)
     await archive.write(
-        partial(change_alarms, changes=[Raised("jackal", "fault", BEGAN_S + 6.0, "SEVERE", "hot")])
+        partial(
+            change_alarms, changes=[AlarmRaised("jackal", "fault", BEGAN_S + 6.0, "SEVERE", "hot")]
+        )
     )
     await archive.close()
     async with served(tmp_path, NOBODY) as address, operator(address, "anna") as anna:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from adapters.console.messages import (
     AssetState,
     DictionaryChanged,
-    Link,
+    LinkKind,
     LinkState,
     LinkStatus,
     Quality,
@@ -19,7 +19,7 @@ from adapters.system import OPERATING_SYSTEM
 
 def sample(number: int, value: float | None = None) -> Sample:
     given = float(number) if value is None else value
-    return Sample("jackal", "POS_X", Link.DIRECT, float(number), 0.0, given, Quality.GOOD)
+    return Sample("jackal", "POS_X", LinkKind.DIRECT, float(number), 0.0, given, Quality.GOOD)
 
 
 async def test_of_a_slow_page_the_oldest_telemetry_is_dropped_and_nothing_else() -> None:
@@ -58,7 +58,7 @@ async def test_a_page_that_takes_nothing_is_sent_away_and_can_resume() -> None:
 async def test_a_new_page_gets_how_things_stand() -> None:
     hub = Hub(OPERATING_SYSTEM)
     for state in (LinkState.CONNECTING, LinkState.UP):
-        hub.publish(LinkStatus("jackal", Link.DIRECT, "uri", state, 0.0, None, ""))
+        hub.publish(LinkStatus("jackal", LinkKind.DIRECT, "uri", state, 0.0, None, ""))
     hub.sample(sample(1))
     hub.sample(sample(2))
     hub.sample(replace(sample(1), q=Quality.LATE))
@@ -72,7 +72,7 @@ async def test_a_new_page_gets_how_things_stand() -> None:
     page.subscribe(["link"])  # nothing is new in it
     hub.publish(DictionaryChanged("jackal"))
     hub.sample(sample(3))
-    hub.publish(LinkStatus("jackal", Link.DIRECT, "uri", LinkState.DOWN, 0.0, None, ""))
+    hub.publish(LinkStatus("jackal", LinkKind.DIRECT, "uri", LinkState.DOWN, 0.0, None, ""))
     assert [said["state"] for said in json.loads(await page.batch())] == ["down"]
 
 
@@ -80,7 +80,7 @@ async def test_a_new_page_gets_last_where_an_asset_was_reached_last() -> None:
     hub = Hub(OPERATING_SYSTEM)
     for uri in ("one", "other", "one"):
         for state in (LinkState.UP, LinkState.DOWN):
-            hub.publish(LinkStatus("jackal", Link.DIRECT, uri, state, 0.0, None, ""))
+            hub.publish(LinkStatus("jackal", LinkKind.DIRECT, uri, state, 0.0, None, ""))
     page = hub.open("A", "anna")
     page.subscribe(["link"])
     assert [said["uri"] for said in json.loads(await page.batch())] == ["other", "one"]
@@ -88,7 +88,7 @@ async def test_a_new_page_gets_last_where_an_asset_was_reached_last() -> None:
 
 async def test_a_new_page_gets_no_mode_that_was_left() -> None:
     hub = Hub(OPERATING_SYSTEM)
-    idle = AssetState("jackal", Link.DIRECT, 1.0, "IDLE", None, 0, None)
+    idle = AssetState("jackal", LinkKind.DIRECT, 1.0, "IDLE", None, 0, None)
     for state in (idle, replace(idle, mode="PLAN", plan="look"), idle):
         hub.publish(state)
     page = hub.open("A", "anna")

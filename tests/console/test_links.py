@@ -9,7 +9,7 @@ from typing import cast
 
 import pytest
 
-from adapters.console.rovers.rover_link import Known, Listener, RoverLink
+from adapters.console.rovers.rover_link import LastNotification, LinkListener, RoverLink
 from adapters.console.tasks import end
 from adapters.mrs.ground import MrsClient, Stream
 from adapters.mrs.spec import AssetInfo, AssetStatus, Notification
@@ -134,7 +134,7 @@ class Hung:
 
 async def test_it_ends_also_at_the_moment_at_which_its_connection_is_lost(launch: Launch) -> None:
     hung = Hung()
-    link = RoverLink(launch().uri, CLEAR, cast("Listener", hung), OPERATING_SYSTEM)
+    link = RoverLink(launch().uri, CLEAR, cast("LinkListener", hung), OPERATING_SYSTEM)
     hung.hearing = asyncio.create_task(link.run())
     await asyncio.wait([hung.hearing], timeout=10.0)
     assert hung.hearing.cancelled()
@@ -149,8 +149,8 @@ class Catalogue:
     def __getattr__(self, name: str) -> Callable[..., None]:
         return lambda *_: None
 
-    async def last_known(self, _: RoverLink) -> Known:
-        return Known(4, 4)
+    async def last_known(self, _: RoverLink) -> LastNotification:
+        return LastNotification(4, 4)
 
     async def get_all_notifications(self, since: int) -> list[Notification]:
         return [
@@ -166,7 +166,7 @@ class Catalogue:
 async def test_what_is_not_recorded_any_more_is_logged(caplog: pytest.LogCaptureFixture) -> None:
     catalogue, stream = Catalogue(), Stream[Notification]()
     link = RoverLink(
-        "maltcp://127.0.0.1:1/MRS", CLEAR, cast("Listener", catalogue), OPERATING_SYSTEM
+        "maltcp://127.0.0.1:1/MRS", CLEAR, cast("LinkListener", catalogue), OPERATING_SYSTEM
     )
     link.info = cast("AssetInfo", SimpleNamespace(asset="jackal"))
     stream.close()

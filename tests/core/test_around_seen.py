@@ -16,7 +16,7 @@ from executive.commands import (
     SetPositionCompensation,
     Waypoint,
 )
-from executive.faults import Then
+from executive.faults import Reaction
 from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import LaserSettings, Settings, load_settings
 from executive.values.geometry import Point, Pose
@@ -61,7 +61,7 @@ class Looking(Bench):
         return {each.reason for each in self.heard.reports}
 
 
-def reacting(then: Then) -> Settings:
+def reacting(then: Reaction) -> Settings:
     """Return settings by which the rover does so about what is ahead."""
     row = replace(SEEING.faults.obstacle_ahead, then=then)
     return replace(SEEING, faults=replace(SEEING.faults, obstacle_ahead=row))
@@ -185,7 +185,7 @@ def test_other_motions_are_left_to_the_monitors(tmp_path: Path) -> None:
 def test_after_a_monitor_paused_the_motion_goes_around_or_straight_on(
     away: bool, tmp_path: Path
 ) -> None:
-    with Looking(tmp_path, settings=reacting(Then.PAUSE)) as bench:
+    with Looking(tmp_path, settings=reacting(Reaction.PAUSE)) as bench:
         bench.submit(THERE, 1)
         bench.until(1.0)
         bench.rover.discs.append(Disc(1.9, 0.1, 0.3))

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from executive.checks import Speeds, reckoned_j
+from executive.checks import SpeedLimits, reckoned_j
 from executive.commands import (
     ActivatePlan,
-    Arrival,
     DriveFor,
     FollowPath,
     Motion,
     MoveForward,
     MoveTo,
+    PreemptionPolicy,
     RotateBy,
     RotateTo,
     SubmitPlan,
@@ -63,7 +63,7 @@ def test_what_is_reckoned_is_what_a_preview_comes_to(bench: Bench, motion: Motio
     while not run.advance(100):
         pass
     assert isinstance(run.result, Preview)
-    speeds = Speeds(JACKAL.drive.travel_speed_mps, JACKAL.drive.rotate_speed_radps)
+    speeds = SpeedLimits(JACKAL.drive.travel_speed_mps, JACKAL.drive.rotate_speed_radps)
     reckoned = reckoned_j(motion, Pose(), speeds, JACKAL, JACKAL.zones)
     assert reckoned == pytest.approx(run.result.energy_j, rel=0.1, abs=20.0)
 
@@ -153,7 +153,9 @@ def test_home_is_where_the_settings_say(tmp_path: Path) -> None:
     with Bench(tmp_path, replace(JACKAL, battery=battery)) as bench:
         charged(bench, 2000.0)
         bench.submit(THERE, 1)
-        assert bench.refusal(MoveTo(Waypoint(-10.0, 0.0)), 2, arrival=Arrival.REPLACE).figures
+        assert bench.refusal(
+            MoveTo(Waypoint(-10.0, 0.0)), 2, arrival=PreemptionPolicy.REPLACE
+        ).figures
         bench.run(0.2)
         assert bench.stages(1)[-1] is Stage.STARTED
 

@@ -20,9 +20,9 @@ from executive.commands import (
 )
 from executive.commands.intake import check_arguments
 from executive.commands.lifecycle import Repeated
-from executive.faults import Clears, Then
-from executive.motion import MinimumTime, make_solver
-from executive.settings import Controller, Mpc, Settings, load_settings
+from executive.faults import ClearPolicy, Reaction
+from executive.motion import MinimumTimeSolver, make_solver
+from executive.settings import Controller, MpcSettings, Settings, load_settings
 from executive.values.geometry import Point, Velocity
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, PlanStatus, Stage
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.at_length
 TURN_DRIVE, MPC = Controller
 JACKAL = load_settings("jackal")
 OFFERING = replace(
-    JACKAL, mpc=Mpc(steps=10, command_delay_s=STEP_S / 2, odometry_age_s=0.0, offered=True)
+    JACKAL, mpc=MpcSettings(steps=10, command_delay_s=STEP_S / 2, odometry_age_s=0.0, offered=True)
 )
 THERE, BACK = Waypoint(1.0, 1.0, pi / 2), Waypoint(0.0, 0.0, 0.0)
 BEND = (Waypoint(1.5, 0.0), Waypoint(2.5, 1.0), Waypoint(2.5, 2.0))
@@ -42,12 +42,12 @@ LOW_V, FULL_V = 20.0, 26.0
 
 
 @pytest.fixture(scope="module")
-def solver() -> MinimumTime:
+def solver() -> MinimumTimeSolver:
     return make_solver(OFFERING)
 
 
 @pytest.fixture
-def bench(tmp_path: Path, solver: MinimumTime) -> Iterator[PlanBench]:
+def bench(tmp_path: Path, solver: MinimumTimeSolver) -> Iterator[PlanBench]:
     with PlanBench(tmp_path, OFFERING, solver=solver) as bench:
         yield bench
 
@@ -95,7 +95,7 @@ def test_a_path_is_passed_through_by_mpc_alone(bench: PlanBench) -> None:
 
 
 def test_the_controller_of_the_asset_gives_way_to_that_of_the_command(
-    tmp_path: Path, solver: MinimumTime
+    tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
     own = replace(OFFERING, controller=MPC, mpc=replace(OFFERING.mpc, offered=False))
     with Bench(tmp_path, own, solver=solver) as bench:
@@ -105,12 +105,12 @@ def test_the_controller_of_the_asset_gives_way_to_that_of_the_command(
         assert sent_by(bench, 1, 2, 3) == [TURN_DRIVE, MPC, MPC]
 
 
-@pytest.mark.parametrize("then", [Then.PAUSE, Then.SLOW_DOWN])
+@pytest.mark.parametrize("then", [Reaction.PAUSE, Reaction.SLOW_DOWN])
 @pytest.mark.parametrize("controller", Controller)
 def test_it_stays_after_a_pause_and_while_slow(
-    controller: Controller, then: Then, tmp_path: Path, solver: MinimumTime
+    controller: Controller, then: Reaction, tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
-    row = replace(OFFERING.faults.battery_low, then=then, clears=Clears.ITSELF)
+    row = replace(OFFERING.faults.battery_low, then=then, clears=ClearPolicy.ITSELF)
     settings = replace(OFFERING, faults=replace(OFFERING.faults, battery_low=row))
     with Bench(tmp_path, settings, solver=solver) as bench:
         bench.submit(MoveTo(Waypoint(0.0, 2.5, pi), controller), 1)
@@ -203,7 +203,7 @@ def test_turn_drive_can_be_chosen_anywhere_it_drives(tmp_path: Path) -> None:
 
 def test_only_rovers_that_take_velocities_offer_it() -> None:
     with pytest.raises(ValueError, match=r"mpc\.offered is true: it is for rovers whose"):
-        replace(MOCUP, mpc=Mpc(offered=True))
+        replace(MOCUP, mpc=MpcSettings(offered=True))
 
 
 def test_a_solver_is_made_only_where_mpc_is_offered(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import pytest
 from executive.commands import Command, FollowPath, MoveTo, Stop, Waypoint
 from executive.record import Ledger, LedgerError, RelayedCommand, RelayRecord, digest
 from executive.values.reasons import Figure, Reason
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
 WRITER = """
 import sys
@@ -37,7 +37,7 @@ def report(sequence: int, number: int = 1, stage: Stage = Stage.REJECTED) -> Rep
     return Report(
         sequence=sequence,
         utc_s=1.5,
-        kind=Kind.COMMAND,
+        kind=ReportKind.COMMAND,
         severity=Severity.WARNING,
         text="too far",
         identity=Identity("MOE", number),
@@ -50,7 +50,7 @@ def report(sequence: int, number: int = 1, stage: Stage = Stage.REJECTED) -> Rep
 
 def test_reports_come_back_as_they_were(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "deep" / "ledger.sqlite")
-    event = Report(2, 2.5, Kind.EVENT, Severity.ALARM, "odometry lost")
+    event = Report(2, 2.5, ReportKind.EVENT, Severity.ALARM, "odometry lost")
     ledger.append(report(1))
     ledger.append(event)
     ledger.close()
@@ -81,7 +81,9 @@ def test_unfinished_commands_come_back_whole_and_in_order(tmp_path: Path) -> Non
         ledger.record(asked)
         ledger.reach(asked.identity, stage)
         ledger.append(
-            Report(sequence, 0.0, Kind.COMMAND, Severity.INFORMATIONAL, "", asked.identity, stage)
+            Report(
+                sequence, 0.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "", asked.identity, stage
+            )
         )
     ledger.commit()
     assert list(ledger.unfinished()) == [(path, Stage.STARTED), (command(1), Stage.ACCEPTED)]

@@ -4,7 +4,7 @@ import pytest
 from transitions import MachineError
 
 from executive.commands import Command, MoveForward
-from executive.commands.lifecycle import EDGES, Event, Life, Note
+from executive.commands.lifecycle import EDGES, CommandLifecycle, Event, StageDetails
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Stage
 
@@ -15,14 +15,14 @@ REFUSAL = Refusal(Reason.STOPPED, "stopped")
 TOLD = {Event.ACCEPT: (), Event.START: (), Event.ADVANCE: (1, 2, "half way"), Event.EXECUTE: ()}
 
 
-def fire(life: Life, event: Event) -> None:
+def fire(life: CommandLifecycle, event: Event) -> None:
     getattr(life, event.value)(*TOLD.get(event, (REFUSAL,)))
 
 
 @pytest.mark.parametrize(("stage", "event"), list(product(Stage, Event)))
 def test_every_event_in_every_stage_does_what_the_table_says(stage: Stage, event: Event) -> None:
     told: list[Stage] = []
-    life = Life(COMMAND, lambda _, reached, __: told.append(reached), stage)
+    life = CommandLifecycle(COMMAND, lambda _, reached, __: told.append(reached), stage)
     targets = [edge.target for edge in EDGES if (edge.source, edge.event) == (stage, event)]
     if targets:
         fire(life, event)
@@ -40,25 +40,25 @@ def test_terminal_stages_are_those_without_a_way_out() -> None:
 
 
 def test_notes_travel_with_their_stage() -> None:
-    told: list[tuple[Stage, Note]] = []
-    life = Life(COMMAND, lambda _, stage, note: told.append((stage, note)))
+    told: list[tuple[Stage, StageDetails]] = []
+    life = CommandLifecycle(COMMAND, lambda _, stage, note: told.append((stage, note)))
     life.accept()
     life.start()
     life.advance(1, 3, "a third")
     life.fail(REFUSAL)
-    assert told[3] == (Stage.PROGRESS, Note(text="a third", step=1, step_count=3))
-    assert told[4] == (Stage.FAILED, Note(refusal=REFUSAL))
+    assert told[3] == (Stage.PROGRESS, StageDetails(text="a third", step=1, step_count=3))
+    assert told[4] == (Stage.FAILED, StageDetails(refusal=REFUSAL))
 
 
 def test_an_event_fired_while_notifying_is_not_lost() -> None:
     told: list[Stage] = []
-    lives: list[Life] = []
+    lives: list[CommandLifecycle] = []
 
-    def notify(_: Command, stage: Stage, __: Note) -> None:
+    def notify(_: Command, stage: Stage, __: StageDetails) -> None:
         told.append(stage)
         if stage is Stage.ACCEPTED:
             lives[0].start()
 
-    lives.append(Life(COMMAND, notify))
+    lives.append(CommandLifecycle(COMMAND, notify))
     lives[0].accept()
     assert told == [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED]

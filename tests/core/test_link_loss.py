@@ -22,12 +22,12 @@ from executive.commands import (
 )
 from executive.commands.catalogue import ActivatePlan, ResumePlan, SubmitPlan
 from executive.commands.lifecycle import Refused
-from executive.core.link_loss import Trail
+from executive.core.link_loss import ReturnPath
 from executive.core.reactions import RETURN_SOURCE
-from executive.settings import LinkLoss, SettingsError, load_settings, structure
+from executive.settings import LinkLossSettings, SettingsError, load_settings, structure
 from executive.values.geometry import STANDING, Point, Pose
 from executive.values.reasons import Reason
-from executive.values.reports import Identity, Kind, Report, Stage
+from executive.values.reports import Identity, Report, ReportKind, Stage
 from tests.support.kinematic import Bench
 from tests.support.plans import plan
 
@@ -36,7 +36,7 @@ STAGES = [{"after_s": 2, "then": "hold"}, {"after_s": 10, "then": "stop"}]
 
 
 def bench_with(folder: Path, **stages: object) -> Bench:
-    loss = structure(stages, LinkLoss, "jackal.yaml")
+    loss = structure(stages, LinkLossSettings, "jackal.yaml")
     return Bench(folder, replace(JACKAL, link_loss=loss))
 
 
@@ -119,7 +119,7 @@ def returns(bench: Bench) -> list[Report]:
 
 
 def events(bench: Bench) -> list[str]:
-    return [r.text for r in bench.heard.reports if r.kind is Kind.EVENT]
+    return [r.text for r in bench.heard.reports if r.kind is ReportKind.EVENT]
 
 
 def test_it_returns_the_way_it_came_to_where_the_ground_was_last_heard(tmp_path: Path) -> None:
@@ -253,7 +253,7 @@ def test_nobody_else_commands_as_the_rover_itself(tmp_path: Path) -> None:
 def test_the_way_back_is_never_far_from_where_the_rover_came(
     steps: list[tuple[float, int]],
 ) -> None:
-    trail, pose, came = Trail(), Pose(), [Point(0.0, 0.0)]
+    trail, pose, came = ReturnPath(), Pose(), [Point(0.0, 0.0)]
     for curvature_per_m, count in steps:
         for _ in range(count):
             heading_rad = pose.heading_rad + 0.05 * curvature_per_m
@@ -282,7 +282,7 @@ def test_the_way_back_is_never_far_from_where_the_rover_came(
 def test_stages_that_make_no_sense_are_refused(stages: list[tuple[int, str]], says: str) -> None:
     read = [{"after_s": after_s, "then": then} for after_s, then in stages]
     with pytest.raises(SettingsError, match=says):
-        structure({"motion": read}, LinkLoss, "jackal.yaml")
+        structure({"motion": read}, LinkLossSettings, "jackal.yaml")
 
 
 @pytest.mark.parametrize(("link", "signs"), [("ros", 0), ("direct", 1), ("relay", 1)])

@@ -27,8 +27,8 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.motion.velocity_control import VelocityMover
-from executive.settings import Profile, load_settings
+from executive.motion.velocity_control import VelocityDriver
+from executive.settings import SpeedProfileKind, load_settings
 from executive.values.facts import Battery, CameraAngles
 from executive.values.geometry import STANDING, Velocity
 from executive.values.reasons import Reason
@@ -164,7 +164,7 @@ def test_a_short_gap_in_the_odometry_is_no_jump(bench: Bench, request_: Request)
 
 def test_no_profile_turns_round_when_slowed_down(tmp_path: Path) -> None:
     settings = load_settings("jackal")
-    law = replace(settings.turn_drive, profile=Profile.TRAPEZOID)
+    law = replace(settings.turn_drive, profile=SpeedProfileKind.TRAPEZOID)
     with Bench(tmp_path, replace(settings, turn_drive=law)) as bench:
         bench.submit(MoveForward(3.0), 1)
         bench.run(1.5)
@@ -214,7 +214,7 @@ def test_a_motion_that_is_commanded_between_ticks_begins_at_once(bench: Bench) -
 
 def test_a_motion_that_ends_between_ticks_ends_at_once(bench: Bench) -> None:
     settings, now_s = bench.settings, bench.clock.now_s()
-    mover = VelocityMover(bench.clock, settings, bench.executive.status, bench.rover)
+    mover = VelocityDriver(bench.clock, settings, bench.executive.status, bench.rover)
     bench.step()
     mover.commit(Velocity(0.1, 0.1), now_s, settings.tick_s)
     assert mover.velocity == Velocity(1.0 * 0.05, 0.1)

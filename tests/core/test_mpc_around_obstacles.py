@@ -12,12 +12,18 @@ from typing import Any
 import pytest
 
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.motion import MinimumTime, Plan, Problem, SharedSolver, make_solver
+from executive.motion import (
+    MinimumTimeSolver,
+    SharedSolver,
+    Trajectory,
+    TrajectoryProblem,
+    make_solver,
+)
 from executive.motion.motion_model import MotionState
-from executive.motion.obstacles import Obstacles
-from executive.motion.plan import Target
+from executive.motion.obstacles import ObstacleConstraints
+from executive.motion.plan import TrajectoryTarget
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Obstacle, Zones
-from executive.settings import Controller, LaserSettings, Mpc, Settings, load_settings
+from executive.settings import Controller, LaserSettings, MpcSettings, Settings, load_settings
 from executive.values.geometry import Point
 from executive.values.reasons import Reason
 from executive.values.reports import Identity, Severity, Stage
@@ -38,7 +44,7 @@ WATCHED = ignoring("odometry_off_twist")
 PLAIN = replace(
     WATCHED,
     controller=Controller.MPC,
-    mpc=Mpc(odometry_age_s=0.0),
+    mpc=MpcSettings(odometry_age_s=0.0),
     turn_drive=replace(WATCHED.turn_drive, control_point_m=0.0),
 )
 SEEING = replace(PLAIN, sensors=replace(PLAIN.sensors, laser=LaserSettings(rate_hz=10)))
@@ -48,12 +54,12 @@ THERE = MoveTo(Waypoint(4.0, 0.0))
 
 
 @pytest.fixture(scope="module")
-def solver() -> MinimumTime:
+def solver() -> MinimumTimeSolver:
     return make_solver(replace(PLAIN, zones=AMONG_ROCK))
 
 
 @pytest.fixture(scope="module")
-def jackal_solver() -> MinimumTime:
+def jackal_solver() -> MinimumTimeSolver:
     return make_solver(replace(JACKAL, zones=AMONG_ROCK))
 
 
@@ -101,13 +107,21 @@ def known(*obstacles: Obstacle) -> Settings:
     return replace(PLAIN, zones=Zones(keep_in, keep_out, rocks))
 
 
-def from_rest(x_m: float, y_m: float, zones: Zones) -> Problem:
+def from_rest(x_m: float, y_m: float, zones: Zones) -> TrajectoryProblem:
     """Return the problem of a rover at rest at the origin."""
     start = MotionState(0.0, 0.0, 0.0)
-    return Problem(start, Target(x_m, y_m, 0.0), 1.0, 1.5, None, (), Obstacles(zones, RADIUS_M))
+    return TrajectoryProblem(
+        start,
+        TrajectoryTarget(x_m, y_m, 0.0),
+        1.0,
+        1.5,
+        None,
+        (),
+        ObstacleConstraints(zones, RADIUS_M),
+    )
 
 
-def gap_of(plan: Plan, zones: Zones) -> float:
+def gap_of(plan: Trajectory, zones: Zones) -> float:
     """Return how near the disc of a rover comes to anything by a plan."""
     places = [plan.at(plan.duration_s * step / 400) for step in range(401)]
     points = [Point(each.x_m, each.y_m) for each in places]
@@ -116,7 +130,7 @@ def gap_of(plan: Plan, zones: Zones) -> float:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_a_plan_among_rocks_keeps_the_margin_between_its_places_too(
-    seed: int, solver: MinimumTime
+    seed: int, solver: MinimumTimeSolver
 ) -> None:
     draw = Random(seed)
     rocks = [
@@ -131,19 +145,23 @@ def test_a_plan_among_rocks_keeps_the_margin_between_its_places_too(
     assert plan.duration_s < 10.0
 
 
-def test_where_something_came_into_view_the_next_plan_leads_around(solver: MinimumTime) -> None:
+def test_where_something_came_into_view_the_next_plan_leads_around(
+    solver: MinimumTimeSolver,
+) -> None:
     free = from_rest(4.0, 0.0, Zones())
     straight = solver.solve(replace(free, obstacles=None))
     assert straight is not None
     start = straight.at(1.0)
     among = replace(free, start=start, guess=straight.after(1.0))
     zones = Zones(rocks=(KnownRock("new", 3.0, 0.02, 0.2),))
-    plan = solver.solve(replace(among, obstacles=Obstacles(zones, RADIUS_M)))
+    plan = solver.solve(replace(among, obstacles=ObstacleConstraints(zones, RADIUS_M)))
     assert plan is not None
     assert gap_of(plan, zones) > MARGIN_M - OFF_M
 
 
-def test_one_that_begins_too_near_leaves_and_does_not_come_nearer(solver: MinimumTime) -> None:
+def test_one_that_begins_too_near_leaves_and_does_not_come_nearer(
+    solver: MinimumTimeSolver,
+) -> None:
     zones = Zones(rocks=(KnownRock("beside", 0.0, 0.6, 0.2),))
     plan = solver.solve(from_rest(3.0, 1.0, zones))
     assert plan is not None
@@ -152,7 +170,7 @@ def test_one_that_begins_too_near_leaves_and_does_not_come_nearer(solver: Minimu
 
 @pytest.mark.at_length
 def test_a_place_behind_a_rock_is_driven_to_in_one_curve(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     with Driven(tmp_path, solver, known(ROCK)) as bench:
         assert bench.drive(THERE) is Stage.EXECUTED
@@ -165,7 +183,7 @@ def test_a_place_behind_a_rock_is_driven_to_in_one_curve(
 @pytest.mark.at_length
 @pytest.mark.parametrize("target", [Waypoint(4.0, -2.0, pi / 2), Waypoint(1.0, 2.4)])
 def test_zones_are_gone_around_and_not_left(
-    target: Waypoint, solver: MinimumTime, tmp_path: Path
+    target: Waypoint, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     with Driven(tmp_path, solver, known(BAR, YARD)) as bench:
         assert bench.drive(MoveTo(target)) is Stage.EXECUTED
@@ -174,7 +192,7 @@ def test_zones_are_gone_around_and_not_left(
 
 
 @pytest.mark.at_length
-def test_a_path_past_rocks_is_one_motion(solver: MinimumTime, tmp_path: Path) -> None:
+def test_a_path_past_rocks_is_one_motion(solver: MinimumTimeSolver, tmp_path: Path) -> None:
     settings = known(KnownRock("inside", 1.4, 1.0, 0.12), KnownRock("outside", 2.8, 0.2, 0.2))
     corners = (Waypoint(1.9, 0.0), Waypoint(2.4, 1.2), Waypoint(0.0, 2.2))
     with Driven(tmp_path, solver, settings) as bench:
@@ -184,7 +202,7 @@ def test_a_path_past_rocks_is_one_motion(solver: MinimumTime, tmp_path: Path) ->
 
 
 def test_where_there_is_no_way_it_is_refused_as_with_turn_drive(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     wall = KeepOut("wall", ((2.0, -4.0), (2.5, -4.0), (2.5, 4.0), (2.0, 4.0)))
     settings = known(wall, YARD)
@@ -202,10 +220,10 @@ class Failing:
     lead_ticks = 0
     busy = False
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         """Take a problem."""
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         """Return None."""
         return None
 
@@ -232,7 +250,7 @@ def until(bench: Driven, request: MoveTo | FollowPath, x_m: float, discs: Sequen
 
 @pytest.mark.at_length
 def test_what_comes_into_view_is_gone_around_without_standing(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     with Driven(tmp_path, solver, SEEING) as bench:
         assert until(bench, THERE, 0.4, [Disc(2.6, 0.1, 0.3)]) is Stage.EXECUTED
@@ -242,7 +260,7 @@ def test_what_comes_into_view_is_gone_around_without_standing(
 
 
 @pytest.mark.at_length
-def test_a_path_goes_around_what_comes_into_view(solver: MinimumTime, tmp_path: Path) -> None:
+def test_a_path_goes_around_what_comes_into_view(solver: MinimumTimeSolver, tmp_path: Path) -> None:
     path = FollowPath((Waypoint(3.5, 0.0), Waypoint(3.5, 2.0)))
     with Driven(tmp_path, solver, SEEING) as bench:
         assert until(bench, path, 0.3, [Disc(2.2, 0.2, 0.2)]) is Stage.EXECUTED
@@ -251,7 +269,7 @@ def test_a_path_goes_around_what_comes_into_view(solver: MinimumTime, tmp_path: 
 
 
 def test_where_what_came_into_view_leaves_no_way_the_place_that_blocks_it_is_told(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     ring = [Disc(2.6, y / 4, 0.15) for y in range(-3, 4)]
     ring += [Disc(x / 4, y, 0.15) for y in (-0.85, 0.85) for x in range(-3, 11)]
@@ -292,7 +310,7 @@ def in_simulation(
 
 @pytest.mark.at_length
 def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
-    jackal_solver: MinimumTime, tmp_path: Path
+    jackal_solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     took_s = 0.0
     for scene in SCENES:
@@ -313,7 +331,7 @@ def test_rock_scenes_are_driven_in_little_more_than_the_best_known_times(
 
 @pytest.mark.at_length
 def test_where_a_plan_comes_near_to_others_than_its_guess_it_is_made_again(
-    jackal_solver: MinimumTime, tmp_path: Path
+    jackal_solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     draw = Random(1161)
     rocks: list[Rock] = []

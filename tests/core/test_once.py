@@ -20,7 +20,7 @@ from executive.commands.lifecycle import Repeated
 from executive.values.facts import ForeignPublishers
 from executive.values.geometry import STANDING, Pose
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Severity, Stage
+from executive.values.reports import ReportKind, Severity, Stage
 from tests.support.kinematic import WHOLE_LIFE, Bench
 
 
@@ -110,7 +110,7 @@ def test_a_setting_that_no_longer_fits_is_forgotten_and_told(bench: Bench) -> No
     bench.crash()
     assert bench.executive.status.travel_speed_mps == 0.3
     assert bench.executive.status.rotate_speed_radps == 0.5
-    (event,) = [report for report in bench.heard.reports if report.kind is Kind.EVENT]
+    (event,) = [report for report in bench.heard.reports if report.kind is ReportKind.EVENT]
     assert "speed 0.9 m/s is above its bound of 0.3 m/s" in event.text
 
 
@@ -154,14 +154,14 @@ def test_other_publishers_are_noticed_once(bench: Bench) -> None:
     for _ in range(3):
         bench.executive.observe(ForeignPublishers(("/joystick",)))
         bench.step()
-    events = [report.text for report in bench.heard.reports if report.kind is Kind.EVENT]
+    events = [report.text for report in bench.heard.reports if report.kind is ReportKind.EVENT]
     assert events == ["others may move the rover: /joystick"]
     assert "/joystick" in bench.executive.why
 
 
 def test_what_a_link_notices_is_told_and_written_down_as_of_a_link(bench: Bench) -> None:
-    bench.executive.event(Severity.WARNING, "the service layer is away", kind=Kind.LINK)
+    bench.executive.event(Severity.WARNING, "the service layer is away", kind=ReportKind.LINK)
     bench.step()
     told = bench.heard.reports[-1]
-    assert (told.kind, told.severity) == (Kind.LINK, Severity.WARNING)
+    assert (told.kind, told.severity) == (ReportKind.LINK, Severity.WARNING)
     assert bench.executive.reports(told.sequence) == [told]

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from executive.commands import FollowPath, MoveTo, SetTravelSpeed, Waypoint
-from executive.faults import Clears, Then
-from executive.motion import MinimumTime, Plan, Problem, make_solver
-from executive.settings import Controller, Mpc, Settings, load_settings
+from executive.faults import ClearPolicy, Reaction
+from executive.motion import MinimumTimeSolver, Trajectory, TrajectoryProblem, make_solver
+from executive.settings import Controller, MpcSettings, Settings, load_settings
 from executive.values.geometry import STANDING, Point, Pose
 from executive.values.reasons import Reason
 from executive.values.reports import Stage
@@ -19,7 +19,7 @@ from tests.support.kinematic import STEP_S, Bench, KinematicRover
 pytestmark = pytest.mark.alike
 
 JACKAL = load_settings("jackal")
-STEPPED = Mpc(steps=10, command_delay_s=STEP_S / 2, odometry_age_s=0.0)
+STEPPED = MpcSettings(steps=10, command_delay_s=STEP_S / 2, odometry_age_s=0.0)
 SMOOTH = replace(JACKAL, controller=Controller.MPC, mpc=STEPPED)
 LOW_V, FULL_V = 20.0, 26.0
 CORNERS = (Waypoint(1.5, 0.0), Waypoint(2.5, 1.0), Waypoint(1.5, 2.0), Waypoint(0.0, 2.0))
@@ -54,26 +54,26 @@ class Wrapped:
 
     def __init__(
         self,
-        solver: MinimumTime,
-        problem: Callable[[int, Problem], Problem] = lambda _, problem: problem,
-        plan: Callable[[int, Plan | None], Plan | None] = lambda _, plan: plan,
+        solver: MinimumTimeSolver,
+        problem: Callable[[int, TrajectoryProblem], TrajectoryProblem] = lambda _, problem: problem,
+        plan: Callable[[int, Trajectory | None], Trajectory | None] = lambda _, plan: plan,
     ) -> None:
         self._solver, self._problem, self._plan = solver, problem, plan
         self._asked = 0
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         self._asked += 1
         self._solver.ask(self._problem(self._asked, problem))
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         return self._plan(self._asked, self._solver.answer())
 
-    def beside(self, apart: bool = False) -> MinimumTime:
+    def beside(self, apart: bool = False) -> MinimumTimeSolver:
         return self._solver.beside(apart)
 
 
 @pytest.fixture(scope="module")
-def solver() -> MinimumTime:
+def solver() -> MinimumTimeSolver:
     return make_solver(SMOOTH)
 
 
@@ -83,7 +83,7 @@ def rover() -> Noted:
 
 
 @pytest.fixture
-def bench(tmp_path: Path, rover: Noted, solver: MinimumTime) -> Iterator[Bench]:
+def bench(tmp_path: Path, rover: Noted, solver: MinimumTimeSolver) -> Iterator[Bench]:
     with Bench(tmp_path, SMOOTH, rover=rover, solver=solver) as bench:
         yield bench
 
@@ -183,14 +183,14 @@ def test_a_speed_set_on_the_way_holds_from_then_on(bench: Bench, rover: Noted) -
     assert [step for step, _, _ in progress(bench)] == [1, 2]
 
 
-def weak(then: Then) -> Settings:
-    row = replace(SMOOTH.faults.battery_low, then=then, clears=Clears.ITSELF)
+def weak(then: Reaction) -> Settings:
+    row = replace(SMOOTH.faults.battery_low, then=then, clears=ClearPolicy.ITSELF)
     return replace(SMOOTH, faults=replace(SMOOTH.faults, battery_low=row))
 
 
-@pytest.mark.parametrize("then", [Then.PAUSE, Then.SLOW_DOWN, Then.STOP])
+@pytest.mark.parametrize("then", [Reaction.PAUSE, Reaction.SLOW_DOWN, Reaction.STOP])
 def test_a_fault_on_the_way_pauses_slows_down_or_ends_it(
-    then: Then, tmp_path: Path, solver: MinimumTime
+    then: Reaction, tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
     with Bench(tmp_path, weak(then), solver=solver) as bench:
         bench.submit(STRAIGHT, 1)
@@ -200,20 +200,20 @@ def test_a_fault_on_the_way_pauses_slows_down_or_ends_it(
         at_m, speed_mps = bench.rover.pose.x_m, abs(bench.rover.velocity.travel_mps)
         bench.voltage_v = FULL_V
         assert 1.0 < at_m < 3.0
-        if then is Then.STOP:
+        if then is Reaction.STOP:
             assert bench.rover.velocity == STANDING
             assert bench.last(1).reason is Reason.BATTERY_LOW
             return
-        assert speed_mps == pytest.approx(0.3 if then is Then.SLOW_DOWN else 0.0, abs=0.01)
+        assert speed_mps == pytest.approx(0.3 if then is Reaction.SLOW_DOWN else 0.0, abs=0.01)
         assert bench.finish(1) is Stage.EXECUTED
         assert [step for step, _, _ in progress(bench)] == [1, 2]
         assert min(each.travel_mps for each in bench.rover.sent) > -0.1
 
 
 def test_a_waypoint_that_is_passed_while_it_brakes_for_a_pause_is_passed(
-    tmp_path: Path, solver: MinimumTime
+    tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
-    with Bench(tmp_path, weak(Then.PAUSE), solver=solver) as bench:
+    with Bench(tmp_path, weak(Reaction.PAUSE), solver=solver) as bench:
         bench.submit(STRAIGHT, 1)
         while bench.rover.pose.x_m < 0.8:
             bench.step()
@@ -229,7 +229,7 @@ def test_a_waypoint_that_is_passed_while_it_brakes_for_a_pause_is_passed(
 
 
 def test_without_plans_it_stands_and_drives_to_the_next_waypoint_alone(
-    tmp_path: Path, solver: MinimumTime
+    tmp_path: Path, solver: MinimumTimeSolver
 ) -> None:
     failing = Wrapped(solver, plan=lambda asked, plan: None if 50 < asked < 57 else plan)
     with Bench(tmp_path, SMOOTH, solver=failing) as bench:
@@ -248,9 +248,9 @@ def test_without_plans_it_stands_and_drives_to_the_next_waypoint_alone(
 
 
 def test_a_waypoint_that_was_missed_is_driven_to_alone(
-    tmp_path: Path, rover: Noted, solver: MinimumTime
+    tmp_path: Path, rover: Noted, solver: MinimumTimeSolver
 ) -> None:
-    def beside(asked: int, problem: Problem) -> Problem:
+    def beside(asked: int, problem: TrajectoryProblem) -> TrajectoryProblem:
         if asked > 40 or not problem.through:
             return problem
         aside = replace(problem.through[0], y_m=problem.through[0].y_m + 0.2)

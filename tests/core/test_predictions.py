@@ -23,7 +23,7 @@ from executive.obstacles.zones import KnownRock, Zones
 from executive.settings import load_settings
 from executive.values.geometry import STANDING
 from executive.values.reasons import PREDICTED, Reason
-from executive.values.reports import Identity, Kind, Report, Stage
+from executive.values.reports import Identity, Report, ReportKind, Stage
 from tests.support.kinematic import STEP_S, WHOLE_LIFE, Bench, KinematicRover
 from tests.support.plans import AHEAD, BACK, plan
 from trees import RoverTree
@@ -34,7 +34,7 @@ ROUND = MoveTo(Waypoint(3.0, 2.0, pi / 2))
 
 
 def predictions(bench: Bench) -> list[Report]:
-    return [r for r in bench.heard.reports if r.kind is Kind.EVENT and "predicted:" in r.text]
+    return [r for r in bench.heard.reports if r.kind is ReportKind.EVENT and "predicted:" in r.text]
 
 
 def figures(report: Report) -> dict[str, float]:

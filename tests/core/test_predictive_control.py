@@ -14,15 +14,22 @@ from hypothesis import strategies as st
 
 from adapters.onboard.planning import BackgroundSolver
 from executive.commands import Command, FollowPath, MoveTo, Request, Waypoint
-from executive.motion import MinimumTime, Plan, Problem, SharedSolver, make_locomotion, make_solver
+from executive.motion import (
+    MinimumTimeSolver,
+    SharedSolver,
+    Trajectory,
+    TrajectoryProblem,
+    make_locomotion,
+    make_solver,
+)
 from executive.motion.motion_model import MotionState
-from executive.motion.plan import Target
+from executive.motion.plan import TrajectoryTarget
 from executive.motion.predictive_control import model_of
 from executive.settings import Controller, SettingsError, load_settings
 from executive.state import Status
 from executive.values.clock import ManualClock
 from executive.values.geometry import Pose, Velocity, wrap_rad
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from sim.rover import World
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep
@@ -36,7 +43,7 @@ ASIDE = Waypoint(1.0, 1.0, pi / 2)
 
 
 @pytest.fixture(scope="module")
-def solver() -> MinimumTime:
+def solver() -> MinimumTimeSolver:
     return make_solver(JACKAL)
 
 
@@ -47,16 +54,16 @@ class Failing:
     busy = False
 
     def __init__(
-        self, solver: MinimumTime, fails: Callable[[int], bool], miss: float | None = None
+        self, solver: MinimumTimeSolver, fails: Callable[[int], bool], miss: float | None = None
     ) -> None:
         self._solver, self._fails, self._miss = solver, fails, miss
         self._asked = 0
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         self._asked += 1
         self._solver.ask(problem)
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         plan = self._solver.answer()
         if plan is None or not self._fails(self._asked):
             return plan
@@ -75,16 +82,16 @@ class Failing:
     rotate_radps=st.floats(0.3, 1.5),
 )
 def test_a_plan_keeps_the_limits_and_ends_where_it_is_to(
-    solver: MinimumTime,
+    solver: MinimumTimeSolver,
     x_m: float,
     y_m: float,
     heading_rad: float,
     travel_mps: float,
     rotate_radps: float,
 ) -> None:
-    target = Target(x_m, y_m, heading_rad)
+    target = TrajectoryTarget(x_m, y_m, heading_rad)
     start = MotionState(AHEAD_M, 0.0, 0.0)
-    plan = solver.solve(Problem(start, target, travel_mps, rotate_radps, None))
+    plan = solver.solve(TrajectoryProblem(start, target, travel_mps, rotate_radps, None))
     assert plan is not None
     end, step_s = plan.states[-1], plan.duration_s / (len(plan.states) - 1)
     assert plan.miss < 0.01
@@ -98,9 +105,12 @@ def test_a_plan_keeps_the_limits_and_ends_where_it_is_to(
         assert abs(after.rotate_radps - before.rotate_radps) <= 3.0 * step_s + 1e-3
 
 
-def test_a_straight_line_takes_its_least_time(solver: MinimumTime) -> None:
-    start, target = MotionState(AHEAD_M, 0.0, 0.0), Target(4.0 + AHEAD_M, 0.0, 0.0, aim_m=0.0)
-    plan = solver.solve(Problem(start, target, 1.0, 1.5, None))
+def test_a_straight_line_takes_its_least_time(solver: MinimumTimeSolver) -> None:
+    start, target = (
+        MotionState(AHEAD_M, 0.0, 0.0),
+        TrajectoryTarget(4.0 + AHEAD_M, 0.0, 0.0, aim_m=0.0),
+    )
+    plan = solver.solve(TrajectoryProblem(start, target, 1.0, 1.5, None))
     assert plan is not None
     assert plan.duration_s == pytest.approx(5.0, rel=0.01)
 
@@ -127,7 +137,7 @@ def alarms(lockstep: LockStep) -> list[str]:
     return [
         each.text
         for each in lockstep.heard.reports
-        if each.kind is Kind.EVENT and each.severity is not Severity.INFORMATIONAL
+        if each.kind is ReportKind.EVENT and each.severity is not Severity.INFORMATIONAL
     ]
 
 
@@ -140,7 +150,7 @@ def off(pose: Pose, target: Waypoint) -> tuple[float, float]:
     "target", [Waypoint(-1.0, 0.3, 0.0), Waypoint(0.0, 0.5, 0.0), Waypoint(1.0, -1.0, pi)]
 )
 def test_a_curve_leads_to_the_place_in_truth_and_no_monitor_objects(
-    target: Waypoint, solver: MinimumTime, tmp_path: Path
+    target: Waypoint, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
     assert drive(lockstep, MoveTo(target)) is Stage.EXECUTED
@@ -152,7 +162,7 @@ def test_a_curve_leads_to_the_place_in_truth_and_no_monitor_objects(
     assert alarms(lockstep) == []
 
 
-def test_it_takes_less_time_than_turn_then_drive(solver: MinimumTime, tmp_path: Path) -> None:
+def test_it_takes_less_time_than_turn_then_drive(solver: MinimumTimeSolver, tmp_path: Path) -> None:
     times_s = []
     for controller in Controller:
         folder = tmp_path / controller.value
@@ -176,7 +186,7 @@ def ends_at(request: MoveTo | FollowPath) -> Waypoint:
     ],
 )
 def test_what_asks_for_no_heading_or_more_precision_is_executed(
-    request_: MoveTo | FollowPath, solver: MinimumTime, tmp_path: Path
+    request_: MoveTo | FollowPath, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
     assert drive(lockstep, request_) is Stage.EXECUTED
@@ -185,7 +195,7 @@ def test_what_asks_for_no_heading_or_more_precision_is_executed(
 
 
 def test_where_more_precision_is_asked_turn_then_drive_ends_there_in_truth(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     target = Waypoint(0.6, -0.9, 2.0, tolerance_m=0.02)
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=solver)
@@ -204,10 +214,10 @@ class NextTick:
     def __init__(self, solver: BackgroundSolver) -> None:
         self._solver = solver
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         self._solver.ask(problem)
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         while self._solver.busy:
             Event().wait(0.001)
         return self._solver.answer()
@@ -217,7 +227,7 @@ class NextTick:
 
 
 def test_plans_from_another_thread_are_for_the_tick_after(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     times_s = []
     with closing(BackgroundSolver(solver)) as beside:
@@ -235,7 +245,7 @@ class Late:
 
     lead_ticks = 1
 
-    def __init__(self, solver: MinimumTime, late_s: float) -> None:
+    def __init__(self, solver: MinimumTimeSolver, late_s: float) -> None:
         self._solver, self._late_s = solver, late_s
         self._free_s = 0.0
         self.now_s: Callable[[], float] = lambda: 0.0
@@ -244,11 +254,11 @@ class Late:
     def busy(self) -> bool:
         return self.now_s() < self._free_s
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         self._solver.ask(problem)
         self._free_s = self.now_s() + self._late_s
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         return self._solver.answer()
 
     def beside(self, apart: bool = False) -> SharedSolver:
@@ -257,7 +267,7 @@ class Late:
 
 @pytest.mark.parametrize("late_s", [0.12, 0.37])
 def test_while_a_plan_is_late_the_one_before_is_driven_on(
-    late_s: float, solver: MinimumTime, tmp_path: Path
+    late_s: float, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     late = Late(solver, late_s)
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=late)
@@ -268,7 +278,7 @@ def test_while_a_plan_is_late_the_one_before_is_driven_on(
 
 
 def test_where_ticks_were_late_a_plan_leads_on_from_where_the_rover_came_to(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     late = Late(solver, 0.04)
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=late)
@@ -294,10 +304,10 @@ class Stuck:
     def __init__(self) -> None:
         self.released = Event()
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         self.released.wait()
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         return None
 
     def beside(self, apart: bool = False) -> "Stuck":
@@ -337,7 +347,7 @@ def test_two_runs_are_alike(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("miss", [None, 1.0])
 def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
-    miss: float | None, solver: MinimumTime, tmp_path: Path
+    miss: float | None, solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     failing = Failing(solver, lambda asked: asked > 20, miss)
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=failing)
@@ -349,7 +359,7 @@ def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
 
 
 def test_a_few_ticks_without_an_answer_go_by_the_plan_before(
-    solver: MinimumTime, tmp_path: Path
+    solver: MinimumTimeSolver, tmp_path: Path
 ) -> None:
     failing = Failing(solver, lambda asked: asked > 1 and asked % 4 != 0)
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=failing)

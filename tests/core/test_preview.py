@@ -22,7 +22,7 @@ from executive.commands import (
     Waypoint,
 )
 from executive.core.runner import Executive
-from executive.motion import Plan, Problem, SharedSolver, make_solver
+from executive.motion import SharedSolver, Trajectory, TrajectoryProblem, make_solver
 from executive.obstacles.zones import KeepOut, KnownRock, Zones
 from executive.preview import MOST_POSES, KinematicBase, Preview, PreviewRun, preview
 from executive.settings import (
@@ -324,11 +324,11 @@ class Slow:
         self._solver = solver
         self.busy = False
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, problem: TrajectoryProblem) -> None:
         self.busy = True
         self._solver.ask(problem)
 
-    def answer(self) -> Plan | None:
+    def answer(self) -> Trajectory | None:
         return self._solver.answer()
 
     def beside(self, apart: bool = False) -> "Slow":

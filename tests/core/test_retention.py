@@ -25,11 +25,11 @@ from executive.commands import (
 )
 from executive.commands.lifecycle import Refused, Repeated
 from executive.core.runner import Executive
-from executive.record import PRUNED, Retention
+from executive.record import PRUNED, LedgerRetention
 from executive.record.retention import FOREIGN_SHARE, Range, merge_ranges
 from executive.settings import SettingsError, config_folder, load_settings
 from executive.values.reasons import Reason
-from executive.values.reports import TERMINAL, Identity, Kind, PlanStatus, Stage
+from executive.values.reports import TERMINAL, Identity, PlanStatus, ReportKind, Stage
 from tests.support.plans import PlanBench, plan
 
 KEPT = 12
@@ -45,7 +45,7 @@ class Forgetful(PlanBench):
 
     def _start(self) -> Executive:
         executive = super()._start()
-        executive.retention = Retention(self.ledger, KEPT, AT_ONCE)
+        executive.retention = LedgerRetention(self.ledger, KEPT, AT_ONCE)
         return executive
 
     @property
@@ -139,7 +139,7 @@ def look(bench: Forgetful) -> None:
     assert set(numbers) == set(range(1, bench.ledger.last_sequence + 1))
     foreign = [row[0] for row in bench.ledger.rows("SELECT sequence FROM foreign_reports")]
     own = len(kept) - len(foreign)
-    assert own >= min(KEPT, sum(report.kind is Kind.COMMAND for report in told))
+    assert own >= min(KEPT, sum(report.kind is ReportKind.COMMAND for report in told))
     assert len(foreign) <= KEPT // FOREIGN_SHARE + AT_ONCE
 
 

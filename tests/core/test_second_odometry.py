@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from executive.commands import DriveFor, FollowPath, MoveForward, MoveTo, RotateBy, Waypoint
 from executive.settings import SecondOdometrySettings, Settings, load_settings
-from executive.state.fusion import STEP_M, Fusion
+from executive.state.fusion import STEP_M, PoseFusion
 from executive.values.facts import Odometry, SecondOdometry
 from executive.values.geometry import STANDING, Point, Pose, Velocity, wrap_rad
 from executive.values.reasons import Reason
@@ -233,7 +233,7 @@ class Track:
     """
 
     def __init__(self, fused: bool = True, lean: Pose | None = None) -> None:
-        self.fusion = Fusion(fused)
+        self.fusion = PoseFusion(fused)
         self.lean = lean or Pose()
         self.wheels = self.true = Pose()
         self.steps = 0
@@ -291,7 +291,7 @@ class Track:
 def test_what_is_not_fused_is_the_odometry_bit_by_bit(
     poses: list[tuple[float, float, float]],
 ) -> None:
-    fusion = Fusion(fused=False)
+    fusion = PoseFusion(fused=False)
     for number, (x_m, y_m, heading_rad) in enumerate(poses):
         pose = Pose(x_m, y_m, heading_rad=heading_rad)
         fusion.odometry(Odometry(number * 0.1, pose, STANDING))

@@ -6,7 +6,7 @@ from math import pi
 
 import pytest
 
-from executive.settings import Controller, SettingsError, Slip, load_settings, structure
+from executive.settings import Controller, SettingsError, SlipSettings, load_settings, structure
 from executive.state import Status
 from executive.state.slip import LONGEST_S, SlipCorrection
 from executive.values.clock import ManualClock
@@ -17,7 +17,7 @@ from sim.rover.world import World
 from tests.sim.driving import COMMAND_PERIOD_S
 
 PERIOD_S = 0.02
-NONE = Slip()
+NONE = SlipSettings()
 JACKAL = load_settings("jackal").mpc
 
 
@@ -30,40 +30,40 @@ def moved(correction: SlipCorrection, velocities: Iterable[Velocity]) -> Pose:
 
 
 def test_a_spin_moves_aside_by_the_offset() -> None:
-    correction = SlipCorrection(Slip(offset_m=0.04), Slip(offset_m=0.01))
+    correction = SlipCorrection(SlipSettings(offset_m=0.04), SlipSettings(offset_m=0.01))
     pose = moved(correction, [Velocity(0.0, 1.0)] * 51)
     assert (pose.x_m, pose.y_m) == pytest.approx((0.0, -0.03))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_curve_moves_aside_outward_by_its_speed(sign: float) -> None:
-    correction = SlipCorrection(Slip(gain_m=0.06), NONE)
+    correction = SlipCorrection(SlipSettings(gain_m=0.06), NONE)
     pose = moved(correction, [Velocity(1.0, sign)] * 51)
     assert pose.y_m == pytest.approx(-0.06 * sign)
-    back = moved(SlipCorrection(Slip(gain_m=0.06), NONE), [Velocity(-1.0, sign)] * 51)
+    back = moved(SlipCorrection(SlipSettings(gain_m=0.06), NONE), [Velocity(-1.0, sign)] * 51)
     assert back.y_m == pytest.approx(0.06 * sign)
 
 
 def test_braking_in_a_curve_moves_further_outward() -> None:
     braking = [Velocity(1.0 - PERIOD_S * number, 1.0) for number in range(51)]
-    pose = moved(SlipCorrection(Slip(acceleration_s2=0.05), NONE), braking)
+    pose = moved(SlipCorrection(SlipSettings(acceleration_s2=0.05), NONE), braking)
     assert pose.y_m == pytest.approx(-0.05)
 
 
 def test_braking_in_a_turn_goes_further_than_the_wheels_say() -> None:
     braking = [Velocity(1.0 - PERIOD_S * number, -1.0) for number in range(51)]
-    pose = moved(SlipCorrection(Slip(creep_s2=0.03), NONE), braking)
+    pose = moved(SlipCorrection(SlipSettings(creep_s2=0.03), NONE), braking)
     assert (pose.x_m, pose.y_m) == pytest.approx((0.03, 0.0))
 
 
 def test_slip_settles_with_its_time_constant() -> None:
-    law = Slip(gain_m=0.1, lag_s=0.1)
+    law = SlipSettings(gain_m=0.1, lag_s=0.1)
     pose = moved(SlipCorrection(law, NONE), [Velocity(1.0, 1.0)] * 101)
     assert pose.y_m == pytest.approx(-0.1 * (2.0 - 0.1), abs=0.002)
 
 
 def test_it_is_added_across_the_heading() -> None:
-    correction = SlipCorrection(Slip(offset_m=0.1), NONE)
+    correction = SlipCorrection(SlipSettings(offset_m=0.1), NONE)
     for number in range(51):
         fact = Odometry(number * PERIOD_S, Pose(heading_rad=pi / 2), Velocity(0.0, 1.0))
         pose = correction.corrected(fact).pose
@@ -72,7 +72,7 @@ def test_it_is_added_across_the_heading() -> None:
 
 
 def test_odometry_that_repeats_or_comes_after_a_gap_adds_nothing() -> None:
-    correction = SlipCorrection(Slip(offset_m=0.1), NONE)
+    correction = SlipCorrection(SlipSettings(offset_m=0.1), NONE)
     for stamp_s in (0.0, 0.0, 2 * LONGEST_S, LONGEST_S):
         fact = Odometry(stamp_s, Pose(), Velocity(0.0, 1.0))
         assert correction.corrected(fact) == fact
@@ -120,4 +120,4 @@ def test_braking_in_curves_is_known_far_better_than_to_the_odometry_alone() -> N
 
 def test_a_lag_that_cannot_be_is_refused() -> None:
     with pytest.raises(SettingsError, match=r"lag_s is -1\.0: 0 to 1"):
-        structure({"lag_s": -1.0}, Slip, "slip")
+        structure({"lag_s": -1.0}, SlipSettings, "slip")

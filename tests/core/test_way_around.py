@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from executive.checks import check_request, detoured_segments, path_check, path_of
 from executive.commands import Command, FollowPath, MoveTo, Waypoint
-from executive.obstacles.detour import Way, find_way
+from executive.obstacles.detour import Detour, find_way
 from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import load_settings
 from executive.values.geometry import Point, Pose
@@ -99,7 +99,7 @@ def test_the_way_of_a_command_is_searched_once_until_it_begins(
 ) -> None:
     searches: list[Point] = []
 
-    def counted(start: Point, *rest: Any) -> Way:
+    def counted(start: Point, *rest: Any) -> Detour:
         searches.append(start)
         return find_way(start, *rest)
 

@@ -3,7 +3,16 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.faults import DECLARED, FIGURES, Bound, Clears, Declaration, Row, Then, Window
+from executive.faults import (
+    DECLARED,
+    FIGURES,
+    ClearPolicy,
+    FaultDeclaration,
+    FaultParameter,
+    FaultResponse,
+    Reaction,
+    Window,
+)
 
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
 TITLE = "| fault | reason | what is wrong | watched | shows | then | pose uncertain by |"
@@ -40,14 +49,14 @@ def _rows() -> Iterator[str]:
         yield f"| {' | '.join((*cells, _shows(declared), then, disproves))} |"
 
 
-def _then(row: Row) -> str:
-    if row.then is Then.IGNORE:
+def _then(row: FaultResponse) -> str:
+    if row.then is Reaction.IGNORE:
         return "ignore"
-    until = "until a resume" if row.clears is Clears.ON_RESUME else "while it shows"
+    until = "until a resume" if row.clears is ClearPolicy.ON_RESUME else "while it shows"
     return f"{row.then.value}, {until}"
 
 
-def _shows(declared: Declaration) -> str:
+def _shows(declared: FaultDeclaration) -> str:
     first, *others = declared.row.windows
     said = [f"`{each.name}: {{{_plain(each)}}}`" for each in (first, *others) if others]
     meant = (declared.beyond, declared.below, declared.ratio, declared.within)
@@ -69,7 +78,7 @@ def _figures(window: Window) -> tuple[float | None, ...]:
     return window.beyond, window.below, window.ratio, window.within_s, window.for_s
 
 
-def _bounded(key: str, figure: str, bound: Bound) -> str:
+def _bounded(key: str, figure: str, bound: FaultParameter) -> str:
     what = "" if key == "within" else f": {bound.what}"
     return f"`{key}` {figure}".rstrip() + f"{what} ({bound.low:g} to {bound.high:g})"
 

@@ -18,13 +18,13 @@ from adapters.mal import (
     EnumerationType,
     Field,
     Header,
+    InteractionStage,
     NullableAttribute,
     Operation,
     Pattern,
     Service,
-    Stage,
     Subscription,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
     encode_message,
 )
@@ -49,14 +49,14 @@ from adapters.mrs.terms import NAME, PORT
 from executive.commands import (
     ACCEPTED,
     Argument,
-    Declaration,
+    AssetChoice,
+    CommandDeclaration,
     Family,
     FilePath,
     Limit,
     Mode,
-    Span,
-    Supported,
-    Within,
+    SymmetricRange,
+    ValueRange,
     arguments_of,
     declared,
 )
@@ -85,8 +85,8 @@ _EXAMPLES: Final = """\
 Below each service stand examples: a call on `adapters.mal.Consumer`, and the body of each
 message of it in fixed encoding. All of them use this header:"""
 _STAGES: Final = {
-    Pattern.SUBMIT: (Stage.SUBMIT, Stage.SUBMIT_ACK),
-    Pattern.REQUEST: (Stage.REQUEST, Stage.REQUEST_RESPONSE),
+    Pattern.SUBMIT: (InteractionStage.SUBMIT, InteractionStage.SUBMIT_ACK),
+    Pattern.REQUEST: (InteractionStage.REQUEST, InteractionStage.REQUEST_RESPONSE),
 }
 
 
@@ -177,7 +177,7 @@ def _operation(operation: Operation) -> tuple[object, ...]:
             taken, given = (_fields(operation.parts[s]) for s in _STAGES[operation.pattern])
         case Pattern.PUBSUB:
             taken = f"keys {_fields(operation.keys)}"
-            given = _fields(operation.parts[Stage.PUBLISH][1:])
+            given = _fields(operation.parts[InteractionStage.PUBLISH][1:])
         case _:
             first, *more = operation.parts.values()
             taken, given = _fields(first), "; then ".join(map(_fields, more))
@@ -255,9 +255,11 @@ _FIELDS: Final = (
 def stop_message() -> bytes:
     """Return a SUBMIT of MotionControl.stop, in fixed encoding."""
     operation = mrs_specification().operation("MotionControl", "stop")
-    header = Header.of(operation, Stage.SUBMIT, 1, CLIENT, PROVIDER, TIME_NS)
+    header = Header.of(operation, InteractionStage.SUBMIT, 1, CLIENT, PROVIDER, TIME_NS)
     codec = Codec(mrs_specification())
-    return encode_message(header, codec.encode(operation.parts[Stage.SUBMIT], (COMMAND_HEADER,)))
+    return encode_message(
+        header, codec.encode(operation.parts[InteractionStage.SUBMIT], (COMMAND_HEADER,))
+    )
 
 
 def octet_dump() -> Iterator[tuple[int, str, str]]:
@@ -271,15 +273,15 @@ def octet_dump() -> Iterator[tuple[int, str, str]]:
 COMMAND: Final = "command"
 _WIDTH: Final = 88
 _MESSAGES: Final = {
-    Pattern.SUBMIT: (Stage.SUBMIT,),
-    Pattern.REQUEST: (Stage.REQUEST, Stage.REQUEST_RESPONSE),
+    Pattern.SUBMIT: (InteractionStage.SUBMIT,),
+    Pattern.REQUEST: (InteractionStage.REQUEST, InteractionStage.REQUEST_RESPONSE),
     Pattern.PROGRESS: (
-        Stage.PROGRESS,
-        Stage.PROGRESS_ACK,
-        Stage.PROGRESS_UPDATE,
-        Stage.PROGRESS_RESPONSE,
+        InteractionStage.PROGRESS,
+        InteractionStage.PROGRESS_ACK,
+        InteractionStage.PROGRESS_UPDATE,
+        InteractionStage.PROGRESS_RESPONSE,
     ),
-    Pattern.PUBSUB: (Stage.REGISTER, Stage.NOTIFY),
+    Pattern.PUBSUB: (InteractionStage.REGISTER, InteractionStage.NOTIFY),
 }
 TIME_NS: Final = 1_700_000_000_000_000_000
 _BY_NAME: Final[dict[str, Any]] = {
@@ -323,7 +325,7 @@ _BY_NAME: Final[dict[str, Any]] = {
     "z": 0.0,
 }
 _BY_TYPE: Final[dict[str, Any]] = {
-    "Attribute": Typed(AttributeType.DOUBLE, 1.5),
+    "Attribute": TypedAttribute(AttributeType.DOUBLE, 1.5),
     "Blob": b"\x01\x02",
     "Boolean": True,
     "Double": 1.5,
@@ -354,7 +356,7 @@ _EVENT: Final = Notification(
 class Message:
     """One message of an interaction: its stage, its parts, and the values of the example."""
 
-    stage: Stage
+    stage: InteractionStage
     parts: tuple[Field, ...]
     values: tuple[Any, ...]
 
@@ -368,11 +370,11 @@ def messages(operation: Operation) -> Iterator[Message]:
     for stage in _MESSAGES[operation.pattern]:
         parts = operation.parts[stage]
         match stage:
-            case Stage.REGISTER:
+            case InteractionStage.REGISTER:
                 values: tuple[Any, ...] = (Subscription(subscriptionId="all"),)
-            case Stage.NOTIFY:
+            case InteractionStage.NOTIFY:
                 values = ("all", _update_header(operation), *map(_value, parts[2:]))
-            case Stage.SUBMIT if operation.name == "sendNotification":
+            case InteractionStage.SUBMIT if operation.name == "sendNotification":
                 values = (_EVENT,)
             case _:
                 values = tuple(map(_value, parts))
@@ -391,7 +393,7 @@ def call(operation: Operation) -> str:
         case Pattern.SUBMIT:
             return _call("await consumer.submit", named)
         case Pattern.REQUEST:
-            (answer,) = operation.parts[Stage.REQUEST_RESPONSE]
+            (answer,) = operation.parts[InteractionStage.REQUEST_RESPONSE]
             return _call(f"({answer.name},) = await consumer.request", named)
         case Pattern.PROGRESS:
             opened = _call("async with consumer.progress", named)
@@ -405,8 +407,8 @@ def source(value: Any) -> str:
     match value:
         case Enum():
             return f"{type(value).__name__}.{value.name}"
-        case Typed(kind, content):
-            return f"Typed({source(kind)}, {source(content)})"
+        case TypedAttribute(kind, content):
+            return f"TypedAttribute({source(kind)}, {source(content)})"
         case tuple():
             return _call("", [*map(source, value)], "," if len(value) == 1 else "")
         case str():
@@ -449,7 +451,9 @@ def _composite(name: str) -> Any:
 def _update_header(operation: Operation) -> UpdateHeader:
     keys = tuple(
         NullableAttribute(
-            value=Typed(AttributeType[key.type.name.upper()], _value(replace(key, nullable=False)))
+            value=TypedAttribute(
+                AttributeType[key.type.name.upper()], _value(replace(key, nullable=False))
+            )
         )
         for key in operation.keys
     )
@@ -504,13 +508,13 @@ def _argument(argument: Argument) -> str:
 
 def _values(argument: Argument) -> str:
     match argument.bound:
-        case Within(low, high, or_zero):
+        case ValueRange(low, high, or_zero):
             if low is None:
                 return f"±{_limit(high)}"
             return f"{_limit(low)} to {_limit(high)}{' or 0' if or_zero else ''}"
-        case Span(low, high):
+        case SymmetricRange(low, high):
             return f"±({high} − {low})"
-        case Supported(path):
+        case AssetChoice(path):
             return "refused: it is fixed" if path is None else f"as {path}"
         case FilePath() | None:
             return ""
@@ -527,7 +531,7 @@ def _modes(family: Family) -> str:
     return "any mode" if accepted == set(Mode) else ", ".join(m.name for m in Mode if m in accepted)
 
 
-def _typed(declaration: Declaration) -> Iterator[str]:
+def _typed(declaration: CommandDeclaration) -> Iterator[str]:
     for typed in declaration.examples:
         yield f"`{f'{declaration.name} {typed}'.rstrip()}`"
 

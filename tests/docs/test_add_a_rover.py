@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from adapters.mrs.ground import Outcome
+from adapters.mrs.ground import CommandOutcome
 from adapters.ros import (
     Topics,
     declare_topic,
@@ -66,7 +66,7 @@ class StandIn:
     def _now_s(self) -> float:
         return float(self.node.get_clock().now().nanoseconds * 1e-9)
 
-    def serve(self, done: "Future[list[Outcome]]") -> list[Outcome]:
+    def serve(self, done: "Future[list[CommandOutcome]]") -> list[CommandOutcome]:
         while not done.done():
             self._executor.spin_once(timeout_sec=STEP_S)
         return done.result()
@@ -145,7 +145,7 @@ def begun(asset: str, kind: type[TakesStamped | TakesLines], folder: Path) -> It
         yield kind(node, executor)
 
 
-def move(uri: str) -> list[Outcome]:
+def move(uri: str) -> list[CommandOutcome]:
     until_located(uri)
     return carry_out(uri, MoveForward(0.1), RotateBy(0.3))
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import yaml
 
-from executive.faults import FaultTable, Then
+from executive.faults import FaultTable, Reaction
 from executive.settings import load_settings, structure
 from tests.docs.faults_page import PAGE, faults_page
 from tests.docs.pages import blocks
@@ -17,5 +17,5 @@ def test_the_page_is_written_from_the_declarations() -> None:
 def test_its_example_is_what_a_file_may_say() -> None:
     (example,) = blocks(PAGE, "yaml")
     table = structure(yaml.safe_load(example)["faults"], FaultTable, "the page")
-    assert table.turns_uncommanded.then is Then.IGNORE
+    assert table.turns_uncommanded.then is Reaction.IGNORE
     assert replace(load_settings("jackal"), faults=table).faults.odometry_stale.bound == 0.5

@@ -6,7 +6,7 @@ from pathlib import Path
 from textwrap import dedent
 
 from executive.commands import MoveForward, MoveTo, Waypoint
-from executive.faults import FaultTable, Then
+from executive.faults import FaultTable, Reaction
 from executive.obstacles.zones import Footprint, Zones
 from executive.settings import LaserSettings, Settings, parse_yaml, structure
 from executive.values.reports import Stage
@@ -53,4 +53,4 @@ def test_the_rows_of_faults_are_some() -> None:
     assert isinstance(said, dict)
     table = structure(said["faults"], FaultTable, "the page")
     assert (table.obstacle_near.bound, table.obstacle_ahead.window.length_s) == (1.5, 0.3)
-    assert table.laser_silent.then is Then.WARN
+    assert table.laser_silent.then is Reaction.WARN

@@ -11,17 +11,17 @@ from matplotlib.patches import Circle, Polygon
 from matplotlib.text import Annotation
 
 from executive.commands import Waypoint
-from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Seen, Zones
+from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, ScannedObstacle, Zones
 from executive.values.geometry import Point, Pose
-from sim.drawing import MOTION, Drive, Incident, draw_map, thinned
+from sim.drawing import MOTION, DriveMap, Incident, draw_map, thinned
 from sim.drawing.map import ROCK, TRUE
-from sim.rover import Ground, Rock, World
-from sim.rover.features import Ditch, Patch, Place, SlopeZone, Step, Wall
+from sim.rover import Rock, SoilShape, World
+from sim.rover.features import Ditch, FrictionPatch, GroundPoint, SlopeZone, StepBlock, Wall
 from tests.drawing.pictures import lines, words, written_alike
 
 WORLD = World(
     name="two <rocks> & more",
-    ground=Ground(amplitude_m=0.05, seed=1),
+    ground=SoilShape(amplitude_m=0.05, seed=1),
     rocks=(Rock(2.0, 1.0, 0.3, 0.3), Rock(90, 0, 1, 1)),
 )
 
@@ -30,7 +30,7 @@ def straight(y_m: float) -> tuple[Pose, ...]:
     return tuple(Pose(x_m / 50, y_m) for x_m in range(151))
 
 
-DRIVE = Drive(
+DRIVE = DriveMap(
     title="Drive in “two <rocks> & more”",
     world=WORLD,
     planned=(Waypoint(3.0, 0.0, pi / 2), Waypoint(3.0, 2.0)),
@@ -117,10 +117,10 @@ def test_the_legend_names_only_what_is_there() -> None:
 
 
 YARD = World(
-    walls=(Wall(x_m=-1.0, y_m=1.5, to=Place(3.0, 1.5)),),
-    steps=(Step(x_m=2.0, y_m=0.0, length_m=1.0, width_m=1.0, height_m=0.03),),
+    walls=(Wall(x_m=-1.0, y_m=1.5, to=GroundPoint(3.0, 1.5)),),
+    steps=(StepBlock(x_m=2.0, y_m=0.0, length_m=1.0, width_m=1.0, height_m=0.03),),
     ditches=(Ditch(x_m=1.5, y_m=-1.5, length_m=1.0, width_m=0.5, depth_m=0.2),),
-    patches=(Patch(x_m=1.0, y_m=0.0, length_m=1.0, width_m=1.0, friction=0.2),),
+    patches=(FrictionPatch(x_m=1.0, y_m=0.0, length_m=1.0, width_m=1.0, friction=0.2),),
     slopes=(
         SlopeZone(x_m=2.5, y_m=0.0, length_m=2.0, width_m=2.0, slope_rad=0.1),
         SlopeZone(x_m=90.0, y_m=0.0, length_m=2.0, width_m=2.0, slope_rad=0.2),
@@ -139,7 +139,7 @@ def test_features_in_the_window_are_drawn_where_they_are_and_named() -> None:
 
 
 def test_what_is_not_in_the_window_is_not_in_the_legend() -> None:
-    far = World(walls=(Wall(x_m=50.0, y_m=0.0, to=Place(51.0, 0.0)),))
+    far = World(walls=(Wall(x_m=50.0, y_m=0.0, to=GroundPoint(51.0, 0.0)),))
     assert "wall" not in words(draw_map(replace(DRIVE, world=far)))
 
 
@@ -158,7 +158,7 @@ def test_zones_are_drawn_with_their_names() -> None:
 
 
 def test_what_the_laser_saw_is_drawn() -> None:
-    figure = draw_map(replace(DRIVE, seen=(Seen("seen", 2.0, 1.0, 0.2),)))
+    figure = draw_map(replace(DRIVE, seen=(ScannedObstacle("seen", 2.0, 1.0, 0.2),)))
     (circle,) = [patch for patch in figure.axes[0].patches if isinstance(patch, Circle)]
     assert (circle.center, circle.radius) == ((2.0, 1.0), 0.2)
     assert "seen by its laser at the end" in words(figure)

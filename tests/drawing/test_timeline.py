@@ -9,7 +9,16 @@ from matplotlib.colors import to_hex
 
 from executive.commands import Mode
 from executive.values.reports import Stage
-from sim.drawing import COMMAND, DONE, MOTION, WRONG, CommandLane, RunTimeline, Span, draw_timeline
+from sim.drawing import (
+    COMMAND,
+    DONE,
+    MOTION,
+    WRONG,
+    CommandLane,
+    RunTimeline,
+    TimeSpan,
+    draw_timeline,
+)
 from tests.drawing.pictures import lines, spans, words, written_alike
 
 DRIVEN = CommandLane("ahead", (1.0, 7.0), 1.0, 1.1, 5.0, Stage.FAILED, "DRIVE_DEADLINE")
@@ -18,7 +27,7 @@ RUN = RunTimeline(
     title="A run of <two> commands",
     end_s=12.0,
     commands=(DRIVEN, WAITED),
-    faults=(Span("left_stuck", 2.0, 5.0), Span("left_stuck", 8.0, 9.0)),
+    faults=(TimeSpan("left_stuck", 2.0, 5.0), TimeSpan("left_stuck", 8.0, 9.0)),
     events=(("ODOMETRY_STALE", (3.0, 8.5)),),
     modes=((Mode.IDLE, 0.0, 1.1), (Mode.MOVING, 1.1, 9.0), (Mode.IDLE, 9.0, 12.0)),
     speeds=((0.0, 0.0), (3.0, 0.5), (12.0, 0.0)),

@@ -27,10 +27,10 @@ from executive.commands import (
     TakePicture,
     Waypoint,
 )
-from executive.core.authority import AuthorityAct, AuthorityAsked
-from executive.faults import Clears, Then
+from executive.core.authority import AuthorityAction, AuthorityRequest
+from executive.faults import ClearPolicy, Reaction
 from executive.obstacles.zones import KnownRock, Zones
-from executive.settings import AuthoritySettings, LinkLoss, Settings, structure
+from executive.settings import AuthoritySettings, LinkLossSettings, Settings, structure
 from executive.values.facts import CommandEnded, ForeignPublishers, Odometry, Stopped
 from executive.values.geometry import STANDING, Pose
 from executive.values.reasons import Reason, Refusal
@@ -106,7 +106,7 @@ def _resume_too_early(bench: Bench) -> None:
 
 
 def _without_authority(bench: Bench) -> None:
-    asked = AuthorityAsked(AuthorityAct.REQUEST, "ELSE")
+    asked = AuthorityRequest(AuthorityAction.REQUEST, "ELSE")
     bench.executive.ask_authority(asked)
     bench.submit(MoveForward(1.0), 1)
 
@@ -303,7 +303,7 @@ def _idle(bench: Bench) -> None:
 
 
 def _with_loss(**stages: object) -> Settings:
-    return replace(JACKAL, link_loss=structure(stages, LinkLoss, "jackal.yaml"))
+    return replace(JACKAL, link_loss=structure(stages, LinkLossSettings, "jackal.yaml"))
 
 
 _ROCK: Final = replace(JACKAL, zones=Zones(rocks=(KnownRock("boulder", 3.0, 0.0, 0.5),)))
@@ -312,14 +312,18 @@ _SLOWED: Final = replace(
     JACKAL,
     faults=replace(
         JACKAL.faults,
-        battery_low=replace(JACKAL.faults.battery_low, then=Then.SLOW_DOWN, clears=Clears.ITSELF),
+        battery_low=replace(
+            JACKAL.faults.battery_low, then=Reaction.SLOW_DOWN, clears=ClearPolicy.ITSELF
+        ),
     ),
 )
 _PAUSED: Final = replace(
     JACKAL,
     faults=replace(
         JACKAL.faults,
-        battery_low=replace(JACKAL.faults.battery_low, then=Then.PAUSE, clears=Clears.ITSELF),
+        battery_low=replace(
+            JACKAL.faults.battery_low, then=Reaction.PAUSE, clears=ClearPolicy.ITSELF
+        ),
     ),
 )
 _NOT_XML: Final = PlanDefinition("survey", "", "BTCPP4", b"no plan")

@@ -13,7 +13,7 @@ from adapters.cli.log import log
 from adapters.cli.why import why
 from adapters.explanation import (
     Explanation,
-    Wanted,
+    LogFilter,
     entries,
     explain_command,
     explain_now,
@@ -23,7 +23,7 @@ from adapters.explanation import (
 from adapters.recording import RunFile, read_history
 from executive.commands import Command, MoveForward, Resume, Stop
 from executive.history import RunHistory
-from executive.values.reports import Identity, Kind, Report, Severity
+from executive.values.reports import Identity, Report, ReportKind, Severity
 from tests.explanation.case import Case
 from tests.explanation.fault_situations import FAULTS
 from tests.explanation.live import LiveBench
@@ -202,7 +202,7 @@ def test_bad_input_is_told(run: Path, tmp_path: Path) -> None:
 
 def test_each_report_without_a_number_is_listed() -> None:
     losses = [
-        Report(0, 1.0, Kind.LINK, Severity.ALARM, "lost", Identity("MOE", number))
+        Report(0, 1.0, ReportKind.LINK, Severity.ALARM, "lost", Identity("MOE", number))
         for number in (7, 8)
     ]
-    assert list(entries(RunHistory(1.0, tuple(losses)), Wanted())) == losses
+    assert list(entries(RunHistory(1.0, tuple(losses)), LogFilter())) == losses

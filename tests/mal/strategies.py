@@ -11,7 +11,7 @@ from adapters.mal import (
     Field,
     ObjectRef,
     Specification,
-    Typed,
+    TypedAttribute,
     TypedList,
 )
 from adapters.mal.specification import (
@@ -78,7 +78,7 @@ class Strategies:
         self._types = specification.types
         self._values = values = VALUES | (values or {})
         self.typed = st.sampled_from(AttributeType).flatmap(
-            lambda kind: values[kind].map(lambda v: Typed(kind, v))
+            lambda kind: values[kind].map(lambda v: TypedAttribute(kind, v))
         )
         self._typed_lists = st.sampled_from(AttributeType).flatmap(
             lambda kind: st.lists(values[kind], max_size=4).map(lambda v: TypedList(kind, tuple(v)))

@@ -11,10 +11,10 @@ from adapters.mal import (
     AttributeType,
     DecodeError,
     Header,
+    InteractionStage,
     MalError,
     Provider,
-    Stage,
-    Typed,
+    TypedAttribute,
     connection,
     encode_message,
 )
@@ -34,7 +34,7 @@ async def deaf(provider: Provider) -> asyncio.StreamWriter:
 
 def request(provider: Provider, number: int) -> bytes:
     operation = SPECIFICATION.operation(SERVICE, "doRequest")
-    header = Header.of(operation, Stage.REQUEST, number, to_uri=str(provider.uri))
+    header = Header.of(operation, InteractionStage.REQUEST, number, to_uri=str(provider.uri))
     return encode_message(header, bytes(8))
 
 
@@ -89,7 +89,7 @@ async def test_small_messages_are_not_held_back() -> None:
 
 async def test_extra_information_that_does_not_fit_is_left_out() -> None:
     def handler(*_: Any) -> None:
-        raise MalError(7, Typed(AttributeType.OCTET, 1000))
+        raise MalError(7, TypedAttribute(AttributeType.OCTET, 1000))
 
     async with provided() as provider, connected(provider) as consumer:
         provider.serve(SERVICE, "doRequest", handler)

@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 
 from adapters.mal import (
-    Call,
+    CallContext,
     Consumer,
     Encoding,
     Interaction,
-    Limits,
+    InteractionStage,
     MalError,
-    Stage,
+    PeerLimits,
     StandardError,
     UpdateError,
     encode_message,
@@ -44,9 +44,9 @@ async def all_of(consumer: Consumer, count: int = 3) -> tuple[Any, list[Any], An
 
 @pytest.mark.parametrize("encoding", list(Encoding))
 async def test_every_stage_goes_there_and_back(encoding: Encoding) -> None:
-    sent: asyncio.Queue[tuple[Call, int]] = asyncio.Queue()
+    sent: asyncio.Queue[tuple[CallContext, int]] = asyncio.Queue()
 
-    def send(call: Call, value: int) -> None:
+    def send(call: CallContext, value: int) -> None:
         sent.put_nowait((call, value))
 
     async with (
@@ -114,7 +114,7 @@ async def test_interactions_over_a_connection_are_bounded() -> None:
         await go_on.wait()
         return (1.0,)
 
-    async with provided(limits=Limits(share=3)) as provider, connected(provider) as consumer:
+    async with provided(limits=PeerLimits(share=3)) as provider, connected(provider) as consumer:
         provider.serve(SERVICE, "doInvoke", waits)
         running = [await consumer.invoke(SERVICE, "doInvoke", "") for _ in range(3)]
         error = await error_of(consumer.invoke(SERVICE, "doInvoke", ""))
@@ -129,13 +129,13 @@ async def test_interactions_over_a_connection_are_bounded() -> None:
 @pytest.mark.parametrize(
     ("handler", "stage"),
     [
-        ("refuse", Stage.PROGRESS_ACK),
-        ("update", Stage.PROGRESS_UPDATE),
-        ("", Stage.PROGRESS_RESPONSE),
+        ("refuse", InteractionStage.PROGRESS_ACK),
+        ("update", InteractionStage.PROGRESS_UPDATE),
+        ("", InteractionStage.PROGRESS_RESPONSE),
     ],
 )
 async def test_an_error_takes_the_place_of_the_message_that_would_come(
-    handler: str, stage: Stage
+    handler: str, stage: InteractionStage
 ) -> None:
     async def fail(interaction: Interaction, _: int) -> None:
         if handler != "refuse":

@@ -12,7 +12,15 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
-from adapters.mal import Call, Consumer, Interaction, MalError, Pattern, Provider, StandardError
+from adapters.mal import (
+    CallContext,
+    Consumer,
+    Interaction,
+    MalError,
+    Pattern,
+    Provider,
+    StandardError,
+)
 from tests.mal.wiretest import SERVICE, SPECIFICATION
 
 PATIENCE_S = 60.0
@@ -213,7 +221,7 @@ class Conversations(RuleBasedStateMachine):
     async def _all_over(self) -> None:
         await asyncio.gather(*self.tasks)
 
-    async def _answer(self, _call: Call, number: float) -> tuple[str]:
+    async def _answer(self, _call: CallContext, number: float) -> tuple[str]:
         step, value = await self.known[str(int(number))].steps.get()
         if step == "error":
             raise MalError(value)

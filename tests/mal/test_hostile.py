@@ -15,13 +15,13 @@ from adapters.mal import (
     DecodeError,
     EncodeError,
     Header,
+    InteractionStage,
     MalError,
     MalUri,
     NamedValue,
     Provider,
-    Stage,
     StandardError,
-    Typed,
+    TypedAttribute,
     encode_message,
 )
 from adapters.mal.codec import SHORTEST, decode_message
@@ -96,8 +96,8 @@ async def test_the_older_header_is_named_in_the_log(caplog: pytest.LogCaptureFix
     ("change", "why"),
     [
         ({"is_error": True}, "error REQUEST is nothing that a consumer sends"),
-        ({"stage": Stage.NOTIFY}, "NOTIFY is nothing that a consumer sends"),
-        ({"stage": Stage.REQUEST_RESPONSE}, "nothing that a consumer sends"),
+        ({"stage": InteractionStage.NOTIFY}, "NOTIFY is nothing that a consumer sends"),
+        ({"stage": InteractionStage.REQUEST_RESPONSE}, "nothing that a consumer sends"),
     ],
 )
 async def test_what_no_consumer_sends_ends_the_connection(
@@ -105,7 +105,7 @@ async def test_what_no_consumer_sends_ends_the_connection(
 ) -> None:
     async with provided() as provider:
         operation = SPECIFICATION.operation(SERVICE, "doRequest")
-        header = Header.of(operation, Stage.REQUEST, 1, to_uri=str(provider.uri))
+        header = Header.of(operation, InteractionStage.REQUEST, 1, to_uri=str(provider.uri))
         message = encode_message(dataclasses.replace(header, **change), bytes(8))
         assert await exchange(provider, message) == []
     assert why in caplog.text
@@ -161,10 +161,10 @@ def test_the_header_is_read_strictly(at: int, octet: int, why: str) -> None:
 def test_every_field_of_a_header_survives() -> None:
     nil, text = (
         NamedValue(name="nil"),
-        NamedValue(name="text", value=Typed(AttributeType.STRING, "é")),
+        NamedValue(name="text", value=TypedAttribute(AttributeType.STRING, "é")),
     )
     header = Header(
-        Stage.PROGRESS_UPDATE,
+        InteractionStage.PROGRESS_UPDATE,
         1,
         2,
         3,

@@ -8,7 +8,7 @@ import pytest
 
 from adapters.mal import (
     AttributeType,
-    Call,
+    CallContext,
     Consumer,
     EncodeError,
     Encoding,
@@ -16,7 +16,7 @@ from adapters.mal import (
     MalUri,
     NamedValue,
     StandardError,
-    Typed,
+    TypedAttribute,
     TypedList,
 )
 from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, error_of, provided
@@ -26,20 +26,20 @@ from tests.mal.wiretest import SERVICE, SPECIFICATION, Rec, connected, error_of,
 async def test_parts_go_there_and_back(encoding: Encoding) -> None:
     submitted = []
 
-    def submit(call: Call, name: str, on: bool) -> None:
+    def submit(call: CallContext, name: str, on: bool) -> None:
         submitted.append((call, name, on))
 
-    def echo(_: Call, value: Any, other: Any) -> tuple[Any, ...]:
+    def echo(_: CallContext, value: Any, other: Any) -> tuple[Any, ...]:
         return value, other
 
     async with provided(encoding=encoding) as provider:
         provider.serve(SERVICE, "doSubmit", submit)
         provider.serve(SERVICE, "rec", echo)
         async with connected(provider, name="MOE", encoding=encoding) as consumer:
-            prio = NamedValue(name="prio", value=Typed(AttributeType.UOCTET, 3))
+            prio = NamedValue(name="prio", value=TypedAttribute(AttributeType.UOCTET, 3))
             nil = NamedValue(name="nil")
             await consumer.submit(SERVICE, "doSubmit", "lamp", True, supplements=(prio, nil))
-            rec = Rec(name="r", ok=True, any=Typed(AttributeType.LONG, 5))
+            rec = Rec(name="r", ok=True, any=TypedAttribute(AttributeType.LONG, 5))
             assert await consumer.request(SERVICE, "rec", rec, None) == (rec, None)
     ((call, *parts),) = submitted
     assert parts == ["lamp", True]
@@ -51,8 +51,8 @@ async def test_parts_go_there_and_back(encoding: Encoding) -> None:
 
 
 async def test_errors_come_back_with_number_and_extra() -> None:
-    def fail(_: Call, code: int, text: str | None) -> None:
-        raise MalError(code, text and Typed(AttributeType.STRING, text))
+    def fail(_: CallContext, code: int, text: str | None) -> None:
+        raise MalError(code, text and TypedAttribute(AttributeType.STRING, text))
 
     def indices(*_: Any) -> None:
         raise MalError(3, TypedList(AttributeType.UINTEGER, (0, 3)))
@@ -98,7 +98,7 @@ async def test_a_reply_may_come_later_and_from_another_thread() -> None:
 
 
 async def test_what_is_not_served_gets_the_chosen_answer() -> None:
-    not_served = MalError(4, Typed(AttributeType.STRING, "not here"))
+    not_served = MalError(4, TypedAttribute(AttributeType.STRING, "not here"))
     async with provided(not_served=not_served) as provider, connected(provider) as consumer:
         for interaction in (
             consumer.submit(SERVICE, "doSubmit", "x", True),

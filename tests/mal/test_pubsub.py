@@ -12,16 +12,16 @@ from adapters.mal import (
     EncodeError,
     Encoding,
     Header,
+    InteractionStage,
     Keys,
-    Limits,
     MalError,
     MalUri,
+    PeerLimits,
     Publisher,
-    Stage,
     StandardError,
     Subscription,
     SubscriptionFilter,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
     connection,
     encode_message,
@@ -56,7 +56,7 @@ def publish(
     publisher: Publisher, value: float, name: str = "POS_X", droppable: bool = True
 ) -> None:
     publisher.publish(
-        Typed(AttributeType.DOUBLE, value),
+        TypedAttribute(AttributeType.DOUBLE, value),
         REC,
         keys=(name, 7),
         domain=("esa", "rover1"),
@@ -75,7 +75,7 @@ async def test_updates_reach_whom_they_are_for(encoding: Encoding) -> None:
         publisher = provider.publisher(SERVICE, MONITOR)
         everything, some = Updates(), Updates()
         await one.subscribe(SERVICE, MONITOR, Subscription(subscriptionId="s"), everything)
-        wanted = (Typed(AttributeType.IDENTIFIER, "HEAD"),)
+        wanted = (TypedAttribute(AttributeType.IDENTIFIER, "HEAD"),)
         only_head = Subscription(
             subscriptionId="s",
             domain=("esa", "*"),
@@ -89,8 +89,8 @@ async def test_updates_reach_whom_they_are_for(encoding: Encoding) -> None:
         assert await some.have(2) == [1.0, 3.0]
         header, value, rec = some.seen[0]
         assert (header.source, header.domain) == ("aboard", ("esa", "rover1"))
-        assert [key.value for key in header.keyValues] == [Typed(AttributeType.LONG, 7)]
-        assert value == Typed(AttributeType.DOUBLE, 1.0)
+        assert [key.value for key in header.keyValues] == [TypedAttribute(AttributeType.LONG, 7)]
+        assert value == TypedAttribute(AttributeType.DOUBLE, 1.0)
         assert rec == REC
 
 
@@ -112,7 +112,7 @@ async def test_a_subscription_is_replaced_and_ended() -> None:
 
 async def test_a_consumer_deregisters_before_it_hangs_up() -> None:
     operation = SPECIFICATION.operation(SERVICE, MONITOR)
-    stages: asyncio.Queue[Stage] = asyncio.Queue()
+    stages: asyncio.Queue[InteractionStage] = asyncio.Queue()
 
     def answer(connection: Connection, header: Header, _: bytes) -> None:
         stages.put_nowait(header.stage)
@@ -129,9 +129,9 @@ async def test_a_consumer_deregisters_before_it_hangs_up() -> None:
     await consumer.close()
     server.close()
     assert [stages.get_nowait() for _ in range(3)] == [
-        Stage.REGISTER,
-        Stage.REGISTER,
-        Stage.DEREGISTER,
+        InteractionStage.REGISTER,
+        InteractionStage.REGISTER,
+        InteractionStage.DEREGISTER,
     ]
 
 
@@ -145,7 +145,7 @@ async def test_nothing_is_registered_where_nothing_is_published() -> None:
 
 
 async def test_subscriptions_are_bounded() -> None:
-    limits = Limits(subscriptions=3, share=2)
+    limits = PeerLimits(subscriptions=3, share=2)
     async with (
         provided(limits=limits) as provider,
         connected(provider) as greedy,
@@ -213,14 +213,18 @@ async def test_notifications_carry_the_transaction_of_the_first_registration() -
         operation = SPECIFICATION.operation(SERVICE, MONITOR)
         for number, name in ((-5, b"a"), (6, b"b")):
             header = Header.of(
-                operation, Stage.REGISTER, number, from_uri="maltcp://h:1/MOE", to_uri=str(uri)
+                operation,
+                InteractionStage.REGISTER,
+                number,
+                from_uri="maltcp://h:1/MOE",
+                to_uri=str(uri),
             )
             connection.send(encode_message(header, b"\0\0\0\1" + name + b"\0\0\0"))
             assert (await arrived.get()).transaction_id == number
         publish(publisher, 1.0)
         for _ in range(2):
             notification = await arrived.get()
-            assert notification.stage is Stage.NOTIFY
+            assert notification.stage is InteractionStage.NOTIFY
             assert notification.transaction_id == -5
             assert notification.from_uri == str(uri)
             assert notification.to_uri == "maltcp://h:1/MOE"
@@ -237,9 +241,9 @@ async def test_a_remote_publisher_is_refused() -> None:
         await loop.create_connection(lambda: connection, uri.host, uri.port)
         operation = SPECIFICATION.operation(SERVICE, MONITOR)
         for stage, answer, number in (
-            (Stage.PUBLISH_REGISTER, Stage.PUBLISH_REGISTER_ACK, 65548),
-            (Stage.PUBLISH, Stage.PUBLISH, 65552),
-            (Stage.PUBLISH_DEREGISTER, Stage.PUBLISH_DEREGISTER_ACK, 65548),
+            (InteractionStage.PUBLISH_REGISTER, InteractionStage.PUBLISH_REGISTER_ACK, 65548),
+            (InteractionStage.PUBLISH, InteractionStage.PUBLISH, 65552),
+            (InteractionStage.PUBLISH_DEREGISTER, InteractionStage.PUBLISH_DEREGISTER_ACK, 65548),
         ):
             header = Header.of(operation, stage, 1, to_uri=str(uri))
             connection.send(encode_message(header, b""))
@@ -278,12 +282,12 @@ async def test_a_subscriber_that_does_not_read_loses_what_may_be_lost_or_the_con
             provider.uri.host, provider.uri.port, limit=1 << 10
         )
         operation = SPECIFICATION.operation(SERVICE, MONITOR)
-        header = Header.of(operation, Stage.REGISTER, 1, to_uri=str(provider.uri.broker))
+        header = Header.of(operation, InteractionStage.REGISTER, 1, to_uri=str(provider.uri.broker))
         writer.write(encode_message(header, b"\0\0\0\1s\0\0\0"))
         await reader.readexactly(20)
         writer.transport.pause_reading()  # type: ignore[attr-defined]
         for number in range(1000):
-            value = Typed(AttributeType.DOUBLE, float(number))
+            value = TypedAttribute(AttributeType.DOUBLE, float(number))
             publisher.publish(value, big, keys=("k", 1), domain=("esa",), droppable=droppable)
             await received.have(number + 1)
         assert ("messages wait that may not be dropped" in caplog.text) is not droppable
@@ -344,14 +348,14 @@ def test_domains(wanted: str | None, there: str | None, match: bool) -> None:
     assert domain_matches(domain(wanted), domain(there)) is match
 
 
-def identifier(value: str) -> Typed:
-    return Typed(AttributeType.IDENTIFIER, value)
+def identifier(value: str) -> TypedAttribute:
+    return TypedAttribute(AttributeType.IDENTIFIER, value)
 
 
 KEYS: Keys = {
     "parameter": identifier("POS_X"),
-    "commandId": Typed(AttributeType.LONG, 7),
-    "stage": Typed(AttributeType.UOCTET, 3),
+    "commandId": TypedAttribute(AttributeType.LONG, 7),
+    "stage": TypedAttribute(AttributeType.UOCTET, 3),
     "source": None,
 }
 
@@ -363,7 +367,7 @@ KEYS: Keys = {
         ({}, True),
         ({"parameter": []}, True),
         ({"parameter": [identifier("POS_X")]}, True),
-        ({"parameter": [Typed(AttributeType.STRING, "POS_X")]}, True),
+        ({"parameter": [TypedAttribute(AttributeType.STRING, "POS_X")]}, True),
         ({"parameter": [identifier("POS_Y")]}, False),
         ({"parameter": [identifier("POS_Y"), identifier("POS_X")]}, True),
         ({"parameter": [identifier("*")]}, True),
@@ -371,17 +375,23 @@ KEYS: Keys = {
         ({"source": [identifier("MOE")]}, False),
         ({"source": [None]}, True),
         ({"parameter": [None]}, False),
-        ({"commandId": [Typed(AttributeType.LONG, 7)]}, True),
-        ({"commandId": [Typed(AttributeType.INTEGER, 7)]}, False),
-        ({"commandId": [Typed(AttributeType.LONG, 8)]}, False),
-        ({"commandId": [Typed(AttributeType.LONG, 0)]}, True),
-        ({"stage": [Typed(AttributeType.UOCTET, 0)]}, False),
-        ({"stage": [Typed(AttributeType.UOCTET, 3)]}, True),
+        ({"commandId": [TypedAttribute(AttributeType.LONG, 7)]}, True),
+        ({"commandId": [TypedAttribute(AttributeType.INTEGER, 7)]}, False),
+        ({"commandId": [TypedAttribute(AttributeType.LONG, 8)]}, False),
+        ({"commandId": [TypedAttribute(AttributeType.LONG, 0)]}, True),
+        ({"stage": [TypedAttribute(AttributeType.UOCTET, 0)]}, False),
+        ({"stage": [TypedAttribute(AttributeType.UOCTET, 3)]}, True),
         ({"colour": []}, False),
-        ({"parameter": [identifier("POS_X")], "stage": [Typed(AttributeType.UOCTET, 4)]}, False),
+        (
+            {
+                "parameter": [identifier("POS_X")],
+                "stage": [TypedAttribute(AttributeType.UOCTET, 4)],
+            },
+            False,
+        ),
     ],
 )
-def test_filters(filters: dict[str, list[Typed]] | None, match: bool) -> None:
+def test_filters(filters: dict[str, list[TypedAttribute]] | None, match: bool) -> None:
     subscription = Subscription(
         subscriptionId="s",
         filters=None

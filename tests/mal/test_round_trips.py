@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from adapters.mal import Codec, DecodeError, Encoding, Field, Operation, Stage
+from adapters.mal import Codec, DecodeError, Encoding, Field, InteractionStage, Operation
 from adapters.mal.specification import TypeRef
 from tests.mal.strategies import Strategies
 from tests.mal.wiretest import SPECIFICATION
@@ -63,7 +63,7 @@ def test_values_of_every_type_survive(ref: TypeRef, data: st.DataObject) -> None
 @settings(max_examples=10)
 @given(data=st.data())
 def test_the_parts_of_every_message_survive(
-    message: tuple[Operation, Stage], data: st.DataObject
+    message: tuple[Operation, InteractionStage], data: st.DataObject
 ) -> None:
     operation, stage = message
     assert_survives(operation.parts[stage], data)

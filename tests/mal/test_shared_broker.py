@@ -17,14 +17,14 @@ from adapters.mal import (
     Consumer,
     EncodeError,
     Encoding,
-    Limits,
+    InteractionStage,
     MalError,
     NullableAttribute,
+    PeerLimits,
     Publication,
-    Stage,
     StandardError,
     Subscription,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
     encode_message,
 )
@@ -53,7 +53,7 @@ async def client(uri: Any, **options: Any) -> AsyncIterator[Consumer]:
 
 async def publish(publication: Publication, value: float, **changes: Any) -> None:
     options = {"keys": ("POS_X", 7), "domain": ("esa", "rover1"), "source": "r", **changes}
-    typed = Typed(AttributeType.DOUBLE, value)
+    typed = TypedAttribute(AttributeType.DOUBLE, value)
     await publication.publish(typed, Rec(name="r", ok=True), **options)
 
 
@@ -105,8 +105,8 @@ async def test_updates_go_from_process_to_process(encoding: Encoding) -> None:
             source="r",
             domain=("esa", "rover1"),
             keyValues=(
-                NullableAttribute(value=Typed(AttributeType.IDENTIFIER, "POS_X")),
-                NullableAttribute(value=Typed(AttributeType.LONG, 7)),
+                NullableAttribute(value=TypedAttribute(AttributeType.IDENTIFIER, "POS_X")),
+                NullableAttribute(value=TypedAttribute(AttributeType.LONG, 7)),
             ),
         )
         await publication.close()
@@ -180,7 +180,9 @@ async def test_other_keys_than_the_operations_are_refused(names: Any, types: Any
     async with provided() as provider, client(provider.uri) as publisher:
         provider.open(SERVICE, MONITOR)
         with pytest.raises(MalError, match="parameter IDENTIFIER, asset LONG") as raised:
-            await publisher._single(SERVICE, MONITOR, Stage.PUBLISH_REGISTER, (names, types))
+            await publisher._single(
+                SERVICE, MONITOR, InteractionStage.PUBLISH_REGISTER, (names, types)
+            )
         assert raised.value.number == StandardError.UNKNOWN.value
 
 
@@ -189,10 +191,10 @@ async def test_other_keys_than_the_operations_are_refused(names: Any, types: Any
     [
         None,
         (),
-        (NullableAttribute(value=Typed(AttributeType.IDENTIFIER, "POS_X")),),
+        (NullableAttribute(value=TypedAttribute(AttributeType.IDENTIFIER, "POS_X")),),
         (
-            NullableAttribute(value=Typed(AttributeType.LONG, 7)),
-            NullableAttribute(value=Typed(AttributeType.LONG, 7)),
+            NullableAttribute(value=TypedAttribute(AttributeType.LONG, 7)),
+            NullableAttribute(value=TypedAttribute(AttributeType.LONG, 7)),
         ),
     ],
 )
@@ -204,14 +206,14 @@ async def test_key_values_that_do_not_fit_are_refused(values: Any) -> None:
         )
         update = (UpdateHeader(keyValues=values), None, Rec(name="r", ok=True))
         _, _, message = publisher._message(
-            SERVICE, MONITOR, Stage.PUBLISH, update, number=publication._number
+            SERVICE, MONITOR, InteractionStage.PUBLISH, update, number=publication._number
         )
         publisher._connection.send(message)
         assert await refused(publication) == StandardError.UNKNOWN.value
 
 
 async def test_publishers_are_bounded() -> None:
-    async with provided(limits=Limits(share=2)) as provider, client(provider.uri) as publisher:
+    async with provided(limits=PeerLimits(share=2)) as provider, client(provider.uri) as publisher:
         provider.open(SERVICE, MONITOR)
         numbers = []
         for name in ("a", "b", "a", "c"):

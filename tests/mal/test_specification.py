@@ -12,12 +12,12 @@ from adapters.mal import (
     AttributeType,
     Codec,
     Field,
+    InteractionStage,
     MalError,
     NamedValue,
     Pattern,
     Specification,
     SpecificationError,
-    Stage,
     StandardError,
     load_specification,
 )
@@ -48,7 +48,7 @@ def test_operations_are_found_by_name_and_number() -> None:
     operation = SPECIFICATION.operation("Vectors", "monitor")
     assert operation.pattern is Pattern.PUBSUB
     assert [key.name for key in operation.keys] == ["parameter", "asset"]
-    notify = operation.parts[Stage.NOTIFY]
+    notify = operation.parts[InteractionStage.NOTIFY]
     assert [p.name for p in notify] == ["subscriptionId", "updateHeader", "value", "rec"]
     assert SPECIFICATION.resolve(177, 1, 3, 6) is operation
     with pytest.raises(KeyError):
@@ -81,8 +81,8 @@ def test_a_generated_module_is_taken_and_its_classes_used(tmp_path: Path) -> Non
     operation = specification.operation("Vectors", "derived")
     value = module.Derived(id=1, inner=module.Rec(name="r", ok=True, mode=module.Mode.STOP))
     codec = Codec(specification)
-    body = codec.encode(operation.parts[Stage.REQUEST], (value,))
-    assert codec.decode(operation.parts[Stage.REQUEST], body) == (value,)
+    body = codec.encode(operation.parts[InteractionStage.REQUEST], (value,))
+    assert codec.decode(operation.parts[InteractionStage.REQUEST], body) == (value,)
 
 
 def test_a_generated_module_keeps_comments_and_units(tmp_path: Path) -> None:
@@ -168,7 +168,7 @@ def test_parts_may_be_without_names_and_errors_within_operations(tmp_path: Path)
     )
     operation = load_specification(path).operation("S", "go")
     assert operation.errors == ("UNKNOWN", "Late")
-    assert operation.parts[Stage.SUBMIT] == (
+    assert operation.parts[InteractionStage.SUBMIT] == (
         Field("part0", TypeRef("MAL", "Long"), nullable=True),
         Field("part1", TypeRef("MAL", "String", is_list=True), nullable=True),
     )

@@ -8,7 +8,7 @@ import pytest
 import trustme
 
 from adapters.mal import (
-    Call,
+    CallContext,
     Certificates,
     Consumer,
     MalError,
@@ -90,7 +90,7 @@ async def test_a_handler_is_told_whom_the_certificate_names(
     assert (moe.name() or "") == name
     rover = certified(tmp_path, "rover", authority, authority)
 
-    def submit(call: Call, *_: Any) -> None:
+    def submit(call: CallContext, *_: Any) -> None:
         names.append(call.peer_name)
 
     for tls in ((rover.for_provider(), moe.for_consumer()), (None, None)):

@@ -6,7 +6,14 @@ from typing import Any
 
 import pytest
 
-from adapters.mal import Consumer, Interaction, Provider, Stage, load_specification, transactions
+from adapters.mal import (
+    Consumer,
+    Interaction,
+    InteractionStage,
+    Provider,
+    load_specification,
+    transactions,
+)
 
 SPECIFICATION = load_specification(Path(__file__).with_name("transfer.xml"))
 CHUNK = bytes(range(256)) * 256
@@ -88,7 +95,7 @@ async def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
     deaf = await Consumer.connect(SPECIFICATION, provider.uri)
     provider.serve("Transfer", "fetch", other.fetch)
     operation = SPECIFICATION.operation("Transfer", "fetch")
-    _, _, message = deaf._message("Transfer", operation.name, Stage.PROGRESS, (COUNT,))
+    _, _, message = deaf._message("Transfer", operation.name, InteractionStage.PROGRESS, (COUNT,))
     deaf._connection.pause_reading(deaf)
     deaf._connection.send(message)
     assert await settled(other) < COUNT
@@ -115,7 +122,7 @@ async def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None
 
     provider, deaf = await provided(Source())
     provider.serve("Transfer", "fetch", fetch)
-    _, _, message = deaf._message("Transfer", "fetch", Stage.PROGRESS, (COUNT,))
+    _, _, message = deaf._message("Transfer", "fetch", InteractionStage.PROGRESS, (COUNT,))
     deaf._connection.pause_reading(deaf)
     deaf._connection.send(message)
     await given_up.wait()

@@ -36,7 +36,7 @@ from executive.values.facts import Battery, CameraAngles, Odometry
 from executive.values.geometry import Pose, Velocity
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Reason
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.mops.test_codec import NAMES
 
 SPELLING = load_dictionary().spelling.telemetry
@@ -105,7 +105,7 @@ ASKED = DICTIONARY.command(MoveForward(1.0), Identity("MOE", 7), "JACKAL")
 EXECUTED = Report(
     sequence=12,
     utc_s=1.5,
-    kind=Kind.COMMAND,
+    kind=ReportKind.COMMAND,
     severity=Severity.INFORMATIONAL,
     text="MoveForward",
     identity=Identity("MOE", 7),
@@ -116,7 +116,7 @@ REPLIES = st.builds(
     Report,
     sequence=NUMBERS,
     utc_s=TIMES,
-    kind=st.just(Kind.COMMAND),
+    kind=st.just(ReportKind.COMMAND),
     severity=st.sampled_from(Severity),
     text=TEXTS,
     identity=st.builds(Identity, NAMES, st.integers(0, HIGHEST_ID)),
@@ -130,7 +130,7 @@ EVENTS = st.builds(
     Report,
     sequence=NUMBERS,
     utc_s=TIMES,
-    kind=st.just(Kind.EVENT),
+    kind=st.just(ReportKind.EVENT),
     severity=st.sampled_from(Severity),
     text=TEXTS,
     reason=st.none() | st.sampled_from(Reason),
@@ -155,8 +155,8 @@ def test_every_event_comes_back(report: Report) -> None:
 
 
 def test_an_event_on_a_link_is_an_event() -> None:
-    report = Report(1, 2.0, Kind.LINK, Severity.WARNING, "gone")
-    assert heard(event_of(report, EVENT, "JACKAL")) == replace(report, kind=Kind.EVENT)
+    report = Report(1, 2.0, ReportKind.LINK, Severity.WARNING, "gone")
+    assert heard(event_of(report, EVENT, "JACKAL")) == replace(report, kind=ReportKind.EVENT)
 
 
 def test_they_read_so() -> None:
@@ -219,7 +219,7 @@ def test_replies_of_a_brick_are_understood(
 
 
 REPLY = reply_of(EXECUTED, MOVE, "JACKAL")
-SAID = event_of(Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKAL")
+SAID = event_of(Report(5, 2.0, ReportKind.EVENT, Severity.ALARM, "hot"), EVENT, "JACKAL")
 
 
 @pytest.mark.parametrize(
@@ -264,7 +264,7 @@ def test_what_no_asset_says_is_named(message: Message, fault: str) -> None:
 
 
 def test_who_numbers_reports_names_the_ledger() -> None:
-    event = Report(5, 2.0, Kind.EVENT, Severity.ALARM, "hot")
+    event = Report(5, 2.0, ReportKind.EVENT, Severity.ALARM, "hot")
     for report, plain, named in (
         (EXECUTED, REPLY, reply_of(EXECUTED, MOVE, "JACKAL", ledger="9f3a")),
         (event, SAID, event_of(event, EVENT, "JACKAL", "9f3a")),
@@ -281,7 +281,7 @@ def test_what_is_on_a_command_is_no_event_and_the_other_way_round() -> None:
     with pytest.raises(MopsError):
         event_of(EXECUTED, EVENT, "JACKAL")
     with pytest.raises(MopsError):
-        reply_of(Report(1, 2.0, Kind.EVENT, Severity.ALARM, "hot"), MOVE, "JACKAL")
+        reply_of(Report(1, 2.0, ReportKind.EVENT, Severity.ALARM, "hot"), MOVE, "JACKAL")
 
 
 def test_a_text_that_is_too_long_is_cut_and_still_fits() -> None:

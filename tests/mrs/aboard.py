@@ -14,9 +14,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
-from adapters.mal import AttributeType, Consumer, MalError, MalUri, Typed, TypedList
-from adapters.mrs.ground import MrsClient, Outcome
-from adapters.mrs.link import Housekeeping, MrsLink
+from adapters.mal import AttributeType, Consumer, MalError, MalUri, TypedAttribute, TypedList
+from adapters.mrs.ground import CommandOutcome, MrsClient
+from adapters.mrs.link import HousekeepingSource, MrsLink
 from adapters.mrs.spec import (
     CommandHeader,
     Notification,
@@ -27,7 +27,7 @@ from adapters.mrs.spec import (
     Validity,
     mrs_specification,
 )
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.terms import CLEAR, TransportSettings
 from executive.commands import Request
 from executive.core.runner import Executive
 from executive.history import HistoryBuilder
@@ -60,7 +60,7 @@ def raises(number: int, *arguments: int) -> Iterator[None]:
         assert raised.value.extra == TypedList(AttributeType.UINTEGER, arguments)
 
 
-def stages(outcome: Outcome) -> list[Stage | None]:
+def stages(outcome: CommandOutcome) -> list[Stage | None]:
     """Return the stages of a command's life."""
     return [notification.stage for notification in outcome.life]
 
@@ -77,10 +77,12 @@ def event(**changes: Any) -> Notification:
     return replace(dust, **changes)
 
 
-def reading(name: str, value: Typed | float | None = 1.0, **changes: Any) -> ParameterValue:
+def reading(
+    name: str, value: TypedAttribute | float | None = 1.0, **changes: Any
+) -> ParameterValue:
     """Return a value of a parameter: a Double, unless it says otherwise; INVALID without any."""
     validity = Validity.INVALID if value is None else Validity.VALID
-    typed = Typed(AttributeType.DOUBLE, value) if isinstance(value, float) else value
+    typed = TypedAttribute(AttributeType.DOUBLE, value) if isinstance(value, float) else value
     return replace(
         ParameterValue(name=name, timestamp=0, validity=validity, value=typed), **changes
     )
@@ -93,12 +95,12 @@ class LinkedBench(Bench):
         self,
         folder: Path,
         port: int,
-        terms: Terms,
+        terms: TransportSettings,
         asset: str,
         service_layer: str | None,
         authority: AuthoritySettings,
         explains: bool,
-        housekeeping: Housekeeping | None,
+        housekeeping: HousekeepingSource | None,
     ) -> None:
         self._housekeeping = housekeeping
         self._history = HistoryBuilder(leaf_paths, KEPT) if explains else None
@@ -145,12 +147,12 @@ class Aboard:
         self,
         folder: Path,
         port: int | None = None,
-        terms: Terms = CLEAR,
+        terms: TransportSettings = CLEAR,
         asset: str = "jackal",
         service_layer: str | None = None,
         authority: AuthoritySettings = ANYBODY,
         explains: bool = False,
-        housekeeping: Housekeeping | None = None,
+        housekeeping: HousekeepingSource | None = None,
     ) -> None:
         self.housekeeping = housekeeping
         self.authority = authority
@@ -203,11 +205,11 @@ class Aboard:
 
         return asyncio.run(hold())
 
-    def carry_out(self, *requests: Request) -> list[Outcome]:
+    def carry_out(self, *requests: Request) -> list[CommandOutcome]:
         """Let time run and send requests, each when the one before has ended."""
         self.runs = True
 
-        async def session(client: MrsClient) -> list[Outcome]:
+        async def session(client: MrsClient) -> list[CommandOutcome]:
             return [await client.run(client.command(request)) for request in requests]
 
         return self.ground(session)

@@ -10,7 +10,7 @@ from adapters.mal import Certificates
 from adapters.mrs.fleet.fleet_link import FleetLink
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AssetMode, Notification
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.terms import CLEAR, TransportSettings
 from tests.mrs.aboard import Aboard
 
 LIMIT_S = 60.0
@@ -91,7 +91,7 @@ class Fleet:
     def __init__(
         self,
         folder: Path,
-        terms: Terms = CLEAR,
+        terms: TransportSettings = CLEAR,
         certificates: Mapping[str, Certificates] | None = None,
     ) -> None:
         self._folder = folder

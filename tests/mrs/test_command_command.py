@@ -15,12 +15,11 @@ from click.testing import CliRunner, Result
 
 from adapters.cli.main import main
 from adapters.mrs.cli.command_group import action
-from adapters.mrs.cli.sending import Sending
+from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.ground.session import Session
+from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import AreaError
 from executive.commands import (
-    Arrival,
     Command,
     DriveFor,
     ExecuteAction,
@@ -28,6 +27,7 @@ from executive.commands import (
     MoveCameraAngles,
     MoveForward,
     MoveTo,
+    PreemptionPolicy,
     Request,
     RotateBy,
     RotateTo,
@@ -117,7 +117,7 @@ def test_what_is_typed_is_what_the_core_gets(
     result = command(aboard, "--no-wait", *typed.split())
     assert (result.exit_code, result.output.splitlines()[-1]) == (DONE, "taken")
     assert [each.request for each in taken] == [request_]
-    assert taken[0].arrival is Arrival.APPEND
+    assert taken[0].arrival is PreemptionPolicy.APPEND
 
 
 def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
@@ -125,7 +125,7 @@ def test_options_go_along(aboard: Aboard, taken: list[Command]) -> None:
     assert command(aboard, *options, "moveForward", "1", "--replace").exit_code == DONE
     assert str(taken[0].identity) == "MOE-7:42"
     assert taken[0].lifetime_s == 1e9
-    assert taken[0].arrival is Arrival.REPLACE
+    assert taken[0].arrival is PreemptionPolicy.REPLACE
 
 
 def test_tells_the_life_of_a_command(aboard: Aboard) -> None:
@@ -226,7 +226,8 @@ def test_a_rover_that_goes_away_cannot_be_reached(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "adapters.mrs.ground.client.Session", lambda *most: Session(*(*most[:-2], 0.1, most[-1]))
+        "adapters.mrs.ground.client.Session",
+        lambda *most: RoverSession(*(*most[:-2], 0.1, most[-1])),
     )
     executive = aboard.do(lambda bench: bench.executive)
     monkeypatch.setattr(executive, "wake", lambda: threading.Thread(target=aboard.hang_up).start())
@@ -334,7 +335,7 @@ def test_the_examples_of_a_declaration_can_be_typed(
     monkeypatch: pytest.MonkeyPatch, name: str, typed: str
 ) -> None:
     sent: list[Request] = []
-    monkeypatch.setattr(Sending, "send", lambda _, request, *__: sent.append(request))
+    monkeypatch.setattr(CommandSender, "send", lambda _, request, *__: sent.append(request))
     assert rover("command", name, *typed.split()).exit_code == DONE
     assert [declaration_of(type(request)).name for request in sent] == [name]
     assert f"rover command {name} {typed}".strip() in rover("command", name, "--help").output

@@ -8,12 +8,12 @@ import pytest
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Stage, types
 from executive.commands import (
-    Arrival,
     DriveFor,
     FollowPath,
     MoveCameraAngles,
     MoveForward,
     MoveTo,
+    PreemptionPolicy,
     Request,
     Resume,
     RotateBy,
@@ -146,7 +146,9 @@ async def test_replaces_motion_where_the_supplement_says_so(
     aboard.run(1.0)
     await client.submit(client.command(MoveForward(10.0), command_id=2))
     aboard.run(1.0)
-    await client.submit(client.command(MoveForward(0.1), command_id=3, arrival=Arrival.REPLACE))
+    await client.submit(
+        client.command(MoveForward(0.1), command_id=3, arrival=PreemptionPolicy.REPLACE)
+    )
     aboard.run(10.0)
     past = await client.get_notifications()
     assert {n.commandId: (n.stage, n.code) for n in past if n.commandId} == {

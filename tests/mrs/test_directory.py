@@ -12,7 +12,7 @@ from adapters.mal import (
     Publication,
     ServiceId,
     Subscription,
-    Typed,
+    TypedAttribute,
 )
 from adapters.mrs.fleet import directory_service as registries
 from adapters.mrs.fleet.directory_service import asset_of, descriptor_fault
@@ -71,7 +71,10 @@ def test_a_name_is_held_while_its_holder_is_there(aboard: Aboard) -> None:
         holder = await Consumer.connect(mrs_specification(), aboard.uri)
         await holder.submit("ServiceLayer", "registerService", MAP)
         error = await refused(consumer, "registerService", elsewhere)
-        assert (error.number, error.extra) == (DUPLICATE, Typed(AttributeType.STRING, "Map"))
+        assert (error.number, error.extra) == (
+            DUPLICATE,
+            TypedAttribute(AttributeType.STRING, "Map"),
+        )
         assert describe_error(error) == "Duplicate: Map"
         # it came back before its former connection was missed
         await consumer.submit("ServiceLayer", "registerService", replace(MAP, operations=(1,)))
@@ -250,7 +253,7 @@ async def test_who_is_not_registered_over_this_connection_is_not(consumer: Consu
         (HEAD, ("scout", None), "scout"),
         (replace(HEAD, name="no name"), ("scout", "no name"), "scout"),
         (
-            replace(HEAD, value=Typed(AttributeType.DOUBLE, float("inf"))),
+            replace(HEAD, value=TypedAttribute(AttributeType.DOUBLE, float("inf"))),
             ("scout", "HEAD"),
             "scout",
         ),

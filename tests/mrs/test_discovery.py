@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from adapters.mal import Call, MalUri, Provider, ServiceId
+from adapters.mal import CallContext, MalUri, Provider, ServiceId
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.rover_consumer import ServiceLocation, ServiceLocations, service_locations
 from adapters.mrs.spec import CameraState, Notification, ServiceDescriptor, mrs_specification
@@ -111,7 +111,7 @@ async def in_parts() -> AsyncIterator[Parts]:
     missed = (event(sequence=1, cursor=1), event(sequence=2, cursor=2))
     parts.directory.serve("ServiceLayer", "getServices", lambda _: (services,))
 
-    def missed_since(_: Call, since: int, *__: object) -> tuple[tuple[Notification, ...]]:
+    def missed_since(_: CallContext, since: int, *__: object) -> tuple[tuple[Notification, ...]]:
         return (tuple(each for each in missed if each.sequence >= since),)
 
     parts.directory.serve("Notification", "getNotifications", missed_since)

@@ -13,7 +13,7 @@ import pytest
 from adapters.mal import Encoding, MalError, MalUri
 from adapters.mrs.ground import MrsClient, TransferError
 from adapters.mrs.spec import FileEventType
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from executive.commands import DeleteFile, MoveFile, TakePicture
 from tests.mrs.aboard import Aboard, raises
 from tests.support.certificates import make_ends
@@ -123,8 +123,10 @@ def test_a_file_is_fetched_on_the_terms_of_the_link(
     tmp_path: Path, encoding: Encoding, secured: bool
 ) -> None:
     ends = make_ends(tmp_path) if secured else None
-    ours = Terms(encoding, None if ends is None else ends.ground)
-    rover = Aboard(tmp_path, terms=Terms(encoding, None if ends is None else ends.rover))
+    ours = TransportSettings(encoding, None if ends is None else ends.ground)
+    rover = Aboard(
+        tmp_path, terms=TransportSettings(encoding, None if ends is None else ends.rover)
+    )
     to = tmp_path / "rock.jpg"
 
     async def session() -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from adapters.mal import Consumer, MalError, Progress, Subscription
+from adapters.mal import Consumer, MalError, ProgressStream, Subscription
 from adapters.mrs.aboard import FileServices
 from adapters.mrs.spec import FileEventType, FileReport, mrs_specification
 from executive.values.reports import Stage
@@ -24,7 +24,7 @@ BIG = random.Random(1).randbytes(1_000_000) * 50
 
 def retrieve(
     consumer: Consumer, path: str, offset: int | None = None, chunk: int | None = None
-) -> AbstractAsyncContextManager[Progress]:
+) -> AbstractAsyncContextManager[ProgressStream]:
     return consumer.progress("FileTransfer", "retrieveFile", path, offset, chunk)
 
 
@@ -42,7 +42,7 @@ async def fetch(
 
 
 def error_of(
-    aboard: Aboard, interfere: Callable[[Consumer, Progress], Awaitable[object]]
+    aboard: Aboard, interfere: Callable[[Consumer, ProgressStream], Awaitable[object]]
 ) -> MalError:
     """Begin a transfer, interfere once it is under way, and return the error that ends it."""
 

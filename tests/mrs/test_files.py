@@ -12,9 +12,16 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from adapters.mal import AttributeType, Consumer, MalError, Subscription, SubscriptionFilter, Typed
+from adapters.mal import (
+    AttributeType,
+    Consumer,
+    MalError,
+    Subscription,
+    SubscriptionFilter,
+    TypedAttribute,
+)
 from adapters.mrs.aboard import FileServices
-from adapters.mrs.aboard.file_access import FileWatch
+from adapters.mrs.aboard.file_access import FolderWatcher
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileEventType, FileInfo, mrs_specification
 from executive.state import FileFolder
@@ -132,7 +139,7 @@ async def test_news_can_be_asked_for_by_kind_of_file(aboard: Aboard, client: Mrs
 
     consumer = await Consumer.connect(mrs_specification(), aboard.uri)
     pictures = SubscriptionFilter(
-        name="mimeType", values=(Typed(AttributeType.STRING, "image/jpeg"),)
+        name="mimeType", values=(TypedAttribute(AttributeType.STRING, "image/jpeg"),)
     )
     await consumer.subscribe(
         "FileManagement",
@@ -176,14 +183,16 @@ async def _told(told: Told, count: int) -> list[tuple[FileEventKind, str]]:
         return [await told.get() for _ in range(count)]
 
 
-def _watching(act: Callable[[FileFolder, FileWatch, Told], Awaitable[None]], root: Path) -> None:
+def _watching(
+    act: Callable[[FileFolder, FolderWatcher, Told], Awaitable[None]], root: Path
+) -> None:
     """Run a session with a watch over a folder."""
 
     async def hold() -> None:
         told: Told = asyncio.Queue()
 
         folder = FileFolder(root, lambda _: None)
-        watch = FileWatch(folder, lambda kind, path, *_: told.put_nowait((kind, path)), 0.01)
+        watch = FolderWatcher(folder, lambda kind, path, *_: told.put_nowait((kind, path)), 0.01)
         await act(folder, watch, told)
 
     asyncio.run(hold())
@@ -192,7 +201,7 @@ def _watching(act: Callable[[FileFolder, FileWatch, Told], Awaitable[None]], roo
 def test_a_change_is_told_once_by_whoever_is_first(tmp_path: Path) -> None:
     (tmp_path / "known").write_bytes(b"1")
 
-    async def act(folder: FileFolder, watch: FileWatch, told: Told) -> None:
+    async def act(folder: FileFolder, watch: FolderWatcher, told: Told) -> None:
         (tmp_path / "new").write_bytes(b"1")
         watch.notify(FileEventKind.STORED, "new", folder.stamp("new"))
         (tmp_path / "found").write_bytes(b"1")
@@ -211,7 +220,7 @@ def test_a_change_is_told_once_by_whoever_is_first(tmp_path: Path) -> None:
 
 
 def test_a_file_that_came_and_went_is_told_of_in_order(tmp_path: Path) -> None:
-    async def act(folder: FileFolder, watch: FileWatch, told: Told) -> None:
+    async def act(folder: FileFolder, watch: FolderWatcher, told: Told) -> None:
         for name in ("a", "b"):
             (tmp_path / name).write_bytes(b"1")
             stamp = folder.stamp(name)
@@ -225,7 +234,7 @@ def test_a_file_that_came_and_went_is_told_of_in_order(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_being_written_is_told_of_when_it_rests(tmp_path: Path) -> None:
-    async def act(folder: FileFolder, _: FileWatch, told: Told) -> None:
+    async def act(folder: FileFolder, _: FolderWatcher, told: Told) -> None:
         looks = 0
         entries = folder.entries
 
@@ -248,7 +257,7 @@ def test_many_files_at_once_are_told_of_in_their_time(
 ) -> None:
     monkeypatch.setattr("adapters.mrs.aboard.file_access.MOST_REPORTED", 7)
 
-    async def act(_: FileFolder, __: FileWatch, told: Told) -> None:
+    async def act(_: FileFolder, __: FolderWatcher, told: Told) -> None:
         names = [f"{number:02}" for number in range(30)]
         for name in names:
             (tmp_path / name).write_bytes(b"1")
@@ -265,7 +274,7 @@ def test_many_files_at_once_are_told_of_in_their_time(
 def test_a_folder_that_cannot_be_looked_at_is_looked_at_again(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def act(folder: FileFolder, _: FileWatch, told: Told) -> None:
+    async def act(folder: FileFolder, _: FolderWatcher, told: Told) -> None:
         entries, faults = folder.entries, iter([OSError("bad disk")])
 
         def fail() -> object:

@@ -15,12 +15,12 @@ from adapters.mal import (
     MalError,
     Subscription,
     SubscriptionFilter,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
 )
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AssetMode, Notification, NotificationKind, ParameterValue, Severity
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from executive.commands import MoveForward, SetTravelSpeed, Stop
 from tests.mrs.aboard import Aboard
 from tests.mrs.fleet import (
@@ -69,7 +69,7 @@ def test_each_reads_the_other(fleet: Fleet) -> None:
 @pytest.mark.parametrize("encoding", [Encoding.VARIABLE, Encoding.SPLIT])
 def test_the_terms_of_the_link_hold_between_rovers_too(tmp_path: Path, encoding: Encoding) -> None:
     certificates = certified(tmp_path, "jackal", "scout")
-    fleet = Fleet(tmp_path, Terms(encoding), certificates)
+    fleet = Fleet(tmp_path, TransportSettings(encoding), certificates)
     try:
         jackal = fleet.launch("jackal")
         scout = fleet.launch("scout", above=jackal)
@@ -85,7 +85,7 @@ def test_who_speaks_in_clear_is_not_registered_where_certificates_are_asked_for(
     tmp_path: Path,
 ) -> None:
     ends = make_ends(tmp_path)
-    jackal = Aboard(tmp_path / "jackal", terms=Terms(certificates=ends.rover))
+    jackal = Aboard(tmp_path / "jackal", terms=TransportSettings(certificates=ends.rover))
     stranger = Aboard(tmp_path / "scout", asset="scout", service_layer=jackal.uri)
     try:
         eventually(lambda: said(stranger, "is away"))
@@ -117,7 +117,7 @@ def test_what_is_heard_is_broadcast_to_who_listens_at_either(fleet: Fleet) -> No
     jackal = fleet.launch("jackal")
     scout = fleet.launch("scout", above=jackal)
     wanted = SubscriptionFilter(
-        name="parameter", values=(Typed(AttributeType.IDENTIFIER, "TRAVEL_SPEED"),)
+        name="parameter", values=(TypedAttribute(AttributeType.IDENTIFIER, "TRAVEL_SPEED"),)
     )
     subscription = Subscription(subscriptionId="speeds", filters=(wanted,))
     for listener, speaker in ((jackal, scout), (scout, jackal)):

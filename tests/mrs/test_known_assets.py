@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mal import AttributeType, MalError, NamedValue, Typed
+from adapters.mal import AttributeType, MalError, NamedValue, TypedAttribute
 from adapters.mrs.fleet import known_assets as histories
 from adapters.mrs.fleet.fleet_subscriber import FIRST_PAGE, missed_notifications
 from adapters.mrs.fleet.known_assets import (
@@ -31,7 +31,7 @@ from tests.mrs.aboard import event, raises, reading
 
 
 def said(sequence: int, text: str = "", figures: int = 0) -> Notification:
-    figure = NamedValue(name="x", value=Typed(AttributeType.DOUBLE, 1.0))
+    figure = NamedValue(name="x", value=TypedAttribute(AttributeType.DOUBLE, 1.0))
     return event(sequence=sequence, text=text, parameters=(figure,) * figures)
 
 
@@ -145,7 +145,11 @@ def test_an_asset_has_only_so_many_parameters() -> None:
         reading("two words"),
         reading("HEAD", float("nan")),
         reading("HEAD", None, validity=Validity.VALID),
-        replace(reading("HEAD"), validity=Validity.INVALID, value=Typed(AttributeType.STRING, "1")),
+        replace(
+            reading("HEAD"),
+            validity=Validity.INVALID,
+            value=TypedAttribute(AttributeType.STRING, "1"),
+        ),
     ],
 )
 def test_a_value_is_a_finite_double_or_invalid(value: ParameterValue) -> None:
@@ -160,7 +164,10 @@ def test_a_value_is_a_finite_double_or_invalid(value: ParameterValue) -> None:
         replace(said(1), source="x" * 257),
         replace(said(1), parameters=(NamedValue(name="n" * 257),)),
         replace(
-            said(1), parameters=(NamedValue(name="n", value=Typed(AttributeType.BLOB, bytes(999))),)
+            said(1),
+            parameters=(
+                NamedValue(name="n", value=TypedAttribute(AttributeType.BLOB, bytes(999))),
+            ),
         ),
     ],
 )

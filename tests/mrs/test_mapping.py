@@ -13,10 +13,10 @@ from adapters.mal import (
     NamedValue,
     SpecificationError,
     StandardError,
-    Typed,
+    TypedAttribute,
     TypedList,
 )
-from adapters.mrs.ground.client import EPOCH_MS, CommandNumbers
+from adapters.mrs.ground.client import EPOCH_MS, CommandIdGenerator
 from adapters.mrs.spec import (
     REQUESTS,
     NotificationKind,
@@ -33,7 +33,7 @@ from adapters.mrs.spec import (
 )
 from adapters.mrs.spec.mapping import carrier_of
 from adapters.mrs.spec.types import Severity
-from executive.commands import Arrival, Command, MoveForward, Request, Stop, declaration_of
+from executive.commands import Command, MoveForward, PreemptionPolicy, Request, Stop, declaration_of
 from executive.values import reports
 from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
@@ -50,7 +50,7 @@ commands_of_any_kind = st.builds(
     counter=st.none() | st.integers(0, 1000),
     report_started=st.booleans(),
     report_progress=st.booleans(),
-    arrival=st.sampled_from(Arrival),
+    arrival=st.sampled_from(PreemptionPolicy),
     authority=st.none() | st.integers(1, (1 << 63) - 1),
 )
 
@@ -79,20 +79,20 @@ def test_a_declaration_that_is_not_the_operation_is_refused() -> None:
 def test_a_command_comes_back_from_its_header(command: Command) -> None:
     header, supplements = header_of(command), supplements_of(command)
     if isinstance(command.request, Stop):  # to which neither says anything
-        command = replace(command, arrival=Arrival.APPEND, authority=None)
+        command = replace(command, arrival=PreemptionPolicy.APPEND, authority=None)
     assert command_of(header, supplements, command.request) == command
 
 
 def supplement(kind: AttributeType, value: object) -> NamedValue:
-    return NamedValue(name="arrival", value=Typed(kind, value))
+    return NamedValue(name="arrival", value=TypedAttribute(kind, value))
 
 
 HEADER = header_of(Command(Identity("MOE", 1), Stop(), "direct"))
 
 
 def test_supplements_of_others_say_nothing_on_arrival() -> None:
-    other = NamedValue(name="trace", value=Typed(AttributeType.STRING, "replace"))
-    assert command_of(HEADER, (other,), MoveForward(1.0)).arrival is Arrival.APPEND
+    other = NamedValue(name="trace", value=TypedAttribute(AttributeType.STRING, "replace"))
+    assert command_of(HEADER, (other,), MoveForward(1.0)).arrival is PreemptionPolicy.APPEND
 
 
 @pytest.mark.parametrize(
@@ -102,9 +102,9 @@ def test_supplements_of_others_say_nothing_on_arrival() -> None:
         (supplement(AttributeType.STRING, "replace"),),
         (NamedValue(name="arrival"),),
         (supplement(AttributeType.IDENTIFIER, "append"),) * 2,
-        (NamedValue(name="authority", value=Typed(AttributeType.STRING, "7")),),
+        (NamedValue(name="authority", value=TypedAttribute(AttributeType.STRING, "7")),),
         (NamedValue(name="authority"),),
-        (NamedValue(name="authority", value=Typed(AttributeType.LONG, 7)),) * 2,
+        (NamedValue(name="authority", value=TypedAttribute(AttributeType.LONG, 7)),) * 2,
     ],
 )
 def test_a_supplement_that_says_nothing_clear_is_invalid_but_keeps_no_stop(
@@ -113,18 +113,18 @@ def test_a_supplement_that_says_nothing_clear_is_invalid_but_keeps_no_stop(
     with pytest.raises(MalError) as raised:
         command_of(HEADER, supplements, MoveForward(1.0))
     assert describe_error(raised.value).startswith(f"Invalid: supplement {supplements[0].name}: ")
-    assert command_of(HEADER, supplements, Stop()).arrival is Arrival.APPEND
+    assert command_of(HEADER, supplements, Stop()).arrival is PreemptionPolicy.APPEND
 
 
 @pytest.mark.parametrize(
     ("reason", "number", "extra"),
     [
         (Reason.OUT_OF_RANGE, 1, TypedList(AttributeType.UINTEGER, (2,))),
-        (Reason.WRONG_MODE, 2, Typed(AttributeType.STRING, "why")),
-        (Reason.DUPLICATE, 3, Typed(AttributeType.LONG, 7)),
-        (Reason.NOT_SUPPORTED, 4, Typed(AttributeType.STRING, "why")),
-        (Reason.QUEUE_FULL, 6, Typed(AttributeType.STRING, "why")),
-        (Reason.LEDGER_FAILED, 2, Typed(AttributeType.STRING, "why")),
+        (Reason.WRONG_MODE, 2, TypedAttribute(AttributeType.STRING, "why")),
+        (Reason.DUPLICATE, 3, TypedAttribute(AttributeType.LONG, 7)),
+        (Reason.NOT_SUPPORTED, 4, TypedAttribute(AttributeType.STRING, "why")),
+        (Reason.QUEUE_FULL, 6, TypedAttribute(AttributeType.STRING, "why")),
+        (Reason.LEDGER_FAILED, 2, TypedAttribute(AttributeType.STRING, "why")),
     ],
 )
 def test_the_block_of_a_reason_decides_the_error(
@@ -161,7 +161,7 @@ def test_a_report_becomes_a_notification() -> None:
     report = reports.Report(
         sequence=12,
         utc_s=1_800_000_000.25,
-        kind=reports.Kind.COMMAND,
+        kind=reports.ReportKind.COMMAND,
         severity=reports.Severity.WARNING,
         text="distance is above its bound",
         identity=Identity("MOE", 9),
@@ -176,14 +176,14 @@ def test_a_report_becomes_a_notification() -> None:
     assert (found.sequence, found.timestamp) == (12, 1_800_000_000_250_000_000)
     assert (found.commandId, found.source, found.code) == (9, "MOE", 102)
     assert found.parameters == (
-        NamedValue(name="distance", value=Typed(AttributeType.DOUBLE, 120.0)),
-        NamedValue(name="bound", value=Typed(AttributeType.DOUBLE, 100.0)),
+        NamedValue(name="distance", value=TypedAttribute(AttributeType.DOUBLE, 120.0)),
+        NamedValue(name="bound", value=TypedAttribute(AttributeType.DOUBLE, 100.0)),
     )
     assert notification_keys("jackal", found) == ("jackal", 1, 2, 9, 3)
 
 
 def test_what_is_of_no_command_has_no_command_in_its_keys() -> None:
-    event = reports.Report(1, 0.0, reports.Kind.EVENT, reports.Severity.ALARM, "tilted")
+    event = reports.Report(1, 0.0, reports.ReportKind.EVENT, reports.Severity.ALARM, "tilted")
     assert notification_keys("jackal", notification_of(event)) == ("jackal", 2, 3, None, None)
 
 
@@ -195,8 +195,8 @@ def test_numbers_of_kin_are_equal() -> None:
 def test_command_numbers_grow_within_and_across_clients() -> None:
     now_s = [(EPOCH_MS + 5) / 1000]
     system = TimedSystem(lambda: now_s[0])
-    first = CommandNumbers(system)
+    first = CommandIdGenerator(system)
     assert [first.take(), first.take(), first.take()] == [5, 6, 7]
     now_s[0] += 0.01
-    assert [first.take(), CommandNumbers(system).take()] == [15, 15]
-    assert CommandNumbers(TimedSystem(lambda: 0.0)).take() == 1
+    assert [first.take(), CommandIdGenerator(system).take()] == [15, 15]
+    assert CommandIdGenerator(TimedSystem(lambda: 0.0)).take() == 1

@@ -7,14 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from adapters.mal import Codec, Header, Stage, encode_message
+from adapters.mal import Codec, Header, InteractionStage, encode_message
 from adapters.mal.codec import decode_message
 from adapters.mrs.aboard import served_operations
 from adapters.mrs.spec import mrs_specification
 from tests.mrs.aboard import ANSWER_S, HEADER, Aboard
 
 DRIVE = mrs_specification().operation("MotionControl", "drive")
-BODY = Codec(mrs_specification()).encode(DRIVE.parts[Stage.SUBMIT], (HEADER, 0.5, 0.0, 5.0))
+BODY = Codec(mrs_specification()).encode(
+    DRIVE.parts[InteractionStage.SUBMIT], (HEADER, 0.5, 0.0, 5.0)
+)
 BAD_ENCODING = 65549
 
 
@@ -25,7 +27,7 @@ def address(aboard: Aboard) -> tuple[str, int]:
 
 def message(aboard: Aboard, body: bytes) -> bytes:
     header = Header.of(
-        DRIVE, Stage.SUBMIT, 7, from_uri="maltcp://127.0.0.1:1/test", to_uri=aboard.uri
+        DRIVE, InteractionStage.SUBMIT, 7, from_uri="maltcp://127.0.0.1:1/test", to_uri=aboard.uri
     )
     return encode_message(header, body)
 
@@ -112,7 +114,7 @@ def test_a_message_in_crumbs_is_a_message(aboard: Aboard) -> None:
         for octet in message(aboard, BODY):
             connection.sendall(bytes([octet]))
         header, _ = decode_message(received(connection))
-    assert (header.stage, header.is_error) == (Stage.SUBMIT_ACK, False)
+    assert (header.stage, header.is_error) == (InteractionStage.SUBMIT_ACK, False)
     assert moved(aboard)
 
 

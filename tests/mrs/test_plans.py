@@ -11,10 +11,10 @@ from adapters.mal import (
     Consumer,
     NamedValue,
     Subscription,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
 )
-from adapters.mrs.ground import MrsClient, Outcome
+from adapters.mrs.ground import CommandOutcome, MrsClient
 from adapters.mrs.spec import AssetMode, PlanStatus, PlanUpdate, Stage
 from adapters.mrs.spec.mapping import definition_of, wire_definition
 from adapters.mrs.spec.types import PlanDefinition
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.usefixtures("running")
 AHEAD = plan('<moveForward distance="3" deadline_s="60"/>')
 
 
-async def send(client: MrsClient, *requests: Request) -> list[Outcome]:
+async def send(client: MrsClient, *requests: Request) -> list[CommandOutcome]:
     return [await client.run(client.command(request)) for request in requests]
 
 
@@ -195,12 +195,12 @@ def test_updates_missed_while_the_link_was_lost_are_caught_up(running: Aboard) -
 @pytest.mark.parametrize(
     ("typed", "text"),
     [
-        (Typed(AttributeType.DOUBLE, 1.5), "1.5"),
-        (Typed(AttributeType.INTEGER, -3), "-3"),
-        (Typed(AttributeType.IDENTIFIER, "a"), "a"),
+        (TypedAttribute(AttributeType.DOUBLE, 1.5), "1.5"),
+        (TypedAttribute(AttributeType.INTEGER, -3), "-3"),
+        (TypedAttribute(AttributeType.IDENTIFIER, "a"), "a"),
     ],
 )
-def test_arguments_are_texts_or_numbers(typed: Typed, text: str) -> None:
+def test_arguments_are_texts_or_numbers(typed: TypedAttribute, text: str) -> None:
     given = (NamedValue(name="x", value=typed),)
     wire = PlanDefinition(planId="p", name="", format="BTCPP4", content=b"", arguments=given)
     assert definition_of(wire).arguments[0].text == text
@@ -208,9 +208,9 @@ def test_arguments_are_texts_or_numbers(typed: Typed, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "typed", [None, Typed(AttributeType.BLOB, b""), Typed(AttributeType.TIME, 1)]
+    "typed", [None, TypedAttribute(AttributeType.BLOB, b""), TypedAttribute(AttributeType.TIME, 1)]
 )
-def test_other_arguments_are_invalid(typed: Typed | None) -> None:
+def test_other_arguments_are_invalid(typed: TypedAttribute | None) -> None:
     given = (NamedValue(name="x", value=typed),)
     wire = PlanDefinition(planId="p", name="", format="BTCPP4", content=b"", arguments=given)
     with raises(1):

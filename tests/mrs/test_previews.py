@@ -19,11 +19,11 @@ from adapters.mrs.cli.preview_command import preview_lines
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import (
     AreaError,
-    AskedMotion,
     Controller,
     Notification,
     Preview,
     PreviewPose,
+    PreviewRequest,
     Stage,
     asked_motion,
     is_prediction,
@@ -72,15 +72,18 @@ async def test_it_needs_no_mode_and_the_refusal_says_why(client: MrsClient) -> N
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        (AskedMotion("moveBy", None, None), "operation 'moveBy': one of moveTo, moveForward"),
-        (AskedMotion("stop", None, None), "one of moveTo"),
-        (AskedMotion("drive", None, (1.0,)), "has 3: travel, rotate, duration; 1 were given"),
-        (AskedMotion("moveTo", (), None), "waypoints: moveTo has 1: target; 0 were given"),
-        (AskedMotion("followPath", (), (1.0,)), "figures: followPath has 0; 1 were given"),
-        (AskedMotion("moveForward", None, (1.0,), Controller.MPC), "controller: moveForward has"),
+        (PreviewRequest("moveBy", None, None), "operation 'moveBy': one of moveTo, moveForward"),
+        (PreviewRequest("stop", None, None), "one of moveTo"),
+        (PreviewRequest("drive", None, (1.0,)), "has 3: travel, rotate, duration; 1 were given"),
+        (PreviewRequest("moveTo", (), None), "waypoints: moveTo has 1: target; 0 were given"),
+        (PreviewRequest("followPath", (), (1.0,)), "figures: followPath has 0; 1 were given"),
+        (
+            PreviewRequest("moveForward", None, (1.0,), Controller.MPC),
+            "controller: moveForward has",
+        ),
     ],
 )
-def test_parts_that_are_no_motion_are_refused(asked: AskedMotion, said: str) -> None:
+def test_parts_that_are_no_motion_are_refused(asked: PreviewRequest, said: str) -> None:
     with pytest.raises(MalError) as refused:
         motion_of(asked)
     assert said in str(refused.value)

@@ -12,10 +12,10 @@ from adapters.mal import (
     MalError,
     NamedValue,
     StandardError,
-    Typed,
+    TypedAttribute,
     TypedList,
 )
-from adapters.mrs.aboard import Gateway
+from adapters.mrs.aboard import CoreGateway
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Stage
 from executive.commands import (
@@ -123,7 +123,9 @@ def test_a_repeat_is_not_executed_and_hears_the_last_report_again(aboard: Aboard
         again = await client.run(command)
         assert again.refusal is not None
         assert again.refusal.number == 3
-        assert again.refusal.extra == Typed(AttributeType.LONG, command.identity.command_id)
+        assert again.refusal.extra == TypedAttribute(
+            AttributeType.LONG, command.identity.command_id
+        )
         assert stages(again) == [Stage.EXECUTED]
         assert not again.executed
         other = await client.run(
@@ -152,7 +154,7 @@ async def test_what_is_too_old_is_not_begun(aboard: Aboard, consumer: Consumer) 
 async def test_an_unknown_arrival_never_reaches_the_core(
     aboard: Aboard, consumer: Consumer
 ) -> None:
-    later = NamedValue(name="arrival", value=Typed(AttributeType.IDENTIFIER, "later"))
+    later = NamedValue(name="arrival", value=TypedAttribute(AttributeType.IDENTIFIER, "later"))
 
     with raises(1):
         await consumer.submit("MotionControl", "moveForward", HEADER, 1.0, supplements=(later,))
@@ -161,7 +163,7 @@ async def test_an_unknown_arrival_never_reaches_the_core(
 
 def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     aboard.hang_up()
-    monkeypatch.setattr("adapters.mrs.link.Gateway", partial(Gateway, answer_timeout_s=0.05))
+    monkeypatch.setattr("adapters.mrs.link.Gateway", partial(CoreGateway, answer_timeout_s=0.05))
     aboard.listen()
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from adapters.mal import Stage, Subscription
+from adapters.mal import InteractionStage, Subscription
 from adapters.mrs.ground import MrsClient
 from executive.commands import SetTravelSpeed, Stop
 from tests.benchmarks.octets import Octets
@@ -30,11 +30,11 @@ def octets(aboard: Aboard) -> Iterator[Octets]:
 
 
 def test_an_open_connection_that_is_silent_is_silence(aboard: Aboard, octets: Octets) -> None:
-    octets.send(octets.message("Status", "getStatus", Stage.REQUEST))
+    octets.send(octets.message("Status", "getStatus", InteractionStage.REQUEST))
     assert octets.reply()
     assert silent_s(aboard) < 0.1
     assert silent_s(aboard, 5.0) > 5.0
-    octets.send(octets.message("Status", "getStatus", Stage.REQUEST)[:-1])
+    octets.send(octets.message("Status", "getStatus", InteractionStage.REQUEST)[:-1])
     assert silent_s(aboard) > 5.0
 
 
@@ -43,7 +43,7 @@ def test_an_open_connection_that_is_silent_is_silence(aboard: Aboard, octets: Oc
 )
 def test_a_question_is_a_sign(aboard: Aboard, octets: Octets, operation: tuple[str, str]) -> None:
     values = (None,) * (operation[0] == "FileTransfer")
-    octets.send(octets.message(*operation, Stage.REQUEST, *values))
+    octets.send(octets.message(*operation, InteractionStage.REQUEST, *values))
     assert octets.reply()
     assert silent_s(aboard) < 0.1
 
@@ -60,10 +60,12 @@ def test_what_rovers_ask_one_another_and_a_subscription_are_none(
     aboard: Aboard, octets: Octets
 ) -> None:
     for operation in ("getServices", "getAsset"):
-        octets.send(octets.message("ServiceLayer", operation, Stage.REQUEST))
+        octets.send(octets.message("ServiceLayer", operation, InteractionStage.REQUEST))
         assert octets.reply()
     subscription = Subscription(subscriptionId="all")
-    octets.send(octets.message("Monitoring", "monitorValue", Stage.REGISTER, subscription))
+    octets.send(
+        octets.message("Monitoring", "monitorValue", InteractionStage.REGISTER, subscription)
+    )
     assert octets.reply()
     assert silent_s(aboard) > 5.0
 

@@ -10,7 +10,7 @@ from typing import Any, Self
 import pytest
 
 from adapters.mal import Codec, Header, MalUri, Subscription, connection, encode_message
-from adapters.mal import Stage as SduStage
+from adapters.mal import InteractionStage as SduStage
 from adapters.mal.codec import decode_message
 from adapters.mrs.aboard import tree_service
 from adapters.mrs.ground import MrsClient
@@ -27,7 +27,7 @@ from executive.core.runner import Executive
 from executive.values.parameters import Parameter
 from tests.mrs.aboard import Aboard
 from tests.support.kinematic import STEP_S
-from trees import Snapshot, snapshot_of
+from trees import TreeSnapshot, snapshot_of
 
 ROOM_OCTETS = 4096
 ANSWER_S = 60.0
@@ -189,7 +189,7 @@ def test_one_that_never_reads_is_hung_up_on_and_can_catch_up(
     assert got + [report.sequence for report in missed] == [r.sequence for r in heard.reports]
 
 
-def much(executive: Executive, utc_s: float) -> Snapshot:
+def much(executive: Executive, utc_s: float) -> TreeSnapshot:
     """Return a snapshot that fills what a socket takes before anybody reads."""
     return replace(snapshot_of(executive, utc_s), unmonitored="x" * 20_000)
 
@@ -202,7 +202,7 @@ def test_one_that_reads_late_has_the_tree_as_it_is_all_the_same(
     for name in ("LOOK_S", "FIGURES_S", "WHOLE_S"):
         monkeypatch.setattr(tree_service, name, 0.0)
 
-    async def watch(client: MrsClient) -> Snapshot:
+    async def watch(client: MrsClient) -> TreeSnapshot:
         trees = await client.tree_snapshots()
         await client.submit(client.command(MoveForward(50.0)))
         for _ in range(2 * ROUNDS):

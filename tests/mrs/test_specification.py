@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from adapters.mal import Field, Pattern, Stage
+from adapters.mal import Field, InteractionStage, Pattern
 from adapters.mrs.spec import REQUESTS, AreaError, mrs_specification, types
 from adapters.mrs.spec.specification import MRS_XML
 
@@ -58,7 +58,7 @@ def test_commands_begin_with_the_header() -> None:
     for service in AREA.services:
         for operation in service.operations:
             if operation.pattern is Pattern.SUBMIT and operation.name not in tells:
-                assert written(operation.parts[Stage.SUBMIT][:1]) == HEADER
+                assert written(operation.parts[InteractionStage.SUBMIT][:1]) == HEADER
 
 
 def test_the_types_are_generated_from_it() -> None:

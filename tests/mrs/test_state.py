@@ -14,7 +14,7 @@ from adapters.mal import (
     StandardError,
     Subscription,
     SubscriptionFilter,
-    Typed,
+    TypedAttribute,
     UpdateHeader,
 )
 from adapters.mrs.ground import MrsClient
@@ -40,7 +40,7 @@ from executive.commands import (
     Stop,
     TakePicture,
 )
-from executive.record import LedgerError, Retention
+from executive.record import LedgerError, LedgerRetention
 from executive.values.reasons import Reason
 from tests.mrs.aboard import Aboard, LinkedBench, event, raises
 
@@ -78,8 +78,8 @@ def forget_sensors(aboard: Aboard) -> None:
     aboard.do(forget)
 
 
-def double(value: float) -> Typed:
-    return Typed(AttributeType.DOUBLE, value)
+def double(value: float) -> TypedAttribute:
+    return TypedAttribute(AttributeType.DOUBLE, value)
 
 
 async def test_tells_where_it_is_and_how_fast(aboard: Aboard, client: MrsClient) -> None:
@@ -160,7 +160,7 @@ async def test_gives_parameters_by_name_in_the_order_asked_for(client: MrsClient
 
 def test_a_parameter_of_no_name_is_not_found(aboard: Aboard) -> None:
     error = errors_of(aboard, lambda client: client.get_value("HEAD", "MASS"))
-    assert (error.number, error.extra) == (5, Typed(AttributeType.STRING, "MASS"))
+    assert (error.number, error.extra) == (5, TypedAttribute(AttributeType.STRING, "MASS"))
 
 
 async def test_sends_telemetry_at_the_interval(aboard: Aboard, client: MrsClient) -> None:
@@ -178,7 +178,7 @@ async def test_an_event_of_others_is_reported_with_the_name_of_who_tells_it(
     client: MrsClient,
 ) -> None:
     heard = client.notifications()
-    figure = NamedValue(name="dust", value=Typed(AttributeType.FLOAT, 0.5))
+    figure = NamedValue(name="dust", value=TypedAttribute(AttributeType.FLOAT, 0.5))
     await client.send_notification(event(sequence=99, parameters=(figure,)))
     found = await anext(heard)
     assert (found.kind, found.severity) == (NotificationKind.EVENT, Severity.ALARM)
@@ -198,7 +198,7 @@ async def test_an_event_of_others_is_reported_with_the_name_of_who_tells_it(
         event(text=None),
         event(parameters=(NamedValue(name="dust"),)),
         event(parameters=(NamedValue(name="dust", value=double(float("nan"))),)),
-        event(parameters=(NamedValue(name="d", value=Typed(AttributeType.STRING, "1")),)),
+        event(parameters=(NamedValue(name="d", value=TypedAttribute(AttributeType.STRING, "1")),)),
     ],
 )
 def test_nobody_else_reports_on_commands(aboard: Aboard, wrong: Notification) -> None:
@@ -290,12 +290,12 @@ SETTERS: dict[str, Callable[[float], Request]] = {
 }
 
 
-def is_one_of(name: str, *values: Typed) -> SubscriptionFilter:
+def is_one_of(name: str, *values: TypedAttribute) -> SubscriptionFilter:
     return SubscriptionFilter(name=name, values=values)
 
 
-def names(*texts: str) -> tuple[Typed, ...]:
-    return tuple(Typed(AttributeType.IDENTIFIER, text) for text in texts)
+def names(*texts: str) -> tuple[TypedAttribute, ...]:
+    return tuple(TypedAttribute(AttributeType.IDENTIFIER, text) for text in texts)
 
 
 def test_every_parameter_is_defined_with_its_unit(aboard: Aboard) -> None:
@@ -311,7 +311,7 @@ def test_what_is_writable_can_be_set_and_nothing_else_is(aboard: Aboard) -> None
 
     async def session(client: MrsClient) -> None:
         for value in await client.get_value(*SETTERS):
-            assert value.value == Typed(AttributeType.DOUBLE, 0.3), value.name
+            assert value.value == TypedAttribute(AttributeType.DOUBLE, 0.3), value.name
 
     aboard.ground(session)
 
@@ -373,13 +373,13 @@ async def test_on_change_a_client_hears_what_changed_and_no_more(
 @pytest.mark.parametrize(
     ("filters", "heard"),
     [
-        ((is_one_of("commandId", Typed(AttributeType.LONG, 2)),), {(2, Stage.EXECUTED)}),
+        ((is_one_of("commandId", TypedAttribute(AttributeType.LONG, 2)),), {(2, Stage.EXECUTED)}),
         (
-            (is_one_of("stage", Typed(AttributeType.UOCTET, Stage.CANCELLED.value)),),
+            (is_one_of("stage", TypedAttribute(AttributeType.UOCTET, Stage.CANCELLED.value)),),
             {(1, Stage.CANCELLED)},
         ),
-        ((is_one_of("severity", Typed(AttributeType.UOCTET, 2)),), {(1, Stage.CANCELLED)}),
-        ((is_one_of("kind", Typed(AttributeType.UOCTET, 3)),), set()),
+        ((is_one_of("severity", TypedAttribute(AttributeType.UOCTET, 2)),), {(1, Stage.CANCELLED)}),
+        ((is_one_of("kind", TypedAttribute(AttributeType.UOCTET, 3)),), set()),
     ],
 )
 async def test_notifications_are_filtered_by_their_keys(
@@ -435,7 +435,7 @@ KEPT, AT_ONCE = 20, 4
 
 
 def forgetful(bench: LinkedBench) -> None:
-    bench.executive.retention = Retention(bench.ledger, KEPT, AT_ONCE)
+    bench.executive.retention = LedgerRetention(bench.ledger, KEPT, AT_ONCE)
 
 
 async def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate(

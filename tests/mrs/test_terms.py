@@ -12,7 +12,7 @@ from adapters.mal import CertificateError, Certificates, Encoding
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.link import MrsLink
 from adapters.mrs.spec import Stage
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.terms import CLEAR, TransportSettings
 from executive.commands import MoveForward
 from tests.mrs.aboard import Aboard, LinkedBench, rover
 from tests.support.certificates import Ends, make_ends, options
@@ -27,7 +27,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> Ends:
 
 
 @contextmanager
-def started(folder: Path, terms: Terms) -> Iterator[Aboard]:
+def started(folder: Path, terms: TransportSettings) -> Iterator[Aboard]:
     rover = Aboard(folder, terms=terms)
     yield rover
     rover.close()
@@ -36,11 +36,11 @@ def started(folder: Path, terms: Terms) -> Iterator[Aboard]:
 @pytest.fixture
 def secured(tmp_path: Path, ends: Ends) -> Iterator[Aboard]:
     """Give a rover that asks for certificates."""
-    with started(tmp_path, Terms(certificates=ends.rover)) as rover:
+    with started(tmp_path, TransportSettings(certificates=ends.rover)) as rover:
         yield rover
 
 
-def connect(rover: Aboard, terms: Terms) -> None:
+def connect(rover: Aboard, terms: TransportSettings) -> None:
     async def session() -> None:
         async with await MrsClient.connect(rover.uri, terms=terms, timeout_s=5.0):
             pass
@@ -48,7 +48,7 @@ def connect(rover: Aboard, terms: Terms) -> None:
     asyncio.run(session())
 
 
-def carry_out(rover: Aboard, terms: Terms) -> None:
+def carry_out(rover: Aboard, terms: TransportSettings) -> None:
     """Drive, and hear of it by answers, reports and telemetry."""
     rover.runs = True
 
@@ -65,13 +65,13 @@ def carry_out(rover: Aboard, terms: Terms) -> None:
 
 @pytest.mark.parametrize("encoding", list(Encoding))
 def test_a_rover_is_commanded_in_the_encoding_agreed_on(tmp_path: Path, encoding: Encoding) -> None:
-    with started(tmp_path, Terms(encoding)) as rover:
-        carry_out(rover, Terms(encoding))
+    with started(tmp_path, TransportSettings(encoding)) as rover:
+        carry_out(rover, TransportSettings(encoding))
 
 
 def test_another_encoding_is_noticed(tmp_path: Path) -> None:
     with (
-        started(tmp_path, Terms(Encoding.SPLIT)) as rover,
+        started(tmp_path, TransportSettings(Encoding.SPLIT)) as rover,
         pytest.raises(ConnectionError, match="is its encoding another than fixed"),
     ):
         connect(rover, CLEAR)
@@ -79,13 +79,13 @@ def test_another_encoding_is_noticed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", [Encoding.FIXED, Encoding.SPLIT])
 def test_a_rover_is_commanded_over_tls(tmp_path: Path, ends: Ends, encoding: Encoding) -> None:
-    with started(tmp_path, Terms(encoding, ends.rover)) as rover:
-        carry_out(rover, Terms(encoding, ends.ground))
+    with started(tmp_path, TransportSettings(encoding, ends.rover)) as rover:
+        carry_out(rover, TransportSettings(encoding, ends.ground))
 
 
 def test_a_session_over_tls_outlives_the_link(secured: Aboard, ends: Ends) -> None:
     async def session() -> None:
-        terms = Terms(certificates=ends.ground)
+        terms = TransportSettings(certificates=ends.ground)
         async with await MrsClient.connect(secured.uri, terms=terms) as client:
             secured.hang_up()
             secured.listen()
@@ -106,22 +106,22 @@ def test_who_is_not_believed_is_told_so(
     secured: Aboard, ends: Ends, who: Callable[[Ends], Certificates | None], why: str
 ) -> None:
     with pytest.raises(ConnectionError, match=why):
-        connect(secured, Terms(certificates=who(ends)))
-    connect(secured, Terms(certificates=ends.ground))
+        connect(secured, TransportSettings(certificates=who(ends)))
+    connect(secured, TransportSettings(certificates=ends.ground))
 
 
 def test_a_rover_without_tls_does_not_answer_by_it(aboard: Aboard, ends: Ends) -> None:
     with pytest.raises(ConnectionError, match="a rover there may speak clear text"):
-        connect(aboard, Terms(certificates=ends.ground))
+        connect(aboard, TransportSettings(certificates=ends.ground))
     aboard.hang_up()
     with pytest.raises(ConnectionError, match=f"nobody answers at {aboard.uri}$"):
-        connect(aboard, Terms(certificates=ends.ground))
+        connect(aboard, TransportSettings(certificates=ends.ground))
 
 
 def test_others_are_served_by_tls_or_when_clear_text_is_asked_for(
     aboard: Aboard, ends: Ends
 ) -> None:
-    def listen(terms: Terms, clear_text: bool = False) -> Callable[[LinkedBench], None]:
+    def listen(terms: TransportSettings, clear_text: bool = False) -> Callable[[LinkedBench], None]:
         def act(bench: LinkedBench) -> None:
             link = MrsLink(bench.settings, "0.0.0.0", 0, clear_text, terms)
             link.start(bench.executive)
@@ -131,7 +131,7 @@ def test_others_are_served_by_tls_or_when_clear_text_is_asked_for(
 
     with pytest.raises(ValueError, match="give TLS certificates, or say explicitly"):
         aboard.do(listen(CLEAR))
-    aboard.do(listen(Terms(certificates=ends.rover)))
+    aboard.do(listen(TransportSettings(certificates=ends.rover)))
     aboard.do(listen(CLEAR, clear_text=True))
 
 
@@ -142,11 +142,13 @@ def test_certificates_that_cannot_be_used_are_named(aboard: Aboard, ends: Ends) 
         with pytest.raises(CertificateError, match=why):
             aboard.do(partial(started_with, wrong))
         with pytest.raises(CertificateError, match=why):
-            connect(aboard, Terms(certificates=wrong))
+            connect(aboard, TransportSettings(certificates=wrong))
 
 
 def started_with(certificates: Certificates, bench: LinkedBench) -> None:
-    MrsLink(bench.settings, port=0, terms=Terms(certificates=certificates)).start(bench.executive)
+    MrsLink(bench.settings, port=0, terms=TransportSettings(certificates=certificates)).start(
+        bench.executive
+    )
 
 
 @pytest.mark.parametrize("typed", [["status"], ["command", "stop"]])
@@ -176,7 +178,7 @@ def test_certificates_may_stand_in_the_environment(
 
 
 def test_the_encoding_is_an_option_too(tmp_path: Path) -> None:
-    with started(tmp_path, Terms(Encoding.SPLIT)) as split:
+    with started(tmp_path, TransportSettings(Encoding.SPLIT)) as split:
         assert rover("status", "--to", split.uri, "--encoding", "split").exit_code == DONE
         wrong = rover("status", "--to", split.uri)
     assert wrong.exit_code == UNREACHABLE

@@ -16,16 +16,16 @@ from executive.values.reports import Identity
 from tests.mrs.aboard import Aboard, raises
 from tests.support.kinematic import STEP_S
 from tests.support.plans import AHEAD, plan
-from trees import Snapshot, preview, snapshot_of
+from trees import TreeSnapshot, preview, snapshot_of
 
 ROUND_TRIPS = 20
 
 
-def now(aboard: Aboard) -> Snapshot:
+def now(aboard: Aboard) -> TreeSnapshot:
     return aboard.do(lambda bench: snapshot_of(bench.executive, bench.clock.utc_s()))
 
 
-async def seen(trees: Stream[Snapshot], wanted: Snapshot) -> None:
+async def seen(trees: Stream[TreeSnapshot], wanted: TreeSnapshot) -> None:
     """Wait for a snapshot."""
     async for each in trees:
         if each == wanted:
@@ -94,7 +94,7 @@ async def test_nothing_is_asked_of_the_core_while_nobody_is_subscribed(
 ) -> None:
     taken: list[float] = []
 
-    def count(*arguments: object) -> Snapshot:
+    def count(*arguments: object) -> TreeSnapshot:
         taken.append(1)
         return snapshot_of(*arguments)  # type: ignore[arg-type]
 
@@ -138,14 +138,14 @@ async def test_the_stream_goes_on_when_the_link_was_lost(client: MrsClient, aboa
 async def test_a_change_of_a_whole_that_did_not_come_is_passed_over(
     client: MrsClient, aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wholes: list[Snapshot] = []
+    wholes: list[TreeSnapshot] = []
     changes: list[TreeUpdate | None] = []
 
-    def kept(number: int, snapshot: Snapshot) -> TreeUpdate:
+    def kept(number: int, snapshot: TreeSnapshot) -> TreeUpdate:
         wholes.append(snapshot)
         return whole_update(number, snapshot)
 
-    def of_another(number: int, whole: Snapshot, snapshot: Snapshot) -> TreeUpdate | None:
+    def of_another(number: int, whole: TreeSnapshot, snapshot: TreeSnapshot) -> TreeUpdate | None:
         changes.append(change_update(number + 1, whole, snapshot))
         return changes[-1]
 
@@ -164,13 +164,13 @@ async def test_a_change_of_a_whole_that_did_not_come_is_passed_over(
 
 
 @pytest.fixture
-def tree(aboard: Aboard) -> Snapshot:
+def tree(aboard: Aboard) -> TreeSnapshot:
     """Give a tree as it stands."""
     nodes = preview(aboard.do(lambda bench: bench.settings))
-    return Snapshot(1, 1_800_000_000.0, "IDLE", "stands", nodes, (), "nothing")
+    return TreeSnapshot(1, 1_800_000_000.0, "IDLE", "stands", nodes, (), "nothing")
 
 
-def test_an_update_that_fits_no_tree_is_refused(tree: Snapshot) -> None:
+def test_an_update_that_fits_no_tree_is_refused(tree: TreeSnapshot) -> None:
     whole, beyond = whole_update(1, tree), NodeChange(index=len(tree.nodes), status=NodeStatus.IDLE)
     assert snapshot_of_update(whole, None) == tree
     assert whole.nodes is not None

@@ -10,7 +10,7 @@ import pytest
 
 from adapters.mal import Encoding
 from adapters.mrs.ground import MrsClient
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.onboard.process import main
 from adapters.onboard.service import rover_kind
 from adapters.ros import RosRover
@@ -103,7 +103,7 @@ def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends
     told = (*options(ends.rover), "--encoding", "split", "--host", "0.0.0.0")
     with executive(tmp_path, *told) as (_, uri):
         reached = uri.replace("0.0.0.0", "127.0.0.1")
-        terms = Terms(Encoding.SPLIT, ends.ground)
+        terms = TransportSettings(Encoding.SPLIT, ends.ground)
 
         async def command(client: MrsClient) -> None:
             unauthorized = await client.run(client.command(SetTravelSpeed(0.4)))
@@ -114,8 +114,8 @@ def test_commands_go_over_tls_and_in_another_encoding(tmp_path: Path, ends: Ends
         ask(reached, command, terms)
         assert ask(reached, lambda client: client.get_speeds(), terms).travelSpeed == 0.5
         for wrong, why in (
-            (Terms(Encoding.SPLIT, ends.stranger), "does not believe this certificate"),
-            (Terms(Encoding.SPLIT), "does it ask for certificates"),
+            (TransportSettings(Encoding.SPLIT, ends.stranger), "does not believe this certificate"),
+            (TransportSettings(Encoding.SPLIT), "does it ask for certificates"),
         ):
             with pytest.raises(ConnectionError, match=why):
                 carry_out(reached, SetTravelSpeed(0.5), terms=wrong)

@@ -14,16 +14,16 @@ from executive.values.reports import Stage
 from sim.drawing import draw_run
 from sim.plot import plot_of
 from sim.plot.commands import plot
-from sim.scenario.changes import Change
+from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode
+from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
 from tests.drawing.pictures import words
 
 
 def recorded(name: str, folder: Path, lasts_s: int) -> Path:
     path = folder / "run.mcap"
-    scenario = load_scenario(name, PlayMode.LOCK_STEP, (Change.parse(f"lasts={lasts_s}"),))
+    scenario = load_scenario(name, RunMode.LOCK_STEP, (Override.parse(f"lasts={lasts_s}"),))
     with closing(RunFile(path)) as tape:
         run_in_lock_step(scenario, folder / "data", tape)
     return path

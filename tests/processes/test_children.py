@@ -10,23 +10,23 @@ from pathlib import Path
 
 import pytest
 
-from sim.processes.children import Child, ChildError, ProcessGroup
+from sim.processes.children import ChildError, ChildProcess, ProcessGroup
 
 UP = re.compile("Serving HTTP")
 LIMIT_S = 60.0
 
 
 @contextmanager
-def server(folder: Path, host: str, up: re.Pattern[str] | None) -> Iterator[Child]:
+def server(folder: Path, host: str, up: re.Pattern[str] | None) -> Iterator[ChildProcess]:
     options = ("--bind", host, "0")
-    child = Child("server", "http.server", options, folder, {"PYTHONUNBUFFERED": "1"}, up)
+    child = ChildProcess("server", "http.server", options, folder, {"PYTHONUNBUFFERED": "1"}, up)
     try:
         yield child
     finally:
         child.end()
 
 
-async def watch(child: Child, kills: int) -> None:
+async def watch(child: ChildProcess, kills: int) -> None:
     """Watch it, and kill it each time that it is up."""
     async with asyncio.timeout(LIMIT_S), asyncio.TaskGroup() as group:
         guard = group.create_task(ProcessGroup(child).guard())

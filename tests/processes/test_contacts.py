@@ -3,7 +3,7 @@
 import pytest
 
 from adapters.bundle.links.contact import parse_plan
-from sim.processes.contacts import Eclipse, plan_text
+from sim.processes.contacts import Outage, plan_text
 
 ORBITER, JACKAL, MOCUP = 1, 2, 3
 START_S = 1_795_000_000
@@ -11,10 +11,10 @@ START_S = 1_795_000_000
 
 @pytest.mark.parametrize(
     ("eclipses", "dark"),
-    [((), set()), ((Eclipse(2, 4),), {2, 3}), ((Eclipse(0, 1), Eclipse(3, 5)), {0, 3, 4})],
+    [((), set()), ((Outage(2, 4),), {2, 3}), ((Outage(0, 1), Outage(3, 5)), {0, 3, 4})],
 )
 def test_there_is_contact_with_all_both_ways_but_in_an_eclipse(
-    eclipses: tuple[Eclipse, ...], dark: set[int]
+    eclipses: tuple[Outage, ...], dark: set[int]
 ) -> None:
     plan = parse_plan(plan_text(eclipses, START_S, ORBITER, [JACKAL, MOCUP]), 0.0)
     for sender, receiver in (

@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from sim.processes.place import Place, PlaceError, free_place, known_place
+from sim.processes.place import AddressError, RoverAddress, free_place, known_place
 from tests.support.ports import free_port
 
 
@@ -15,7 +15,7 @@ def test_demonstrations_keep_apart() -> None:
 
 
 def test_rovers_beside_one_another_are_at_ports_of_their_own() -> None:
-    known = Place(0, 21000, shared=False)
+    known = RoverAddress(0, 21000, shared=False)
     assert [known.beside(number).port for number in range(3)] == [21000, 21001, 21002]
     with free_place() as free:
         assert free.beside(1) == free, "each executive takes any free port"
@@ -43,7 +43,7 @@ def test_a_taken_port_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         other.listen()
         port = other.getsockname()[1]
         monkeypatch.setenv("ROVER_URI", f"localhost:{port}")
-        with pytest.raises(PlaceError, match=f"port {port} of 127.0.0.1 is taken"):
+        with pytest.raises(AddressError, match=f"port {port} of 127.0.0.1 is taken"):
             known_place()
 
 
@@ -69,5 +69,5 @@ def test_what_is_set_wrongly_is_named(
     monkeypatch: pytest.MonkeyPatch, variable: str, value: str, said: str
 ) -> None:
     monkeypatch.setenv(variable, value)
-    with pytest.raises(PlaceError, match=said):
+    with pytest.raises(AddressError, match=said):
         known_place()

@@ -7,7 +7,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from adapters.recording import BackgroundTape, RunFile, RunReader, background
+from adapters.recording import BackgroundRecorder, RunFile, RunReader, background
 from executive.core.recording import Call, Called, KeptFile, Life
 from executive.settings import RecordingSettings, load_settings
 
@@ -31,7 +31,7 @@ def recordings(folder: Path) -> list[Path]:
 
 
 def test_all_that_is_handed_over_is_in_the_file(tmp_path: Path) -> None:
-    with closing(BackgroundTape(tmp_path / "runs", JACKAL.recording)) as tape:
+    with closing(BackgroundRecorder(tmp_path / "runs", JACKAL.recording)) as tape:
         tape.put(life(100))
         for number in range(1000):
             tape.put(tick(number))
@@ -53,7 +53,7 @@ def test_what_was_flushed_is_there_though_nobody_closed_the_file(tmp_path: Path)
 
 def test_recordings_begun_in_the_same_second_are_two(tmp_path: Path) -> None:
     for _ in range(2):
-        with closing(BackgroundTape(tmp_path, JACKAL.recording)) as tape:
+        with closing(BackgroundRecorder(tmp_path, JACKAL.recording)) as tape:
             tape.put(tick(1))
     assert [len(list(RunReader(path).messages())) for path in recordings(tmp_path)] == [1, 1]
 
@@ -64,7 +64,7 @@ def test_a_long_recording_goes_on_in_other_files_and_the_oldest_go(tmp_path: Pat
         path.write_bytes(bytes(500_000))
         changed_s = path.stat().st_mtime - days * 86_400
         os.utime(path, (changed_s, changed_s))
-    with closing(BackgroundTape(tmp_path, SMALLEST)) as tape:
+    with closing(BackgroundRecorder(tmp_path, SMALLEST)) as tape:
         for number in range(14):
             tape.put(life(1_100_000))
             tape.put(tick(number))
@@ -94,7 +94,7 @@ def test_a_full_disk_ends_the_recording_and_tells_once(
     monkeypatch.setattr(background, "_new_file", lambda _: FULL)
     monkeypatch.setattr(background, "FLUSH_S", 0.0)
     told: SimpleQueue[str] = SimpleQueue()
-    with closing(BackgroundTape(tmp_path, JACKAL.recording)) as tape:
+    with closing(BackgroundRecorder(tmp_path, JACKAL.recording)) as tape:
         tape.tell = told.put
         tape.put(tick(1))
         said = told.get(timeout=PATIENCE_S)
@@ -106,4 +106,4 @@ def test_a_full_disk_ends_the_recording_and_tells_once(
 def test_a_folder_that_cannot_be_made_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match=r"Not a directory|File exists"):
-        BackgroundTape(tmp_path / "file", JACKAL.recording)
+        BackgroundRecorder(tmp_path / "file", JACKAL.recording)

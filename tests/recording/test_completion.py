@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import SeekingReader
 
-from adapters.recording import BackgroundTape, RunFile, RunReader, complete
+from adapters.recording import BackgroundRecorder, RunFile, RunReader, complete
 from adapters.recording.replay import replay
 from adapters.recording.rows import RowReader
 from executive.core.recording import Call, Called
@@ -81,7 +81,7 @@ def test_the_next_start_completes_what_a_kill_left(tmp_path: Path) -> None:
     killed = RunFile(tmp_path / "20200101T000000Z.mcap")
     killed.put(Called(1.0, 1.0, Call.TICK))
     killed.flush()
-    with closing(BackgroundTape(tmp_path, SETTINGS.recording)):
+    with closing(BackgroundRecorder(tmp_path, SETTINGS.recording)):
         pass
     assert len(batches(tmp_path / "20200101T000000Z.mcap")) == 1
     killed.close()

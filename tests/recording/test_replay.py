@@ -27,7 +27,7 @@ from executive.commands import (
     SetTravelSpeed,
     Stop,
 )
-from executive.core.authority import AuthorityAct, AuthorityAsked, AuthorityState
+from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
 from executive.core.recording import CommitFailed, SolverAnswered, SwitchedVideo
 from executive.core.runner import Executive
 from executive.goals import GoalQueue
@@ -40,9 +40,9 @@ from executive.values.facts import Odometry, OtherInput
 from executive.values.geometry import STANDING, Pose, Velocity
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Severity
-from sim.scenario.changes import Change
+from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode
+from sim.scenario.model import RunMode
 from sim.scenario.outcome import digest_of
 from sim.scenario.reading import load_scenario
 from tests.support.kinematic import STEP_S, Bench, KinematicRover
@@ -52,8 +52,8 @@ from trees import RoverTree
 def recorded(name: str, folder: Path, *changes: str) -> Path:
     """Play a scenario and return its recording."""
     path = folder / f"{name}.mcap"
-    made = tuple(Change.parse(each) for each in changes)
-    scenario = load_scenario(name, PlayMode.LOCK_STEP, made)
+    made = tuple(Override.parse(each) for each in changes)
+    scenario = load_scenario(name, RunMode.LOCK_STEP, made)
     with closing(RunFile(path)) as tape:
         run_in_lock_step(scenario, folder / name, tape)
     return path
@@ -137,7 +137,7 @@ def test_the_answers_of_the_solver_are_replayed(tmp_path: Path) -> None:
 
 
 def test_the_recorded_run_is_the_same_as_one_that_is_not(tmp_path: Path) -> None:
-    scenario = load_scenario("mocup_picture", PlayMode.LOCK_STEP)
+    scenario = load_scenario("mocup_picture", RunMode.LOCK_STEP)
     with closing(RunFile(tmp_path / "run.mcap")) as tape:
         with_tape = run_in_lock_step(scenario, tmp_path / "with", tape)
     assert digest_of(with_tape) == digest_of(run_in_lock_step(scenario, tmp_path / "without"))
@@ -319,7 +319,7 @@ def test_a_file_that_is_no_recording_is_told(
 def test_a_full_disk_ends_the_recording_and_not_the_run(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    scenario = load_scenario("mocup_picture", PlayMode.LOCK_STEP)
+    scenario = load_scenario("mocup_picture", RunMode.LOCK_STEP)
     with closing(RunFile(Path("/dev/full"))) as tape:
         record = run_in_lock_step(scenario, tmp_path, tape)
     assert record.simulated_s == scenario.lasts_s
@@ -429,10 +429,10 @@ def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_pa
     core, granted = made.executive, []
     made.step()
     made.submit(1, MoveForward(1.0))
-    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAct.REQUEST, "MOE"))))
+    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAction.REQUEST, "MOE"))))
     core.ask(lambda: core.event(Severity.WARNING, "a link is slow"))
     made.submit(2, MoveForward(1.0))
-    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAct.RELEASE, "MOE", 1))))
+    core.ask(lambda: granted.append(core.ask_authority(asked(AuthorityAction.RELEASE, "MOE", 1))))
     made.submit(3, SetTravelSpeed(0.2), authority=1)
     made.step()
     core.ask(lambda: core.make_safe(Refusal(Reason.CORE_HUNG, "it hung")))
@@ -446,8 +446,8 @@ def test_what_questions_of_other_threads_do_is_replayed_where_they_did_it(tmp_pa
     assert (replayed.ticks, replayed.entries) == (3, 3 + 3 + 2)
 
 
-def asked(act: AuthorityAct, source: str, epoch: int = 0) -> AuthorityAsked:
-    return AuthorityAsked(act, source, epoch)
+def asked(act: AuthorityAction, source: str, epoch: int = 0) -> AuthorityRequest:
+    return AuthorityRequest(act, source, epoch)
 
 
 class StopsInBetween(KinematicRover):

@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 from adapters.recording import RunFile
-from adapters.recording.view import TOPICS, Shown, View
+from adapters.recording.view import TOPICS, ViewBuilder, ViewMessage
 from executive.commands import Command, FollowPath, Mode, MoveTo, Request, Waypoint
 from executive.core.recording import (
     Call,
@@ -32,7 +32,7 @@ from executive.obstacles.zones import KeepIn, KeepOut, KnownRock, Zones
 from executive.settings import config_folder, load_settings
 from executive.values.facts import Fact, Frame, LaserScan, Odometry, SecondOdometry
 from executive.values.geometry import Pose, Velocity
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
 YARD = ((-1.0, -2.0), (5.0, -2.0), (5.0, 2.0), (-1.0, 2.0))
 ZONES = Zones((KeepIn("yard", YARD),), (KeepOut("bed", YARD),), (KnownRock("boulder", 3, 1, 0.5),))
@@ -60,12 +60,12 @@ def odometry(at_s: float, x_m: float = 0.0) -> Observed:
 
 def reported(stage: Stage) -> Reported:
     return Reported(
-        Report(1, 0.0, Kind.COMMAND, Severity.INFORMATIONAL, "so", WHO, stage, "direct")
+        Report(1, 0.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "so", WHO, stage, "direct")
     )
 
 
-def shown(*items: Item) -> list[Shown]:
-    view = View()
+def shown(*items: Item) -> list[ViewMessage]:
+    view = ViewBuilder()
     made = [each for item in items for each in view.of(item)]
     for each in made:
         check(each.topic, each.message)
@@ -79,7 +79,7 @@ def check(topic: str, message: dict[str, Any]) -> None:
     assert not misfits(message, schema.json, whole), topic
 
 
-def on(topic: str, messages: list[Shown]) -> list[dict[str, Any]]:
+def on(topic: str, messages: list[ViewMessage]) -> list[dict[str, Any]]:
     return [each.message for each in messages if each.topic == topic]
 
 
@@ -164,7 +164,7 @@ def test_a_goal_is_drawn_while_it_is_driven_to(request_: Request, end: tuple[flo
 
 
 def test_zones_and_rocks_are_shown_once_a_file() -> None:
-    view = View()
+    view = ViewBuilder()
     items = (life(), tick(1.0), tick(2.0))
     (zones,) = on("/scene/zones", [each for item in items for each in view.of(item)])
     assert [each["id"] for each in zones["entities"]] == [each.title for each in ZONES]

@@ -13,7 +13,7 @@ from adapters.cli import watch_file
 from adapters.cli.watch import watch
 from adapters.recording import Moment, RecordedMoments
 from tests.support.browser import ARTIFACTS, BROWSER, REQUIRED, open_page
-from trees import Look, looks
+from trees import DisplayStatus, looks
 
 
 def typed(*arguments: object) -> Result:
@@ -27,9 +27,9 @@ def test_a_moment_has_its_tree_its_place_and_its_commands(stuck: Path) -> None:
     seen = dict(
         zip([n.name for n in moment.snapshot.nodes], looks(moment.snapshot.nodes), strict=True)
     )
-    assert seen["drive"] is seen["rover"] is Look.RUNNING
-    assert seen["stopping?"] is seen["priority stop"] is Look.DECLINED, "that is healthy"
-    assert Look.FAILURE not in seen.values()
+    assert seen["drive"] is seen["rover"] is DisplayStatus.RUNNING
+    assert seen["stopping?"] is seen["priority stop"] is DisplayStatus.DECLINED, "that is healthy"
+    assert DisplayStatus.FAILURE not in seen.values()
     drive = next(n.path for n in moment.snapshot.nodes if n.name == "drive")
     assert 0.9 < moment.since_s[drive] < 1.2
     assert moment.snapshot.mode == "MOVING"

@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from adapters.recording import RecordingError
-from adapters.ros.bag import Stamped, _merged
+from adapters.ros.bag import BagMessage, _merged
 from adapters.ros.conversions import time_message
 
 
@@ -15,12 +15,12 @@ class OneMessage:
     """Converts to one message at a time."""
 
     def __init__(self, utc_s: float) -> None:
-        self.stamped = Stamped(utc_s, "/odom", "nav_msgs/msg/Odometry", b"")
+        self.stamped = BagMessage(utc_s, "/odom", "nav_msgs/msg/Odometry", b"")
 
-    def items(self, _: object) -> list[Stamped]:
+    def items(self, _: object) -> list[BagMessage]:
         return [self.stamped]
 
-    def trees(self, _: object) -> list[Stamped]:
+    def trees(self, _: object) -> list[BagMessage]:
         return []
 
 

@@ -18,7 +18,7 @@ from sensor_msgs.msg import BatteryState, CompressedImage
 
 from adapters.onboard.process import main as executive
 from adapters.ros import MessageError, conversions, odometry_message, ros_node
-from adapters.ros.conversions import Kept, quaternion
+from adapters.ros.conversions import Precision, quaternion
 from adapters.ros.diagnostics import TickMonitor
 from adapters.ros.node import RosClock
 from adapters.ros.tree_topic import from_json, to_json
@@ -27,7 +27,7 @@ from executive.values.facts import Odometry
 from executive.values.geometry import Pose, Velocity
 from trees.rover import preview
 from trees.screen import drawn, folded
-from trees.snapshot import Node, NodeKind, NodeStatus, Snapshot
+from trees.snapshot import NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
 
 
 class SetClock(Clock):
@@ -39,9 +39,9 @@ class SetClock(Clock):
         return Time(nanoseconds=self.shown_ns)
 
 
-def node(path: str, status: NodeStatus) -> Node:
+def node(path: str, status: NodeStatus) -> TreeNodeSnapshot:
     depth = path.count("/")
-    return Node(path, path.split("/")[-1], depth, NodeKind.LEAF, status, "")
+    return TreeNodeSnapshot(path, path.split("/")[-1], depth, NodeKind.LEAF, status, "")
 
 
 def test_time_never_steps_back_where_a_simulation_starts_anew() -> None:
@@ -56,7 +56,7 @@ def test_time_never_steps_back_where_a_simulation_starts_anew() -> None:
 
 def test_a_snapshot_survives_the_wire() -> None:
     nodes = preview(load_settings("jackal"))
-    snapshot = Snapshot(7, 1_800_000_000.25, "IDLE", "stands: „no“ goal", nodes)
+    snapshot = TreeSnapshot(7, 1_800_000_000.25, "IDLE", "stands: „no“ goal", nodes)
     assert from_json(to_json(snapshot)) == snapshot
     told = replace(snapshot, faults=("WARNING slides: it slides",), unmonitored="slip (no camera)")
     assert from_json(to_json(told)) == told
@@ -64,7 +64,7 @@ def test_a_snapshot_survives_the_wire() -> None:
 
 def test_the_head_says_faults_and_what_is_not_monitored() -> None:
     nodes = preview(load_settings("jackal"))
-    snapshot = Snapshot(
+    snapshot = TreeSnapshot(
         *(7, 0.0, "IDLE", "stands: no motion goal", nodes),
         faults=("WARNING odometry_silent: the newest odometry is 1.00 s old",),
         unmonitored="slip (no second odometry)",
@@ -163,7 +163,7 @@ lengths = st.floats(-1e4, 1e4)
 JPEG = b"\xff\xd8\xff\xe0 and so on"
 
 
-def half(kept: Kept) -> float:
+def half(kept: Precision) -> float:
     """Return half of the last digit that is kept, and what numbers in binary add."""
     return 0.51 * 10.0**-kept
 
@@ -174,7 +174,7 @@ def test_angles_come_back_from_the_rotation_made_of_them(
 ) -> None:
     pose = Pose(heading_rad=heading_rad, roll_rad=roll_rad, pitch_rad=pitch_rad)
     roll, pitch, heading = conversions.angles(quaternion(pose))
-    kept = half(Kept.HEADING)
+    kept = half(Precision.HEADING)
     assert (roll, pitch) == pytest.approx((roll_rad, pitch_rad), abs=kept)
     assert (heading - heading_rad + pi) % (2 * pi) - pi == pytest.approx(0.0, abs=kept)
 
@@ -194,7 +194,7 @@ def test_angles_of_known_rotations(
     x: float, y: float, z: float, w: float, expected: tuple[float, float, float]
 ) -> None:
     told = conversions.angles(Quaternion(x=x, y=y, z=z, w=w))
-    assert told == pytest.approx(expected, abs=half(Kept.HEADING))
+    assert told == pytest.approx(expected, abs=half(Precision.HEADING))
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_odometry_comes_through(sent: Odometry) -> None:
         (sent.stamp_s, *astuple(sent.velocity), *xyz(sent.pose)),
         strict=True,
     ):
-        assert told == pytest.approx(measured, abs=half(Kept.LENGTH))
+        assert told == pytest.approx(measured, abs=half(Precision.LENGTH))
     sd = (received.position_sd_m, received.heading_sd_rad)
     assert sd == pytest.approx((sent.position_sd_m, sent.heading_sd_rad), abs=1e-6)
 

@@ -6,7 +6,7 @@ from executive.commands import TakePicture
 from executive.values.facts import Frame
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Severity, Stage
+from executive.values.reports import ReportKind, Severity, Stage
 from tests.support.kinematic import Bench
 
 WHOLE = b"\xff\xd8picture\xff\xd9"
@@ -58,7 +58,7 @@ def voltage(bench: Bench) -> float | None:
 
 def warnings(bench: Bench) -> list[Reason | None]:
     """Return the reasons of the warnings so far."""
-    events = [report for report in bench.heard.reports if report.kind is Kind.EVENT]
+    events = [report for report in bench.heard.reports if report.kind is ReportKind.EVENT]
     return [event.reason for event in events if event.severity is Severity.WARNING]
 
 

@@ -7,7 +7,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.faults import DECLARED, Clears, FaultTable, Then
+from executive.faults import DECLARED, ClearPolicy, FaultTable, Reaction
 from executive.safety import MONITORS
 from executive.settings import (
     Settings,
@@ -19,8 +19,8 @@ from executive.settings import (
     unstructure,
 )
 from executive.values.reasons import Reason
-from sim.scenario.changes import Change
-from sim.scenario.model import PlayMode
+from sim.scenario.changes import Override
+from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
 
 CONFIG = Path(__file__).parents[2] / "config"
@@ -42,8 +42,8 @@ def refused(**sections: object) -> str:
 def test_a_row_says_only_what_differs() -> None:
     faults = asset(faults={"battery_low": {"below": 20, "for": 2, "then": "warn"}}).faults
     row, usual = faults.battery_low, FaultTable().battery_low
-    assert (row.window.below, row.window.for_s, row.then) == (20.0, 2.0, Then.WARN)
-    assert (row.when, row.clears) == (usual.when, Clears.ON_RESUME)
+    assert (row.window.below, row.window.for_s, row.then) == (20.0, 2.0, Reaction.WARN)
+    assert (row.when, row.clears) == (usual.when, ClearPolicy.ON_RESUME)
     assert faults.tilted == FaultTable().tilted
 
 
@@ -53,7 +53,7 @@ def test_a_window_of_several_says_only_what_differs() -> None:
     row = asset(faults={"odometry_off_gyro": {"slow": {"beyond": "3deg"}}}).faults.odometry_off_gyro
     assert row.windows == (quick, replace(slow, beyond=radians(3.0)))
     row = asset(faults={"odometry_off_gyro": {"then": "warn"}}).faults.odometry_off_gyro
-    assert row == replace(usual, then=Then.WARN)
+    assert row == replace(usual, then=Reaction.WARN)
 
 
 @pytest.mark.parametrize(
@@ -87,8 +87,8 @@ def test_an_angle_may_be_written_in_degrees() -> None:
 
 def test_scenarios_change_rows_as_strictly() -> None:
     def changed(key: str, value: str) -> FaultTable:
-        change = Change(f"settings.faults.{key}", value)
-        return load_scenario("motion_turn", PlayMode.LOCK_STEP, [change]).settings.faults
+        change = Override(f"settings.faults.{key}", value)
+        return load_scenario("motion_turn", RunMode.LOCK_STEP, [change]).settings.faults
 
     assert changed("tilted.beyond", "20deg").tilted.bound == pytest.approx(0.349, abs=1e-3)
     assert changed("slips.slow.beyond", "0.2").slips.windows[1].bound == 0.2

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.faults import FaultTable
-from executive.safety import Channel, History
+from executive.safety import Channel, MotionHistory
 from executive.values.clock import ManualClock
 from executive.values.facts import Odometry
 from executive.values.geometry import STANDING, Pose, Velocity
@@ -16,7 +16,7 @@ class Drive:
 
     def __init__(self, offset_s: float = 0.0) -> None:
         self.clock = ManualClock()
-        self.history = History(self.clock, FaultTable())
+        self.history = MotionHistory(self.clock, FaultTable())
         self.offset_s = offset_s
         self.late_s = 0.02
 
@@ -99,7 +99,7 @@ def test_nothing_is_looked_at_that_was_before_it_was_accepted() -> None:
 
 
 def hold(
-    clock: ManualClock, history: History, velocity: Velocity, at_least: Velocity | None = None
+    clock: ManualClock, history: MotionHistory, velocity: Velocity, at_least: Velocity | None = None
 ) -> None:
     """Command a velocity for a second, in each tick."""
     for _ in range(10):
@@ -109,7 +109,7 @@ def hold(
 
 def test_a_velocity_that_is_being_gained_is_any_up_to_it_and_no_way() -> None:
     clock = ManualClock()
-    history = History(clock, FaultTable())
+    history = MotionHistory(clock, FaultTable())
     hold(clock, history, Velocity(-0.5), STANDING)
     hold(clock, history, Velocity(-0.5))
     history.command(STANDING)
@@ -124,7 +124,7 @@ def test_a_velocity_that_is_being_gained_is_any_up_to_it_and_no_way() -> None:
 
 def test_commands_of_a_window_are_those_in_force_within_it() -> None:
     clock = ManualClock()
-    history = History(clock, FaultTable())
+    history = MotionHistory(clock, FaultTable())
     for velocity in (STANDING, Velocity(1.0), Velocity(0.5, 0.2), STANDING):
         hold(clock, history, velocity)
     found = history.commands_in(1.5, clock.now_s())
@@ -137,7 +137,7 @@ def test_commands_of_a_window_are_those_in_force_within_it() -> None:
 
 def test_which_way_was_commanded_is_not_known_over_a_stall() -> None:
     clock = ManualClock()
-    history = History(clock, FaultTable())
+    history = MotionHistory(clock, FaultTable())
     hold(clock, history, Velocity(1.0))
     clock.advance(0.3)
     hold(clock, history, Velocity(1.0))

@@ -8,11 +8,11 @@ import pytest
 
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
 from executive.commands.lifecycle import Admitted
-from executive.faults import DECLARED, Clears, Row, Then, When, Window
-from executive.safety import MONITORS, Evidence, History
+from executive.faults import DECLARED, ClearPolicy, FaultResponse, MonitoredWhen, Reaction, Window
+from executive.safety import MONITORS, Evidence, MotionHistory
 from executive.settings import (
-    LinkLoss,
     LinkLossAction,
+    LinkLossSettings,
     LinkLossStage,
     Settings,
     load_settings,
@@ -25,9 +25,9 @@ from tests.support.self_moving import SelfMovingRover
 
 pytestmark = pytest.mark.alike
 
-MODES = {Then.PAUSE: Mode.PAUSED, Then.STOP: Mode.STOPPED, Then.SAFE: Mode.SAFE}
-LATCHED = [name for name, each in DECLARED.items() if each.row.clears is Clears.ON_RESUME]
-ENDED = [name for name, each in DECLARED.items() if each.row.clears is Clears.ITSELF]
+MODES = {Reaction.PAUSE: Mode.PAUSED, Reaction.STOP: Mode.STOPPED, Reaction.SAFE: Mode.SAFE}
+LATCHED = [name for name, each in DECLARED.items() if each.row.clears is ClearPolicy.ON_RESUME]
+ENDED = [name for name, each in DECLARED.items() if each.row.clears is ClearPolicy.ITSELF]
 OF_WHOLE_MOTIONS = ("steady_off_command", "steady_turn_off_command")
 DANGERS = (Reason.CORE_HUNG, Reason.ADAPTER_RAISED)
 Make = Callable[..., Bench]
@@ -39,7 +39,7 @@ class Cause:
     def __init__(self) -> None:
         self.there = False
 
-    def __call__(self, _: History, __: Window, ___: float) -> Evidence | None:
+    def __call__(self, _: MotionHistory, __: Window, ___: float) -> Evidence | None:
         return Evidence("the cause is there", (Figure("seen", 2.5, "m"),)) if self.there else None
 
 
@@ -48,15 +48,15 @@ def cause() -> Cause:
     return Cause()
 
 
-def watching(asset: str, name: str, row: Row) -> Settings:
+def watching(asset: str, name: str, row: FaultResponse) -> Settings:
     """Return settings of an asset that watches for one fault all the time, and for no other."""
     settings = load_settings(asset)
-    rows = {each: replace(known.row, then=Then.IGNORE) for each, known in DECLARED.items()}
-    rows[name] = with_figures(replace(row, when=When.ALWAYS), for_s=0.0)
+    rows = {each: replace(known.row, then=Reaction.IGNORE) for each, known in DECLARED.items()}
+    rows[name] = with_figures(replace(row, when=MonitoredWhen.ALWAYS), for_s=0.0)
     return replace(settings, faults=replace(settings.faults, **rows))
 
 
-def bench_of(folder: Path, name: str, row: Row) -> Bench:
+def bench_of(folder: Path, name: str, row: FaultResponse) -> Bench:
     """Return a bench whose rover watches for a fault; of the kind for which that is watched."""
     if name in OF_WHOLE_MOTIONS:
         return Bench(folder, watching("mocup", name, row), rover=SelfMovingRover())
@@ -94,7 +94,7 @@ def test_each_fault_that_a_resume_ends_holds_over_kill_9(
         assert str(restored) == str(fault)
         assert restored.refusal == fault.refusal
         assert (restored.begun_utc_s, restored.row) == (fault.begun_utc_s, fault.row)
-        if row.then is Then.PAUSE:
+        if row.then is Reaction.PAUSE:
             bench.submit(MoveForward(1.0), 1)
             bench.run(1.0)
             assert bench.stages(1) == [Stage.RECEIVED, Stage.ACCEPTED]
@@ -125,12 +125,12 @@ def test_what_ends_by_itself_is_looked_for_afresh(
         assert bench.executive.safety.active == []
 
 
-@pytest.mark.parametrize("then", [Then.WARN, Then.SLOW_DOWN, *MODES])
+@pytest.mark.parametrize("then", [Reaction.WARN, Reaction.SLOW_DOWN, *MODES])
 def test_an_asset_that_has_a_fault_end_by_a_resume_has_it_after_a_restart(
-    then: Then, tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch
+    then: Reaction, tmp_path: Path, cause: Cause, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(MONITORS, "slides", cause)
-    row = replace(DECLARED["slides"].row, then=then, clears=Clears.ON_RESUME)
+    row = replace(DECLARED["slides"].row, then=then, clears=ClearPolicy.ON_RESUME)
     with Bench(tmp_path, watching("jackal", "slides", row)) as bench:
         begin(bench, cause)
         slow_ratio = bench.executive.status.slow_ratio
@@ -138,7 +138,7 @@ def test_an_asset_that_has_a_fault_end_by_a_resume_has_it_after_a_restart(
         assert is_in(bench, MODES.get(then, Mode.IDLE))
         assert [each.name for each in bench.executive.safety.active] == ["slides"]
         assert bench.executive.status.slow_ratio == slow_ratio
-        assert (slow_ratio < 1.0) is (then is Then.SLOW_DOWN)
+        assert (slow_ratio < 1.0) is (then is Reaction.SLOW_DOWN)
 
 
 def test_a_fault_that_the_file_no_longer_watches_for_ends_by_a_resume_alone(
@@ -199,7 +199,7 @@ def test_a_ledger_that_failed_is_safe_after_kill_9(mended_before: bool, bench: B
 
 def test_a_lost_link_stops_until_a_resume_over_kill_9(tmp_path: Path) -> None:
     stages = (LinkLossStage(2.0, LinkLossAction.STOP),)
-    settings = replace(load_settings("jackal"), link_loss=LinkLoss(motion=stages))
+    settings = replace(load_settings("jackal"), link_loss=LinkLossSettings(motion=stages))
     with Bench(tmp_path, settings) as bench:
         bench.submit(MoveTo(Waypoint(5.0, 0.0)), 1)
         bench.run(3.0)

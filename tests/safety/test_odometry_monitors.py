@@ -13,29 +13,31 @@ from executive.settings import Settings
 from executive.values.facts import Odometry
 from executive.values.geometry import Pose, Velocity
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Report, Severity, Stage
-from sim.scenario.changes import Change
-from sim.scenario.model import PlayMode
-from sim.scenario.outcome import Outcome, play_once
+from executive.values.reports import Report, ReportKind, Severity, Stage
+from sim.scenario.changes import Override
+from sim.scenario.model import RunMode
+from sim.scenario.outcome import ScenarioResult, play_once
 from sim.scenario.reading import load_scenario
 from tests.support.kinematic import STEP_S, Bench, ignoring
 
-BLIND = Change("settings.sensors", "{imu: null, joints: null}")
+BLIND = Override("settings.sensors", "{imu: null, joints: null}")
 
 
-def play(folder: Path, scenario: str, *changes: tuple[str, str], blind: bool = True) -> Outcome:
+def play(
+    folder: Path, scenario: str, *changes: tuple[str, str], blind: bool = True
+) -> ScenarioResult:
     """Play a scenario with changes, by default without any sensor but the odometry."""
     made = [BLIND] if blind else []
-    made += [Change(key, value) for key, value in changes]
-    return play_once(scenario, load_scenario(scenario, PlayMode.LOCK_STEP, made), folder)
+    made += [Override(key, value) for key, value in changes]
+    return play_once(scenario, load_scenario(scenario, RunMode.LOCK_STEP, made), folder)
 
 
-def first_event(outcome: Outcome) -> Report:
+def first_event(outcome: ScenarioResult) -> Report:
     """Return the first event that tells of a fault."""
     return next(
         report
         for report in outcome.record.reports
-        if report.kind is Kind.EVENT and report.severity is not Severity.INFORMATIONAL
+        if report.kind is ReportKind.EVENT and report.severity is not Severity.INFORMATIONAL
     )
 
 

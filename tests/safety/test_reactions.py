@@ -7,11 +7,11 @@ import pytest
 
 from executive.commands import Mode, MoveForward, MoveTo, Resume, Stop, Waypoint
 from executive.commands.lifecycle import Admitted
-from executive.faults import Clears, Then
+from executive.faults import ClearPolicy, Reaction
 from executive.settings import load_settings
 from executive.values.geometry import STANDING
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 from tests.support.kinematic import Bench, with_figures
 
 LOW_V, FULL_V = 20.0, 26.0
@@ -31,7 +31,7 @@ class WeakBench(Bench):
 
     @property
     def events(self) -> list[Report]:
-        return [each for each in self.heard.reports if each.kind is Kind.EVENT]
+        return [each for each in self.heard.reports if each.kind is ReportKind.EVENT]
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def make(tmp_path: Path) -> Iterator[Make]:
     """Make a bench with a row for its battery."""
     with ExitStack() as stack:
 
-        def make_bench(then: Then, clears: Clears, for_s: float = 0.0) -> WeakBench:
+        def make_bench(then: Reaction, clears: ClearPolicy, for_s: float = 0.0) -> WeakBench:
             settings = load_settings("jackal")
             row = replace(settings.faults.battery_low, then=then, clears=clears)
             row = with_figures(row, for_s=for_s)
@@ -53,9 +53,13 @@ def go(number: int = 1) -> tuple[MoveTo, int]:
     return MoveTo(Waypoint(5.0, 0.0)), number
 
 
-@pytest.mark.parametrize(("then", "mode"), [(Then.STOP, Mode.STOPPED), (Then.SAFE, Mode.SAFE)])
-def test_stop_and_safe_hold_the_rover_until_a_resume(make: Make, then: Then, mode: Mode) -> None:
-    bench = make(then, Clears.ON_RESUME)
+@pytest.mark.parametrize(
+    ("then", "mode"), [(Reaction.STOP, Mode.STOPPED), (Reaction.SAFE, Mode.SAFE)]
+)
+def test_stop_and_safe_hold_the_rover_until_a_resume(
+    make: Make, then: Reaction, mode: Mode
+) -> None:
+    bench = make(then, ClearPolicy.ON_RESUME)
     bench.submit(*go(1))
     bench.submit(*go(2))
     bench.run(2.0)
@@ -79,7 +83,7 @@ def test_stop_and_safe_hold_the_rover_until_a_resume(make: Make, then: Then, mod
 
 
 def test_what_clears_itself_holds_the_rover_no_longer_than_it_lasts(make: Make) -> None:
-    bench = make(Then.STOP, Clears.ITSELF)
+    bench = make(Reaction.STOP, ClearPolicy.ITSELF)
     bench.submit(*go())
     bench.run(2.0)
     bench.battery(LOW_V, 1.0)
@@ -96,7 +100,7 @@ def test_what_clears_itself_holds_the_rover_no_longer_than_it_lasts(make: Make) 
 
 
 def test_a_stop_outlasts_what_clears_itself(make: Make) -> None:
-    bench = make(Then.STOP, Clears.ITSELF)
+    bench = make(Reaction.STOP, ClearPolicy.ITSELF)
     bench.battery(LOW_V)
     bench.submit(Stop(), 1)
     assert "resume once that is over" in bench.executive.why
@@ -106,7 +110,7 @@ def test_a_stop_outlasts_what_clears_itself(make: Make) -> None:
 
 
 def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:
-    bench = make(Then.PAUSE, Clears.ON_RESUME)
+    bench = make(Reaction.PAUSE, ClearPolicy.ON_RESUME)
     bench.submit(*go())
     bench.run(2.0)
     bench.battery(LOW_V, 60.0)
@@ -122,7 +126,7 @@ def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:
 
 
 def test_a_pause_ends_what_is_relative_to_where_it_began(make: Make) -> None:
-    bench = make(Then.PAUSE, Clears.ITSELF)
+    bench = make(Reaction.PAUSE, ClearPolicy.ITSELF)
     bench.drive_on(2.0)
     bench.battery(LOW_V, 1.0)
     assert bench.stages(1)[-1] is Stage.FAILED
@@ -133,7 +137,7 @@ def test_a_pause_ends_what_is_relative_to_where_it_began(make: Make) -> None:
 
 
 def test_slowing_down_leaves_a_part_of_the_speed(make: Make) -> None:
-    bench = make(Then.SLOW_DOWN, Clears.ITSELF)
+    bench = make(Reaction.SLOW_DOWN, ClearPolicy.ITSELF)
     bench.submit(*go())
     bench.run(2.0)
     assert bench.rover.velocity.travel_mps == pytest.approx(1.0)
@@ -146,7 +150,7 @@ def test_slowing_down_leaves_a_part_of_the_speed(make: Make) -> None:
 
 
 def test_a_warning_moves_nothing_and_nothing_is_ignored_aloud(make: Make) -> None:
-    bench = make(Then.WARN, Clears.ITSELF)
+    bench = make(Reaction.WARN, ClearPolicy.ITSELF)
     bench.submit(*go())
     bench.battery(LOW_V, 0.5)
     assert [each.severity for each in bench.events] == [Severity.WARNING]
@@ -154,13 +158,13 @@ def test_a_warning_moves_nothing_and_nothing_is_ignored_aloud(make: Make) -> Non
 
 
 def test_what_is_ignored_is_not_told(make: Make) -> None:
-    bench = make(Then.IGNORE, Clears.ITSELF)
+    bench = make(Reaction.IGNORE, ClearPolicy.ITSELF)
     bench.battery(LOW_V, 1.0)
     assert not bench.events
 
 
 def test_a_fault_begins_once_it_has_lasted(make: Make) -> None:
-    bench = make(Then.SAFE, Clears.ON_RESUME, for_s=1.0)
+    bench = make(Reaction.SAFE, ClearPolicy.ON_RESUME, for_s=1.0)
     bench.battery(LOW_V, 0.9)
     bench.battery(FULL_V)
     bench.battery(LOW_V, 1.0)
@@ -172,6 +176,6 @@ def test_a_fault_begins_once_it_has_lasted(make: Make) -> None:
 
 
 def test_resume_says_that_nothing_holds_a_rover_with_a_suspended_plan(make: Make) -> None:
-    bench = make(Then.WARN, Clears.ITSELF)
+    bench = make(Reaction.WARN, ClearPolicy.ITSELF)
     refusal = bench.refusal(Resume(), 1)
     assert refusal.reason is Reason.WRONG_MODE

@@ -12,7 +12,7 @@ from executive.commands import MoveForward, TakePicture
 from executive.faults import DECLARED
 from executive.values.facts import Imu, LaserScan, RejectedData, Source
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 from tests.support.kinematic import STEP_S, Bench
 from trees import snapshot_of
 
@@ -33,7 +33,7 @@ def rejecting(bench: Bench, fact: RejectedData, duration_s: float) -> None:
 
 def events(bench: Bench, reason: Reason) -> list[Report]:
     reports = bench.heard.reports
-    return [each for each in reports if each.kind is Kind.EVENT and each.reason is reason]
+    return [each for each in reports if each.kind is ReportKind.EVENT and each.reason is reason]
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.commands import DriveFor, MoveForward, Resume, Stop
-from executive.faults import Clears, Then
+from executive.faults import ClearPolicy, Reaction
 from executive.safety import unmonitored
 from executive.settings import SecondOdometrySettings, Sensors, Settings, load_settings
 from executive.values.facts import Imu, Joints, SecondOdometry
 from executive.values.geometry import STANDING, Pose, Velocity
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Severity, Stage
+from executive.values.reports import ReportKind, Severity, Stage
 from tests.support.kinematic import Bench, ignoring
 from tests.support.sensed_drive import SensedDrive, SensedRover
 
@@ -121,7 +121,7 @@ def test_a_fault_is_seen_by_what_it_shows_in(
 
 def test_a_fault_of_several_windows_begins_once_and_is_over_with_the_last() -> None:
     faults = asset().faults
-    row = replace(faults.odometry_off_wheels, then=Then.WARN, clears=Clears.ITSELF)
+    row = replace(faults.odometry_off_wheels, then=Reaction.WARN, clears=ClearPolicy.ITSELF)
     drive = SensedDrive(replace(asset(), faults=replace(faults, odometry_off_wheels=row)))
     drive.lost.add(SecondOdometry)
     drive.run(STANDING, 1.0)
@@ -187,7 +187,7 @@ def test_a_sensor_that_falls_silent_is_told_and_stops_nothing(
     drive.lost.add(kind)
     assert goes_wrong(drive, limit_s) <= limit_s
     assert drive.names == [name]
-    assert drive.begun[0].row.then is Then.WARN
+    assert drive.begun[0].row.then is Reaction.WARN
     assert "not monitored" in drive.begun[0].refusal.text
     drive.run(AHEAD, 1.0)
     drive.lost.clear()
@@ -440,7 +440,7 @@ def test_a_motion_goes_on_without_a_sensor_and_tells_of_its_silence(
         bench.run(7.0)
         rover.body.lost.clear()
         assert bench.finish(1) is Stage.EXECUTED
-        told = [r for r in bench.heard.reports if r.kind is Kind.EVENT]
+        told = [r for r in bench.heard.reports if r.kind is ReportKind.EVENT]
         assert [r.severity for r in told if r.reason is Reason.SENSOR_SILENT] == [Severity.WARNING]
         assert told[-1].text == f"{fault} is over"
 

@@ -13,8 +13,8 @@ from executive.commands import DriveFor, Mode, MoveForward, RotateBy
 from executive.faults import FaultTable
 from executive.goals import Context
 from executive.obstacles.zones import KnownRock, Zones
-from executive.safety import History
-from executive.safety.surroundings import Surroundings
+from executive.safety import MotionHistory
+from executive.safety.surroundings import LaserSurroundings
 from executive.safety.surroundings_monitors import (
     laser_blind,
     obstacle_ahead,
@@ -26,7 +26,7 @@ from executive.values.clock import ManualClock
 from executive.values.facts import LaserScan
 from executive.values.geometry import STANDING, Pose, Velocity
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Stage
+from executive.values.reports import ReportKind, Stage
 from tests.support.kinematic import Bench, KinematicRover
 from trees import RoverTree
 
@@ -50,8 +50,8 @@ def scan(stamp_s: float, *points: tuple[float, float]) -> LaserScan:
 
 def history(
     velocity: Velocity, *points: tuple[float, float], settings: Settings = SEEING
-) -> History:
-    made = History(ManualClock(), FaultTable(), surroundings=Surroundings(settings))
+) -> MotionHistory:
+    made = MotionHistory(ManualClock(), FaultTable(), surroundings=LaserSurroundings(settings))
     made.command(velocity)
     made.observe(scan(1.0, *points))
     return made
@@ -110,7 +110,7 @@ def test_no_point_that_is_met_is_left_out_beforehand(
     held_s = seen.braking_s(velocity, 0.25)
     found = seen.met(velocity, held_s, 0.05)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(Surroundings, "_within_reach", lambda self, *_: list(self.spots))
+        patched.setattr(LaserSurroundings, "_within_reach", lambda self, *_: list(self.spots))
         assert seen.met(velocity, held_s, 0.05) == found
 
 
@@ -264,7 +264,7 @@ def make(tmp_path: Path) -> Iterator[Make]:
 
 
 def events(bench: Bench) -> list[Reason | None]:
-    told = [report for report in bench.heard.reports if report.kind is Kind.EVENT]
+    told = [report for report in bench.heard.reports if report.kind is ReportKind.EVENT]
     return [report.reason for report in told if report.identity is None]
 
 

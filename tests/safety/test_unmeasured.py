@@ -12,7 +12,7 @@ from executive.settings import BatterySettings, LaserSettings, Settings, load_se
 from executive.values.facts import Battery, Imu, Joints
 from executive.values.geometry import Pose
 from executive.values.reasons import Reason
-from executive.values.reports import Kind
+from executive.values.reports import ReportKind
 from tests.support.kinematic import Bench, with_figures
 from trees import snapshot_of
 
@@ -20,7 +20,7 @@ SENSED = load_settings("jackal")
 
 
 def warnings(bench: Bench) -> list[Reason | None]:
-    return [each.reason for each in bench.heard.reports if each.kind is Kind.EVENT]
+    return [each.reason for each in bench.heard.reports if each.kind is ReportKind.EVENT]
 
 
 def gaps(bench: Bench) -> dict[str, tuple[str, ...]]:

@@ -19,8 +19,8 @@ from executive.settings import (
 )
 from sim.rover.faults import LeftStuck, OdometryFrozen, Slip
 from sim.scenario import completion
-from sim.scenario.changes import Change
-from sim.scenario.model import Clear, Crash, Inject, PlayMode, Scenario, Send
+from sim.scenario.changes import Override
+from sim.scenario.model import Clear, Crash, Inject, RunMode, Scenario, Send
 from sim.scenario.reading import load_scenario
 
 FILE = """
@@ -37,10 +37,10 @@ expect:
 """
 
 
-def load(folder: Path, *changes: str, mode: PlayMode = PlayMode.LOCK_STEP) -> Scenario:
+def load(folder: Path, *changes: str, mode: RunMode = RunMode.LOCK_STEP) -> Scenario:
     path = folder / "file.yaml"
     path.write_text(FILE)
-    return load_scenario(str(path), mode, [Change.parse(text) for text in changes])
+    return load_scenario(str(path), mode, [Override.parse(text) for text in changes])
 
 
 def test_each_kind_of_key_is_changed(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_the_change_is_named_that_does_not_fit(tmp_path: Path, change: str, blam
 
 def test_odometry_is_not_changed_where_it_has_no_effect(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="odometry: works in lock step only"):
-        load(tmp_path, "odometry.gyro_noise=1", mode=PlayMode.DIRECT)
+        load(tmp_path, "odometry.gyro_noise=1", mode=RunMode.DIRECT)
     with pytest.raises(SettingsError, match="odometry: that of mocup is its brick's own"):
         load(tmp_path, "odometry.gyro_noise=1", "asset=mocup")
 
@@ -211,4 +211,4 @@ def test_odometry_is_not_changed_where_it_has_no_effect(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["seed", "=3", "seed=", ""])
 def test_a_change_needs_key_and_value(text: str) -> None:
     with pytest.raises(ValueError, match="is not KEY=VALUE"):
-        Change.parse(text)
+        Override.parse(text)

@@ -9,18 +9,18 @@ import pytest
 from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Severity, Stage
-from sim.scenario.changes import Change
-from sim.scenario.model import PlayMode
-from sim.scenario.outcome import Outcome, figures_of, play_once
+from executive.values.reports import ReportKind, Severity, Stage
+from sim.scenario.changes import Override
+from sim.scenario.model import RunMode
+from sim.scenario.outcome import ScenarioResult, figures_of, play_once
 from sim.scenario.reading import load_scenario
-from sim.scenario.record import SeenFault
+from sim.scenario.record import FaultChange
 
 
-def play(folder: Path, name: str, *changes: str) -> Outcome:
-    made = [Change.parse(text) for text in changes]
+def play(folder: Path, name: str, *changes: str) -> ScenarioResult:
+    made = [Override.parse(text) for text in changes]
     folder.mkdir(exist_ok=True)
-    return play_once(name, load_scenario(name, PlayMode.LOCK_STEP, made), folder)
+    return play_once(name, load_scenario(name, RunMode.LOCK_STEP, made), folder)
 
 
 def test_a_drive_in_figures(tmp_path: Path) -> None:
@@ -97,9 +97,11 @@ def test_what_is_false_after_a_fault_was_reported_is_told_apart(tmp_path: Path) 
     (end,) = (each for each in record.reports if each.stage is Stage.EXECUTED)
     end_s = record.time_of(end)
     record.poses = [replace(seen, pose=Pose(1.0)) for seen in record.poses]
-    record.faults = [SeenFault(end_s - 1, "pushed", True)]
+    record.faults = [FaultChange(end_s - 1, "pushed", True)]
     for told_s, many in ((end_s - 0.5, 1), (end_s + 0.5, 0)):
-        told = replace(end, kind=Kind.EVENT, severity=Severity.WARNING, stage=None, identity=None)
+        told = replace(
+            end, kind=ReportKind.EVENT, severity=Severity.WARNING, stage=None, identity=None
+        )
         told = replace(told, utc_s=record.start_utc_s + told_s, sequence=99)
         figures = figures_of(replace(record, reports=[*record.reports, told]))
         assert (figures.false_executed, figures.false_after_fault) == (1, many)

@@ -13,9 +13,9 @@ from junitparser import Error, Failure, JUnitXml
 
 from sim.scenario import session
 from sim.scenario.commands import scenario
-from sim.scenario.junit import Case, Suite, Trouble, write_junit
-from sim.scenario.outcome import Outcome
-from sim.scenario.playing import PlayError, play
+from sim.scenario.junit import CaseStatus, JunitCase, JunitSuite, write_junit
+from sim.scenario.outcome import ScenarioResult
+from sim.scenario.playing import RunError, play
 
 FILE = """
 title: Ahead
@@ -111,9 +111,9 @@ def test_junit_is_read_back_by_a_parser(file: str, tmp_path: Path) -> None:
 
 
 def test_junit_takes_any_text_and_tells_cases_apart() -> None:
-    cases = [Case("same", "a\x00b\n<&>", Trouble.FAILURE), Case("same", "fine")]
+    cases = [JunitCase("same", "a\x00b\n<&>", CaseStatus.FAILURE), JunitCase("same", "fine")]
     file = io.BytesIO()
-    write_junit(file, "all", [Suite("s\x1b", cases, 1.5)])
+    write_junit(file, "all", [JunitSuite("s\x1b", cases, 1.5)])
     (suite,) = JUnitXml.fromstring(file.getvalue())
     assert (suite.name, suite.time) == ("s\\x1b", 1.5)
     assert [case.name for case in suite] == ["same", "same (2)"]
@@ -123,9 +123,9 @@ def test_junit_takes_any_text_and_tells_cases_apart() -> None:
 def test_a_run_that_breaks_down_does_not_keep_others_from_being_played(
     file: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    errors = iter([PlayError("it: rover-sim ended"), TimeoutError("not ready")])
+    errors = iter([RunError("it: rover-sim ended"), TimeoutError("not ready")])
 
-    def break_twice(*arguments: Any) -> Outcome:
+    def break_twice(*arguments: Any) -> ScenarioResult:
         error = next(errors, None)
         if error is not None:
             raise error

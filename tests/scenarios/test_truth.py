@@ -22,11 +22,11 @@ from executive.commands import (
 )
 from executive.settings import SettingsError
 from executive.values.geometry import Pose
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
-from sim.scenario.model import PlayMode
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
+from sim.scenario.model import RunMode
 from sim.scenario.outcome import play_once
 from sim.scenario.reading import load_scenario
-from sim.scenario.record import Answer, Record, Requested, Sending, TruePose
+from sim.scenario.record import AdmittedRequest, Answer, Record, SentCommand, TruePose
 from sim.scenario.truth import true_ends, undelayed_s, what_was_executed_is_true
 
 WHO = Identity("MOE", 1)
@@ -39,11 +39,11 @@ def ran(
 ) -> Record:
     """Return a run in which a command was EXECUTED while the rover went evenly to a pose."""
     record = Record(0.0, Path())
-    record.sendings = [Sending(label, WHO, 0.9, Answer.ADMITTED)]
-    record.requested = [Requested(WHO, request)]
+    record.sendings = [SentCommand(label, WHO, 0.9, Answer.ADMITTED)]
+    record.requested = [AdmittedRequest(WHO, request)]
     times = ((Stage.RECEIVED, 0.9), (Stage.STARTED, BEGUN_S), (Stage.EXECUTED, ended_s))
     record.reports = [
-        Report(number, time_s, Kind.COMMAND, Severity.INFORMATIONAL, "", WHO, stage)
+        Report(number, time_s, ReportKind.COMMAND, Severity.INFORMATIONAL, "", WHO, stage)
         for number, (stage, time_s) in enumerate(times, 1)
     ]
     for step in range(121):
@@ -214,7 +214,7 @@ def test_a_plans_commands_are_held_to_it_too(tmp_path: Path) -> None:
     (tmp_path / "there.xml").write_text(PLAN)
     path = tmp_path / "planned.yaml"
     path.write_text(PLANNED)
-    outcome = play_once("planned", load_scenario(str(path), PlayMode.LOCK_STEP), tmp_path)
+    outcome = play_once("planned", load_scenario(str(path), RunMode.LOCK_STEP), tmp_path)
     assert outcome.holds, outcome.findings
     ends = true_ends(outcome.record)
     assert [end.label for end in ends] == ["plan:there:1", "plan:there:2"]

@@ -15,7 +15,7 @@ from sim.scenario.lockstep_run import run_in_lock_step
 from sim.scenario.model import Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
-from sim.scenario.record import Datagram, Fetched, Finding, Record, SeenMode, TruePose
+from sim.scenario.record import Check, Datagram, Fetched, ModeSample, Record, TruePose
 
 RUN = """
 title: A metre, a stop, a picture
@@ -48,7 +48,7 @@ def read(folder: Path, expectation: str) -> Scenario:
     return load_scenario(str(path))
 
 
-def verdict(folder: Path, expectation: str, record: Record) -> Finding:
+def verdict(folder: Path, expectation: str, record: Record) -> Check:
     return judge(read(folder, expectation), record)[0]
 
 
@@ -156,7 +156,7 @@ def test_an_entry_that_was_not_played_breaks_a_promise(played: tuple[Scenario, R
 
 
 def test_motion_while_stopped_breaks_a_promise(played: tuple[Scenario, Record]) -> None:
-    modes = [SeenMode(step / 10, Mode.STOPPED) for step in range(100)]
+    modes = [ModeSample(step / 10, Mode.STOPPED) for step in range(100)]
     poses = [TruePose(step / 10, Pose(x_m=step / 1000)) for step in range(100)]
     broken = broken_promises(played, modes=modes, poses=poses)
     assert "no motion while STOPPED or SAFE" in broken
@@ -198,7 +198,7 @@ def test_video_must_show_something_and_end(played: tuple[Scenario, Record], tmp_
     scene = (played[1].files / "pictures/MOE-2.jpg").read_bytes()
     blank = jpeg_of_one_colour()
 
-    def finding(wanted: str, *pictures: bytes | None) -> Finding:
+    def finding(wanted: str, *pictures: bytes | None) -> Check:
         stream = [Datagram(1.5, picture) for picture in pictures]
         return verdict(tmp_path, wanted, replace(played[1], video=stream))
 

@@ -5,7 +5,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mops import Message, RelayAuthority, authority_message, decode
 from executive.values.reasons import Reason
 from tests.mocup.brick.routing import BOTH, SPELLING, Bench, executed, forward, part, stop
@@ -21,7 +21,7 @@ def bench() -> Bench:
 
 def tell(bench: Bench, authority: RelayAuthority) -> None:
     told = authority_message(authority, SPELLING.authority, "EXEC", "MOCUP")
-    bench.command(Link.DIRECT, told)
+    bench.command(BrickLink.DIRECT, told)
 
 
 def by(epoch: int | str, command: Message) -> Message:
@@ -34,7 +34,7 @@ def asked(bench: Bench) -> list[Message]:
 
 def refusals(bench: Bench) -> list[str]:
     """Return why the relay's commands were refused for lack of authority."""
-    told = [m.outputs for link, m in bench.ports.notified if link is Link.RELAY]
+    told = [m.outputs for link, m in bench.ports.notified if link is BrickLink.RELAY]
     return [unquote(o[2]) for o in told if o[1:2] == (Reason.NO_AUTHORITY.name,)]
 
 
@@ -58,7 +58,7 @@ def test_without_the_orbiter_s_authority_the_relay_moves_no_brick(
     bench: Bench, authority: RelayAuthority, command: Message, why: str
 ) -> None:
     tell(bench, authority)
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     assert asked(bench) == []
     (refused,) = refusals(bench)
     assert refused.startswith(why)
@@ -67,17 +67,17 @@ def test_without_the_orbiter_s_authority_the_relay_moves_no_brick(
 
 def test_by_the_orbiter_s_authority_it_does_and_the_executive_hears_of_it(bench: Bench) -> None:
     tell(bench, ORBITER_HOLDS)
-    bench.command(Link.RELAY, by(7, forward(1)), by(7, forward(2)))
+    bench.command(BrickLink.RELAY, by(7, forward(1)), by(7, forward(2)))
     bench.says(executed(forward(1)), executed(forward(2)))
     assert asked(bench) == [forward(1), forward(2)]
-    used = [m for link, m in bench.ports.notified if link is Link.DIRECT]
+    used = [m for link, m in bench.ports.notified if link is BrickLink.DIRECT]
     assert [(m.source, m.dest, m.inputs[2]) for m in used] == [("MOCUP", "EXEC", "7")] * 2
 
 
 @pytest.mark.parametrize("outputs", [("7", "1.0", "2.0", "3.0"), ("seven",), ("-1",), ("True",)])
 def test_a_claim_that_makes_no_sense_moves_nothing(bench: Bench, outputs: tuple[str, ...]) -> None:
     tell(bench, ORBITER_HOLDS)
-    bench.command(Link.RELAY, replace(forward(1), outputs=outputs))
+    bench.command(BrickLink.RELAY, replace(forward(1), outputs=outputs))
     assert asked(bench) == []
 
 
@@ -88,11 +88,11 @@ def test_it_holds_over_restarts_and_while_the_executive_is_gone(bench: Bench) ->
         bench.start(bench.router.record)
         for _ in range(3):
             bench.router.look()
-        bench.command(Link.RELAY, by(7, forward(1)), by(7, forward(2)))
+        bench.command(BrickLink.RELAY, by(7, forward(1)), by(7, forward(2)))
         bench.says(executed(forward(1)), executed(forward(2)))
     assert asked(bench) == [forward(1), forward(2)]
     assert refusals(bench) == [], "what comes again is answered as before, whoever holds it now"
-    bench.command(Link.RELAY, by(7, forward(3)))
+    bench.command(BrickLink.RELAY, by(7, forward(3)))
     assert refusals(bench) == ["the relay does not hold authority 7: MOE holds it"]
 
 
@@ -101,10 +101,12 @@ def test_after_a_start_the_relay_waits_until_the_executive_has_told_who_holds_it
 ) -> None:
     tell(bench, ORBITER_HOLDS)
     bench.start(bench.router.record)
-    assert not bench.command(Link.RELAY, by(7, forward(1))), "it comes again: it is not confirmed"
-    assert bench.command(Link.RELAY, by(7, stop(2)))
+    assert not bench.command(BrickLink.RELAY, by(7, forward(1))), (
+        "it comes again: it is not confirmed"
+    )
+    assert bench.command(BrickLink.RELAY, by(7, stop(2)))
     tell(bench, MOE_HOLDS)
-    assert bench.command(Link.RELAY, by(7, forward(1)))
+    assert bench.command(BrickLink.RELAY, by(7, forward(1)))
     assert asked(bench) == [stop(2)]
     assert len(refusals(bench)) == 1
 
@@ -114,7 +116,7 @@ def test_on_a_full_disk_it_holds_until_a_restart(bench: Bench) -> None:
     bench.fill_disk(True)
     tell(bench, MOE_HOLDS)
     bench.fill_disk(False)
-    bench.command(Link.RELAY, by(7, forward(1)))
+    bench.command(BrickLink.RELAY, by(7, forward(1)))
     assert asked(bench) == []
 
 
@@ -122,14 +124,14 @@ def test_on_a_full_disk_it_holds_until_a_restart(bench: Bench) -> None:
 def test_until_an_executive_has_told_the_settings_decide(bench: Bench, needs: bool) -> None:
     bench.authority = RelayAuthority(needs)
     bench.start(BrickRecord())
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     assert asked(bench) == ([] if needs else [forward(1)])
 
 
 def test_the_relay_tells_nobody_who_has_the_authority(bench: Bench) -> None:
     tell(bench, MOE_HOLDS)
     forged = authority_message(ORBITER_HOLDS, SPELLING.authority, "EXEC", "MOCUP")
-    bench.command(Link.RELAY, forged, by(7, forward(1)))
+    bench.command(BrickLink.RELAY, forged, by(7, forward(1)))
     assert asked(bench) == []
 
 
@@ -138,15 +140,15 @@ def test_a_stop_by_the_relay_acts_whatever_it_claims(
     bench: Bench, outputs: tuple[str, ...]
 ) -> None:
     tell(bench, MOE_HOLDS)
-    bench.command(Link.DIRECT, part(1, 1))
-    bench.command(Link.RELAY, replace(stop(2), outputs=outputs))
+    bench.command(BrickLink.DIRECT, part(1, 1))
+    bench.command(BrickLink.RELAY, replace(stop(2), outputs=outputs))
     assert asked(bench) == [part(1, 1), stop(2)]
     assert bench.router.is_stop(str(replace(stop(2), outputs=outputs)))
 
 
 def test_what_the_executive_commands_has_its_authority(bench: Bench) -> None:
     tell(bench, RelayAuthority(True))
-    bench.command(Link.DIRECT, part(1, 1))
+    bench.command(BrickLink.DIRECT, part(1, 1))
     assert asked(bench) == [part(1, 1)]
 
 
@@ -154,7 +156,7 @@ def test_what_the_executive_commands_has_its_authority(bench: Bench) -> None:
 def test_what_a_stop_has_overtaken_moves_nothing_without_a_number_either(
     bench: Bench, number: int | None
 ) -> None:
-    bench.router.command(Link.RELAY, str(forward(number)), overtaken=True)
+    bench.router.command(BrickLink.RELAY, str(forward(number)), overtaken=True)
     assert asked(bench) == []
 
 
@@ -162,9 +164,11 @@ def test_what_a_stop_has_overtaken_on_its_way_moves_nothing_and_a_repeat_has_its
     bench: Bench,
 ) -> None:
     mark = ("", "", "", "True")
-    bench.command(Link.RELAY, forward(4))
+    bench.command(BrickLink.RELAY, forward(4))
     bench.says(executed(forward(4)))
-    bench.command(Link.RELAY, replace(forward(4), outputs=mark), replace(forward(5), outputs=mark))
+    bench.command(
+        BrickLink.RELAY, replace(forward(4), outputs=mark), replace(forward(5), outputs=mark)
+    )
     assert asked(bench) == [forward(4)]
     told = [(m.moe_inputs_id, m.outputs[:2]) for _, m in bench.ports.notified]
     assert told == [(4, ("EXECUTED",)), (4, ("EXECUTED",)), (5, ("CANCELLED", "STOPPED"))]
@@ -179,11 +183,11 @@ def living(bench: Bench, number: int, lifetime_s: float, made_s: float = 0.0) ->
 def test_a_command_of_the_relay_for_a_brick_is_neither_too_old_nor_made_in_an_hour(
     bench: Bench,
 ) -> None:
-    bench.command(Link.RELAY, living(bench, 1, 5.0, -6.0), living(bench, 2, 5.0, 3600.0))
+    bench.command(BrickLink.RELAY, living(bench, 1, 5.0, -6.0), living(bench, 2, 5.0, 3600.0))
     assert asked(bench) == []
     told = [message.outputs[:2] for _, message in bench.ports.notified]
     assert told == [("REJECTED", "EXPIRED"), ("REJECTED", "MADE_IN_FUTURE")]
-    bench.command(Link.RELAY, living(bench, 3, 5.0, -1.0))
+    bench.command(BrickLink.RELAY, living(bench, 3, 5.0, -1.0))
     assert asked(bench) == [forward(3)]
 
 
@@ -192,15 +196,17 @@ def test_a_command_that_waits_for_the_brick_does_not_outlive_its_lifetime(
     bench: Bench, restarted: bool
 ) -> None:
     lives = [living(bench, number, 5.0 * number) for number in (1, 2, 3)]
-    bench.command(Link.DIRECT, part(9, 1))
-    bench.command(Link.RELAY, *lives)
+    bench.command(BrickLink.DIRECT, part(9, 1))
+    bench.command(BrickLink.RELAY, *lives)
     bench.clock.advance(12.0)
     if restarted:
         bench.start(bench.router.record)
     bench.says(executed(part(9, 1)))
     assert asked(bench)[1:] == [forward(3)]
     ends = {
-        m.moe_inputs_id: m.outputs[:2] for link, m in bench.ports.notified if link is Link.RELAY
+        m.moe_inputs_id: m.outputs[:2]
+        for link, m in bench.ports.notified
+        if link is BrickLink.RELAY
     }
     assert ends[1] == ends[2] == ("EXPIRED", "EXPIRED")
 
@@ -208,8 +214,8 @@ def test_a_command_that_waits_for_the_brick_does_not_outlive_its_lifetime(
 def test_a_clock_that_is_set_back_makes_nothing_live_longer_that_waits_for_the_brick(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bench.command(Link.DIRECT, part(9, 1))
-    bench.command(Link.RELAY, living(bench, 1, 5.0))
+    bench.command(BrickLink.DIRECT, part(9, 1))
+    bench.command(BrickLink.RELAY, living(bench, 1, 5.0))
     bench.clock.advance(12.0)
     monkeypatch.setattr(bench.clock, "utc_s", lambda: 1.0)
     bench.says(executed(part(9, 1)))
@@ -218,7 +224,7 @@ def test_a_clock_that_is_set_back_makes_nothing_live_longer_that_waits_for_the_b
 
 @pytest.mark.parametrize("link", BOTH)
 def test_nobody_else_tells_the_brick_how_long_rover_nxt_may_be_silent(
-    bench: Bench, link: Link
+    bench: Bench, link: BrickLink
 ) -> None:
     entry = SPELLING.keep_alive
     message = Message(entry.code, "MOE", "MOCUP", entry.command, ("1e9",), moe_inputs_id=1)

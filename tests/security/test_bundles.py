@@ -14,21 +14,21 @@ from adapters.bundle.codec.bundle import (
     Bundle,
     Creation,
     Flag,
-    Part,
+    FragmentRange,
     Primary,
     decode_bundle,
     encode_bundle,
 )
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.codec.integrity import Form, Key, sign
+from adapters.bundle.codec.integrity import IntegrityVariant, Key, sign
 from adapters.bundle.codec.report import Asserted, Assertion, StatusReport, encode_report
-from adapters.bundle.node.database import Limits
+from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.security import (
     KeySettings,
     PolicySettings,
     Security,
     SecuritySettings,
-    Target,
+    SignedBlock,
 )
 from tests.bundle.nodes import START_UTC_MS, Clock, TestedNode, carry, settings_of
 from tests.bundle.test_integrity import asb
@@ -59,7 +59,7 @@ def rover(tmp_path: Path) -> TestedNode:
 @pytest.fixture
 def open_rover(tmp_path: Path) -> TestedNode:
     """Give a rover without keys, with a small store."""
-    limits = Limits(most_octets=4_000_000)
+    limits = StoreLimits(most_octets=4_000_000)
     return TestedNode(tmp_path, settings_of(2, 1), Clock(), limits)
 
 
@@ -70,7 +70,7 @@ def forged(
     sequence: int = 0,
     time_ms: int = NOW_MS,
     lifetime_ms: int = DAY_MS,
-    part: Part | None = None,
+    part: FragmentRange | None = None,
     flags: int = 0,
 ) -> Bundle:
     flags |= int(Flag.FRAGMENT) if part else 0
@@ -92,8 +92,8 @@ def test_unsigned_bundles_move_nothing(rover: TestedNode, source: Ipn) -> None:
     assert (rover.take(), rover.node.refusals.count) == ([], 1)
 
 
-@pytest.mark.parametrize("form", Form)
-def test_bundles_of_a_foreign_key_move_nothing(rover: TestedNode, form: Form) -> None:
+@pytest.mark.parametrize("form", IntegrityVariant)
+def test_bundles_of_a_foreign_key_move_nothing(rover: TestedNode, form: IntegrityVariant) -> None:
     attack(rover, sign(forged(), Key(FOREIGN, form), Ipn(1, 0), (0, 1)))
     assert (rover.take(), rover.node.refusals.count) == ([], 1)
 
@@ -125,7 +125,9 @@ def test_signatures_moved_to_other_bundles_move_nothing(
         replace(heard, primary=replace(primary, lifetime_ms=primary.lifetime_ms + DAY_MS)),
         replace(heard, primary=replace(primary, destination=Ipn(2, 2))),
         replace(heard, primary=replace(primary, source=Ipn(1, 2))),
-        replace(heard, primary=replace(primary, flags=int(Flag.FRAGMENT), part=Part(0, 4))),
+        replace(
+            heard, primary=replace(primary, flags=int(Flag.FRAGMENT), part=FragmentRange(0, 4))
+        ),
         replace(heard, blocks=(payload,)),
     ):
         attack(rover, other)
@@ -200,21 +202,21 @@ def test_forged_fragments_take_a_part_of_the_store_and_what_is_whole_goes_in(
     """700 fragments of 50 kB filled the store and shut the rover off, a stop included."""
     for number in range(700):
         source = Ipn(100 + number % sources, 1)
-        part = Part(0, 500_000)
+        part = FragmentRange(0, 500_000)
         attack(open_rover, forged(bytes(50_000), source=source, sequence=number, part=part))
     held = open_rover.database.read("SELECT sum(length) FROM fragments")[0][0]
     assert held <= (1_100_000 if sources == 1 else 2_100_000)
     assert open_rover.node.refusals.count > 600
     attack(open_rover, forged(b"a command", sequence=1))
     for at in (0, 4000):
-        attack(open_rover, forged(bytes(4000), sequence=2, part=Part(at, 8000)))
+        attack(open_rover, forged(bytes(4000), sequence=2, part=FragmentRange(at, 8000)))
     assert open_rover.take() == [b"a command", bytes(8000)]
 
 
 def test_fragments_that_overlap_take_no_more_than_their_part(open_rover: TestedNode) -> None:
     """One unit, of which ever longer pieces come, under ever other total lengths."""
     for number in range(300):
-        part = Part(number, 100_000 + number)
+        part = FragmentRange(number, 100_000 + number)
         attack(open_rover, forged(bytes(50_000 + number), part=part))
     held = open_rover.database.read("SELECT sum(length) FROM fragments")[0][0]
     assert held <= 1_100_000
@@ -226,7 +228,7 @@ def test_where_keys_are_set_forged_fragments_take_nothing(
     orbiter: TestedNode, rover: TestedNode
 ) -> None:
     for number in range(100):
-        attack(rover, forged(bytes(1000), sequence=number, part=Part(0, 2000)))
+        attack(rover, forged(bytes(1000), sequence=number, part=FragmentRange(0, 2000)))
     assert rover.database.read("SELECT count(*) FROM fragments") == [(0,)]
     orbiter.put(ROVER, bytes(5000))
     carry(orbiter, rover, bundle_octets=1400)
@@ -235,7 +237,7 @@ def test_where_keys_are_set_forged_fragments_take_nothing(
 
 def test_a_payload_that_is_not_tied_to_the_primary_block_is_refused() -> None:
     """One of another bundle, under a primary block that is rightly signed beside it."""
-    both = PolicySettings(key="relay", targets=(Target.PAYLOAD, Target.PRIMARY))
+    both = PolicySettings(key="relay", targets=(SignedBlock.PAYLOAD, SignedBlock.PRIMARY))
     settings = SecuritySettings(keys={"relay": KeySettings(file="relay.key")}, policies=(both,))
     security = Security(Ipn(2, 0), settings, {"relay": Key(SECRET)})
     signed = sign(forged(), Key(SECRET), Ipn(1, 0), (0, 1))

@@ -17,10 +17,10 @@ from adapters.mal import (
     Connection,
     Consumer,
     Header,
-    Limits,
+    InteractionStage,
     MalError,
+    PeerLimits,
     Provider,
-    Stage,
     StandardError,
     Subscription,
     encode_message,
@@ -34,7 +34,7 @@ from tests.mrs.aboard import Aboard
 from tests.support.certificates import certified
 
 CROWD = 40
-FEW = Limits(connections=8)
+FEW = PeerLimits(connections=8)
 KIB = 1 << 10
 
 
@@ -54,7 +54,7 @@ async def attack(provider: Provider, octets: bytes = b"") -> asyncio.StreamWrite
 
 
 @asynccontextmanager
-async def besieged(limits: Limits, **options: Any) -> AsyncIterator[tuple[Provider, Consumer]]:
+async def besieged(limits: PeerLimits, **options: Any) -> AsyncIterator[tuple[Provider, Consumer]]:
     """A provider, and a client that was there first."""
     async with provided(limits=limits, **options) as provider:
         provider.serve(SERVICE, "echoLong", echo)
@@ -69,7 +69,7 @@ ONE = bytes(8) + b"\0"
 
 def request(provider: Provider, body: bytes = ONE) -> bytes:
     operation = SPECIFICATION.operation(SERVICE, "echoLong")
-    header = Header.of(operation, Stage.REQUEST, 1, to_uri=str(provider.uri))
+    header = Header.of(operation, InteractionStage.REQUEST, 1, to_uri=str(provider.uri))
     return encode_message(header, body)
 
 
@@ -150,7 +150,7 @@ async def test_handshakes_that_never_end_keep_nobody_out(
 async def test_half_messages_take_a_bounded_part_of_memory(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    limits = Limits(message_octets=KIB * KIB, unfinished_octets=2 * KIB * KIB)
+    limits = PeerLimits(message_octets=KIB * KIB, unfinished_octets=2 * KIB * KIB)
     async with besieged(limits) as (provider, first):
         half = request(provider, bytes(1000 * KIB))[: 512 * KIB]
         crowd = [await attack(provider, half) for _ in range(CROWD)]
@@ -172,7 +172,7 @@ async def test_half_messages_take_a_bounded_part_of_memory(
 async def test_who_does_not_go_on_is_hung_up_on(
     octets: bytes, why: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async with besieged(Limits(silence_s=0.05, stall_s=0.05)) as (provider, first):
+    async with besieged(PeerLimits(silence_s=0.05, stall_s=0.05)) as (provider, first):
         reader, writer = await asyncio.open_connection(provider.uri.host, provider.uri.port)
         if octets:
             writer.write(request(provider))
@@ -186,7 +186,7 @@ async def test_who_does_not_go_on_is_hung_up_on(
 
 
 async def test_a_message_beyond_the_bound_is_answered_and_skipped() -> None:
-    async with provided(limits=Limits(message_octets=8 * KIB)) as provider:
+    async with provided(limits=PeerLimits(message_octets=8 * KIB)) as provider:
         provider.serve(SERVICE, "doSubmit", lambda *_: None)
         provider.serve(SERVICE, "echoLong", echo)
         async with connected(provider) as consumer:
@@ -204,7 +204,7 @@ async def test_a_flood_on_one_connection_does_not_hold_up_another() -> None:
         order.append(value)
         return value, other
 
-    async with besieged(Limits()) as (provider, first):
+    async with besieged(PeerLimits()) as (provider, first):
         provider.serve(SERVICE, "echoLong", note)
         flood = await attack(provider, 4000 * request(provider))
         await first.request(SERVICE, "echoLong", 1, None)
@@ -216,7 +216,7 @@ async def test_a_flood_on_one_connection_does_not_hold_up_another() -> None:
 
 async def test_registrations_of_who_never_reads_keep_nobody_from_being_told() -> None:
     deaf = []
-    async with besieged(Limits(subscriptions=64, share=32)) as (provider, first):
+    async with besieged(PeerLimits(subscriptions=64, share=32)) as (provider, first):
         publisher = provider.publisher(SERVICE, "monitor")
         updates = Updates()
         await first.subscribe(SERVICE, "monitor", Subscription(subscriptionId="s"), updates)
@@ -228,7 +228,7 @@ async def test_registrations_of_who_never_reads_keep_nobody_from_being_told() ->
             for number in range(40):
                 header = Header.of(
                     operation,
-                    Stage.REGISTER,
+                    InteractionStage.REGISTER,
                     number,
                     to_uri=str(provider.uri.broker),
                 )
@@ -249,7 +249,7 @@ async def test_what_cannot_be_read_is_told_with_peer_and_reason_and_not_too_ofte
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     caplog.set_level(logging.WARNING)
-    async with besieged(Limits()) as (provider, first):
+    async with besieged(PeerLimits()) as (provider, first):
         for _ in range(100):
             with pytest.raises(MalError):
                 await first.request(SERVICE, "doRequest", 1.0)
@@ -276,7 +276,7 @@ async def test_answers_that_take_long_are_bounded_and_end_with_who_asked() -> No
             ended[0] += 1
         return value, other
 
-    async with provided(limits=Limits(share=8)) as provider:
+    async with provided(limits=PeerLimits(share=8)) as provider:
         provider.serve(SERVICE, "echoLong", long)
         async with connected(provider) as first:
             asked = [

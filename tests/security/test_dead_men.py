@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adapters.mocup.brick.ownership import SILENT_S
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mocup.brick.router import SOURCE
-from adapters.mocup.brick.service import MOST_ARRIVED, Inbox
+from adapters.mocup.brick.service import MOST_ARRIVED, StopFirstQueue
 from adapters.mocup.brick.usb import Brick, BrickSession
 from adapters.mops import Message, decode, encode
 from adapters.ros import HeartbeatMonitor
@@ -36,10 +36,10 @@ def cancelled(asked: Message) -> Message:
     return replace(executed(asked), executed=False, outputs=CANCELLED)
 
 
-def move(bench: Bench, link: Link) -> Message:
+def move(bench: Bench, link: BrickLink) -> Message:
     """Have the brick carry out a motion for a link, and return what it was asked."""
-    asked = part(7, 1) if link is Link.DIRECT else forward(8)
-    bench.command(link, *([claimed(forward(7))] if link is Link.DIRECT else []), asked)
+    asked = part(7, 1) if link is BrickLink.DIRECT else forward(8)
+    bench.command(link, *([claimed(forward(7))] if link is BrickLink.DIRECT else []), asked)
     return asked
 
 
@@ -48,10 +48,10 @@ def sent(bench: Bench) -> list[Message]:
 
 
 @pytest.mark.parametrize(
-    ("link", "who"), [(Link.DIRECT, "the executive"), (Link.RELAY, "rover-relay")]
+    ("link", "who"), [(BrickLink.DIRECT, "the executive"), (BrickLink.RELAY, "rover-relay")]
 )
 def test_the_brick_is_stopped_when_who_moves_it_is_silent_and_the_reply_says_why(
-    bench: Bench, link: Link, who: str
+    bench: Bench, link: BrickLink, who: str
 ) -> None:
     asked = move(bench, link)
     bench.router.silent(link)
@@ -64,8 +64,8 @@ def test_the_brick_is_stopped_when_who_moves_it_is_silent_and_the_reply_says_why
 
 
 @pytest.mark.parametrize("link", BOTH)
-def test_who_moves_nothing_may_fall_silent(bench: Bench, link: Link) -> None:
-    (other,) = set(Link) - {link}
+def test_who_moves_nothing_may_fall_silent(bench: Bench, link: BrickLink) -> None:
+    (other,) = set(BrickLink) - {link}
     bench.router.silent(link)
     asked = move(bench, other)
     bench.router.silent(link)
@@ -75,16 +75,16 @@ def test_who_moves_nothing_may_fall_silent(bench: Bench, link: Link) -> None:
 def test_what_both_have_asked_goes_on_until_both_are_silent(bench: Bench) -> None:
     for link in BOTH:
         bench.command(link, forward(7))
-    bench.router.silent(Link.DIRECT)
+    bench.router.silent(BrickLink.DIRECT)
     assert sent(bench) == [forward(7)]
-    bench.router.silent(Link.RELAY)
+    bench.router.silent(BrickLink.RELAY)
     assert sent(bench) == [forward(7), bench.halted()]
 
 
 def test_what_waits_of_a_relay_that_is_gone_is_not_begun(bench: Bench) -> None:
-    move(bench, Link.RELAY)
-    bench.command(Link.RELAY, forward(9))
-    bench.router.silent(Link.RELAY)
+    move(bench, BrickLink.RELAY)
+    bench.command(BrickLink.RELAY, forward(9))
+    bench.router.silent(BrickLink.RELAY)
     bench.says(cancelled(forward(8)), executed(bench.halted()))
     assert forward(9) not in sent(bench)
     ends = {m.moe_inputs_id: m.outputs[1] for _, m in bench.ports.notified if not m.executed}
@@ -92,9 +92,9 @@ def test_what_waits_of_a_relay_that_is_gone_is_not_begun(bench: Bench) -> None:
 
 
 def test_the_relay_goes_on_after_an_executive_that_is_gone(bench: Bench) -> None:
-    asked = move(bench, Link.DIRECT)
-    bench.command(Link.RELAY, forward(9))
-    bench.router.silent(Link.DIRECT)
+    asked = move(bench, BrickLink.DIRECT)
+    bench.command(BrickLink.RELAY, forward(9))
+    bench.router.silent(BrickLink.DIRECT)
     bench.says(cancelled(asked))
     assert sent(bench)[-1].source == SOURCE, "not before the brick has answered the stop"
     bench.says(executed(bench.halted()))
@@ -102,9 +102,9 @@ def test_the_relay_goes_on_after_an_executive_that_is_gone(bench: Bench) -> None
 
 
 def test_on_a_full_disk_the_brick_is_stopped_all_the_same(bench: Bench) -> None:
-    move(bench, Link.DIRECT)
+    move(bench, BrickLink.DIRECT)
     bench.fill_disk(True)
-    bench.router.silent(Link.DIRECT)
+    bench.router.silent(BrickLink.DIRECT)
     assert sent(bench)[-1] == bench.halted()
 
 
@@ -121,9 +121,9 @@ def test_on_a_full_disk_the_brick_is_stopped_all_the_same(bench: Bench) -> None:
     ],
 )
 def test_a_stop_acts_whoever_sends_it_under_whatever_number(
-    bench: Bench, link: Link, wrong: dict[str, object]
+    bench: Bench, link: BrickLink, wrong: dict[str, object]
 ) -> None:
-    move(bench, Link.DIRECT)
+    move(bench, BrickLink.DIRECT)
     stops = replace(stop(7), **wrong)  # type: ignore[arg-type]
     for _ in range(3):
         bench.command(link, stops)
@@ -141,7 +141,7 @@ def test_nothing_that_arrived_before_a_stop_is_taken_before_it_or_moves_after_it
     stops: list[bool],
 ) -> None:
     bench = Bench()
-    inbox = Inbox(bench.router.is_stop)
+    inbox = StopFirstQueue(bench.router.is_stop)
     for number, is_stop in enumerate(stops):
         inbox.put(BOTH[number % 2], str(stop(number) if is_stop else forward(number)))
     while arrived := inbox.take():
@@ -159,11 +159,11 @@ def test_nothing_that_arrived_before_a_stop_is_taken_before_it_or_moves_after_it
 
 
 def test_a_stop_has_room_where_too_much_has_arrived(bench: Bench) -> None:
-    inbox = Inbox(bench.router.is_stop)
+    inbox = StopFirstQueue(bench.router.is_stop)
     for number in range(MOST_ARRIVED):
-        assert inbox.put(Link.RELAY, str(forward(number)))
-    assert not inbox.put(Link.RELAY, str(forward(MOST_ARRIVED)))
-    assert inbox.put(Link.RELAY, str(stop(1)))
+        assert inbox.put(BrickLink.RELAY, str(forward(number)))
+    assert not inbox.put(BrickLink.RELAY, str(forward(MOST_ARRIVED)))
+    assert inbox.put(BrickLink.RELAY, str(stop(1)))
     first = inbox.take()
     assert first is not None
     assert first.text == str(stop(1))

@@ -11,7 +11,7 @@ import pytest
 
 from adapters.mal import Consumer, MalError, ServiceId, StandardError, Subscription, UpdateHeader
 from adapters.mrs.aboard.asset_services import ALL_EVENTS_HZ, EVENTS_HZ
-from adapters.mrs.aboard.peer_rate import MOST_PEERS, PeerRate
+from adapters.mrs.aboard.peer_rate import MOST_PEERS, PeerRateLimiter
 from adapters.mrs.fleet.directory_service import MOST_OF_A_PEER, asset_of
 from adapters.mrs.spec import (
     AreaError,
@@ -23,7 +23,7 @@ from adapters.mrs.spec import (
     describe_error,
     mrs_specification,
 )
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from tests.mrs.aboard import Aboard, event, reading
 from tests.mrs.fleet import eventually, said, services
 from tests.support.certificates import certified
@@ -104,7 +104,7 @@ def test_values_that_are_nonsense_are_named(aboard: Aboard, value: ParameterValu
 
 def test_a_certificate_registers_under_its_own_name_only(tmp_path: Path) -> None:
     ends = certified(tmp_path, "jackal", "mocup", "mallory")
-    rover = Aboard(tmp_path / "jackal", terms=Terms(certificates=ends["jackal"]))
+    rover = Aboard(tmp_path / "jackal", terms=TransportSettings(certificates=ends["jackal"]))
 
     async def session() -> None:
         mallory, mocup = [
@@ -112,7 +112,7 @@ def test_a_certificate_registers_under_its_own_name_only(tmp_path: Path) -> None
                 mrs_specification(),
                 rover.uri,
                 name,
-                tls=Terms(certificates=ends[name]).for_consumer(),
+                tls=TransportSettings(certificates=ends[name]).for_consumer(),
             )
             for name in ("mallory", "mocup")
         ]
@@ -137,8 +137,8 @@ def test_a_rover_with_the_certificate_of_another_is_told_why_it_is_not_registere
     tmp_path: Path,
 ) -> None:
     ends = certified(tmp_path, "jackal", "husky")
-    jackal = Aboard(tmp_path / "jackal", terms=Terms(certificates=ends["jackal"]))
-    terms = Terms(certificates=ends["husky"])
+    jackal = Aboard(tmp_path / "jackal", terms=TransportSettings(certificates=ends["jackal"]))
+    terms = TransportSettings(certificates=ends["husky"])
     scout = Aboard(tmp_path / "scout", terms=terms, asset="scout", service_layer=jackal.uri)
     try:
         eventually(lambda: said(scout, "scout.ServiceLayer: your certificate names husky"))
@@ -223,7 +223,7 @@ def test_events_of_others_are_bounded_and_name_who_tells_them(aboard: Aboard) ->
 
 def test_a_peer_that_tells_much_keeps_no_other_from_telling() -> None:
     now_s = 0.0
-    rate = PeerRate(EVENTS_HZ, lambda: now_s)
+    rate = PeerRateLimiter(EVENTS_HZ, lambda: now_s)
 
     def told(peer: str) -> int:
         count = 0

@@ -16,7 +16,7 @@ from adapters.mal import (
     Provider,
     ServiceId,
     StandardError,
-    Typed,
+    TypedAttribute,
 )
 from adapters.mrs.aboard.file_services import MOST_TRANSFERS
 from adapters.mrs.ground import MrsClient
@@ -69,8 +69,8 @@ def part_of_the_mrs() -> Provider:
     return provider
 
 
-def _text(text: str) -> Typed:
-    return Typed(AttributeType.STRING, text)
+def _text(text: str) -> TypedAttribute:
+    return TypedAttribute(AttributeType.STRING, text)
 
 
 @contextmanager
@@ -218,13 +218,13 @@ def test_transfers_that_nobody_reads_give_way(
 @pytest.mark.parametrize(
     ("header", "arrival"),
     [
-        (STARTED, Typed(AttributeType.STRING, "replace")),
-        (STARTED, Typed(AttributeType.IDENTIFIER, "at once")),
+        (STARTED, TypedAttribute(AttributeType.STRING, "replace")),
+        (STARTED, TypedAttribute(AttributeType.IDENTIFIER, "at once")),
         (replace(STARTED, source="M" * 5000), None),
     ],
 )
 def test_a_header_that_makes_no_sense_is_named_and_keeps_no_stop_from_acting(
-    aboard: Aboard, header: CommandHeader, arrival: Typed | None
+    aboard: Aboard, header: CommandHeader, arrival: TypedAttribute | None
 ) -> None:
     supplements = () if arrival is None else (NamedValue(name="arrival", value=arrival),)
 

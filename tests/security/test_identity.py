@@ -21,7 +21,7 @@ from adapters.mrs.spec import (
     mrs_specification,
     with_text,
 )
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from executive.commands import Command, Mode, MoveForward, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Refused
 from executive.settings import AuthoritySettings
@@ -44,13 +44,13 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Certificates]:
 @pytest.fixture
 def secured(tmp_path: Path, ends: dict[str, Certificates]) -> Iterator[Aboard]:
     """Give a rover that asks for certificates."""
-    aboard = Aboard(tmp_path, terms=Terms(certificates=ends["rover"]))
+    aboard = Aboard(tmp_path, terms=TransportSettings(certificates=ends["rover"]))
     yield aboard
     aboard.close()
 
 
 async def connected(rover: Aboard, of: Certificates, source: str | None = None) -> MrsClient:
-    return await MrsClient.connect(rover.uri, source, terms=Terms(certificates=of))
+    return await MrsClient.connect(rover.uri, source, terms=TransportSettings(certificates=of))
 
 
 def test_a_client_speaks_under_the_name_of_its_certificate(
@@ -133,7 +133,7 @@ def test_the_command_line_takes_the_name_and_refuses_another(
     tmp_path: Path, ends: dict[str, Certificates]
 ) -> None:
     needed = AuthoritySettings(needed=True)
-    aboard = Aboard(tmp_path, terms=Terms(certificates=ends["rover"]), authority=needed)
+    aboard = Aboard(tmp_path, terms=TransportSettings(certificates=ends["rover"]), authority=needed)
     own = ("--to", aboard.uri, *options(ends["MOE-2"]))
     try:
         done = rover("command", *own, "--no-wait", "setTravelSpeed", "0.5")

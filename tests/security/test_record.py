@@ -8,18 +8,18 @@ from hypothesis import strategies as st
 
 from executive.commands import MoveForward, SetTravelSpeed
 from executive.commands.lifecycle import Admitted, Refused
-from executive.record import Ledger, Retention, Synchronous
+from executive.record import Ledger, LedgerRetention, Synchronous
 from executive.record.retention import FOREIGN_SHARE, merge_ranges
 from executive.values.clock import START_UTC_S
 from executive.values.reasons import Figure, Reason
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.support.kinematic import Bench
 
 KEPT, AT_ONCE = 40, 10
 
 
 def forget_early(bench: Bench) -> None:
-    bench.executive.retention = Retention(bench.ledger, KEPT, AT_ONCE)
+    bench.executive.retention = LedgerRetention(bench.ledger, KEPT, AT_ONCE)
 
 
 @pytest.mark.at_length
@@ -46,11 +46,13 @@ def test_the_numbers_of_commands_are_used_and_no_others(
     tmp_path_factory: pytest.TempPathFactory, sent: list[int]
 ) -> None:
     ledger = Ledger(tmp_path_factory.mktemp("ledger") / "ledger.sqlite", Synchronous.NORMAL)
-    retention = Retention(ledger, 4, 2)
+    retention = LedgerRetention(ledger, 4, 2)
     for sequence, number in enumerate(sent, 1):
         identity, stage = Identity("MOE", number), Stage.EXECUTED
         ledger.reach(identity, stage)
-        ledger.append(Report(sequence, 0.0, Kind.COMMAND, Severity.WARNING, "", identity, stage))
+        ledger.append(
+            Report(sequence, 0.0, ReportKind.COMMAND, Severity.WARNING, "", identity, stage)
+        )
         ledger.commit()
         retention.tick()
         ledger.commit()

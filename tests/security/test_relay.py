@@ -8,7 +8,7 @@ import pytest
 
 from adapters.bundle import DTN_EPOCH_UTC_MS, BundleAgent, ContactOverride
 from adapters.mal import MalError
-from adapters.mops import Conditions, conditions_of, decode, messages_in
+from adapters.mops import CommandConditions, conditions_of, decode, messages_in
 from adapters.mops.codec import LONGEST
 from adapters.mrs.ground import MrsClient
 from adapters.relay.orbiter.record import MOST_AUTHORITIES, RoverRecord
@@ -191,7 +191,9 @@ def test_aboard_commands_of_the_relay_need_the_authority_of_the_orbiter(tmp_path
         handed = authority.state.epoch
         for number, epoch in enumerate((None, own, handed), 1):
             request, identity = SetTravelSpeed(0.1 * number), Identity("MOE", number)
-            bench.hear(str(DICTIONARY.command(request, identity, "JACKAL", Conditions(epoch))))
+            bench.hear(
+                str(DICTIONARY.command(request, identity, "JACKAL", CommandConditions(epoch)))
+            )
         ends = [r for r in bench.heard.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
         assert [r.reason for r in ends] == [Reason.NO_AUTHORITY, Reason.NO_AUTHORITY, None]
         wrong = str(asked(SetTravelSpeed(0.5), 9))
@@ -321,7 +323,7 @@ def test_aboard_a_command_of_the_relay_does_not_outlive_its_lifetime(tmp_path: P
         for number, life in lives.items():
             request, identity = SetTravelSpeed(0.1 * number), Identity("MOE", number)
             bench.hear(
-                str(DICTIONARY.command(request, identity, "JACKAL", Conditions(None, *life)))
+                str(DICTIONARY.command(request, identity, "JACKAL", CommandConditions(None, *life)))
             )
         ends = [r for r in bench.heard.reports if r.stage in (Stage.REJECTED, Stage.EXECUTED)]
         assert [r.reason for r in ends] == [None, Reason.EXPIRED, Reason.MADE_IN_FUTURE]
@@ -340,4 +342,4 @@ async def test_the_orbiter_passes_on_when_a_command_was_made_and_how_long_it_liv
         (*_, later) = relay.agent.queued(rover.settings.endpoint)
         assert later.expires_utc_s <= Clock().utc_s() + 30.0
         await until(lambda: len(far.commands) == 2)
-        assert conditions_of(far.commands[0]) == Conditions(None, made_s, 30.0)
+        assert conditions_of(far.commands[0]) == CommandConditions(None, made_s, 30.0)

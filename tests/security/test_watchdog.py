@@ -9,7 +9,7 @@ from executive.commands import Mode, MoveForward, MoveTo, Resume, Waypoint
 from executive.values.clock import SystemClock
 from executive.values.geometry import STANDING
 from executive.values.reasons import Reason
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 from tests.support.kinematic import Bench
 
 BOUND_S = 0.05
@@ -86,7 +86,7 @@ def test_after_a_suspend_motion_waits_for_a_resume_over_a_restart_too(bench: Ben
     assert bench.executive.mode is Mode.PAUSED
     assert all(each == STANDING for each in bench.rover.sent[sent:])
     (event,) = late(bench)
-    assert (event.severity, event.kind) == (Severity.WARNING, Kind.EVENT)
+    assert (event.severity, event.kind) == (Severity.WARNING, ReportKind.EVENT)
     assert event.figures[0].value == pytest.approx(SUSPENDED_S, abs=0.01)
     bench.run(5.0)
     assert bench.rover.velocity == STANDING

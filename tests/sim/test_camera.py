@@ -13,7 +13,7 @@ from executive.values.geometry import Velocity
 from executive.values.ports import CameraIntent
 from sim.rover.camera import Backend, PictureSettings, best_backend
 from sim.rover.jackal import SimulatedJackal
-from sim.rover.world import Ground, Rock, World
+from sim.rover.world import Rock, SoilShape, World
 from tests.sim.driving import hold, jpeg
 from tests.suite import CHECKOUT
 from tests.support.processes import run_to_end
@@ -58,7 +58,7 @@ def test_shows_sky_over_red_soil_and_the_rock_where_it_lies(backend: Backend) ->
 @NEEDS_EGL
 @pytest.mark.parametrize("uneven_m", [0.0, 0.08])
 def test_both_backends_see_the_same_rock_at_the_same_place(uneven_m: float) -> None:
-    world = World(rocks=ROCK_AHEAD.rocks, ground=Ground(amplitude_m=uneven_m, feature_m=4.0))
+    world = World(rocks=ROCK_AHEAD.rocks, ground=SoilShape(amplitude_m=uneven_m, feature_m=4.0))
     by_rays = rock_pixels(rover_with(Backend.RAYS, world))
     by_egl = rock_pixels(rover_with(Backend.EGL, world))
     assert by_egl[:2] == pytest.approx(by_rays[:2], abs=2)

@@ -10,10 +10,10 @@ from executive.settings import SettingsError
 from sim.rover import faults
 from sim.rover.faults import (
     SENSOR_PARTS,
-    FaultDeclaration,
+    FaultTarget,
     Onset,
-    Part,
     Side,
+    SimulatedFaultDeclaration,
     bounds,
     declared_faults,
     read_fault,
@@ -21,13 +21,13 @@ from sim.rover.faults import (
     written,
 )
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode
+from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
 from sim.scenario.record import Answer
 
 
 @pytest.mark.parametrize("declaration", declared_faults(), ids=lambda each: each.name)
-def test_what_is_written_is_read(declaration: FaultDeclaration) -> None:
+def test_what_is_written_is_read(declaration: SimulatedFaultDeclaration) -> None:
     fault = read_fault(declaration.name)
     assert isinstance(fault, declaration.kind)
     assert read_fault(written(fault)) == fault
@@ -73,7 +73,7 @@ def test_what_is_no_fault_is_refused(raw: object, says: str) -> None:
         read_fault(raw)
 
 
-def row(declaration: FaultDeclaration) -> str:
+def row(declaration: SimulatedFaultDeclaration) -> str:
     """Return the row of a fault in the documentation."""
     parameters = []
     for each in declaration.parameters:
@@ -86,9 +86,14 @@ def row(declaration: FaultDeclaration) -> str:
             values, shown = "{:g} … {:g}".format(*bounds(each)), f"{default:g}"
         meant = ", ".join(filter(None, (f"{values} {each.unit}".strip(), each.help)))
         parameters.append(f"`{each.name}: {shown}` ({meant})")
-    jackal_only = {Part.GYRO, Part.CMD_VEL, Part.ODOMETRY_LINK, *SENSOR_PARTS.values()}
+    jackal_only = {
+        FaultTarget.GYRO,
+        FaultTarget.CMD_VEL,
+        FaultTarget.ODOMETRY_LINK,
+        *SENSOR_PARTS.values(),
+    }
     lacks = "MOCUP" if declaration.needs in jackal_only else ""
-    lacks = "Jackal" if declaration.needs is Part.BRICK else lacks
+    lacks = "Jackal" if declaration.needs is FaultTarget.BRICK else lacks
     cells = (f"`{declaration.name}`", declaration.summary, "; ".join(parameters), lacks)
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 
@@ -122,7 +127,7 @@ def scenario_file(folder: Path, fault: str, kind: str, asset: str = "jackal") ->
 
 def test_a_lost_link_carries_nothing_until_it_is_cleared(tmp_path: Path) -> None:
     name = scenario_file(tmp_path, "link_lost", "link_lost")
-    record = run_in_lock_step(load_scenario(name, PlayMode.LOCK_STEP), tmp_path)
+    record = run_in_lock_step(load_scenario(name, RunMode.LOCK_STEP), tmp_path)
     answers = {sending.label: sending.answer for sending in record.sendings}
     assert answers == {
         "before": Answer.ADMITTED,

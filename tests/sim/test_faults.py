@@ -18,7 +18,7 @@ from executive.values.reasons import Reason
 from executive.values.reports import Identity
 from sim.rover import faults
 from sim.rover.camera import PictureSettings
-from sim.rover.faults import Fault, Side, declared_faults
+from sim.rover.faults import Side, SimulatedFault, declared_faults
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.lockstep import LockStep
 from sim.rover.mocup import SimulatedMocup
@@ -63,7 +63,7 @@ def test_lost_odometry_is_silent_until_it_comes_back(rover: SimulatedJackal) -> 
     ("fault", "stamps"), [(faults.OdometryFrozen(), 50), (faults.OdometryRepeated(), 1)]
 )
 def test_frozen_odometry_has_new_stamps_and_repeated_has_not(
-    rover: SimulatedJackal, fault: Fault, stamps: int
+    rover: SimulatedJackal, fault: SimulatedFault, stamps: int
 ) -> None:
     rover.inject(fault)
     facts = heard(rover, AHEAD, 1.0)
@@ -143,7 +143,7 @@ def test_odometry_without_twist_says_that_it_stands(rover: SimulatedJackal) -> N
     ],
 )
 def test_encoders_count_what_they_are_told(
-    rover: SimulatedJackal, fault: Fault, ratio: float
+    rover: SimulatedJackal, fault: SimulatedFault, ratio: float
 ) -> None:
     before, true = rover.odometry.pose.x_m, rover.true_pose.x_m
     rover.inject(fault)
@@ -162,7 +162,7 @@ def test_encoders_count_what_they_are_told(
     ],
 )
 def test_the_gyro_measures_what_it_is_told(
-    rover: SimulatedJackal, fault: Fault, ratio: float, rate_radps: float
+    rover: SimulatedJackal, fault: SimulatedFault, ratio: float, rate_radps: float
 ) -> None:
     rover.inject(fault)
     facts = heard(rover, TURN, 2.0)
@@ -184,7 +184,7 @@ def test_the_gyro_measures_what_it_is_told(
     ],
 )
 def test_wheels_that_do_not_drive_change_how_it_turns(
-    fault: Fault | None, ahead_deg: float, turn_deg: float
+    fault: SimulatedFault | None, ahead_deg: float, turn_deg: float
 ) -> None:
     for velocity, expected_deg in ((AHEAD, ahead_deg), (TURN, turn_deg)):
         rover = SimulatedJackal(World())
@@ -488,7 +488,7 @@ def test_telemetry_of_mocup_fails_as_odometry_does() -> None:
 @pytest.mark.parametrize(
     ("fault", "ratio"), [(faults.EncoderScale(factor=1.5), 1.5), (faults.OdometryFrozen(), 0.0)]
 )
-def test_mocup_counts_what_it_is_told(fault: Fault, ratio: float) -> None:
+def test_mocup_counts_what_it_is_told(fault: SimulatedFault, ratio: float) -> None:
     mocup = Mocup()
     rover = mocup.rover
     counted = rover.brick.machine.odometry

@@ -9,11 +9,11 @@ import pytest
 from executive.values.facts import Odometry
 from executive.values.geometry import Velocity, wrap_rad
 from sim.rover.jackal import OdometrySettings, SimulatedJackal
-from sim.rover.world import Ground, World
+from sim.rover.world import SoilShape, World
 from tests.sim.driving import told, travel, turn
 
 FLAT = World()
-ROUGH = World(ground=Ground(amplitude_m=0.08, feature_m=4.0, seed=7))
+ROUGH = World(ground=SoilShape(amplitude_m=0.08, feature_m=4.0, seed=7))
 UNAWARE = OdometrySettings(slip_offset_m=0, slip_gain=0)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from executive.values.geometry import STANDING, Velocity, wrap_rad
 from sim.rover.jackal import TRACK_M, TRACK_MULTIPLIER, WHEEL_RADIUS_M, SimulatedJackal
-from sim.rover.world import Ground, World
+from sim.rover.world import SoilShape, World
 from tests.sim.driving import hold
 
 WHEELBASE_M = 0.262
@@ -59,7 +59,7 @@ def test_stops_as_far_as_friction_or_its_motors_need(friction: float, needed_m: 
 
 @pytest.mark.parametrize("height_m", [0.02, 0.08])
 def test_stands_on_the_ground_it_is_given(height_m: float) -> None:
-    world = World(ground=Ground(amplitude_m=height_m, seed=4))
+    world = World(ground=SoilShape(amplitude_m=height_m, seed=4))
     rover = SimulatedJackal(world)
     hold(rover, STANDING, 1.0)
     pose = rover.true_pose
@@ -70,7 +70,7 @@ def test_stands_on_the_ground_it_is_given(height_m: float) -> None:
 
 def test_repeats_bit_for_bit() -> None:
     def run(by_step: bool) -> tuple[object, ...]:
-        rover = SimulatedJackal(World(ground=Ground(amplitude_m=0.1, seed=2)), seed=5)
+        rover = SimulatedJackal(World(ground=SoilShape(amplitude_m=0.1, seed=2)), seed=5)
         facts = []
         for tick in range(200):
             rover.drive(Velocity(0.6, 0.5 if tick % 40 < 20 else -0.7))

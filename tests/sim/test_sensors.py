@@ -18,8 +18,8 @@ from executive.settings import (
 from executive.values.facts import Fact, Imu, Joints, LaserScan, Odometry, SecondOdometry
 from executive.values.geometry import STANDING, Velocity, wrap_rad
 from sim.rover import World, faults
-from sim.rover.faults import Fault, Side
-from sim.rover.features import Place, Wall
+from sim.rover.faults import Side, SimulatedFault
+from sim.rover.features import GroundPoint, Wall
 from sim.rover.jackal import SimulatedJackal
 from tests.sim.driving import hold
 
@@ -164,8 +164,8 @@ def test_visual_odometry_is_blind_in_the_dark_and_follows_a_push() -> None:
 
 WALLED = World(
     walls=(
-        Wall(x_m=3.0, y_m=-2.0, to=Place(3.0, 2.0), thickness_m=0.2),
-        Wall(x_m=-1.0, y_m=-2.0, to=Place(1.0, -2.0), height_m=0.15),
+        Wall(x_m=3.0, y_m=-2.0, to=GroundPoint(3.0, 2.0), thickness_m=0.2),
+        Wall(x_m=-1.0, y_m=-2.0, to=GroundPoint(1.0, -2.0), height_m=0.15),
     )
 )
 
@@ -212,7 +212,9 @@ def test_no_sensor_changes_physics_odometry_or_another_sensor() -> None:
         (faults.LaserDead(), LaserScan),
     ],
 )
-def test_a_dead_sensor_is_silent_until_it_is_cleared(fault: Fault, kind: type[Fact]) -> None:
+def test_a_dead_sensor_is_silent_until_it_is_cleared(
+    fault: SimulatedFault, kind: type[Fact]
+) -> None:
     rover = SimulatedJackal(World(), sensors=ALL)
     rover.inject(fault)
     hold(rover, AHEAD, 0.5)
@@ -232,7 +234,7 @@ def test_a_dead_sensor_is_silent_until_it_is_cleared(fault: Fault, kind: type[Fa
     ],
 )
 def test_a_blind_laser_measures_nothing_in_a_share_of_a_sector(
-    fault: Fault, ahead: float, behind: float
+    fault: SimulatedFault, ahead: float, behind: float
 ) -> None:
     rover = SimulatedJackal(World(), sensors=LASER)
     hold(rover, STANDING, 0.5)
@@ -284,7 +286,7 @@ def test_visual_odometry_jumps_once_for_each_jump_and_drifts_while_it_does() -> 
     ],
 )
 def test_a_fault_of_the_gyro_reaches_the_imu_where_it_is_shared(
-    fault: Fault, gain: float, bias_radps: float
+    fault: SimulatedFault, gain: float, bias_radps: float
 ) -> None:
     rover = SimulatedJackal(World(), sensors=IMU)
     rover.inject(fault)

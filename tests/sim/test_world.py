@@ -9,10 +9,18 @@ import pytest
 from executive.settings import SettingsError
 from executive.values.geometry import Velocity
 from sim.rover.faults import Slip
-from sim.rover.features import Ditch, FeatureKind, Patch, Place, SlopeZone, Step, Wall
+from sim.rover.features import (
+    Ditch,
+    FeatureKind,
+    FrictionPatch,
+    GroundPoint,
+    SlopeZone,
+    StepBlock,
+    Wall,
+)
 from sim.rover.jackal import SimulatedJackal
 from sim.rover.mocup import SimulatedMocup
-from sim.rover.world import Clearing, Ground, Rock, Scatter, World, load_world
+from sim.rover.world import Clearing, Rock, Scatter, SoilShape, World, load_world
 from sim.scenario.reading import load_scenario
 from tests.sim.driving import hold
 
@@ -43,16 +51,16 @@ def test_reads_all_that_a_world_can_say(tmp_path: Path) -> None:
     )
     world = load_world(path)
     assert world.name == "hollow"
-    assert world.ground == Ground(amplitude_m=0.1, feature_m=3, size_m=20, seed=4)
+    assert world.ground == SoilShape(amplitude_m=0.1, feature_m=3, size_m=20, seed=4)
     assert world.rocks == (Rock(1, 2, 0.3, 0.2),)
     assert world.scatter.clearings == (Clearing(0, 0, 2),)
     assert (world.slope_rad, world.friction, world.charge_ratio) == (0.1, 0.5, 0.4)
     assert (world.start.x_m, world.start.y_m, world.start.heading_rad) == (-1, 0.5, 1.5)
-    assert world.walls == (Wall(x_m=3, y_m=1, to=Place(3, -1), height_m=0.5),)
-    assert world.steps == (Step(x_m=5, y_m=0, length_m=1, width_m=2, height_m=0.05),)
+    assert world.walls == (Wall(x_m=3, y_m=1, to=GroundPoint(3, -1), height_m=0.5),)
+    assert world.steps == (StepBlock(x_m=5, y_m=0, length_m=1, width_m=2, height_m=0.05),)
     ditch = Ditch(x_m=7, y_m=0, length_m=0.5, width_m=2, depth_m=0.1, heading_rad=0.2)
     assert world.ditches == (ditch,)
-    assert world.patches == (Patch(x_m=2, y_m=0, length_m=1, width_m=2, friction=0.1),)
+    assert world.patches == (FrictionPatch(x_m=2, y_m=0, length_m=1, width_m=2, friction=0.1),)
     assert world.slopes == (SlopeZone(x_m=-5, y_m=0, length_m=2, width_m=3, slope_rad=0.2),)
     shapes = {outline.kind: outline for outline in world.outlines}
     assert set(shapes) == set(FeatureKind)
@@ -150,7 +158,7 @@ def test_a_scenario_writes_them_without_units(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(SCENARIO % "heading: 0")
     world = load_scenario(str(path)).world
-    assert world.walls == (Wall(x_m=3, y_m=1, to=Place(3, -1), thickness_m=0.2),)
+    assert world.walls == (Wall(x_m=3, y_m=1, to=GroundPoint(3, -1), thickness_m=0.2),)
     (slope,) = world.slopes
     assert (slope.slope_rad, slope.heading_rad) == pytest.approx((radians(10), radians(90)))
     path.write_text(SCENARIO % "height: 1")
@@ -169,7 +177,7 @@ def driven(world: World, duration_s: float = 4.0) -> SimulatedJackal:
 
 
 def test_a_wall_holds_it_whatever_its_wheels_do() -> None:
-    rover = driven(World(walls=(Wall(x_m=1.5, y_m=-1.0, to=Place(1.5, 1.0)),)))
+    rover = driven(World(walls=(Wall(x_m=1.5, y_m=-1.0, to=GroundPoint(1.5, 1.0)),)))
     pose = rover.true_pose
     assert 1.0 < pose.x_m < 1.25
     assert abs(pose.pitch_rad) < 0.1
@@ -178,7 +186,7 @@ def test_a_wall_holds_it_whatever_its_wheels_do() -> None:
 
 @pytest.mark.parametrize(("height_m", "climbed"), [(0.03, True), (0.12, False)])
 def test_a_low_step_is_climbed_and_a_high_one_is_not(height_m: float, climbed: bool) -> None:
-    step = Step(x_m=2.5, y_m=0.0, length_m=2.0, width_m=2.0, height_m=height_m)
+    step = StepBlock(x_m=2.5, y_m=0.0, length_m=2.0, width_m=2.0, height_m=height_m)
     pose = driven(World(steps=(step,))).true_pose
     assert (pose.z_m == pytest.approx(0.061 + height_m, abs=0.01)) == climbed
     assert (pose.x_m > 1.85) == climbed
@@ -187,7 +195,7 @@ def test_a_low_step_is_climbed_and_a_high_one_is_not(height_m: float, climbed: b
 @pytest.mark.parametrize(("depth_m", "crossed"), [(0.04, True), (0.3, False)])
 def test_a_shallow_ditch_is_crossed_and_a_deep_one_is_not(depth_m: float, crossed: bool) -> None:
     ditch = Ditch(x_m=1.0, y_m=0.0, length_m=0.5, width_m=2.0, depth_m=depth_m)
-    rover = driven(World(ditches=(ditch,), ground=Ground(size_m=8.0)))
+    rover = driven(World(ditches=(ditch,), ground=SoilShape(size_m=8.0)))
     hold(rover, AHEAD, 1.0)
     pose = rover.true_pose
     assert (pose.x_m > 2.2) == crossed
@@ -196,7 +204,7 @@ def test_a_shallow_ditch_is_crossed_and_a_deep_one_is_not(depth_m: float, crosse
 
 def test_level_ground_stands_around_a_square_with_a_ditch() -> None:
     ditch = Ditch(x_m=0.0, y_m=1.5, length_m=0.5, width_m=0.5, depth_m=0.3)
-    rover = driven(World(ditches=(ditch,), ground=Ground(size_m=4.0)), 6.0)
+    rover = driven(World(ditches=(ditch,), ground=SoilShape(size_m=4.0)), 6.0)
     assert rover.true_pose.x_m > 2.8
     assert rover.true_pose.z_m == pytest.approx(0.061, abs=0.005)
 
@@ -204,7 +212,7 @@ def test_level_ground_stands_around_a_square_with_a_ditch() -> None:
 @pytest.mark.parametrize("slope_deg", [10.0, -10.0])
 def test_a_slope_begins_and_ends_where_it_is_told(slope_deg: float) -> None:
     zone = SlopeZone(x_m=1.5, y_m=0.0, length_m=1.0, width_m=9.0, slope_rad=radians(slope_deg))
-    world = World(slopes=(zone,), ground=Ground(size_m=10.0))
+    world = World(slopes=(zone,), ground=SoilShape(size_m=10.0))
     pitch = driven(world, 3.0).true_pose.pitch_rad
     assert pitch == pytest.approx(radians(-slope_deg), abs=0.02)
     beyond = driven(world, 5.2).true_pose
@@ -224,7 +232,7 @@ def test_slopes_add_up_to_a_ridge() -> None:
 
 
 def test_hills_stay_as_they_are_beside_a_ditch() -> None:
-    ground = Ground(amplitude_m=0.1, seed=2)
+    ground = SoilShape(amplitude_m=0.1, seed=2)
     ditch = Ditch(x_m=3.0, y_m=0.0, length_m=1.0, width_m=1.0, depth_m=0.2)
     plain, dug = World(ground=ground).terrain, World(ground=ground, ditches=(ditch,)).terrain
     for place in ((0.0, 0.0), (1.3, -2.1), (-4.0, 3.3)):
@@ -234,17 +242,17 @@ def test_hills_stay_as_they_are_beside_a_ditch() -> None:
 
 def test_wheels_have_the_friction_of_the_patch_they_stand_on() -> None:
     uphill = World(slope_rad=radians(15), friction=0.6)
-    ice = Patch(x_m=1.5, y_m=0.0, length_m=1.0, width_m=2.0, friction=0.05)
+    ice = FrictionPatch(x_m=1.5, y_m=0.0, length_m=1.0, width_m=2.0, friction=0.05)
     assert driven(uphill).true_pose.x_m > 1.7
     icy = World(slope_rad=radians(15), friction=0.6, patches=(ice,))
     assert 0.9 < driven(icy).true_pose.x_m < 1.4
-    same = Patch(x_m=1.5, y_m=0.0, length_m=1.0, width_m=2.0, friction=0.6)
+    same = FrictionPatch(x_m=1.5, y_m=0.0, length_m=1.0, width_m=2.0, friction=0.6)
     patched = World(slope_rad=radians(15), friction=0.6, patches=(ice, same))
     assert driven(patched).true_pose == pytest.approx(driven(uphill).true_pose)
 
 
 def test_slip_and_patches_act_together_and_mocup_has_them_too() -> None:
-    ice = Patch(x_m=0.0, y_m=0.0, length_m=4.0, width_m=4.0, friction=0.6)
+    ice = FrictionPatch(x_m=0.0, y_m=0.0, length_m=4.0, width_m=4.0, friction=0.6)
     rover = SimulatedMocup(World(slope_rad=radians(8), friction=0.1, patches=(ice,)))
     rover.advance(1.0)
     assert abs(rover.true_pose.x_m) < 0.01
@@ -261,7 +269,7 @@ def test_rocks_may_all_be_higher_than_a_laser() -> None:
 
 
 def test_contacts_are_counted_where_the_rover_begins_to_touch() -> None:
-    wall = Wall(x_m=1.0, y_m=-1.0, to=Place(1.0, 1.0))
+    wall = Wall(x_m=1.0, y_m=-1.0, to=GroundPoint(1.0, 1.0))
     rover = SimulatedJackal(World(walls=(wall,), rocks=(Rock(-2.0, 0.0, 0.3, 0.3),)))
     hold(rover, Velocity(0.5), 0.8)
     assert rover.contacts == 0

@@ -7,7 +7,13 @@ from functools import partial
 from math import copysign
 from typing import Final
 
-from adapters.mocup.brick.usb import OUTGOING, Found, Heard, Lost, SessionEvent
+from adapters.mocup.brick.usb import (
+    OUTGOING,
+    BrickConnected,
+    BrickDisconnected,
+    OctetsReceived,
+    SessionEvent,
+)
 from adapters.mops import TO_ALL, Message, MopsStream, encode, load_dictionary, telemetry_of
 from executive.commands import (
     DriveFor,
@@ -260,7 +266,7 @@ class SimSession:
             self._there = False
             self._stops.clear()
             self._outgoing.clear()
-            self._later(_LOOK_S, partial(self._put, Lost("USB: No such device")))
+            self._later(_LOOK_S, partial(self._put, BrickDisconnected("USB: No such device")))
 
     def send(self, octets: bytes, visit: int) -> bool:
         """See `BrickSession.send`."""
@@ -292,13 +298,13 @@ class SimSession:
 
     def _read(self, plugs: int, octets: bytes) -> None:
         if plugs == self._plugs:
-            self._put(Heard(octets))
+            self._put(OctetsReceived(octets))
 
     def _claim(self, plugs: int) -> None:
         if plugs != self._plugs:
             return
         self._visits += 1
-        self._put(Found(self._visits))
+        self._put(BrickConnected(self._visits))
         self._there = True
         self._brick.attach(self)
 

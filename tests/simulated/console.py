@@ -11,8 +11,8 @@ import aiohttp
 from aiohttp.abc import AbstractResolver, ResolveResult
 
 from adapters.console.rovers import args_of
-from adapters.console.service import Options, serve
-from adapters.mrs.cli import Target
+from adapters.console.service import ConsoleOptions, serve
+from adapters.mrs.cli import RoverTarget
 from adapters.mrs.terms import CLEAR
 from adapters.process import StartError
 from executive.commands import Request, Stop, declaration_of
@@ -36,8 +36,8 @@ _LINKS: Final = (None, None, "direct", "relay")
 def start_console(place: Place, process: Process) -> None:
     """Start `rover-console`, with the direct link and the relay's to a rover."""
     hosts = (place.executive, place.orbiter)
-    rovers = tuple(Target(f"maltcp://{host}:{MRS_PORT}/MRS", CLEAR) for host in hosts)
-    options = Options(rovers, "127.0.0.1", PORT, tokens=None, tls=None, data=process.folder)
+    rovers = tuple(RoverTarget(f"maltcp://{host}:{MRS_PORT}/MRS", CLEAR) for host in hosts)
+    options = ConsoleOptions(rovers, "127.0.0.1", PORT, tokens=None, tls=None, data=process.folder)
 
     async def begin() -> None:
         try:

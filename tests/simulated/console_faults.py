@@ -6,10 +6,10 @@ from unittest.mock import patch
 
 from adapters.console import command_life
 from adapters.console.archive import Archive, ArchiveError, database
-from adapters.console.messages import CommandStatus, Link
-from adapters.console.rovers import Fleet, Known, RoverLink, SharedCommands
+from adapters.console.messages import CommandStatus, LinkKind
+from adapters.console.rovers import Fleet, LastNotification, RoverLink, SharedCommands
 from adapters.console.tasks import begin
-from adapters.mrs.ground import CommandNumbers
+from adapters.mrs.ground import CommandIdGenerator
 from adapters.mrs.ground.client import EPOCH_MS
 from adapters.system import utc_ns
 
@@ -27,8 +27,8 @@ def acknowledged_before_commit() -> AbstractContextManager[object]:
 
 
 def cursor_of_other_link() -> AbstractContextManager[object]:
-    async def last_known(self: Fleet, link: RoverLink) -> Known | None:
-        found = [await self._last_known(link.asset, kind) for kind in Link]
+    async def last_known(self: Fleet, link: RoverLink) -> LastNotification | None:
+        found = [await self._last_known(link.asset, kind) for kind in LinkKind]
         return max((each for each in found if each), key=lambda each: each.cursor, default=None)
 
     return patch.object(Fleet, "last_known", last_known)
@@ -56,10 +56,10 @@ def commits_not_synced() -> AbstractContextManager[object]:
 
 
 def numbers_of_the_clock() -> AbstractContextManager[object]:
-    def take(self: CommandNumbers) -> int:
+    def take(self: CommandIdGenerator) -> int:
         return utc_ns(self._system) // 1_000_000 - EPOCH_MS
 
-    return patch.object(CommandNumbers, "take", take)
+    return patch.object(CommandIdGenerator, "take", take)
 
 
 def refusal_outweighs_life() -> AbstractContextManager[object]:

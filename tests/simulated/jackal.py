@@ -14,7 +14,7 @@ from executive.values.ports import Downlink
 from sim.rover.camera import PictureSettings
 from sim.rover.jackal import SimulatedJackal
 from sim.scenario.live_session import LiveSession
-from sim.scenario.model import Eclipse, PlayMode, Scenario
+from sim.scenario.model import Eclipse, RunMode, Scenario
 from sim.scenario.record import Record, TruePose
 from sim.scenario.truth import look_up_requests
 from tests.simulated.network import Way
@@ -147,7 +147,7 @@ class RelayScene:
         left_s = START_S - process.loop.time()
         assert left_s > 0.0, "it is not known in time where the rover is"
         await asyncio.sleep(left_s)
-        mode, record = PlayMode.RELAY, self.record
+        mode, record = RunMode.RELAY, self.record
         session = LiveSession(
             self.scenario, self._uri, mode, None, None, self._look, record, system=system
         )

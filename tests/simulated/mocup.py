@@ -9,7 +9,7 @@ from typing import Final
 
 from adapters.mocup import ClaimAnnouncer, MocupRover, relay_authority
 from adapters.mocup.brick.ownership import SILENT_S
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import Router
 from adapters.mocup.brick.service import BrickService
 from adapters.mops import Message, RelayAuthority, decode, facts_of
@@ -38,7 +38,7 @@ OPERATIONS: Final = (
 )
 _SOURCE: Final = "EXEC"
 _CLAIMED_AGAIN: Final = 200
-COMMANDERS: Final = {Link.RELAY: "relay", Link.DIRECT: "executive"}
+COMMANDERS: Final = {BrickLink.RELAY: "relay", BrickLink.DIRECT: "executive"}
 """The processes that send by each link."""
 
 
@@ -63,7 +63,7 @@ class NxtPorts:
     def __init__(self, place: Place, brick: SimBrick, process: Process) -> None:
         self._process, self._system = process, SimSystem(process)
         topics, asset = process.world.topics, place.asset
-        self._names = {Link.RELAY: asset, Link.DIRECT: f"{asset}/direct"}
+        self._names = {BrickLink.RELAY: asset, BrickLink.DIRECT: f"{asset}/direct"}
         self._notifications = {
             link: topics.publisher(process, f"{name}/notification")
             for link, name in self._names.items()
@@ -80,12 +80,13 @@ class NxtPorts:
         self._service = BrickService(self._router, self._confirm, confirmed=True)
         self._session = SimSession(process, brick, self._drain)
         self._commanders = {
-            link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link)) for link in Link
+            link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link))
+            for link in BrickLink
         }
         subscribe = partial(topics.subscribe, process)
         for link, name in self._names.items():
             subscribe(f"{name}/command", partial(self._arrived, link))
-        subscribe(f"{asset}/stop", partial(self._arrived, Link.RELAY))
+        subscribe(f"{asset}/stop", partial(self._arrived, BrickLink.RELAY))
         subscribe(f"{asset}/kept", self._service.kept)
 
     async def serve(self) -> None:
@@ -110,18 +111,18 @@ class NxtPorts:
     def stop_brick(self, octets: bytes) -> bool:
         return self._session.stop(octets)
 
-    def notify(self, link: Link, message: Message) -> None:
+    def notify(self, link: BrickLink, message: Message) -> None:
         self._notifications[link].publish(str(message))
 
     def telemetry(self, message: Message) -> None:
         now_s = self._system.now_s()
         if now_s - self._telemetry_s >= RELAY_TELEMETRY_S:
             self._telemetry_s = now_s
-            self.notify(Link.RELAY, message)
+            self.notify(BrickLink.RELAY, message)
         for fact in facts_of(message, DICTIONARY.spelling.telemetry, now_s):
             self._facts.publish(fact)
 
-    def _arrived(self, link: Link, text: str) -> None:
+    def _arrived(self, link: BrickLink, text: str) -> None:
         self._service.inbox.put(link, text)
         self._process.loop.call_soon(self._serve_inbox)
 
@@ -129,7 +130,7 @@ class NxtPorts:
         if (link := self._service.serve()) is not None:
             self._commanders[link].command()
 
-    def _confirm(self, link: Link, mark: int) -> None:
+    def _confirm(self, link: BrickLink, mark: int) -> None:
         self._taken[link].publish(mark)
 
     def _drain(self) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 from unittest.mock import patch
 
 from adapters.mocup import ClaimAnnouncer
-from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
+from adapters.mocup.brick.record import BrickCommand, BrickLink, BrickRecord, ExecutiveClaim
 from adapters.mocup.brick.replies import BrickReplies
 from adapters.mocup.brick.router import Router
 from adapters.mocup.brick.service import BrickService
@@ -15,7 +15,7 @@ from executive.values.reasons import Reason
 
 def refusal_not_recorded() -> AbstractContextManager[object]:
     def reject(
-        self: Router, link: Link, command: Message, text: str, reason: Reason | None = None
+        self: Router, link: BrickLink, command: Message, text: str, reason: Reason | None = None
     ) -> None:
         self._out.reject((link,), command, text, reason)
 
@@ -50,7 +50,9 @@ def end_not_recorded() -> AbstractContextManager[object]:
 def claimed_in_two_commits() -> AbstractContextManager[object]:
     save = BrickRecord.save_claim
 
-    def save_first(self: BrickRecord, claim: Claim, instead: BrickCommand | None = None) -> None:
+    def save_first(
+        self: BrickRecord, claim: ExecutiveClaim, instead: BrickCommand | None = None
+    ) -> None:
         save(self, claim)
         if instead is not None:
             self.forget(instead)

@@ -27,7 +27,7 @@ from adapters.mrs.ground.notification_stream import NotificationStream
 from adapters.mrs.spec import Notification
 from adapters.relay.orbiter.record import Outstanding
 from adapters.relay.rover import bridge
-from adapters.relay.rover.bridge import Asked, BundleBridge, LastStop
+from adapters.relay.rover.bridge import BundleBridge, BundledCommand, LastStop
 from adapters.relay.rover.executive_link import ExecutiveRelayLink
 from executive.commands import Command
 from executive.core.dispatcher import Dispatcher
@@ -66,15 +66,15 @@ def _nothing(*_: object, **__: object) -> None:
 
 
 def _report_before_commit() -> AbstractContextManager[object]:
-    commit = database.Transaction.commit
+    commit = database.GroupCommit.commit
 
-    def tell_first(self: database.Transaction) -> None:
+    def tell_first(self: database.GroupCommit) -> None:
         waiting, self._waiting = self._waiting, []
         for tell in waiting:
             tell(None)
         commit(self)
 
-    return patch.object(database.Transaction, "commit", tell_first)
+    return patch.object(database.GroupCommit, "commit", tell_first)
 
 
 def _send_before_commit() -> AbstractContextManager[object]:
@@ -122,7 +122,9 @@ def _relayed_not_remembered() -> AbstractContextManager[object]:
 
 
 def _relay_refuses_overtaken() -> AbstractContextManager[object]:
-    async def hand_over(self: BundleBridge, asked: Sequence[Asked], *, stops: bool) -> None:
+    async def hand_over(
+        self: BundleBridge, asked: Sequence[BundledCommand], *, stops: bool
+    ) -> None:
         while True:
             late = [] if stops else [each for each in asked if self._last_stop.overtakes(each.made)]
             for each in late:

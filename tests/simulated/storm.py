@@ -11,7 +11,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Final, assert_never
 
-from executive.faults import Then
+from executive.faults import Reaction
 from executive.settings import AuthoritySettings, Settings, load_settings
 from tests.simulated.asks import LEASE_S, RIVAL, RIVAL_SOURCE, AskAuthority, do
 from tests.simulated.authority import AuthorityJudge
@@ -70,7 +70,7 @@ def patient_settings(asset: str) -> Settings:
     """Return the settings of an asset that ticks once a second while it rests."""
     settings = load_settings(asset)
     names = (*UNTIMED, *BY_ARRIVAL.get(asset, ()))
-    faults = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in names}
+    faults = {name: replace(getattr(settings.faults, name), then=Reaction.IGNORE) for name in names}
     faults["odometry_stale"] = with_figures(settings.faults.odometry_stale, beyond=_STALE_S)
     return replace(
         settings,

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from sim.scenario.model import PlayMode, Scenario
+from sim.scenario.model import RunMode, Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
 from tests.simulated.jackal import START_S, RelayScene, way_of
@@ -18,7 +18,7 @@ LATER_S = 20.0
 
 @pytest.fixture(scope="module")
 def scenario() -> Scenario:
-    return load_scenario("relay", PlayMode.RELAY)
+    return load_scenario("relay", RunMode.RELAY)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from adapters.bundle.node.settings import (
     TcpclLink,
     UdpLink,
 )
-from adapters.mal import Call, Consumer, MalError, Provider
+from adapters.mal import CallContext, Consumer, MalError, Provider
 from tests.mal.wiretest import SERVICE, SPECIFICATION
 from tests.simulated.disk import Fate, Nth
 from tests.simulated.network import Way
@@ -257,7 +257,7 @@ def test_mal_lives_through_kills(world: World, caplog: pytest.LogCaptureFixture)
     async def provide(process: Process) -> None:
         provider = Provider(SPECIFICATION, SERVICE, system=SimSystem(process))
 
-        def submit(_: Call, name: str, _on: bool) -> None:
+        def submit(_: CallContext, name: str, _on: bool) -> None:
             served.append(name)
 
         provider.serve(SERVICE, "doSubmit", submit)

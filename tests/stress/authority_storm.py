@@ -12,8 +12,8 @@ from random import Random
 from typing import Final
 
 from adapters.mocup import ClaimAnnouncer, relay_authority
-from adapters.mocup.brick.record import Link
-from adapters.mops import Conditions, authority_of, decode, messages_in
+from adapters.mocup.brick.record import BrickLink
+from adapters.mops import CommandConditions, authority_of, decode, messages_in
 from executive.commands import RELAY_LINK, Command, Mode, Resume, SetTravelSpeed, Stop
 from executive.commands.lifecycle import Admitted
 from executive.core.authority import AuthorityState
@@ -235,18 +235,18 @@ class BrickBench(Bench):
         return [*super().downlinks(), self.claims]
 
     def _tell(self, text: str) -> None:
-        self.nxt.command(Link.DIRECT, *messages_in(text, list[str]().append))
+        self.nxt.command(BrickLink.DIRECT, *messages_in(text, list[str]().append))
 
     def relayed(self, command: Command) -> bool:
         """Have a command come by the relay; return whether the brick was asked for it."""
         self.executive.turn()
-        conditions = Conditions(command.authority)
+        conditions = CommandConditions(command.authority)
         message = DICTIONARY.command(command.request, command.identity, "MOCUP", conditions)
-        self.nxt.command(Link.RELAY, message)
+        self.nxt.command(BrickLink.RELAY, message)
         asked, told = [decode(octets) for octets in self.nxt.ports.brick], self.nxt.ports.notified
         self.nxt.says(*map(executed, asked))
         for link, reply in told:
-            if link is Link.DIRECT and reply.code == DICTIONARY.spelling.authority.code:
+            if link is BrickLink.DIRECT and reply.code == DICTIONARY.spelling.authority.code:
                 self.executive.observe(AuthorityUsed(authority_of(reply).epoch or 0))
         self.nxt.ports.brick.clear()
         told.clear()

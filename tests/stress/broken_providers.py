@@ -8,10 +8,10 @@ from functools import partial
 from itertools import count
 from typing import Any
 
-from adapters.mal import Connection, Header, MalError, Provider, Stage
+from adapters.mal import Connection, Header, InteractionStage, MalError, Provider
 from adapters.mal.attribute_codec import READERS
 from adapters.mal.provider import ReplyPath
-from adapters.mrs.aboard import Gateway
+from adapters.mrs.aboard import CoreGateway
 from executive.commands.catalogue import Command
 from executive.core.runner import Executive
 from executive.values.geometry import Velocity
@@ -39,7 +39,10 @@ def _every(act: Callable[[Connection], None], instead: bool = False) -> None:
     counted = count(1)
 
     def at(take: Callable[[], None], _: Provider, connection: Connection, header: Header) -> None:
-        now = header.stage in (Stage.SUBMIT, Stage.REQUEST) and next(counted) % EVERY == 0
+        now = (
+            header.stage in (InteractionStage.SUBMIT, InteractionStage.REQUEST)
+            and next(counted) % EVERY == 0
+        )
         if now:
             act(connection)
         if not (now and instead):
@@ -76,7 +79,7 @@ def raises() -> None:
     def ask(*_: object) -> None:
         raise RuntimeError("broken")
 
-    Gateway.ask = ask  # type: ignore[assignment, method-assign]
+    CoreGateway.ask = ask  # type: ignore[assignment, method-assign]
 
 
 def grows() -> None:
@@ -130,10 +133,10 @@ def moves_by_itself() -> None:
 
 
 def takes_commands_of_nobody() -> None:
-    submit = Gateway.submit
+    submit = CoreGateway.submit
 
-    def haunted(self: Gateway, command: Command) -> Any:
+    def haunted(self: CoreGateway, command: Command) -> Any:
         ghost = Identity("ghost", command.identity.command_id)
         return submit(self, replace(command, identity=ghost))
 
-    Gateway.submit = haunted  # type: ignore[method-assign]
+    CoreGateway.submit = haunted  # type: ignore[method-assign]

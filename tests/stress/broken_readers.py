@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mocup.brick.router import Router
 from adapters.mops import Dictionary, Message, MopsStream, encode
 from adapters.mops import codec as mops
@@ -90,7 +90,7 @@ def writes_otherwise(patch: pytest.MonkeyPatch) -> None:
 
 
 def has_the_brick_do_what_is_for_others(patch: pytest.MonkeyPatch) -> None:
-    def take(method: Any, self: Router, link: Link, message: Message) -> None:
+    def take(method: Any, self: Router, link: BrickLink, message: Message) -> None:
         if message.dest == self.name:
             method(link, message)
         else:

@@ -32,12 +32,12 @@ from adapters.bundle.codec.eid import Dtn
 from adapters.bundle.codec.errors import DecodeError
 from adapters.bundle.codec.integrity import Key, sign, verify
 from adapters.bundle.links.link import LinkContext
-from adapters.bundle.links.ltp_engine import Arrived, LtpSpan
+from adapters.bundle.links.ltp_engine import BlockReceived, LtpSpan
 from adapters.bundle.links.ltp_segment import decode_segment, encode_segment
 from adapters.bundle.links.tcpcl import TcpclNeighbour, TcpclSession
 from adapters.bundle.links.tcpcl_messages import encode_message
-from adapters.bundle.node.database import Database, Limits, Synchronous
-from adapters.bundle.node.node import Node
+from adapters.bundle.node.database import BundleDatabase, StoreLimits, Synchronous
+from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.settings import TcpclLink
 from tests.bundle.strategies import CONTACT_HEADERS, MESSAGES, NUMBERS, SEGMENTS, bundles
 from tests.stress.findings import MB, Findings, Tell
@@ -135,9 +135,11 @@ class Target:
         self.refused = self.taken = 0
         self._findings = findings
         settings = NodeSettings(Ipn(2, 1), (Ipn(2, 1),), (Neighbour(Ipn(1, 0), _LINK),))
-        limits = Limits(most_octets=4 << 20)
-        self.database = Database(folder / "fuzz.db", limits, Synchronous.OFF)
-        self.node = Node(settings, self.database, lambda: int(1000 * time.time()), lambda _: None)
+        limits = StoreLimits(most_octets=4 << 20)
+        self.database = BundleDatabase(folder / "fuzz.db", limits, Synchronous.OFF)
+        self.node = BundleNode(
+            settings, self.database, lambda: int(1000 * time.time()), lambda _: None
+        )
         numbers = count(1)
         self._span = LtpSpan(2, 1, _LINK, lambda: next(numbers), time.monotonic, lambda: 1)
 
@@ -162,7 +164,7 @@ class Target:
             return
         self._span.receive(segment)
         for event in self._span.events:
-            if isinstance(event, Arrived):
+            if isinstance(event, BlockReceived):
                 with suppress(StoreFull):
                     self.node.receiving.arrived("ipn:1.0", event.block)
                 self._span.stored(event.number)

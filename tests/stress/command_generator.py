@@ -6,13 +6,13 @@ from typing import Any, Final
 
 from executive.commands import (
     Argument,
-    Arrival,
     Command,
     Family,
     PlanDefinition,
+    PreemptionPolicy,
     Request,
     SubmitPlan,
-    Within,
+    ValueRange,
     arguments_of,
     declared,
 )
@@ -56,7 +56,9 @@ def random_command(seed: int, number: int, link: str, utc_s: float) -> Command:
         link=link,
         created_utc_s=utc_s,
         lifetime_s=random.choice((None, None, None, random.uniform(1.0, 10.0))),
-        arrival=random.choice((Arrival.APPEND, Arrival.REPLACE, Arrival.REPLACE)),
+        arrival=random.choice(
+            (PreemptionPolicy.APPEND, PreemptionPolicy.REPLACE, PreemptionPolicy.REPLACE)
+        ),
     )
 
 
@@ -99,7 +101,7 @@ def random_request(random: Random, number: int, odd: float = 0.0) -> Request:
     def figure(bound: object) -> float:
         if random.random() < odd:
             return random.choice(ODD)
-        positive = isinstance(bound, Within) and isinstance(bound.low, float)
+        positive = isinstance(bound, ValueRange) and isinstance(bound.low, float)
         return random.uniform(LEAST, MOST) if positive else random.uniform(-1.0, 1.0)
 
     if number % PER_PLAN == 1:

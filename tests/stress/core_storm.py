@@ -13,7 +13,7 @@ from random import Random
 from typing import Final
 
 from executive.commands import Mode
-from executive.commands.catalogue import Arrival, Command, Stop
+from executive.commands.catalogue import Command, PreemptionPolicy, Stop
 from executive.settings import FEWEST_REPORTS, Settings
 from executive.values.geometry import STANDING
 from executive.values.reports import Identity, Report
@@ -131,7 +131,7 @@ class Storm:
             random.choice(("direct", "relay")),
             created_utc_s=self.lockstep.clock.utc_s(),
             lifetime_s=random.choice((None, None, random.uniform(0.0, 5.0))),
-            arrival=random.choice(tuple(Arrival)),
+            arrival=random.choice(tuple(PreemptionPolicy)),
         )
 
 

@@ -18,7 +18,7 @@ from adapters.mal import MalError, StandardError, Subscription, UpdateHeader
 from adapters.mrs.ground import MrsClient, TransferError, parse_address
 from adapters.mrs.ground.file_retrieval import SILENT
 from adapters.mrs.ground.rover_consumer import RoverConsumer
-from adapters.mrs.ground.session import Session
+from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import (
     LINK,
     AreaError,
@@ -77,7 +77,7 @@ class Listener:
         )
         self._gap.set()
 
-    async def complete(self, broker: Session, rover: Session) -> None:
+    async def complete(self, broker: RoverSession, rover: RoverSession) -> None:
         """Ask for what is missing, for ever."""
         while True:
             with suppress(TimeoutError):
@@ -87,7 +87,7 @@ class Listener:
             if self._finishing or self._view.complete_to < self._view.newest:
                 await self._ask(rover, Way.LEDGER)
 
-    async def _ask(self, session: Session, way: Way) -> None:
+    async def _ask(self, session: RoverSession, way: Way) -> None:
         consumer = await session.consumer()
         since = self._view.complete_to + 1
         try:
@@ -156,13 +156,13 @@ class Client:
             burst.append(self._random.choice(self._view.commands))
         return burst
 
-    async def _send(self, rover: Session, commands: Sequence[Command]) -> None:
+    async def _send(self, rover: RoverSession, commands: Sequence[Command]) -> None:
         """Send commands until each is acknowledged; they are written down before."""
         for command in commands:
             self._view.note(Sent(command))
         await asyncio.gather(*(self._deliver(rover, command) for command in commands))
 
-    async def _deliver(self, rover: Session, command: Command) -> None:
+    async def _deliver(self, rover: RoverSession, command: Command) -> None:
         call = invocation(command.request)
         while True:
             consumer = await rover.consumer()
@@ -185,7 +185,7 @@ class Client:
             self._view.note(Answered(command.identity, answer))
             return
 
-    async def _listen(self, broker: Session, rover: Session) -> None:
+    async def _listen(self, broker: RoverSession, rover: RoverSession) -> None:
         await broker.open(patiently=True)
         await self._listener.complete(broker, rover)
 
@@ -211,7 +211,7 @@ class Client:
             except ConnectionError:
                 await asyncio.sleep(PAUSE_S)
 
-    async def _finish(self, rover: Session, fetching: asyncio.Task[None]) -> None:
+    async def _finish(self, rover: RoverSession, fetching: asyncio.Task[None]) -> None:
         last = Identity(SOURCE, self._view.next_number)
         await self._send(rover, [Command(last, Stop(), LINK, time())])
         await fetching
@@ -222,9 +222,9 @@ class Client:
         print(SETTLED, flush=True)
 
 
-def _session(uri: str, restore: Restore) -> Session:
+def _session(uri: str, restore: Restore) -> RoverSession:
     address = parse_address(uri)
-    return Session(address, SOURCE, CLEAR, restore, lambda _: None, TIMEOUT_S, PATIENCE_S)
+    return RoverSession(address, SOURCE, CLEAR, restore, lambda _: None, TIMEOUT_S, PATIENCE_S)
 
 
 async def _restore_nothing(_: RoverConsumer) -> None:

@@ -16,10 +16,10 @@ from typing import Any, Final
 from adapters.mal import (
     Codec,
     DecodeError,
+    InteractionStage,
     MalError,
     Operation,
     Specification,
-    Stage,
     StandardError,
 )
 from adapters.mal.codec import SHORTEST, decode_message
@@ -31,11 +31,15 @@ from tests.stress.mal_messages import Messages
 
 _FIRST_REPLY: Final = {stage.value: reply.value for stage, reply in REPLY.items()}
 _LAST_REPLY: Final = {
-    Stage.INVOKE_ACK.value: Stage.INVOKE_RESPONSE.value,
-    Stage.PROGRESS_ACK.value: Stage.PROGRESS_RESPONSE.value,
+    InteractionStage.INVOKE_ACK.value: InteractionStage.INVOKE_RESPONSE.value,
+    InteractionStage.PROGRESS_ACK.value: InteractionStage.PROGRESS_RESPONSE.value,
 }
-_SEND, _PUBLISH, _NOTIFY = Stage.SEND.value, Stage.PUBLISH.value, Stage.NOTIFY.value
-_UPDATE: Final = Stage.PROGRESS_UPDATE.value
+_SEND, _PUBLISH, _NOTIFY = (
+    InteractionStage.SEND.value,
+    InteractionStage.PUBLISH.value,
+    InteractionStage.NOTIFY.value,
+)
+_UPDATE: Final = InteractionStage.PROGRESS_UPDATE.value
 
 
 class Outcome(Enum):
@@ -410,6 +414,6 @@ class Attack:
                 came += piece
                 for message in cut(came):
                     header, body = decode_message(message)
-                    self._codec.decode(operation.parts[Stage.REQUEST_RESPONSE], body)
+                    self._codec.decode(operation.parts[InteractionStage.REQUEST_RESPONSE], body)
                     return not header.is_error
         return False

@@ -17,12 +17,12 @@ from adapters.mal import (
     Codec,
     Encoding,
     Header,
+    InteractionStage,
     NamedValue,
     Operation,
     Pattern,
     Specification,
-    Stage,
-    Typed,
+    TypedAttribute,
     encode_message,
 )
 from adapters.mal.attribute_codec import READERS, WRITERS, Writer
@@ -98,7 +98,7 @@ TIMELY: Final = 0.7
 """Part of the commands whose time has come and is not over."""
 _KIND, _AREA, _BITS, _TRANSACTION, _FLAGS = 4, 5, 12, 13, 21
 """Where the fields of a header begin."""
-Start = tuple[Operation, Stage]
+Start = tuple[Operation, InteractionStage]
 
 
 def starts_of(specification: Specification) -> list[Start]:
@@ -109,7 +109,7 @@ def starts_of(specification: Specification) -> list[Start]:
         for service in area.services
         for operation in service.operations
         for stage in operation.parts
-        if stage in REPLY or stage is Stage.SEND
+        if stage in REPLY or stage is InteractionStage.SEND
     ]
 
 
@@ -122,7 +122,7 @@ class Sound:
     """
 
     operation: Operation
-    stage: Stage
+    stage: InteractionStage
     values: tuple[Any, ...]
     head: bytes
     body: bytes
@@ -131,7 +131,7 @@ class Sound:
 @cache
 def _values(
     specification: Specification, words: tuple[str, ...], seed: int
-) -> tuple[list[list[tuple[Any, ...]]], list[Typed]]:
+) -> tuple[list[list[tuple[Any, ...]]], list[TypedAttribute]]:
     """Return the parts of some messages of each start, and attributes of any type."""
     # What makes sense comes more often than what only the types allow.
     text = st.sampled_from(words) | st.sampled_from(words) | TEXT
@@ -217,7 +217,7 @@ class Messages:
     def status_request(self) -> bytes:
         """Return a request as a good client sends it."""
         operation = self._specification.operation("Status", "getStatus")
-        return self._whole(self._sound(operation, Stage.REQUEST, (), []))
+        return self._whole(self._sound(operation, InteractionStage.REQUEST, (), []))
 
     def _fill(self) -> None:
         values, attributes = _values(self._specification, self._words, self._seed)
@@ -230,13 +230,17 @@ class Messages:
         self._bodies = [sound.body for sound in self._pool if sound.body]
 
     def _sound(
-        self, operation: Operation, stage: Stage, values: tuple[Any, ...], others: list[Typed]
+        self,
+        operation: Operation,
+        stage: InteractionStage,
+        values: tuple[Any, ...],
+        others: list[TypedAttribute],
     ) -> Sound:
         random, supplements = self._random, tuple[NamedValue, ...]()
         match random.randrange(10) if others else None:
             case 0:
                 arrival = random.choice(("append", "replace", "later"))
-                value = Typed(AttributeType.IDENTIFIER, arrival)
+                value = TypedAttribute(AttributeType.IDENTIFIER, arrival)
                 supplements = (NamedValue(name="arrival", value=value),)
             case 1:
                 supplements = (NamedValue(name="other", value=random.choice(others)),)
@@ -295,7 +299,7 @@ class Messages:
 
     def _other_stage(self, sound: Sound) -> bytes:
         head = bytearray(sound.head)
-        head[_KIND] = 1 << 5 | self._random.choice((Stage.SEND, *REPLY)).value
+        head[_KIND] = 1 << 5 | self._random.choice((InteractionStage.SEND, *REPLY)).value
         return self._whole(sound, head=bytes(head))
 
     def _other_uri(self, sound: Sound) -> bytes:
@@ -319,7 +323,7 @@ class Messages:
         """A reply, a notification or an error where a request should be."""
         head = bytearray(sound.head)
         if self._random.random() < 0.5:
-            head[_KIND] = 1 << 5 | self._random.choice(tuple(Stage)).value
+            head[_KIND] = 1 << 5 | self._random.choice(tuple(InteractionStage)).value
         else:
             head[_BITS] |= 0x80
         return self._whole(sound, head=bytes(head))

@@ -17,7 +17,7 @@ import psutil
 
 from adapters.mal import Connection, Encoding
 from adapters.mrs.link import MrsLink
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from executive.settings import Settings
 from executive.values.geometry import STANDING
 from executive.values.reports import Stage
@@ -86,7 +86,7 @@ class Target:
         logging.root.setLevel(logging.ERROR)
         self._errors = Lines("", logging.ERROR)
         self._held = options.held
-        self._link = MrsLink(settings, port=0, terms=Terms(options.encoding))
+        self._link = MrsLink(settings, port=0, terms=TransportSettings(options.encoding))
         self._lockstep = LockStep(
             settings, World(), options.folder, downlinks=(self._link,), picture=PICTURE
         )

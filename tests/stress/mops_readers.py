@@ -12,8 +12,8 @@ from typing import Any, Final, Protocol
 from adapters.bundle import Address, BundleId, Delivery, Ipn, Listen
 from adapters.bundle.codec.bundle import Creation
 from adapters.bundle.node.settings import UdpLink
-from adapters.mal import Codec, Operation, Stage
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mal import Codec, InteractionStage, Operation
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import Router
 from adapters.mops import (
     Dictionary,
@@ -169,7 +169,7 @@ class Brick:
         octets = b"".join(portions)
         for kept in (self._lines, self._sent, self._said):
             kept.clear()
-        way = (None, *Link)[next(self._turns) % 3]
+        way = (None, *BrickLink)[next(self._turns) % 3]
         if way is None:
             wanted = self._judge.cut(octets)
             for portion in portions:
@@ -201,7 +201,7 @@ class Brick:
         self._sent.append(octets)
         return True
 
-    def notify(self, link: Link, message: Message) -> None:
+    def notify(self, link: BrickLink, message: Message) -> None:
         self._said.append(message)
 
     def telemetry(self, message: Message) -> None:
@@ -265,7 +265,7 @@ class Orbiter:
         self._encode(self._values, tuple(map(parameter_value, values)))
 
     def _encode(self, operation: Operation, values: Sequence[Any]) -> None:
-        self._codec.encode(operation.parts[Stage.REQUEST_RESPONSE], (values,))
+        self._codec.encode(operation.parts[InteractionStage.REQUEST_RESPONSE], (values,))
 
     @staticmethod
     def _wanted(octets: bytes) -> Cut:

@@ -24,7 +24,7 @@ from adapters.mops import (
 from executive.commands.catalogue import Request
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
-from executive.values.reports import Identity, Kind, Report, Stage
+from executive.values.reports import Identity, Report, ReportKind, Stage
 from tests.stress.fuzzing import examples, fragments, mutate
 from tests.stress.mops_grammar import FIELDS, LONGEST
 
@@ -70,7 +70,7 @@ def sound_messages(asset: str, seed: int) -> tuple[bytes, ...]:
     dictionary = load_dictionary()
     spelling = dictionary.spelling
 
-    def reports(kind: Kind) -> st.SearchStrategy[Report]:
+    def reports(kind: ReportKind) -> st.SearchStrategy[Report]:
         of_command = {
             "identity": IDENTITIES, "stage": st.sampled_from(Stage), "link": st.just("relay"),
         }  # fmt: skip
@@ -81,7 +81,7 @@ def sound_messages(asset: str, seed: int) -> tuple[bytes, ...]:
             kind=st.just(kind),
             text=TEXTS,
             reason=REASONS,
-            **(of_command if kind is Kind.COMMAND else {}),
+            **(of_command if kind is ReportKind.COMMAND else {}),
         )
 
     def command(request: Request, identity: Identity) -> Message | None:
@@ -107,9 +107,9 @@ def sound_messages(asset: str, seed: int) -> tuple[bytes, ...]:
     any_command = st.one_of(commands)
     kinds: list[st.SearchStrategy[Message | None]] = [
         *commands,
-        st.builds(reply, reports(Kind.COMMAND), any_command),
+        st.builds(reply, reports(ReportKind.COMMAND), any_command),
         st.builds(refusal, any_command, TEXTS),
-        reports(Kind.EVENT).map(lambda report: event_of(report, spelling.event, asset)),
+        reports(ReportKind.EVENT).map(lambda report: event_of(report, spelling.event, asset)),
         KNOWN.map(lambda known: telemetry_of(known, spelling.telemetry, asset, "ALL")),
         st.floats(0.0, 2e9).map(health),
         st.floats(0.0, 2e9).map(housekeeping),

@@ -20,7 +20,7 @@ from adapters.recording import PROFILE, RunFile
 from adapters.recording.run_file import RUN
 from executive.core.recording import Entry, Item
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import PlayMode
+from sim.scenario.model import RunMode
 from sim.scenario.reading import load_scenario
 from tests.stress.fuzzing import mutate
 
@@ -119,7 +119,7 @@ def originals(folder: Path) -> list[bytes]:
         scenario, path = folder / f"{name}.yaml", folder / f"{name}.mcap"
         scenario.write_text(text, encoding="utf-8")
         with closing(RunFile(path)) as file:
-            run = load_scenario(str(scenario), PlayMode.LOCK_STEP)
+            run = load_scenario(str(scenario), RunMode.LOCK_STEP)
             run_in_lock_step(run, folder / name, Flushed(file))
         found.append(path.read_bytes())
     return found

@@ -24,7 +24,7 @@ from executive.commands.catalogue import Command
 from executive.commands.lifecycle import Repeated, SubmitResult
 from executive.record import Ledger, Synchronous
 from executive.settings import config_folder
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 from tests.stress.journal import Journal
 from tests.stress.relay_traffic import ASSET, NAME, ROVER_LEDGER, TOPIC_JOURNAL
 
@@ -93,7 +93,7 @@ class Rover:
             answer(Repeated(report))
 
     def _done(self, command: Command) -> Report:
-        number, how = self._ledger.last_sequence + 1, (Kind.COMMAND, Severity.INFORMATIONAL)
+        number, how = self._ledger.last_sequence + 1, (ReportKind.COMMAND, Severity.INFORMATIONAL)
         return Report(number, time.time(), *how, "", command.identity, Stage.EXECUTED, LINK)
 
 

@@ -25,9 +25,9 @@ from executive.settings import SettingsError, names_in
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
 from sim.campaign.reading import campaign_folder, load_campaign
-from sim.scenario.changes import Change
+from sim.scenario.changes import Override
 from sim.scenario.lockstep_run import run_in_lock_step
-from sim.scenario.model import Crash, Entry, PlayMode, Scenario, Send
+from sim.scenario.model import Crash, Entry, RunMode, Scenario, Send
 from sim.scenario.reading import load_scenario, scenario_folder
 from tests.stress.command_generator import PER_PLAN, random_request
 from tests.stress.findings import Findings, Tell
@@ -137,9 +137,9 @@ def _runs(seed: int) -> Iterator[tuple[Scenario, Kind]]:
         elif random.random() < len(others) / (len(others) + len(names)):
             name, changes = _drawn(random.choice(others), random)
         else:
-            seeded = Change("seed", str(random.randrange(DRAWN_FROM)))
+            seeded = Override("seed", str(random.randrange(DRAWN_FROM)))
             name, changes = random.choice(names), (seeded,)
-        scenario = _quick(load_scenario(name, PlayMode.LOCK_STEP, changes))
+        scenario = _quick(load_scenario(name, RunMode.LOCK_STEP, changes))
         fault = any(each.key == "inject" and each.value != "none" for each in changes)
         visitor = random.random() < VISITORS
         if visitor:
@@ -162,13 +162,13 @@ def _playable() -> Iterator[str]:
     """Yield the scenarios that can be played in lock step."""
     for name in names_in(scenario_folder()):
         try:
-            load_scenario(name, PlayMode.LOCK_STEP)
+            load_scenario(name, RunMode.LOCK_STEP)
         except SettingsError:
             continue
         yield name
 
 
-def _drawn(campaign: Campaign, random: Random) -> tuple[str, tuple[Change, ...]]:
+def _drawn(campaign: Campaign, random: Random) -> tuple[str, tuple[Override, ...]]:
     found = draw(campaign, random.randrange(DRAWN_FROM))
     return found.scenario, found.changes
 

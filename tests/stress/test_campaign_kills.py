@@ -6,7 +6,7 @@ from functools import cache
 
 import pytest
 
-from sim.campaign.worker import Job, Played, play_job
+from sim.campaign.worker import Job, JobResult, play_job
 from tests.stress import campaign_kills
 
 
@@ -17,10 +17,10 @@ def judged(seed: int = 3) -> dict[str, float]:
 
 
 @cache
-def played(job: Job) -> Played:
+def played(job: Job) -> JobResult:
     """Play a run, once for all tests: these are about what becomes of it."""
     result = play_job(job)
-    assert isinstance(result, Played)
+    assert isinstance(result, JobResult)
     return result
 
 
@@ -41,7 +41,7 @@ def test_every_run_is_there_once_whatever_is_killed() -> None:
 )
 def test_each_fault_is_noticed(
     monkeypatch: pytest.MonkeyPatch,
-    spoil: Callable[[list[Played]], list[Played]],
+    spoil: Callable[[list[JobResult]], list[JobResult]],
     fault: campaign_kills.Fault,
 ) -> None:
     spoils = iter([spoil, list])
@@ -53,7 +53,7 @@ def test_each_fault_is_noticed(
         def __exit__(self, *_: object) -> None:
             return None
 
-    def here(_: object, __: object, jobs: Iterable[Job]) -> Iterator[Played]:
+    def here(_: object, __: object, jobs: Iterable[Job]) -> Iterator[JobResult]:
         yield from next(spoils)([played(job) for job in jobs])
 
     monkeypatch.setattr(campaign_kills.Killer, "played", lambda *_: None)

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from executive.commands.catalogue import (
-    Arrival,
     Command,
     MoveForward,
+    PreemptionPolicy,
     Request,
     Resume,
     Stop,
     TakePicture,
 )
 from executive.values.reasons import Reason
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.stress.command_generator import random_command
 from tests.stress.findings import LifeFault
 from tests.stress.kills_journal import (
@@ -50,7 +50,7 @@ def told(sequence: int, number: int, stage: Stage) -> Report:
     return Report(
         sequence=sequence,
         utc_s=START_S + sequence,
-        kind=Kind.COMMAND,
+        kind=ReportKind.COMMAND,
         severity=Severity.INFORMATIONAL,
         text=stage.name,
         identity=one(number),
@@ -167,12 +167,12 @@ def test_each_fault_has_a_story_that_shows_it() -> None:
 def report(sequence: int, stage: Stage | None = None) -> Report:
     if stage is not None:
         return replace(told(sequence, 1, stage), link=None, reason=Reason.STOPPED)
-    return Report(sequence, 1.5, Kind.EVENT, Severity.WARNING, "that")
+    return Report(sequence, 1.5, ReportKind.EVENT, Severity.WARNING, "that")
 
 
 def test_everything_written_is_read_but_for_a_line_cut_short(tmp_path: Path) -> None:
     commands = [random_command(7, number, "direct", 12.25) for number in range(1, 200)]
-    assert {command.arrival for command in commands} == set(Arrival)
+    assert {command.arrival for command in commands} == set(PreemptionPolicy)
     written: list[Entry] = [
         *map(Sent, commands),
         Answered(one(1), Answer.DUPLICATE),

@@ -12,7 +12,7 @@ from random import Random
 import pytest
 
 from adapters.mops import load_dictionary
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 from tests.stress.fake_clock import set_clock
 from tests.stress.lossy_link import LossyLink
 from tests.stress.relay_judge import Evidence, Fault, judge
@@ -26,7 +26,7 @@ Spoil = Callable[[Evidence], Evidence]
 
 def report(number: int) -> Report:
     identity = command_of(number).identity
-    how = Kind.COMMAND, Severity.INFORMATIONAL
+    how = ReportKind.COMMAND, Severity.INFORMATIONAL
     return Report(number, 1.0, *how, "", identity, Stage.EXECUTED, "relay")
 
 

@@ -1,6 +1,6 @@
 """The authority over a bench, asked for as links do: in a turn of the core."""
 
-from executive.core.authority import AuthorityAct, AuthorityAsked, AuthorityState
+from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
 from executive.values.reasons import Refusal
 from tests.support.kinematic import Bench
 
@@ -16,20 +16,20 @@ class AskedAuthority:
         return self._bench.executive.authority.state
 
     def request(self, source: str) -> AuthorityState | Refusal:
-        return self._ask(AuthorityAsked(AuthorityAct.REQUEST, source))
+        return self._ask(AuthorityRequest(AuthorityAction.REQUEST, source))
 
     def take(self, source: str) -> AuthorityState | Refusal:
-        return self._ask(AuthorityAsked(AuthorityAct.TAKE, source))
+        return self._ask(AuthorityRequest(AuthorityAction.TAKE, source))
 
     def hand_over(
         self, source: str, epoch: int, to: str, lease_s: float | None = None
     ) -> AuthorityState | Refusal:
-        return self._ask(AuthorityAsked(AuthorityAct.HAND_OVER, source, epoch, to, lease_s))
+        return self._ask(AuthorityRequest(AuthorityAction.HAND_OVER, source, epoch, to, lease_s))
 
     def release(self, source: str, epoch: int) -> AuthorityState | Refusal:
-        return self._ask(AuthorityAsked(AuthorityAct.RELEASE, source, epoch))
+        return self._ask(AuthorityRequest(AuthorityAction.RELEASE, source, epoch))
 
-    def _ask(self, asked: AuthorityAsked) -> AuthorityState | Refusal:
+    def _ask(self, asked: AuthorityRequest) -> AuthorityState | Refusal:
         executive, answers = self._bench.executive, list[AuthorityState | Refusal]()
         executive.ask(lambda: answers.append(executive.ask_authority(asked)))
         executive.turn()

@@ -4,15 +4,17 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import TypeVar
 
-from adapters.mrs.ground import MrsClient, Outcome
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.ground import CommandOutcome, MrsClient
+from adapters.mrs.terms import CLEAR, TransportSettings
 from executive.commands import Request
 
 LIMIT_S = 120.0
 T = TypeVar("T")
 
 
-def ask(uri: str, question: Callable[[MrsClient], Awaitable[T]], terms: Terms = CLEAR) -> T:
+def ask(
+    uri: str, question: Callable[[MrsClient], Awaitable[T]], terms: TransportSettings = CLEAR
+) -> T:
     """Connect, ask, hang up; return the answer."""
 
     async def session() -> T:
@@ -22,10 +24,12 @@ def ask(uri: str, question: Callable[[MrsClient], Awaitable[T]], terms: Terms = 
     return asyncio.run(asyncio.wait_for(session(), LIMIT_S))
 
 
-def carry_out(uri: str, *requests: Request, terms: Terms = CLEAR) -> list[Outcome]:
+def carry_out(
+    uri: str, *requests: Request, terms: TransportSettings = CLEAR
+) -> list[CommandOutcome]:
     """Send requests one after the other, each when the one before has ended."""
 
-    async def send(client: MrsClient) -> list[Outcome]:
+    async def send(client: MrsClient) -> list[CommandOutcome]:
         return [await client.run(client.command(request)) for request in requests]
 
     return ask(uri, send, terms)

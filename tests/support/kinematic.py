@@ -6,12 +6,12 @@ from math import cos, sin
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from executive.commands import Arrival, Command, MoveForward, Request
+from executive.commands import Command, MoveForward, PreemptionPolicy, Request
 from executive.commands.lifecycle import Refused, SubmitResult
 from executive.core.recording import Tape
 from executive.core.runner import Executive
 from executive.core.tree import Tree
-from executive.faults import Row, Then
+from executive.faults import FaultResponse, Reaction
 from executive.goals import Context
 from executive.motion import SharedSolver
 from executive.record import Ledger, Synchronous
@@ -33,11 +33,11 @@ WHOLE_LIFE = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
 def ignoring(*faults: str) -> Settings:
     """Return the settings of a Jackal that does not watch for some faults."""
     settings = load_settings("jackal")
-    rows = {name: replace(getattr(settings.faults, name), then=Then.IGNORE) for name in faults}
+    rows = {name: replace(getattr(settings.faults, name), then=Reaction.IGNORE) for name in faults}
     return replace(settings, faults=replace(settings.faults, **rows))
 
 
-def with_figures(row: Row, **figures: Any) -> Row:
+def with_figures(row: FaultResponse, **figures: Any) -> FaultResponse:
     """Return a row with other figures in each of its windows."""
     return replace(row, windows=tuple(replace(each, **figures) for each in row.windows))
 
@@ -229,7 +229,7 @@ class Bench:
 
     def replace(self, request: Request, number: int) -> SubmitResult:
         """Send a command that replaces the motion under way."""
-        return self.submit(request, number, arrival=Arrival.REPLACE)
+        return self.submit(request, number, arrival=PreemptionPolicy.REPLACE)
 
     def send(self, command: Command) -> SubmitResult:
         """Send a command."""

@@ -13,7 +13,7 @@ from executive.commands.lifecycle import Admitted, SubmitResult
 from executive.values.reasons import Refusal
 from executive.values.reports import PlanStatus, PlanUpdate, Report, Stage
 from tests.support.kinematic import STEP_S, Bench
-from trees import Node, snapshot_of
+from trees import TreeNodeSnapshot, snapshot_of
 
 AHEAD = '<moveForward distance="4" deadline_s="60"/>'
 BACK = '<moveForward distance="-1" deadline_s="60"/>'
@@ -74,7 +74,7 @@ class PlanBench(Bench):
         (found,) = (u for u in self.executive.plans() if u.plan_id == plan_id)
         return found
 
-    def nodes(self) -> tuple[Node, ...]:
+    def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
         """Return the nodes of the tree."""
         return snapshot_of(self.executive, 0.0).nodes
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import copysign, cos, nan, sin, sqrt
 from random import Random
 
-from executive.safety import Fault, Safety
+from executive.safety import Fault, FaultMonitor
 from executive.safety.sensor_history import SLIP_GAIN, SLIP_OFFSET_M
 from executive.settings import Settings, load_settings
 from executive.values.clock import ManualClock
@@ -63,7 +63,7 @@ class SensedDrive:
     def __post_init__(self) -> None:
         """Let it stand at the origin of its odometry."""
         self.clock = ManualClock()
-        self.safety = Safety(self.clock, self.settings)
+        self.safety = FaultMonitor(self.clock, self.settings)
         self.observe: Callable[[Fact], None] = self.safety.observe
         joints = load_settings("jackal").sensors.joints
         assert joints is not None

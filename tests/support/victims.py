@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from sim.processes import free_place
-from sim.processes.children import Child
+from sim.processes.children import ChildProcess
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
 LISTENS: Final = r"listens at \D*(?:[\d.]+:)?(\d+)"
@@ -35,7 +35,9 @@ class Victim:
         module, *arguments = map(str, self._line(self.lives))
         self.lives += 1
         name, place = f"{self.name}-{self.lives}", self._workplace
-        self.child = Child(name, module, (*arguments, *more), place.folder, place.environment)
+        self.child = ChildProcess(
+            name, module, (*arguments, *more), place.folder, place.environment
+        )
 
     def restart(self, *more: str) -> None:
         """End this life by kill -9 and begin the next."""

@@ -10,14 +10,23 @@ from executive.settings import load_settings
 from executive.values.reports import Stage
 from tests.support.kinematic import Bench
 from tests.support.requests import GOOD
-from trees import Look, Node, NodeKind, NodeStatus, RoverTree, as_svg, looks, served
+from trees import (
+    DisplayStatus,
+    NodeKind,
+    NodeStatus,
+    RoverTree,
+    TreeNodeSnapshot,
+    as_svg,
+    looks,
+    served,
+)
 from trees.cli import tree
 from trees.motion import Turn
 from trees.rover import preview
 from trees.snapshot import as_mermaid, as_text, nodes
 
 
-def snapshot(bench: Bench) -> dict[str, Node]:
+def snapshot(bench: Bench) -> dict[str, TreeNodeSnapshot]:
     assert isinstance(bench.executive.tree, RoverTree)
     tree = bench.executive.tree
     return {node.path: node for node in nodes(tree.root, tree.ticked)}
@@ -139,8 +148,8 @@ def test_mermaid_and_svg_have_every_node_and_edge(bench: Bench) -> None:
         assert node.name in text
 
 
-def _node(path: str, kind: NodeKind, status: NodeStatus) -> Node:
-    return Node(path, path.rpartition("/")[2], path.count("/"), kind, status, "")
+def _node(path: str, kind: NodeKind, status: NodeStatus) -> TreeNodeSnapshot:
+    return TreeNodeSnapshot(path, path.rpartition("/")[2], path.count("/"), kind, status, "")
 
 
 def test_a_guard_that_finds_nothing_is_no_failure_but_a_leaf_that_gave_up_is() -> None:
@@ -156,8 +165,16 @@ def test_a_guard_that_finds_nothing_is_no_failure_but_a_leaf_that_gave_up_is() -
             _node("a/go/drive", NodeKind.LEAF, fails),
         ]
     )
-    wrong, nothing = Look.FAILURE, Look.DECLINED
-    assert seen == (wrong, nothing, nothing, Look.IDLE, wrong, Look.SUCCESS, wrong)
+    wrong, nothing = DisplayStatus.FAILURE, DisplayStatus.DECLINED
+    assert seen == (
+        wrong,
+        nothing,
+        nothing,
+        DisplayStatus.IDLE,
+        wrong,
+        DisplayStatus.SUCCESS,
+        wrong,
+    )
 
 
 @pytest.mark.parametrize(

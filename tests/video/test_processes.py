@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from adapters.mrs.ground import MrsClient, Outcome
+from adapters.mrs.ground import CommandOutcome, MrsClient
 from adapters.mrs.spec.types import Stage
 from adapters.video import JpegStream
 from executive.commands.catalogue import DriveFor, ExecuteAction, Request, Stop
@@ -41,7 +41,7 @@ class Rover:
     uri: str
     listen: int
 
-    def carry_out(self, *requests: Request) -> list[Outcome]:
+    def carry_out(self, *requests: Request) -> list[CommandOutcome]:
         return carry_out(self.uri, *requests)
 
     @property
@@ -120,7 +120,7 @@ def test_a_stop_gets_through_while_video_floods(aboard: Rover, ground: socket.so
         assert on.executed
         ground.recv(1 << 16)
 
-        async def drive_and_stop(client: MrsClient) -> tuple[Outcome, Outcome]:
+        async def drive_and_stop(client: MrsClient) -> tuple[CommandOutcome, CommandOutcome]:
             moves = asyncio.Event()
             drive = asyncio.create_task(
                 client.run(

@@ -130,7 +130,7 @@ class Creation:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class FragmentRange:
     """Which octets of an application data unit a fragment carries: from where, and of how many."""
 
     offset: int
@@ -153,7 +153,7 @@ class Primary:
     lifetime_ms: int
     flags: int = 0
     crc: Crc = Crc.CRC32C
-    part: Part | None = None
+    part: FragmentRange | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -424,7 +424,7 @@ def _read_primary(reader: cbor.Reader) -> Primary:
     fragment = bool(flags & _FRAGMENT)
     if length != 8 + 2 * fragment + (kind is not Crc.NONE):
         raise reader.fail(f"primary block of {length} elements, flags and CRC ask for another")
-    part = Part(reader.unsigned(), reader.unsigned()) if fragment else None
+    part = FragmentRange(reader.unsigned(), reader.unsigned()) if fragment else None
     _check_sum(reader, begin, kind)
     return Primary(destination, source, report_to, creation, lifetime_ms, flags, kind, part)
 

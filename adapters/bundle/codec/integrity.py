@@ -33,7 +33,7 @@ _WRAPPING_OCTETS: Final = (16, 24, 32)
 _NULL_SUITE: Final = bytes(20)
 
 
-class Form(Enum):
+class IntegrityVariant(Enum):
     """How the signed octets are built: as RFC 9173 says, or as NASA ION 4.1 does."""
 
     RFC9173 = "rfc9173"
@@ -59,7 +59,7 @@ class _Parameter(IntEnum):
     SCOPE_FLAGS = 3
 
 
-_DEFAULT_SHA: Final = {Form.RFC9173: Sha.SHA384, Form.ION: Sha.SHA256}
+_DEFAULT_SHA: Final = {IntegrityVariant.RFC9173: Sha.SHA384, IntegrityVariant.ION: Sha.SHA256}
 
 
 class Scope(IntFlag):
@@ -84,12 +84,12 @@ class Key:
     """
 
     octets: bytes = field(repr=False)
-    form: Form = Form.RFC9173
+    form: IntegrityVariant = IntegrityVariant.RFC9173
     sha: Sha = Sha.SHA256
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class CiCheck:
     """The result for one target.
 
     Attributes:
@@ -115,7 +115,7 @@ class _Integrity:
     wrapped: bytes | None = None
 
 
-def verify(octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False) -> list[Check]:
+def verify(octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False) -> list[CiCheck]:
     """Check every target of every BIB of a bundle, once.
 
     Args:
@@ -129,7 +129,7 @@ def verify(octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False) ->
         DecodeError: a BIB is malformed, or a target is signed twice.
     """
     primary, *_ = split_bundle(octets)
-    checks: list[Check] = []
+    checks: list[CiCheck] = []
     for bib in bundle.blocks:
         if bib.type != BlockType.INTEGRITY:
             continue
@@ -143,7 +143,7 @@ def verify(octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False) ->
                 fault = ""
             except _Invalid as error:
                 fault = str(error)
-            checks.append(Check(target, scope, fault))
+            checks.append(CiCheck(target, scope, fault))
     return checks
 
 
@@ -164,7 +164,7 @@ def sign(bundle: Bundle, key: Key, source: Eid, targets: Iterable[int]) -> Bundl
 
     signed = tuple(targets)
     crc = bundle.primary.crc
-    if key.form is Form.ION:
+    if key.form is IntegrityVariant.ION:
         crc = Crc.CRC16
     elif PRIMARY_NUMBER in signed:
         crc = Crc.NONE
@@ -213,7 +213,7 @@ def _sha(integrity: _Integrity, key: Key, lenient: bool) -> Sha:
     try:
         return Sha(integrity.sha)
     except ValueError:
-        if lenient and key.form is Form.ION:
+        if lenient and key.form is IntegrityVariant.ION:
             return Sha.SHA256
         raise _Invalid(f"SHA variant {integrity.sha} is none of 5, 6, 7") from None
 
@@ -249,13 +249,13 @@ def require_unwrapping() -> None:
 
 
 def _ippt(
-    form: Form, scope: Scope, primary: bytes, bundle: Bundle, bib: Block, target: int,
+    form: IntegrityVariant, scope: Scope, primary: bytes, bundle: Bundle, bib: Block, target: int,
     lenient: bool = False,
 ) -> bytes:  # fmt: skip
     """Return the octets that are signed (RFC 9173, 3.7); `primary` as it is on the wire."""
     parts = [cbor.unsigned(scope)]
     if target == PRIMARY_NUMBER:
-        if form is Form.ION and scope & (Scope.PRIMARY | Scope.TARGET_HEADER):
+        if form is IntegrityVariant.ION and scope & (Scope.PRIMARY | Scope.TARGET_HEADER):
             raise _Invalid(f"ION signs no primary block with scope flags {int(scope)}")
         parts += [_header(bib)] if scope & Scope.SECURITY_HEADER else []
         return b"".join([*parts, _primary_target(form, primary, bundle)])
@@ -265,7 +265,7 @@ def _ippt(
     parts += [primary] if scope & Scope.PRIMARY else []
     parts += [_header(block)] if scope & Scope.TARGET_HEADER else []
     parts += [_header(bib)] if scope & Scope.SECURITY_HEADER else []
-    if form is Form.RFC9173:
+    if form is IntegrityVariant.RFC9173:
         signed = cbor.octet_string(block.data)
     elif block.type == BlockType.PAYLOAD:
         signed = encode_block(replace(block, flags=0))
@@ -276,8 +276,8 @@ def _ippt(
     return b"".join([*parts, signed])
 
 
-def _primary_target(form: Form, primary: bytes, bundle: Bundle) -> bytes:
-    if form is Form.ION:
+def _primary_target(form: IntegrityVariant, primary: bytes, bundle: Bundle) -> bytes:
+    if form is IntegrityVariant.ION:
         return primary
     if bundle.primary.crc is not Crc.NONE:
         primary = encode_primary(replace(bundle.primary, crc=Crc.NONE))

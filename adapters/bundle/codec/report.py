@@ -5,7 +5,7 @@ from enum import Enum
 from typing import Final
 
 from adapters.bundle.codec import cbor
-from adapters.bundle.codec.bundle import Creation, Part
+from adapters.bundle.codec.bundle import Creation, FragmentRange
 from adapters.bundle.codec.eid import Eid, encode_eid, read_eid
 
 _STATUS_REPORT: Final = 1
@@ -58,7 +58,7 @@ class StatusReport:
     reason: int
     source: Eid
     creation: Creation
-    part: Part | None = None
+    part: FragmentRange | None = None
 
     def says(self, assertion: Assertion) -> bool:
         """Return whether the report asserts this."""
@@ -103,7 +103,7 @@ def decode_report(record: bytes) -> StatusReport | None:
     source = read_eid(reader)
     reader.array_of(2)
     creation = Creation(reader.unsigned(), reader.unsigned())
-    part = Part(reader.unsigned(), reader.unsigned()) if length == 6 else None
+    part = FragmentRange(reader.unsigned(), reader.unsigned()) if length == 6 else None
     reader.finish()
     return StatusReport(tuple(filter(None, asserted)), reason, source, creation, part)
 

@@ -298,14 +298,14 @@ class Bridge:
     """
 
     def __init__(
-        self, channel: "Channel", endpoint: IonEndpoint, spool: Spool, probe: Probe,
+        self, channel: "BridgeSocket", endpoint: IonEndpoint, spool: Spool, probe: Probe,
         memory: SharedMemory,
     ) -> None:  # fmt: skip
         self._channel, self._endpoint, self._spool = channel, endpoint, spool
         self._probe, self._memory = probe, memory
-        self._to_send: queue.PriorityQueue[tuple[bool, int, frames.Send | None]]
+        self._to_send: queue.PriorityQueue[tuple[bool, int, frames.SendRequest | None]]
         self._to_send = queue.PriorityQueue()
-        self._taken: queue.SimpleQueue[frames.Taken | None] = queue.SimpleQueue()
+        self._taken: queue.SimpleQueue[frames.ReceivedAck | None] = queue.SimpleQueue()
         self._over = threading.Event()
 
     def run(self) -> None:
@@ -334,9 +334,9 @@ class Bridge:
 
     def _receive_frame(self, frame: frames.Frame) -> None:
         match frame:
-            case frames.Send():
+            case frames.SendRequest():
                 self._to_send.put((not frame.expedited, frame.number, frame))
-            case frames.Taken():
+            case frames.ReceivedAck():
                 self._taken.put(frame)
             case frames.Ping():
                 self._channel.write(frames.Pong(self._probe.answers))
@@ -353,7 +353,7 @@ class Bridge:
                     raise IonFault("ION was started again: it went into memory that is gone")
                 self._channel.write(frames.Sent(frame.number))
             except IonFault as fault:
-                self._channel.write(frames.Refused(frame.number, str(fault)))
+                self._channel.write(frames.SendRejected(frame.number, str(fault)))
 
     def _receive(self) -> None:
         try:
@@ -383,7 +383,7 @@ class Bridge:
             _LOG.error("not saved before the agent has it: %s", error)
 
 
-class Channel:
+class BridgeSocket:
     """The socket to the agent, written by many threads and read by one."""
 
     def __init__(self, connected: socket.socket) -> None:
@@ -434,7 +434,7 @@ def main() -> None:
     options = line.parse_args()
     logging.basicConfig(level="INFO", format="%(levelname)-7s ION bridge: %(message)s")
     own = parse_eid(options.own)
-    channel = Channel(socket.socket(fileno=options.fd))
+    channel = BridgeSocket(socket.socket(fileno=options.fd))
     _install_signals(channel)
     try:
         if not isinstance(own, Ipn):
@@ -455,7 +455,7 @@ def main() -> None:
     Bridge(channel, endpoint, Spool(options.spool), probe, memory).run()
 
 
-def _install_signals(channel: Channel) -> None:
+def _install_signals(channel: BridgeSocket) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: channel.hang_up())
 

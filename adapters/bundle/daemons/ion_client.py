@@ -187,7 +187,7 @@ class IonClient(Endpoint):
         self._number += 1
         self._under_way[self._number] = on_result
         self._write(
-            frames.Send(self._number, str(destination), ceil(lifetime_s), payload, expedited)
+            frames.SendRequest(self._number, str(destination), ceil(lifetime_s), payload, expedited)
         )
 
     async def close(self) -> None:
@@ -254,7 +254,7 @@ class IonClient(Endpoint):
                 self._update_links()
             case frames.Sent():
                 self._finish(frame.number, None)
-            case frames.Refused():
+            case frames.SendRejected():
                 self._finish(frame.number, frame.why)
             case frames.Received():
                 self._take(frame)
@@ -275,7 +275,7 @@ class IonClient(Endpoint):
             source = parse_eid(unit.source)
         except ValueError as error:
             _LOG.warning("dropped: %s", error)
-            self._write(frames.Taken(True))
+            self._write(frames.ReceivedAck(True))
             return
         name = str(node_of(source))
         link = self._links.get(name)
@@ -287,9 +287,9 @@ class IonClient(Endpoint):
         try:
             node.receiving.arrived(name, octets)
         except StoreError:
-            self._write(frames.Taken(False))
+            self._write(frames.ReceivedAck(False))
         else:
-            node.transaction.then(lambda failure: self._write(frames.Taken(failure is None)))
+            node.transaction.then(lambda failure: self._write(frames.ReceivedAck(failure is None)))
         self._context.wake()
 
     def _bundle(self, source: Eid, unit: frames.Received) -> Bundle:

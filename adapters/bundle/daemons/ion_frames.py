@@ -11,8 +11,8 @@ _LENGTH_OCTETS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Send:
-    """To the bridge: hand this to ION; answered by `Sent` or `Refused` of the same number."""
+class SendRequest:
+    """To the bridge: hand this to ION; answered by `Sent` or `SendRejected` of the same number."""
 
     number: int
     destination: str
@@ -22,7 +22,7 @@ class Send:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class ReceivedAck:
     """To the bridge: what was `Received` is on the disk, or has to be offered again later."""
 
     kept: bool
@@ -46,7 +46,7 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class SendRejected:
     """From the bridge: ION has not taken it."""
 
     number: int
@@ -55,7 +55,7 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """From the bridge: application data; the next comes when this is `Taken`."""
+    """From the bridge: application data; the next comes when this is `ReceivedAck`."""
 
     source: str
     time_ms: int
@@ -82,7 +82,7 @@ class Failed:
     lasting: bool
 
 
-Frame = Send | Taken | Ping | Ready | Sent | Refused | Received | Pong | Failed
+Frame = SendRequest | ReceivedAck | Ping | Ready | Sent | SendRejected | Received | Pong | Failed
 _KINDS: Final[tuple[type[Frame], ...]] = get_args(Frame)
 
 

@@ -38,7 +38,7 @@ _FIRST_START: Final = ".begun"
 _LOG: Final = logging.getLogger(__name__)
 
 
-class PlanError(BundleError):
+class ContactPlanError(BundleError):
     """A text is no contact plan; one line says where and why."""
 
 
@@ -60,7 +60,7 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class LightTimeRange:
     """A time in which two nodes are a certain light time apart."""
 
     begin_utc_s: float
@@ -75,7 +75,7 @@ class ContactPlan:
     """All contacts and ranges that are planned."""
 
     contacts: tuple[Contact, ...] = ()
-    ranges: tuple[Range, ...] = ()
+    ranges: tuple[LightTimeRange, ...] = ()
 
     def contact(self, sender: int, receiver: int, utc_s: float) -> Contact | None:
         """Return the contact there is at a time; where contacts overlap, the one that ends last."""
@@ -126,13 +126,13 @@ def read_plan(path: Path, reference_utc_s: float) -> ContactPlan:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise PlanError(f"contact plan {path}: {error.strerror}") from error
+        raise ContactPlanError(f"contact plan {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise PlanError(f"contact plan {path}: not UTF-8") from error
+        raise ContactPlanError(f"contact plan {path}: not UTF-8") from error
     try:
         return parse_plan(text, reference_utc_s)
-    except PlanError as error:
-        raise PlanError(f"contact plan {path}: {error}") from error
+    except ContactPlanError as error:
+        raise ContactPlanError(f"contact plan {path}: {error}") from error
 
 
 def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
@@ -142,7 +142,7 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
         PlanError: a line is wrong.
     """
     contacts: list[Contact] = []
-    ranges: list[Range] = []
+    ranges: list[LightTimeRange] = []
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split("#")[0].split()
         try:
@@ -151,7 +151,7 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
                     pass
                 case ["@", *times]:
                     if len(times) > 1:
-                        raise PlanError(f"@ takes one {_TIME_SUCH_AS}: {' '.join(times)!r}")
+                        raise ContactPlanError(f"@ takes one {_TIME_SUCH_AS}: {' '.join(times)!r}")
                     reference_utc_s = _time_utc_s(times[0], reference_utc_s)
                 case ["a", ("contact" | "range") as kind, *given]:
                     begin, end, one, other, figure = _fields(kind, given)
@@ -160,13 +160,13 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
                     if kind == "contact":
                         contacts.append(Contact(*span, *numbers))
                     else:
-                        ranges.append(Range(*span, *numbers))
+                        ranges.append(LightTimeRange(*span, *numbers))
                 case [command, *_] if command in _OTHER_COMMANDS:
                     pass
                 case _:
-                    raise PlanError("neither `a contact ...` nor `a range ...`")
-        except PlanError as error:
-            raise PlanError(f"line {number}: {error}") from error
+                    raise ContactPlanError("neither `a contact ...` nor `a range ...`")
+        except ContactPlanError as error:
+            raise ContactPlanError(f"line {number}: {error}") from error
     return ContactPlan(tuple(contacts), tuple(ranges))
 
 
@@ -175,16 +175,16 @@ def _fields(kind: str, given: Sequence[str]) -> Sequence[str]:
     wanted = _FIELDS[kind]
     form = f"`a {kind} {' '.join(wanted)}`"
     if missing := " ".join(wanted[len(given) :]):
-        raise PlanError(f"{missing} missing in {form}")
+        raise ContactPlanError(f"{missing} missing in {form}")
     if len(given) > len(wanted) + (kind == "contact"):
-        raise PlanError(f"too many fields for {form}")
+        raise ContactPlanError(f"too many fields for {form}")
     return given[: len(wanted)]
 
 
 def _span(begin: str, end: str, reference_utc_s: float) -> tuple[float, float]:
     span = _time_utc_s(begin, reference_utc_s), _time_utc_s(end, reference_utc_s)
     if span[0] >= span[1]:
-        raise PlanError(f"{end} is not after {begin}")
+        raise ContactPlanError(f"{end} is not after {begin}")
     return span
 
 
@@ -194,12 +194,12 @@ def _time_utc_s(text: str, reference_utc_s: float) -> float:
     try:
         return float(timegm(strptime(text, _TIME_FORMAT)))
     except ValueError as error:
-        raise PlanError(f"no {_TIME_SUCH_AS}: {text!r}") from error
+        raise ContactPlanError(f"no {_TIME_SUCH_AS}: {text!r}") from error
 
 
 def _number(text: str) -> int:
     if not _NUMBER.fullmatch(text):
-        raise PlanError(f"no whole number: {text!r}")
+        raise ContactPlanError(f"no whole number: {text!r}")
     return int(text)
 
 

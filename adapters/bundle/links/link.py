@@ -8,7 +8,7 @@ from math import inf
 from typing import Final
 
 from adapters.bundle.links.contact import ContactState
-from adapters.bundle.node.node import Node
+from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.settings import Address, Neighbour
 from adapters.system import OPERATING_SYSTEM, System
 
@@ -29,7 +29,7 @@ class LinkContext:
         system: where they bind sockets.
     """
 
-    node: Node
+    node: BundleNode
     now_s: Callable[[], float]
     wake: Callable[[], None]
     system: System = OPERATING_SYSTEM

@@ -7,7 +7,12 @@ from typing import Final
 from adapters.bundle.codec.errors import DecodeError, StoreError
 from adapters.bundle.links.contact import ContactState
 from adapters.bundle.links.link import Link, LinkContext, Pacer
-from adapters.bundle.links.ltp_engine import Arrived, Cancelled, Completed, LtpSpan
+from adapters.bundle.links.ltp_engine import (
+    BlockReceived,
+    ExportCancelled,
+    ExportCompleted,
+    LtpSpan,
+)
 from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,
@@ -73,12 +78,12 @@ class LtpNeighbour(Link):
         self.span.receive(segment)
         for event in self.span.events:
             match event:
-                case Completed():
+                case ExportCompleted():
                     self._node.sending.handed_on(self._blocks.pop(event.number))
-                case Cancelled():
+                case ExportCancelled():
                     self._cancelled += len(self._blocks[event.number])
                     self._requeue(event.number)
-                case Arrived():
+                case BlockReceived():
                     self._store(event)
         self.span.events.clear()
         self._flush()
@@ -139,7 +144,7 @@ class LtpNeighbour(Link):
         self._node.sending.requeue(self.name, self._blocks.pop(number))
         self._pacer.pause(_REFUSED_PAUSE_S)
 
-    def _store(self, arrived: Arrived) -> None:
+    def _store(self, arrived: BlockReceived) -> None:
         """Store a block, and report it when it is on the disk."""
         try:
             self._node.receiving.arrived(self.name, arrived.block)

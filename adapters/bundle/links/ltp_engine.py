@@ -16,10 +16,10 @@ from adapters.bundle.links.ltp_segment import (
     CancelAck,
     CancelReason,
     Checkpoint,
-    Claim,
     Data,
-    Report,
+    ReceptionClaim,
     ReportAck,
+    ReportSegment,
     Segment,
     SessionId,
 )
@@ -122,7 +122,7 @@ class ExportSession:
         self._last: Data | None = None
         self._send_gaps([(0, len(block))], 0)
 
-    def on_report(self, report: Report) -> bool:
+    def on_report(self, report: ReportSegment) -> bool:
         """Take a report; return whether segments, and with them a checkpoint, were sent."""
         if report.serial in self._seen_reports or self.done:
             return False
@@ -141,7 +141,7 @@ class ExportSession:
             self._send_gaps(gaps, report.serial)
         return bool(gaps)
 
-    def is_answered_by(self, report: Report) -> bool:
+    def is_answered_by(self, report: ReportSegment) -> bool:
         """Return whether a report answers the last checkpoint."""
         last = None if self._last is None else self._last.checkpoint
         return last is not None and last.serial == report.checkpoint_serial
@@ -152,7 +152,7 @@ class ExportSession:
             self.resent += 1
             self._send(self._last)
 
-    def _claim(self, lower: int, upper: int, claims: tuple[Claim, ...]) -> None:
+    def _claim(self, lower: int, upper: int, claims: tuple[ReceptionClaim, ...]) -> None:
         self._claimed.remove(lower, upper)
         for claim in claims:
             end = min(claim.offset + claim.length, len(self._block))
@@ -263,17 +263,17 @@ class ImportSession:
         self.octets = 0
         self._parts.clear()
 
-    def report(self, serial: int) -> Report | None:
+    def report(self, serial: int) -> ReportSegment | None:
         """Return a report on what is there; None if there is nothing to report."""
         if self.stage is ImportStage.STORING:
             return None
         there = self._there.within(0, self._reach)
         upper = self._reach if len(there) <= _MOST_CLAIMS else there[_MOST_CLAIMS - 1][1]
-        claims = tuple(Claim(begin, end - begin) for begin, end in there[:_MOST_CLAIMS])
+        claims = tuple(ReceptionClaim(begin, end - begin) for begin, end in there[:_MOST_CLAIMS])
         if not claims:
             return None
         self._serials.add(serial)
-        return Report(self._session, serial, self._checkpoint_serial, upper, 0, claims)
+        return ReportSegment(self._session, serial, self._checkpoint_serial, upper, 0, claims)
 
     def _gather(self, data: Data) -> None:
         end = data.offset + len(data.octets)
@@ -296,35 +296,35 @@ def _end_serial(data: Data) -> int | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Completed:
+class ExportCompleted:
     """The other engine has a block of ours."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
-class Cancelled:
+class ExportCancelled:
     """The other engine does not want a block of ours now."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
-class Arrived:
+class BlockReceived:
     """A block has come, to be stored or refused."""
 
     number: int
     block: bytes
 
 
-Event = Completed | Cancelled | Arrived
+Event = ExportCompleted | ExportCancelled | BlockReceived
 
 
 @dataclass(slots=True)
 class _PendingReport:
     """A report that was not acknowledged yet."""
 
-    report: Report
+    report: ReportSegment
     due_s: float
     repeats: int = 0
 
@@ -407,7 +407,7 @@ class LtpSpan:
             case Data():
                 if segment.red:
                     self._take(number, segment)
-            case Report():
+            case ReportSegment():
                 self.segments.append(ReportAck(segment.session, segment.serial))
                 self._on_report(number, segment)
             case ReportAck():
@@ -421,7 +421,7 @@ class LtpSpan:
                 self.segments.append(CancelAck(segment.session, of_sender=False))
                 if number in self._exports:
                     self._end(number)
-                    self.events.append(Cancelled(number))
+                    self.events.append(ExportCancelled(number))
             case CancelAck():
                 pass
             case _:
@@ -496,7 +496,7 @@ class LtpSpan:
         export.checkpoint_at_s = self._now_s()
         export.due_s = export.checkpoint_at_s + self._answer_s
 
-    def _on_report(self, number: int, report: Report) -> None:
+    def _on_report(self, number: int, report: ReportSegment) -> None:
         export = self._exports.get(number)
         if export is None:
             return
@@ -507,7 +507,7 @@ class LtpSpan:
             self._await_report(export)
         if export.done:
             self._end(number)
-            self.events.append(Completed(number))
+            self.events.append(ExportCompleted(number))
 
     def _end(self, number: int) -> None:
         """Remember an ended session: its last report may come again and wants its answer."""
@@ -535,7 +535,7 @@ class LtpSpan:
         self._import_octets += block.octets - before
         whole = block.whole()
         if whole is not None:
-            self.events.append(Arrived(number, whole))
+            self.events.append(BlockReceived(number, whole))
         elif wanted:
             self._report(number, block)
         self._limit_imports()

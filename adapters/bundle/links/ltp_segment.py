@@ -60,7 +60,7 @@ class Data:
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class ReceptionClaim:
     """Octets that have been received, from an offset in the block."""
 
     offset: int
@@ -68,7 +68,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class ReportSegment:
     """What has been received between two bounds of the block."""
 
     session: SessionId
@@ -76,7 +76,7 @@ class Report:
     checkpoint_serial: int
     upper: int
     lower: int
-    claims: tuple[Claim, ...]
+    claims: tuple[ReceptionClaim, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class CancelAck:
     of_sender: bool
 
 
-Segment = Data | Report | ReportAck | Cancel | CancelAck
+Segment = Data | ReportSegment | ReportAck | Cancel | CancelAck
 
 
 def encode_segment(segment: Segment) -> bytes:
@@ -117,7 +117,7 @@ def encode_segment(segment: Segment) -> bytes:
             if segment.checkpoint:
                 numbers += [segment.checkpoint.serial, segment.checkpoint.report_serial]
             content = b"".join(map(encode_sdnv, numbers)) + segment.octets
-        case Report():
+        case ReportSegment():
             kind = _REPORT
             numbers = [segment.serial, segment.checkpoint_serial, segment.upper, segment.lower]
             numbers.append(len(segment.claims))
@@ -185,7 +185,7 @@ def _read_content(reader: SdnvReader, kind: int, session: SessionId) -> Segment:
     return CancelAck(session, kind == 13)
 
 
-def _read_report(reader: SdnvReader, session: SessionId) -> Report:
+def _read_report(reader: SdnvReader, session: SessionId) -> ReportSegment:
     serial, checkpoint_serial = reader.number(), reader.number()
     upper, lower, count = reader.number(), reader.number(), reader.number()
     claims = []
@@ -194,11 +194,11 @@ def _read_report(reader: SdnvReader, session: SessionId) -> Report:
         offset, length = lower + reader.number(), reader.number()
         if offset < reached or not length or offset + length > upper:
             raise DecodeError("LTP report claims what is out of order or bounds")
-        claims.append(Claim(offset, length))
+        claims.append(ReceptionClaim(offset, length))
         reached = offset + length
     if not claims or upper <= lower:
         raise DecodeError("LTP report of nothing")
-    return Report(session, serial, checkpoint_serial, upper, lower, tuple(claims))
+    return ReportSegment(session, serial, checkpoint_serial, upper, lower, tuple(claims))
 
 
 def _skip_extensions(reader: SdnvReader, count: int) -> None:

@@ -62,7 +62,7 @@ class Synchronous(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class StoreLimits:
     """When the store counts as full, before the disk is.
 
     Attributes:
@@ -77,7 +77,7 @@ class Limits:
     reserved_octets: int = 4 << 20
 
 
-class Database:
+class BundleDatabase:
     """One file and the transaction that is being gathered; used by one thread.
 
     Args:
@@ -98,12 +98,12 @@ class Database:
     def __init__(
         self,
         path: Path,
-        limits: Limits | None = None,
+        limits: StoreLimits | None = None,
         synchronous: Synchronous = Synchronous.FULL,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self.path, self._system = path, system
-        self._limits = limits or Limits()
+        self._limits = limits or StoreLimits()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = _opened(system.connect(path), synchronous)
@@ -276,7 +276,7 @@ def _opened(db: sqlite3.Connection, synchronous: Synchronous) -> sqlite3.Connect
     return db
 
 
-class Transaction:
+class GroupCommit:
     """Groups changes into commits, and defers notifications until they are on the disk.
 
     Changes that can be undone are written to the database at once. Those that cannot, because what
@@ -286,7 +286,7 @@ class Transaction:
         failing: whether the last commit failed.
     """
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: BundleDatabase) -> None:
         self._database = database
         self._marks: list[Callable[[], None]] = []
         self._waiting: list[Callable[[StoreError | None], None]] = []

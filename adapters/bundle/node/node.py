@@ -29,12 +29,12 @@ from adapters.bundle.codec.bundle import (
 from adapters.bundle.codec.eid import Eid, decode_eid, is_null, node_of
 from adapters.bundle.codec.errors import DecodeError
 from adapters.bundle.codec.report import Assertion, ReportReason
-from adapters.bundle.node.database import Database
-from adapters.bundle.node.reporting import DeliveryStatus, NodeState, Notice, Reporting
+from adapters.bundle.node.database import BundleDatabase
+from adapters.bundle.node.reporting import DeliveryNotice, DeliveryStatus, NodeContext, Reporting
 from adapters.bundle.node.security import Security
-from adapters.bundle.node.sending import Sending
+from adapters.bundle.node.sending import OutboxReader
 from adapters.bundle.node.settings import NodeSettings
-from adapters.bundle.node.store import Arrival
+from adapters.bundle.node.store import ReceivedUnit
 
 _LOG: Final = logging.getLogger(__name__)
 _FETCHED: Final = 32
@@ -44,8 +44,8 @@ _ADMINISTRATIVE: Final = int(Flag.ADMINISTRATIVE)
 _KEPT_FLAGS: Final = REPORTS | int(Flag.REPORT_TIMES)
 
 
-class Node(NodeState):
-    """A bundle node, for applications and for links; made as a `NodeState`.
+class BundleNode(NodeContext):
+    """A bundle node, for applications and for links; made as a `NodeContext`.
 
     Attributes:
         receiving: where links put what has arrived.
@@ -56,17 +56,17 @@ class Node(NodeState):
     def __init__(
         self,
         settings: NodeSettings,
-        database: Database,
+        database: BundleDatabase,
         utc_ms: Callable[[], int],
-        on_status: Callable[[Notice], None],
+        on_status: Callable[[DeliveryNotice], None],
         security: Security | None = None,
     ) -> None:
         super().__init__(settings, database, utc_ms, on_status, security)
         self._reporting = Reporting(self)
         self.receiving = Receiving(self, self._reporting)
-        self.sending = Sending(self, self._reporting)
+        self.sending = OutboxReader(self, self._reporting)
         self.expired = database.count("expired")
-        self._fetched: dict[bool, deque[Arrival]] = {True: deque(), False: deque()}
+        self._fetched: dict[bool, deque[ReceivedUnit]] = {True: deque(), False: deque()}
         self._last_fetched = {True: 0, False: 0}
         self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
         if stranded := self.outbox.depth(""):
@@ -108,12 +108,12 @@ class Node(NodeState):
             expedited=expedited,
         )
 
-    def fetch(self, *, only_expedited: bool = False) -> Arrival | None:
+    def fetch(self, *, only_expedited: bool = False) -> ReceivedUnit | None:
         """Return the next unit for the application, of those that are committed."""
         arrival = self._fetch(expedited=True)
         return arrival if arrival or only_expedited else self._fetch(expedited=False)
 
-    def _fetch(self, *, expedited: bool) -> Arrival | None:
+    def _fetch(self, *, expedited: bool) -> ReceivedUnit | None:
         fetched = self._fetched[expedited]
         if not fetched and not self.database.gathering:
             after = self._last_fetched[expedited]
@@ -122,11 +122,11 @@ class Node(NodeState):
                 self._last_fetched[expedited] = fetched[-1].id
         return fetched.popleft() if fetched else None
 
-    def give_back(self, arrival: Arrival) -> None:
+    def give_back(self, arrival: ReceivedUnit) -> None:
         """Fetch this unit again, before all others of its kind."""
         self._fetched[arrival.expedited].appendleft(arrival)
 
-    def delivered(self, arrival: Arrival) -> None:
+    def delivered(self, arrival: ReceivedUnit) -> None:
         """Note that the application has a unit."""
 
         def write() -> None:
@@ -186,7 +186,7 @@ class Receiving:
         malformed: how many could not be read.
     """
 
-    def __init__(self, state: NodeState, reporting: Reporting) -> None:
+    def __init__(self, state: NodeContext, reporting: Reporting) -> None:
         self._state, self._reporting = state, reporting
         self.malformed = 0
 
@@ -296,7 +296,7 @@ class Receiving:
                 return
             payload = whole
         inbox.add(
-            Arrival(
+            ReceivedUnit(
                 identity,
                 primary.destination,
                 primary.report_to,

@@ -16,8 +16,8 @@ from adapters.bundle.codec.bundle import (
     Crc,
     Creation,
     Flag,
+    FragmentRange,
     HopCount,
-    Part,
     Primary,
     encode_bundle,
     encode_hop_count,
@@ -34,10 +34,10 @@ from adapters.bundle.codec.report import (
     decode_report,
     encode_report,
 )
-from adapters.bundle.node.database import Database, Transaction
+from adapters.bundle.node.database import BundleDatabase, GroupCommit
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import NodeSettings
-from adapters.bundle.node.store import Inbox, Outbox
+from adapters.bundle.node.store import BundleInbox, Outbox
 from adapters.bundle.node.traffic import Traffic
 
 _LOG: Final = logging.getLogger(__name__)
@@ -62,14 +62,14 @@ class DeliveryStatus(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Notice:
+class DeliveryNotice:
     """A status, and whose it is. May come more than once; DELIVERED may come before HANDED_ON."""
 
     identity: BundleId
     status: DeliveryStatus
 
 
-class Refusals:
+class RejectionCounter:
     """Counts the bundles that are not taken, and logs one of them every ten seconds at most.
 
     Args:
@@ -95,7 +95,7 @@ class Refusals:
         self._told_utc_ms, self._told = now_utc_ms, self.count
 
 
-class NodeState:
+class NodeContext:
     """What the parts of a node share: settings, store, clock, and the callback for notices.
 
     Creation timestamps only grow, over restarts and when the clock steps back. The last one is
@@ -118,17 +118,17 @@ class NodeState:
     def __init__(
         self,
         settings: NodeSettings,
-        database: Database,
+        database: BundleDatabase,
         utc_ms: Callable[[], int],
-        on_status: Callable[[Notice], None],
+        on_status: Callable[[DeliveryNotice], None],
         security: Security | None = None,
     ) -> None:
         self.settings, self.database, self.utc_ms = settings, database, utc_ms
-        self.security, self.refusals = security, Refusals(utc_ms)
-        self.transaction = Transaction(database)
+        self.security, self.refusals = security, RejectionCounter(utc_ms)
+        self.transaction = GroupCommit(database)
         self.traffic = {each.name: Traffic() for each in settings.neighbours}
         pause_ms = {n.name: round(1000 * n.link.confirm_after_s) for n in settings.neighbours}
-        self.outbox, self.inbox = Outbox(database, pause_ms), Inbox(database)
+        self.outbox, self.inbox = Outbox(database, pause_ms), BundleInbox(database)
         self._on_status = on_status
         self._last = Creation(database.count(_LAST_TIME), database.count(_LAST_SEQUENCE))
         self._last_to_write = False
@@ -138,7 +138,7 @@ class NodeState:
 
         def tell(failure: StoreError | None) -> None:
             if failure is None:
-                self._on_status(Notice(identity, status))
+                self._on_status(DeliveryNotice(identity, status))
 
         self.transaction.then(tell)
 
@@ -195,7 +195,7 @@ class NodeState:
 class Reporting:
     """Sends status reports where they were asked for, and reads those that come."""
 
-    def __init__(self, state: NodeState) -> None:
+    def __init__(self, state: NodeContext) -> None:
         self._state = state
 
     def report(
@@ -205,7 +205,7 @@ class Reporting:
         report_to: Eid,
         assertion: Assertion,
         reason: ReportReason = ReportReason.NONE,
-        part: Part | None = None,
+        part: FragmentRange | None = None,
     ) -> None:
         """Report on a bundle, within the transaction, if its flags ask for that.
 
@@ -234,7 +234,7 @@ class Reporting:
     ) -> None:
         """Report on a bundle that is at hand, if it asks for that."""
         primary = bundle.primary
-        part = primary.part and Part(primary.part.offset, len(bundle.payload))
+        part = primary.part and FragmentRange(primary.part.offset, len(bundle.payload))
         identity = identity_of(primary)
         self.report(identity, primary.flags, primary.report_to, assertion, reason, part)
 

@@ -14,7 +14,7 @@ from adapters.bundle.codec.eid import Eid, encode_eid
 from adapters.bundle.codec.errors import BundleError
 from adapters.bundle.codec.integrity import (
     PRIMARY_NUMBER,
-    Form,
+    IntegrityVariant,
     Key,
     Scope,
     Sha,
@@ -34,7 +34,7 @@ _BLOCK_OCTETS: Final = 110
 """A BIB of one target, without the EID in it."""
 
 
-class Target(Enum):
+class SignedBlock(Enum):
     """What a policy wants signed."""
 
     PAYLOAD = "payload"
@@ -52,7 +52,7 @@ class KeySettings:
     """
 
     file: str
-    form: Form = Form.RFC9173
+    form: IntegrityVariant = IntegrityVariant.RFC9173
     sha: int = 256
 
     def __post_init__(self) -> None:
@@ -75,7 +75,7 @@ class PolicySettings:
     key: str
     source: str = "*"
     destination: str = "*"
-    targets: tuple[Target, ...] = (Target.PAYLOAD,)
+    targets: tuple[SignedBlock, ...] = (SignedBlock.PAYLOAD,)
     covers_primary: bool = True
 
     def __post_init__(self) -> None:
@@ -129,7 +129,7 @@ class Security:
                 _pattern(policy.destination),
                 keys[policy.key],
                 tuple(
-                    PRIMARY_NUMBER if target is Target.PRIMARY else PAYLOAD_NUMBER
+                    PRIMARY_NUMBER if target is SignedBlock.PRIMARY else PAYLOAD_NUMBER
                     for target in policy.targets
                 ),
                 policy.covers_primary,
@@ -226,11 +226,13 @@ def _load(path: Path, settings: KeySettings) -> Key:
             f"key {path}: {error.strerror}; `rover bundle key {path}` makes one, for both ends"
         ) from error
     fits = _LEAST_OCTETS <= len(octets) <= _MOST_OCTETS
-    if settings.form is Form.ION:
+    if settings.form is IntegrityVariant.ION:
         require_unwrapping()
         fits = len(octets) in _ION_OCTETS
     if not fits:
-        wanted = "16, 24 or 32" if settings.form is Form.ION else f"{_LEAST_OCTETS} or more"
+        wanted = (
+            "16, 24 or 32" if settings.form is IntegrityVariant.ION else f"{_LEAST_OCTETS} or more"
+        )
         raise BundleError(f"key {path} has {len(octets)} octets: {wanted}, without a line's end")
     if mode & 0o077:
         _LOG.warning("key %s can be read by others: chmod 600 %s", path, path)

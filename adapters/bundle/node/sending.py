@@ -13,8 +13,8 @@ from adapters.bundle.codec.bundle import (
     BlockType,
     Bundle,
     Flag,
+    FragmentRange,
     HopCount,
-    Part,
     decode_age,
     decode_bundle,
     decode_hop_count,
@@ -24,8 +24,8 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import Eid, encode_eid
 from adapters.bundle.codec.report import Assertion, ReportReason
-from adapters.bundle.node.reporting import DeliveryStatus, NodeState, Reporting
-from adapters.bundle.node.store import Stored
+from adapters.bundle.node.reporting import DeliveryStatus, NodeContext, Reporting
+from adapters.bundle.node.store import OutboxEntry
 
 _LOG: Final = logging.getLogger(__name__)
 _FETCHED: Final = 32
@@ -36,7 +36,7 @@ _LENGTH_OCTETS: Final = 8
 class Outgoing:
     """A bundle, or a fragment of it, as it goes to a neighbour."""
 
-    stored: Stored
+    stored: OutboxEntry
     octets: bytes
 
 
@@ -53,10 +53,10 @@ class _Queue:
         self.last_id = 0
 
 
-class Sending:
+class OutboxReader:
     """Reads ahead in the outbox for the links, and tracks what is on its way."""
 
-    def __init__(self, state: NodeState, reporting: Reporting) -> None:
+    def __init__(self, state: NodeContext, reporting: Reporting) -> None:
         self._state, self._reporting = state, reporting
         self._queues = {
             (neighbour.name, expedited): _Queue()
@@ -130,7 +130,7 @@ class Sending:
                     queue.ready.extend(self._cut(stored, bundle_octets))
         return True
 
-    def _cut(self, stored: Stored, bundle_octets: int) -> list[Outgoing]:
+    def _cut(self, stored: OutboxEntry, bundle_octets: int) -> list[Outgoing]:
         octets = stored.octets
         if not stored.own:
             stayed_ms = max(0, self._state.utc_ms() - stored.put_utc_ms)
@@ -152,7 +152,7 @@ class Sending:
         self._parts[stored.id] = len(parts)
         return [Outgoing(stored, part) for part in parts]
 
-    def _give_up(self, stored: Stored, bundle: Bundle, bundle_octets: int) -> None:
+    def _give_up(self, stored: OutboxEntry, bundle: Bundle, bundle_octets: int) -> None:
         _LOG.warning(
             "bundle %s cannot be cut to %d octets, which is bundle_octets of the link to %s",
             stored.identity, bundle_octets, stored.neighbour,
@@ -162,7 +162,7 @@ class Sending:
         if stored.own:
             self._state.notify(stored.identity, DeliveryStatus.DELETED)
 
-    def _write_handed_on(self, whole: Sequence[Stored]) -> None:
+    def _write_handed_on(self, whole: Sequence[OutboxEntry]) -> None:
         self._state.outbox.handed_on(whole, self._state.utc_ms())
         for stored in whole:
             if not stored.confirm and self._state.settings.acknowledges(stored.neighbour):
@@ -212,22 +212,25 @@ def fragments(bundle: Bundle, most_octets: int) -> list[bytes] | None:
     primary, payload = bundle.primary, bundle.payload
     if primary.flags & Flag.MUST_NOT_FRAGMENT or bundle.block(BlockType.INTEGRITY):
         return None
-    base = primary.part or Part(0, len(payload))
-    longest = _fragment(bundle, Part(base.total, base.total), b"", first=True)
+    base = primary.part or FragmentRange(0, len(payload))
+    longest = _fragment(bundle, FragmentRange(base.total, base.total), b"", first=True)
     room = most_octets - len(encode_bundle(longest)) - _LENGTH_OCTETS
     if room <= 0:
         return None
     return [
         encode_bundle(
             _fragment(
-                bundle, Part(base.offset + at, base.total), payload[at : at + room], first=not at
+                bundle,
+                FragmentRange(base.offset + at, base.total),
+                payload[at : at + room],
+                first=not at,
             )
         )
         for at in range(0, len(payload), room)
     ]
 
 
-def _fragment(bundle: Bundle, part: Part, octets: bytes, *, first: bool) -> Bundle:
+def _fragment(bundle: Bundle, part: FragmentRange, octets: bytes, *, first: bool) -> Bundle:
     primary = replace(bundle.primary, flags=bundle.primary.flags | int(Flag.FRAGMENT), part=part)
     kept = [block for block in bundle.blocks[:-1] if first or block.flags & BlockFlag.REPLICATE]
     return Bundle(primary, (*kept, replace(bundle.blocks[-1], data=octets)))

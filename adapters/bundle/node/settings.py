@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, assert_never
 
 from adapters.bundle.codec.eid import Eid, Ipn, is_null, node_of, parse_eid
-from adapters.bundle.node.database import Limits
+from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.security import SecuritySettings
 
 DAY_S: Final = 86_400.0
@@ -244,7 +244,7 @@ class NodeSettings:
     most_payload_octets: int = 16 << 20
     most_lifetime_s: float = 60 * DAY_S
     most_ahead_s: float = DAY_S
-    limits: Limits = field(default_factory=Limits)
+    limits: StoreLimits = field(default_factory=StoreLimits)
 
     def __post_init__(self) -> None:
         check_ranges(

@@ -8,21 +8,21 @@ from typing import Final
 
 from adapters.bundle.codec.bundle import (
     BundleId,
-    Part,
+    FragmentRange,
     Primary,
     bundle_id_from_key,
     decode_bundle,
     identity_of,
 )
 from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid
-from adapters.bundle.node.database import Database
+from adapters.bundle.node.database import BundleDatabase
 
 _GREATEST: Final = 2**62
 _MOST_DOUBLINGS: Final = 5
 """Of the pause before a bundle is sent again: a link that lost many may have been back for long."""
 
 
-class State(IntEnum):
+class OutboxState(IntEnum):
     """How far a bundle has come: not yet with the next node, or there and not yet confirmed."""
 
     WAITING = 0
@@ -30,7 +30,7 @@ class State(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class OutboxEntry:
     """A bundle in the outbox.
 
     Attributes:
@@ -74,7 +74,7 @@ class Outbox:
             time, up to 32 times that.
     """
 
-    def __init__(self, database: Database, pause_ms: Mapping[str, int]) -> None:
+    def __init__(self, database: BundleDatabase, pause_ms: Mapping[str, int]) -> None:
         self._db, self._pause_ms = database, pause_ms
         self._read_to_the_end: dict[tuple[str, bool], int] = {}
         self._looked_utc_ms = _GREATEST
@@ -90,14 +90,14 @@ class Outbox:
             " expires_utc_ms, own, expedited, octets) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 identity_of(primary).key, encode_eid(primary.destination), neighbour,
-                State.WAITING.value, confirm, now_utc_ms, min(expires_utc_ms, _GREATEST), own,
+                OutboxState.WAITING.value, confirm, now_utc_ms, min(expires_utc_ms, _GREATEST), own,
                 expedited, octets,
             ),
         )  # fmt: skip
 
     def waiting(
         self, neighbour: str, after: int, count: int, now_utc_ms: int, *, expedited: bool = False
-    ) -> list[Stored]:
+    ) -> list[OutboxEntry]:
         """Return bundles that wait for a neighbour, with ids greater than one, in their order.
 
         One whose lifetime is over is not among them: the next node would delete it without a word.
@@ -108,19 +108,19 @@ class Outbox:
             "SELECT id, key, own, confirm, put_utc_ms, octets FROM outbox"
             " WHERE neighbour = ? AND state = ? AND id > ? AND expires_utc_ms > ?"
             f" AND {'' if expedited else 'NOT '}expedited ORDER BY id LIMIT ?",
-            (neighbour, State.WAITING.value, after, now_utc_ms, count),
+            (neighbour, OutboxState.WAITING.value, after, now_utc_ms, count),
         )
         if not rows:
             self._read_to_the_end[neighbour, expedited] = after
         return [
-            Stored(
+            OutboxEntry(
                 row_id, neighbour, bundle_id_from_key(key), bool(own), bool(confirm), put_utc_ms,
                 octets, expedited,
             )
             for row_id, key, own, confirm, put_utc_ms, octets in rows
         ]  # fmt: skip
 
-    def handed_on(self, bundles: Sequence[Stored], now_utc_ms: int) -> None:
+    def handed_on(self, bundles: Sequence[OutboxEntry], now_utc_ms: int) -> None:
         """Note that the next node has bundles: done with, or kept until they are confirmed."""
         self.remove(stored.id for stored in bundles if not stored.confirm)
         self._db.write_all(
@@ -128,7 +128,12 @@ class Outbox:
             f" again_utc_ms = ? + ? * (1 << min(tries, {_MOST_DOUBLINGS})),"
             " tries = tries + 1 WHERE id = ?",
             [
-                (State.HANDED_ON.value, now_utc_ms, self._pause_ms[stored.neighbour], stored.id)
+                (
+                    OutboxState.HANDED_ON.value,
+                    now_utc_ms,
+                    self._pause_ms[stored.neighbour],
+                    stored.id,
+                )
                 for stored in bundles
                 if stored.confirm
             ],
@@ -177,7 +182,7 @@ class Outbox:
         self._looked_utc_ms = now_utc_ms
         found = self._db.read(
             "SELECT id, neighbour FROM outbox WHERE again_utc_ms <= ? AND state = ? LIMIT 1000",
-            (now_utc_ms, State.HANDED_ON.value),
+            (now_utc_ms, OutboxState.HANDED_ON.value),
         )
         if found:
             self._db.write_all(
@@ -227,7 +232,7 @@ class Outbox:
 
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class ReceivedUnit:
     """An application data unit with what belongs to it.
 
     Attributes:
@@ -248,16 +253,16 @@ class Arrival:
     id: int = 0
 
 
-class Inbox:
+class BundleInbox:
     """What has arrived for the endpoints of this node."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: BundleDatabase) -> None:
         self._db = database
         self._has_expedited = True
         self._held: Counter[bytes] = Counter()
         self._count_fragments()
 
-    def add(self, arrival: Arrival) -> bool:
+    def add(self, arrival: ReceivedUnit) -> bool:
         """Add a whole unit within the transaction; return whether it came for the first time."""
         key = arrival.identity.key
         until = min(arrival.expires_utc_ms, _GREATEST)
@@ -331,7 +336,7 @@ class Inbox:
             self._held[encode_eid(bundle_id_from_key(key).source)] += length
 
     def add_fragment(
-        self, identity: BundleId, part: Part, payload: bytes, expires_utc_ms: int
+        self, identity: BundleId, part: FragmentRange, payload: bytes, expires_utc_ms: int
     ) -> bytes | None:
         """Add a fragment within the transaction; return the whole if nothing is missing now."""
         key = identity.key
@@ -354,7 +359,7 @@ class Inbox:
             self._held[encode_eid(identity.source)] -= there
         return whole
 
-    def arrivals(self, after: int, count: int, *, expedited: bool = False) -> list[Arrival]:
+    def arrivals(self, after: int, count: int, *, expedited: bool = False) -> list[ReceivedUnit]:
         """Return units with ids greater than one, in the order of their coming."""
         if expedited and not self._has_expedited:
             return []
@@ -365,7 +370,7 @@ class Inbox:
         )
         self._has_expedited = bool(rows) if expedited else self._has_expedited
         return [
-            Arrival(
+            ReceivedUnit(
                 bundle_id_from_key(key), decode_eid(endpoint), decode_eid(report_to),
                 flags, expires_utc_ms, payload, expedited, row_id,
             )

@@ -11,9 +11,9 @@ command by source and number, with the stages that either received
 (`adapters.console.command_life`).
 """
 
+from adapters.console.archive.alarms import AlarmCleared as AlarmCleared
+from adapters.console.archive.alarms import AlarmRaised as AlarmRaised
 from adapters.console.archive.alarms import Change as Change
-from adapters.console.archive.alarms import Cleared as Cleared
-from adapters.console.archive.alarms import Raised as Raised
 from adapters.console.archive.alarms import acknowledge_alarms as acknowledge_alarms
 from adapters.console.archive.alarms import change_alarms as change_alarms
 from adapters.console.archive.alarms import read_alarms as read_alarms
@@ -26,13 +26,13 @@ from adapters.console.archive.database import ArchiveError as ArchiveError
 from adapters.console.archive.database import cause_of as cause_of
 from adapters.console.archive.database import open_database as open_database
 from adapters.console.archive.exports import Exported as Exported
+from adapters.console.archive.exports import ExportRecord as ExportRecord
 from adapters.console.archive.exports import ExportRow as ExportRow
-from adapters.console.archive.exports import Kept as Kept
 from adapters.console.archive.exports import Place as Place
 from adapters.console.archive.exports import export_page as export_page
 from adapters.console.archive.exports import kept_page as kept_page
-from adapters.console.archive.objects import Conflict as Conflict
-from adapters.console.archive.objects import Stored as Stored
+from adapters.console.archive.objects import RevisionConflict as RevisionConflict
+from adapters.console.archive.objects import StoredObject as StoredObject
 from adapters.console.archive.objects import delete_object as delete_object
 from adapters.console.archive.objects import get_object as get_object
 from adapters.console.archive.objects import list_objects as list_objects
@@ -46,10 +46,10 @@ from adapters.console.archive.presence import forget_pages as forget_pages
 from adapters.console.archive.presence import read_pages as read_pages
 from adapters.console.archive.presence import write_pages as write_pages
 from adapters.console.archive.queries import MOST_SAMPLES as MOST_SAMPLES
-from adapters.console.archive.queries import Page as Page
-from adapters.console.archive.queries import Parameter as Parameter
+from adapters.console.archive.queries import ArchivedParameter as ArchivedParameter
+from adapters.console.archive.queries import SampleQuery as SampleQuery
 from adapters.console.archive.queries import Strategy as Strategy
-from adapters.console.archive.queries import Wanted as Wanted
+from adapters.console.archive.queries import TablePage as TablePage
 from adapters.console.archive.queries import changed_commands as changed_commands
 from adapters.console.archive.queries import find_command as find_command
 from adapters.console.archive.queries import find_parameters as find_parameters
@@ -62,7 +62,7 @@ from adapters.console.archive.queries import read_last_sample as read_last_sampl
 from adapters.console.archive.queries import read_notifications as read_notifications
 from adapters.console.archive.queries import read_records as read_records
 from adapters.console.archive.queries import read_samples as read_samples
-from adapters.console.archive.retention import Retention as Retention
+from adapters.console.archive.retention import RetentionPolicy as RetentionPolicy
 from adapters.console.archive.retention import delete_old as delete_old
 from adapters.console.archive.retention import retain as retain
 from adapters.console.archive.tables import METADATA as METADATA

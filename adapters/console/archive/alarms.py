@@ -11,19 +11,19 @@ from typing import Any
 from sqlalchemy import Connection, Row, or_, select
 
 from adapters.console.archive.archive import US_PER_S, to_us
-from adapters.console.archive.queries import Page
+from adapters.console.archive.queries import TablePage
 from adapters.console.archive.tables import ALARM
 from adapters.console.messages import AlarmStatus
 
 
 @dataclass(frozen=True, slots=True)
-class Raised:
+class AlarmRaised:
     """Something occurred that calls for an alarm.
 
     Attributes:
         source: what it is an alarm of.
         utc: when it occurred, by the clock aboard.
-        lasts: whether it goes on until it is told to be over (`Cleared`).
+        lasts: whether it goes on until it is told to be over (`AlarmCleared`).
         again: whether it is another occurrence where the alarm is active already.
     """
 
@@ -38,7 +38,7 @@ class Raised:
 
 
 @dataclass(frozen=True, slots=True)
-class Cleared:
+class AlarmCleared:
     """What an alarm tells of is over."""
 
     asset: str
@@ -46,7 +46,7 @@ class Cleared:
     utc: float
 
 
-Change = Raised | Cleared
+Change = AlarmRaised | AlarmCleared
 
 
 def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
@@ -54,9 +54,9 @@ def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
     for change in changes:
         known = _last(connection, change)
         match change:
-            case Raised():
+            case AlarmRaised():
                 _raise(connection, change, known)
-            case Cleared(utc=utc):
+            case AlarmCleared(utc=utc):
                 active = known is not None and known.cleared_us is None
                 if known is not None and active and to_us(utc) >= known.last_us:
                     standing = int(known.acknowledged_us is None)
@@ -93,7 +93,7 @@ def standing_alarms(connection: Connection, also: Sequence[int] = ()) -> list[Al
     return [alarm_of(row) for row in connection.execute(chosen.order_by(ALARM.c.id))]
 
 
-def read_alarms(connection: Connection, page: Page) -> list[AlarmStatus]:
+def read_alarms(connection: Connection, page: TablePage) -> list[AlarmStatus]:
     """Return alarms, those that stand and those that do not any more, newest first."""
     chosen = select(ALARM)
     if page.asset is not None:
@@ -106,7 +106,7 @@ def read_alarms(connection: Connection, page: Page) -> list[AlarmStatus]:
     return [alarm_of(row) for row in connection.execute(ordered.limit(page.limit))]
 
 
-def _raise(connection: Connection, raised: Raised, known: Row[Any] | None) -> None:
+def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) -> None:
     utc_us = to_us(raised.utc)
     if known is not None and utc_us <= known.last_us:
         return

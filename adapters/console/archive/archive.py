@@ -31,7 +31,7 @@ from adapters.console.command_life import merge
 from adapters.console.messages import (
     AlarmStatus,
     AssetState,
-    AuthorityHeld,
+    AuthorityMessage,
     Broadcast,
     CommandStatus,
     DictionaryChanged,
@@ -65,7 +65,7 @@ US_PER_S: Final = 1e6
 QUALITIES: Final = list(Quality)
 
 _WHEN: Final = {"utc", "lease_left"}
-_Recorded = AssetState | AuthorityHeld | PlanProgress | TreeState | LinkStatus | FileChanged
+_Recorded = AssetState | AuthorityMessage | PlanProgress | TreeState | LinkStatus | FileChanged
 Written = Sample | TreeState | Broadcast
 Rows = list[dict[str, Any]]
 
@@ -224,7 +224,7 @@ class Archive:
                     )
                 case CommandStatus():
                     commands[message.id] = message
-                case AssetState() | AuthorityHeld():
+                case AssetState() | AuthorityMessage():
                     self._state(connection, message, rx_us)
                 case PlanProgress() | TreeState():
                     records.append(_record(message, message.utc, rx_us))
@@ -244,7 +244,7 @@ class Archive:
             self._keep(connection, command)
 
     def _state(
-        self, connection: Connection, message: AssetState | AuthorityHeld, rx_us: int
+        self, connection: Connection, message: AssetState | AuthorityMessage, rx_us: int
     ) -> None:
         """Write a state down, unless another console has told that it began, then or just after."""
         new = _record(message, message.utc, rx_us)

@@ -9,7 +9,7 @@ from sqlalchemy import Column, Connection, Table, select, tuple_
 
 from adapters.console.archive.alarms import alarm_of
 from adapters.console.archive.archive import QUALITIES, US_PER_S
-from adapters.console.archive.queries import Parameter
+from adapters.console.archive.queries import ArchivedParameter
 from adapters.console.archive.tables import ALARM, COMMAND, NOTIFICATION, RECORD, SAMPLE
 from adapters.console.messages import (
     AlarmStatus,
@@ -39,7 +39,7 @@ class ExportRow(NamedTuple):
 
 
 def export_page(
-    connection: Connection, parameter: Parameter, start_us: int, end_us: int
+    connection: Connection, parameter: ArchivedParameter, start_us: int, end_us: int
 ) -> tuple[list[ExportRow], int | None]:
     """Return samples from a time on, and where the next page starts; None for no more."""
     rows = connection.execute(
@@ -70,7 +70,7 @@ Exported = (
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class ExportRecord:
     """Something that the archive keeps whole.
 
     Attributes:
@@ -95,7 +95,7 @@ def kept_page(
     start_us: int,
     end_us: int,
     after: Place | None = None,
-) -> tuple[list[Kept], Place | None]:
+) -> tuple[list[ExportRecord], Place | None]:
     """Return what was told of a kind within a time, and after which place to go on, if at all."""
     table, at, rx = _SOURCES[kind]
     chosen = select(table, at.label("at_us"), rx.label("at_rx_us")).where(
@@ -112,7 +112,7 @@ def kept_page(
     for row in rows:
         body = plain(alarm_of(row)) if table is ALARM else json.loads(row.body)
         body.pop("ty", None)
-        page.append(Kept(row.at_us / US_PER_S, row.at_rx_us / US_PER_S, body))
+        page.append(ExportRecord(row.at_us / US_PER_S, row.at_rx_us / US_PER_S, body))
     return page, (rows[-1].at_us, rows[-1].id) if len(rows) == KEPT_PAGE else None
 
 

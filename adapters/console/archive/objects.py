@@ -16,7 +16,7 @@ FIRST: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class StoredObject:
     """An object.
 
     Attributes:
@@ -30,7 +30,7 @@ class Stored:
 
 
 @dataclass(frozen=True, slots=True)
-class Conflict:
+class RevisionConflict:
     """A change was refused: here is another revision than it names; None, there is no object."""
 
     revision: int | None
@@ -42,15 +42,15 @@ def list_objects(connection: Connection) -> list[tuple[str, int]]:
     return [(row.key, row.revision) for row in rows]
 
 
-def get_object(connection: Connection, key: str) -> Stored | None:
+def get_object(connection: Connection, key: str) -> StoredObject | None:
     """Return an object; None if there is none."""
     row = connection.execute(select(OBJECT).where(OBJECT.c.key == key)).first()
-    return None if row is None else Stored(row.key, row.revision, row.operator, row.value)
+    return None if row is None else StoredObject(row.key, row.revision, row.operator, row.value)
 
 
 def put_object(
     connection: Connection, key: str, value: str, revision: int | None, operator: str, utc_s: float
-) -> Stored | Conflict:
+) -> StoredObject | RevisionConflict:
     """Make an object, or change it.
 
     Args:
@@ -64,25 +64,25 @@ def put_object(
     row = {"value": value, "operator": operator, "changed_us": to_us(utc_s)}
     if revision is None:
         if (known := _revision(connection, key)) is not None:
-            return Conflict(known)
+            return RevisionConflict(known)
         connection.execute(OBJECT.insert().values(key=key, revision=FIRST, **row))
-        return Stored(key, FIRST, operator, value)
+        return StoredObject(key, FIRST, operator, value)
     changed = connection.execute(
         OBJECT.update()
         .where(OBJECT.c.key == key, OBJECT.c.revision == revision)
         .values(revision=revision + 1, **row)
     )
     if changed.rowcount == 0:
-        return Conflict(_revision(connection, key))
-    return Stored(key, revision + 1, operator, value)
+        return RevisionConflict(_revision(connection, key))
+    return StoredObject(key, revision + 1, operator, value)
 
 
-def delete_object(connection: Connection, key: str, revision: int) -> Conflict | None:
+def delete_object(connection: Connection, key: str, revision: int) -> RevisionConflict | None:
     """Delete an object, of this revision."""
     gone = connection.execute(
         OBJECT.delete().where(OBJECT.c.key == key, OBJECT.c.revision == revision)
     )
-    return None if gone.rowcount else Conflict(_revision(connection, key))
+    return None if gone.rowcount else RevisionConflict(_revision(connection, key))
 
 
 def _revision(connection: Connection, key: str) -> int | None:

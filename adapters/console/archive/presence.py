@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from sqlalchemy import Connection, select
 
 from adapters.console.archive.tables import PRESENCE
-from adapters.console.messages import Present
+from adapters.console.messages import OpenPage
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class ConsolePages:
 
     instance: str
     beat: int
-    pages: tuple[Present, ...]
+    pages: tuple[OpenPage, ...]
 
 
 def write_pages(connection: Connection, console: ConsolePages) -> None:
@@ -44,5 +44,5 @@ def forget_pages(connection: Connection, console: ConsolePages) -> None:
     connection.execute(PRESENCE.delete().where(*this))
 
 
-def _pages(body: str) -> tuple[Present, ...]:
-    return tuple(Present(**each) for each in json.loads(body))
+def _pages(body: str) -> tuple[OpenPage, ...]:
+    return tuple(OpenPage(**each) for each in json.loads(body))

@@ -20,7 +20,7 @@ from adapters.console.archive.rollup import (
     samples_of,
 )
 from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RECORD, SAMPLE
-from adapters.console.messages import CommandStatus, Link, decode_command
+from adapters.console.messages import CommandStatus, LinkKind, decode_command
 
 MOST_SAMPLES: Final = 20_000
 """Of one answer."""
@@ -45,7 +45,7 @@ class Strategy(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class SampleQuery:
     """Samples of a parameter.
 
     Attributes:
@@ -56,14 +56,14 @@ class Wanted:
 
     asset: str
     key: str
-    link: Link | None
+    link: LinkKind | None
     start_us: int
     end_us: int
     strategy: Strategy
     size: int
 
 
-def read_samples(connection: Connection, wanted: Wanted) -> str:
+def read_samples(connection: Connection, wanted: SampleQuery) -> str:
     """Return samples as a JSON array, oldest first."""
     by_id = {
         each.id: each for each in find_parameters(connection, wanted.asset, wanted.key, wanted.link)
@@ -88,7 +88,7 @@ def read_samples(connection: Connection, wanted: Wanted) -> str:
     return json.dumps([_sample(by_id[row.parameter], row) for row in rows], separators=(",", ":"))
 
 
-def _extremes(connection: Connection, wanted: Wanted, numbers: Sequence[int]) -> Select[Any]:
+def _extremes(connection: Connection, wanted: SampleQuery, numbers: Sequence[int]) -> Select[Any]:
     """Return what selects the lowest and the highest sample of each part of a time, and a gap.
 
     Parts of a long time are whole minutes, of which the extremes are known.
@@ -121,7 +121,9 @@ def _extremes(connection: Connection, wanted: Wanted, numbers: Sequence[int]) ->
     )
 
 
-def _ends(connection: Connection, wanted: Wanted, numbers: Sequence[int], order: Any) -> list[int]:
+def _ends(
+    connection: Connection, wanted: SampleQuery, numbers: Sequence[int], order: Any
+) -> list[int]:
     """Return the first or the last time of each parameter within the time."""
     found = (
         connection.execute(
@@ -139,7 +141,7 @@ def _ends(connection: Connection, wanted: Wanted, numbers: Sequence[int], order:
 
 
 def read_last_sample(
-    connection: Connection, asset: str, key: str, link: Link | None, end_us: int
+    connection: Connection, asset: str, key: str, link: LinkKind | None, end_us: int
 ) -> list[dict[str, Any]]:
     """Return the last sample of a parameter, until a time, by each link."""
     found = []
@@ -155,7 +157,7 @@ def read_last_sample(
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class ArchivedParameter:
     """A telemetry parameter of which there are samples."""
 
     id: int
@@ -168,8 +170,8 @@ def find_parameters(
     connection: Connection,
     asset: str | None = None,
     key: str | None = None,
-    link: Link | None = None,
-) -> list[Parameter]:
+    link: LinkKind | None = None,
+) -> list[ArchivedParameter]:
     """Return parameters; None for any."""
     chosen = select(PARAMETER)
     for column, wanted in (
@@ -180,7 +182,7 @@ def find_parameters(
         if wanted is not None:
             chosen = chosen.where(column == wanted)
     rows = connection.execute(chosen.order_by(PARAMETER.c.id))
-    return [Parameter(row.id, row.asset, row.key, row.link) for row in rows]
+    return [ArchivedParameter(row.id, row.asset, row.key, row.link) for row in rows]
 
 
 def read_command(connection: Connection, name: str) -> CommandStatus | None:
@@ -223,7 +225,7 @@ def last_commands(connection: Connection, count: int) -> list[CommandStatus]:
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
+class TablePage:
     """Part of a table, newest first.
 
     Attributes:
@@ -237,22 +239,22 @@ class Page:
     limit: int
 
 
-def read_commands(connection: Connection, page: Page) -> str:
+def read_commands(connection: Connection, page: TablePage) -> str:
     """Return commands as a JSON array."""
     return _bodies(connection, COMMAND, COMMAND.c.made_us, page)
 
 
-def read_notifications(connection: Connection, page: Page) -> str:
+def read_notifications(connection: Connection, page: TablePage) -> str:
     """Return notifications as a JSON array."""
     return _bodies(connection, NOTIFICATION, NOTIFICATION.c.utc_us, page)
 
 
-def read_records(connection: Connection, ty: str, page: Page) -> str:
+def read_records(connection: Connection, ty: str, page: TablePage) -> str:
     """Return what else was told, of a type, as a JSON array."""
     return _bodies(connection, RECORD, RECORD.c.utc_us, page, RECORD.c.ty == ty)
 
 
-def last_notification(connection: Connection, asset: str, link: Link) -> tuple[int, int] | None:
+def last_notification(connection: Connection, asset: str, link: LinkKind) -> tuple[int, int] | None:
     """Return cursor and time of the last notification that was kept; None for none."""
     newest = (
         select(NOTIFICATION.c.cursor, NOTIFICATION.c.utc_us)
@@ -268,7 +270,9 @@ def last_notification(connection: Connection, asset: str, link: Link) -> tuple[i
     return None if row is None else (row.cursor, row.utc_us)
 
 
-def _bodies(connection: Connection, table: Table, at: Column[int], page: Page, *others: Any) -> str:
+def _bodies(
+    connection: Connection, table: Table, at: Column[int], page: TablePage, *others: Any
+) -> str:
     chosen = select(table.c.body).where(*others)
     if page.asset is not None:
         chosen = chosen.where(table.c.asset == page.asset)
@@ -280,7 +284,7 @@ def _bodies(connection: Connection, table: Table, at: Column[int], page: Page, *
     return f"[{','.join(row.body for row in rows)}]"
 
 
-def _sample(parameter: Parameter, row: Row[Any]) -> dict[str, Any]:
+def _sample(parameter: ArchivedParameter, row: Row[Any]) -> dict[str, Any]:
     return {
         "ty": "tm",
         "asset": parameter.asset,

@@ -33,7 +33,7 @@ STEPS: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Retention:
+class RetentionPolicy:
     """What is kept.
 
     Attributes:
@@ -45,7 +45,7 @@ class Retention:
     megabytes: float = 2000.0
 
 
-async def retain(archive: Archive, retention: Retention) -> None:
+async def retain(archive: Archive, retention: RetentionPolicy) -> None:
     """Delete what is too old or too much, again and again."""
     while True:
         try:
@@ -57,7 +57,7 @@ async def retain(archive: Archive, retention: Retention) -> None:
         await asyncio.sleep(CHECK_S)
 
 
-async def delete_old(archive: Archive, retention: Retention, utc_s: float) -> int:
+async def delete_old(archive: Archive, retention: RetentionPolicy, utc_s: float) -> int:
     """Delete what is too old, then the oldest until the rest is not too much; return how many.
 
     It goes by steps, between which commands are written.

@@ -5,16 +5,16 @@ Times are seconds since 1970-01-01 UTC; figures are in SI units and radians. The
 """
 
 from adapters.console.messages.commands import ENDED as ENDED
-from adapters.console.messages.commands import AuthorityHeld as AuthorityHeld
+from adapters.console.messages.commands import AuthorityMessage as AuthorityMessage
 from adapters.console.messages.commands import CommandState as CommandState
 from adapters.console.messages.commands import CommandStatus as CommandStatus
-from adapters.console.messages.commands import StageReached as StageReached
+from adapters.console.messages.commands import StageEntry as StageEntry
 from adapters.console.messages.pages import PROTOCOL as PROTOCOL
 from adapters.console.messages.pages import DictionaryChanged as DictionaryChanged
 from adapters.console.messages.pages import Hello as Hello
 from adapters.console.messages.pages import ObjectChanged as ObjectChanged
+from adapters.console.messages.pages import OpenPage as OpenPage
 from adapters.console.messages.pages import Presence as Presence
-from adapters.console.messages.pages import Present as Present
 from adapters.console.messages.reports import AlarmStatus as AlarmStatus
 from adapters.console.messages.reports import FileChanged as FileChanged
 from adapters.console.messages.reports import Notified as Notified
@@ -22,12 +22,12 @@ from adapters.console.messages.reports import PlanProgress as PlanProgress
 from adapters.console.messages.reports import Transfer as Transfer
 from adapters.console.messages.reports import TransferState as TransferState
 from adapters.console.messages.telemetry import AssetState as AssetState
-from adapters.console.messages.telemetry import Gap as Gap
-from adapters.console.messages.telemetry import Link as Link
+from adapters.console.messages.telemetry import LinkKind as LinkKind
 from adapters.console.messages.telemetry import LinkState as LinkState
 from adapters.console.messages.telemetry import LinkStatus as LinkStatus
 from adapters.console.messages.telemetry import Quality as Quality
 from adapters.console.messages.telemetry import Sample as Sample
+from adapters.console.messages.telemetry import SamplesDropped as SamplesDropped
 from adapters.console.messages.telemetry import Scalar as Scalar
 from adapters.console.messages.telemetry import TreeNode as TreeNode
 from adapters.console.messages.telemetry import TreeState as TreeState

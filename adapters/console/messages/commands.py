@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from enum import Enum, unique
 from typing import Any, ClassVar, Final
 
-from adapters.console.messages.telemetry import Link, Scalar
+from adapters.console.messages.telemetry import LinkKind, Scalar
 
 
 @unique
@@ -46,7 +46,7 @@ ENDED: Final = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class StageReached:
+class StageEntry:
     """A stage of a command's life.
 
     Attributes:
@@ -93,16 +93,16 @@ class CommandStatus:
     by: str
     source: str
     number: int
-    link: Link
+    link: LinkKind
     state: CommandState
     ended: bool
     made: float
     deadline: float | None
-    history: tuple[StageReached, ...]
+    history: tuple[StageEntry, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class AuthorityHeld:
+class AuthorityMessage:
     """Who may command an asset.
 
     Attributes:
@@ -117,7 +117,7 @@ class AuthorityHeld:
     ty: ClassVar[str] = "auth"
 
     asset: str
-    link: Link
+    link: LinkKind
     utc: float
     holder: str | None
     operator: str | None

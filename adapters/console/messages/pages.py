@@ -29,7 +29,7 @@ class Hello:
 
 
 @dataclass(frozen=True, slots=True)
-class Present:
+class OpenPage:
     """A page that is open."""
 
     console: str
@@ -43,7 +43,7 @@ class Presence:
 
     ty: ClassVar[str] = "presence"
 
-    consoles: tuple[Present, ...]
+    consoles: tuple[OpenPage, ...]
 
 
 @dataclass(frozen=True, slots=True)

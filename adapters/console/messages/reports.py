@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum, unique
 from typing import ClassVar
 
-from adapters.console.messages.telemetry import Link, Scalar
+from adapters.console.messages.telemetry import LinkKind, Scalar
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Notified:
     ty: ClassVar[str] = "ntf"
 
     asset: str
-    link: Link
+    link: LinkKind
     sequence: int
     utc: float
     rx: float

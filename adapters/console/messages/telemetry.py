@@ -8,7 +8,7 @@ Scalar = float | int | str | bool | None
 
 
 @unique
-class Link(Enum):
+class LinkKind(Enum):
     """The way by which something was heard of an asset, or is sent to it.
 
     Attributes:
@@ -64,7 +64,7 @@ class Sample:
 
     asset: str
     key: str
-    link: Link
+    link: LinkKind
     utc: float
     rx: float
     value: Scalar
@@ -72,7 +72,7 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class SamplesDropped:
     """So many telemetry values were not sent to this page, which is too slow."""
 
     ty: ClassVar[str] = "gap"
@@ -116,7 +116,7 @@ class TreeState:
     ty: ClassVar[str] = "tree"
 
     asset: str
-    link: Link
+    link: LinkKind
     utc: float
     tick: int
     mode: str
@@ -139,7 +139,7 @@ class LinkStatus:
     ty: ClassVar[str] = "link"
 
     asset: str
-    link: Link
+    link: LinkKind
     uri: str
     state: LinkState
     since: float
@@ -161,7 +161,7 @@ class AssetState:
     ty: ClassVar[str] = "asset"
 
     asset: str
-    link: Link
+    link: LinkKind
     utc: float
     mode: str
     active: str | None

@@ -7,10 +7,10 @@ from math import isfinite
 from typing import Any, Final
 
 from adapters.console.messages.commands import (
-    AuthorityHeld,
+    AuthorityMessage,
     CommandState,
     CommandStatus,
-    StageReached,
+    StageEntry,
 )
 from adapters.console.messages.pages import DictionaryChanged, Hello, ObjectChanged, Presence
 from adapters.console.messages.reports import (
@@ -21,11 +21,18 @@ from adapters.console.messages.reports import (
     Transfer,
     TransferState,
 )
-from adapters.console.messages.telemetry import AssetState, Gap, Link, LinkStatus, Sample, TreeState
+from adapters.console.messages.telemetry import (
+    AssetState,
+    LinkKind,
+    LinkStatus,
+    Sample,
+    SamplesDropped,
+    TreeState,
+)
 
 Broadcast = (
     CommandStatus
-    | AuthorityHeld
+    | AuthorityMessage
     | Notified
     | AlarmStatus
     | LinkStatus
@@ -43,7 +50,7 @@ Latest = TreeState | Transfer
 """What is told whole at each change, so that only the last one of a topic counts."""
 
 
-Message = Hello | Sample | Latest | Gap | Broadcast
+Message = Hello | Sample | Latest | SamplesDropped | Broadcast
 
 
 def topic_of(message: Message) -> str:
@@ -53,7 +60,7 @@ def topic_of(message: Message) -> str:
             return f"{message.ty}:{asset}:{key}"
         case Transfer(asset=asset, id=name):
             return f"{message.ty}:{asset}:{name}"
-        case Hello() | Gap() | Presence() | ObjectChanged():
+        case Hello() | SamplesDropped() | Presence() | ObjectChanged():
             return message.ty
         case _:
             return f"{message.ty}:{message.asset}"
@@ -99,9 +106,9 @@ def encode(message: Message, seq: int | None = None) -> str:
 def decode_command(body: dict[str, Any]) -> CommandStatus:
     """Return a command of what `encode` wrote."""
     given = {name: body[name] for name in _names(CommandStatus)}
-    history = tuple(StageReached(**reached) for reached in body["history"])
+    history = tuple(StageEntry(**reached) for reached in body["history"])
     given |= {
-        "link": Link(body["link"]),
+        "link": LinkKind(body["link"]),
         "state": CommandState(body["state"]),
         "history": history,
     }

@@ -9,7 +9,7 @@ from adapters.console.archive import Written
 from adapters.console.messages import (
     CommandState,
     CommandStatus,
-    Link,
+    LinkKind,
     PlanProgress,
     Quality,
     Sample,
@@ -30,7 +30,7 @@ from adapters.mrs.spec import (
     notification_of,
     reported_uncertainty,
 )
-from adapters.recording import RecordedTree, RecordingError, RunReader, Timed, read_timed
+from adapters.recording import RecordedTree, RecordingError, RunReader, TimedItem, read_timed
 from executive.commands import Command, declaration_of
 from executive.core.recording import (
     Life,
@@ -44,12 +44,12 @@ from executive.core.recording import (
 from executive.history import KINDS, HistoryBuilder, RunHistory
 from executive.settings import Settings
 from executive.values.reports import Identity, PlanUpdate, Report
-from trees import Snapshot, leaf_paths
+from trees import TreeSnapshot, leaf_paths
 
 _KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
 WORDS_S: Final = 1.0
 """Between two trees in which nothing differs but what nodes say of themselves."""
-_LINKS: Final = {link.value: link for link in Link}
+_LINKS: Final = {link.value: link for link in LinkKind}
 
 
 class RecordedRun:
@@ -134,7 +134,7 @@ class RecordedRun:
         """Return what explanations are made from, once all messages were read."""
         return self._history.history()
 
-    def _take(self, timed: Timed) -> None:
+    def _take(self, timed: TimedItem) -> None:
         match timed.item:
             case Life(settings=settings):
                 self._settings, self._tree = settings, RecordedTree(settings)
@@ -168,10 +168,10 @@ class RecordedRun:
         self._tree_utc_s = self._utc_s
         mode = self._mode
         nodes = self._tree.nodes()
-        snapshot = Snapshot(
+        snapshot = TreeSnapshot(
             self._ticks, self._utc_s, mode.mode.name, mode.why, nodes, active=mode.active
         )
-        self._found.append(tree_of(self._name, Link.RECORDING, snapshot))
+        self._found.append(tree_of(self._name, LinkKind.RECORDING, snapshot))
 
     def _begin(self, command: Command) -> None:
         identity = command.identity
@@ -185,7 +185,7 @@ class RecordedRun:
                     by=identity.source,
                     source=identity.source,
                     number=identity.command_id,
-                    link=_LINKS.get(command.link, Link.RECORDING),
+                    link=_LINKS.get(command.link, LinkKind.RECORDING),
                     state=CommandState.SENDING,
                     ended=False,
                     made=self._utc_s,
@@ -201,7 +201,7 @@ class RecordedRun:
 
     def _report(self, report: Report) -> None:
         notification = notification_of(report)
-        link = _LINKS.get(report.link or "", Link.RECORDING)
+        link = _LINKS.get(report.link or "", LinkKind.RECORDING)
         said = notified(self._name, link, notification, report.utc_s)
         if notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
@@ -212,7 +212,7 @@ class RecordedRun:
 
     def _sample(self, key: str, utc_s: float, figure: float | None) -> Sample:
         quality = Quality.INVALID if figure is None else Quality.GOOD
-        return Sample(self._name, key, Link.RECORDING, utc_s, utc_s, figure, quality)
+        return Sample(self._name, key, LinkKind.RECORDING, utc_s, utc_s, figure, quality)
 
     def _plan(self, update: PlanUpdate) -> PlanProgress:
         return PlanProgress(

@@ -4,15 +4,15 @@ Each module has the handlers of one subject, as `routes()`. They answer by `adap
 and command by `adapters.console.rovers`.
 """
 
-from adapters.console.requests.alarms import Alarms as Alarms
+from adapters.console.requests.alarms import AlarmRequests as AlarmRequests
 from adapters.console.requests.commanding import Commanding as Commanding
-from adapters.console.requests.explaining import Explaining as Explaining
-from adapters.console.requests.export import Export as Export
+from adapters.console.requests.explaining import ExplanationRequests as ExplanationRequests
+from adapters.console.requests.export import ExportRequests as ExportRequests
 from adapters.console.requests.file_store import FileStore as FileStore
-from adapters.console.requests.files import Files as Files
-from adapters.console.requests.history import History as History
-from adapters.console.requests.objects import Objects as Objects
-from adapters.console.requests.operations import Operations as Operations
-from adapters.console.requests.plans import Plans as Plans
+from adapters.console.requests.files import FileRequests as FileRequests
+from adapters.console.requests.history import ArchiveRequests as ArchiveRequests
+from adapters.console.requests.objects import ObjectRequests as ObjectRequests
+from adapters.console.requests.operations import OperationRequests as OperationRequests
+from adapters.console.requests.plans import PlanRequests as PlanRequests
 from adapters.console.requests.transfers import Transfers as Transfers
-from adapters.console.requests.video import Video as Video
+from adapters.console.requests.video import VideoRequests as VideoRequests

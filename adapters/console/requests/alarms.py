@@ -20,10 +20,10 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from adapters.console.archive import (
     LOOK_S,
+    AlarmCleared,
+    AlarmRaised,
     Archive,
     Change,
-    Cleared,
-    Raised,
     acknowledge_alarms,
     cause_of,
     change_alarms,
@@ -55,7 +55,7 @@ Limits = tuple[float | None, float | None]
 Key = tuple[str, str]
 
 
-class Alarms:
+class AlarmRequests:
     """Raises, clears and acknowledges alarms, and tells pages.
 
     Args:
@@ -75,7 +75,7 @@ class Alarms:
         self._something = asyncio.Event()
         self._refreshing = asyncio.Lock()
         self._told: dict[int, AlarmStatus] = {}
-        self._samples: dict[Key, _Watched] = {}
+        self._samples: dict[Key, _LimitCheck] = {}
         self._trees: dict[str, TreeState] = {}
 
     def routes(self) -> list[web.RouteDef]:
@@ -128,11 +128,11 @@ class Alarms:
         """Raise or clear what a report tells of."""
         over = _OVER.fullmatch(report.text) if report.code == Reason.FAULT_OVER.value else None
         if over is not None and over[1] in _CODES:
-            self._put(Cleared(report.asset, _fault(_CODES[over[1]]), report.utc))
+            self._put(AlarmCleared(report.asset, _fault(_CODES[over[1]]), report.utc))
         if report.severity == _CALM:
             return
         lasts = report.kind == "EVENT" and report.code in _LASTING
-        raised = Raised(
+        raised = AlarmRaised(
             report.asset,
             _source_of(report),
             report.utc,
@@ -152,7 +152,7 @@ class Alarms:
         known = _LASTING if before is None else frozenset(_faults_of(before))
         found = _faults_of(tree)
         for code in known - frozenset(found):
-            self._put(Cleared(tree.asset, _fault(code), tree.utc))
+            self._put(AlarmCleared(tree.asset, _fault(code), tree.utc))
         for code, (severity, text) in found.items():
             if before is None or code not in known:
                 source = _fault(code)
@@ -163,7 +163,7 @@ class Alarms:
         limits = self._limits(sample.asset, sample.key)
         if limits == (None, None) or not isinstance(sample.value, int | float):
             return
-        watched = self._samples.setdefault((sample.asset, sample.key), _Watched())
+        watched = self._samples.setdefault((sample.asset, sample.key), _LimitCheck())
         if sample.q is not Quality.GOOD or sample.utc <= watched.utc:
             return
         source = f"limit {sample.key}"
@@ -171,7 +171,7 @@ class Alarms:
             case None:
                 pass
             case "":
-                self._put(Cleared(sample.asset, source, sample.utc))
+                self._put(AlarmCleared(sample.asset, source, sample.utc))
             case how:
                 text = f"{sample.key} is {how}"
                 self._put(_standing(sample.asset, source, sample.utc, "WARNING", text))
@@ -205,7 +205,7 @@ class Alarms:
 
 
 @dataclass(slots=True)
-class _Watched:
+class _LimitCheck:
     """A parameter that has limits.
 
     Attributes:
@@ -247,9 +247,9 @@ def _beyond(value: float, limits: Limits, alarmed: bool | None) -> str:
     return ""
 
 
-def _standing(asset: str, source: str, utc: float, severity: str, text: str) -> Raised:
+def _standing(asset: str, source: str, utc: float, severity: str, text: str) -> AlarmRaised:
     """Return what raises an alarm that goes on, if it does not yet."""
-    return Raised(asset, source, utc, severity, text, lasts=True, again=False)
+    return AlarmRaised(asset, source, utc, severity, text, lasts=True, again=False)
 
 
 def _faults_of(tree: TreeState) -> dict[int, tuple[str, str]]:

@@ -13,15 +13,15 @@ from typing import Any, Final, get_args
 
 from adapters.console.archive import ArchiveError
 from adapters.console.command_life import CONSOLE, ORBITER, SENT
-from adapters.console.messages import CommandState, CommandStatus, Link, LinkState, StageReached
+from adapters.console.messages import CommandState, CommandStatus, LinkKind, LinkState, StageEntry
 from adapters.console.rovers import (
     FORMS,
     HEARD_WITHIN_S,
-    Asset,
-    AuthorityDesk,
-    BadArgument,
     CommandTracker,
+    ConnectedAsset,
     Fleet,
+    InvalidArgument,
+    OperatorAuthority,
     RoverLink,
     SharedCommands,
     request_of,
@@ -29,9 +29,9 @@ from adapters.console.rovers import (
 from adapters.console.tasks import begin
 from adapters.console.web import one_of, refused
 from adapters.mal import MalError
-from adapters.mrs.ground import CommandNumbers, MrsClient
+from adapters.mrs.ground import CommandIdGenerator, MrsClient
 from adapters.mrs.spec import AreaError, Preview, describe_error
-from executive.commands import Arrival, Command, Family, Motion, Request, Stop
+from executive.commands import Command, Family, Motion, PreemptionPolicy, Request, Stop
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ _REFUSALS: Final = {error.value for error in AreaError}
 
 
 @dataclass(frozen=True, slots=True)
-class Posted:
+class CommandPost:
     """A command as a page posts it.
 
     Attributes:
@@ -55,24 +55,26 @@ class Posted:
     asset: str
     name: str
     args: object
-    link: Link | None = None
-    arrival: Arrival = Arrival.APPEND
+    link: LinkKind | None = None
+    arrival: PreemptionPolicy = PreemptionPolicy.APPEND
     lifetime_s: float | None = None
 
 
-def posted_command(body: dict[str, Any]) -> Posted:
+def posted_command(body: dict[str, Any]) -> CommandPost:
     """Return the command of a body.
 
     Raises:
         RefusedError: a field makes no sense.
     """
-    return Posted(
+    return CommandPost(
         id=identifier(body.get("id")),
         asset=str(body.get("asset")),
         name=str(body.get("name")),
         args=body.get("args", {}),
-        link=None if body.get("link") is None else one_of(Link, "link", body["link"]),
-        arrival=one_of(Arrival, "arrival", body.get("arrival", Arrival.APPEND.value)),
+        link=None if body.get("link") is None else one_of(LinkKind, "link", body["link"]),
+        arrival=one_of(
+            PreemptionPolicy, "arrival", body.get("arrival", PreemptionPolicy.APPEND.value)
+        ),
         lifetime_s=_lifetime(body.get("lifetime")),
     )
 
@@ -93,14 +95,14 @@ class Commanding:
         fleet: Fleet,
         tracker: CommandTracker,
         commands: SharedCommands,
-        desk: AuthorityDesk,
-        numbers: CommandNumbers,
+        desk: OperatorAuthority,
+        numbers: CommandIdGenerator,
     ) -> None:
         self._fleet, self._tracker, self._desk = fleet, tracker, desk
         self._commands, self._numbers = commands, numbers
         self._sending: set[asyncio.Task[None]] = set()
 
-    async def post(self, operator: str, posted: Posted) -> CommandStatus:
+    async def post(self, operator: str, posted: CommandPost) -> CommandStatus:
         """Send a command; return how it stands, which is on its way.
 
         Raises:
@@ -115,7 +117,7 @@ class Commanding:
         )
 
     async def send(
-        self, operator: str, posted: Posted, make: Callable[[], Request]
+        self, operator: str, posted: CommandPost, make: Callable[[], Request]
     ) -> CommandStatus:
         """Send a command; return how it stands, which is on its way.
 
@@ -163,7 +165,7 @@ class Commanding:
             RefusedError: it cannot be reached.
         """
         links = self._asset(asset).links
-        direct = links.get(Link.DIRECT)
+        direct = links.get(LinkKind.DIRECT)
         by = [direct] if direct is not None and direct.state is LinkState.UP else links.values()
         found = [(link, link.client) for link in by if link.client is not None]
         if not found:
@@ -173,7 +175,7 @@ class Commanding:
         command = client.command(Stop(), source=source, command_id=self._numbers.take())
         _LOG.warning("%s stops %s: %s", operator, asset, command.identity)
         name = f"{asset}:{command.identity}"  # so others call it, too: it is not claimed first
-        status = _status(operator, Posted(name, asset, STOP, {}), link, command)
+        status = _status(operator, CommandPost(name, asset, STOP, {}), link, command)
         self._tracker.begin(status)
         for link, client in found:
             self._send(client, link, name, command)
@@ -215,13 +217,13 @@ class Commanding:
             RefusedError: there is none, or it is down.
         """
         known = self._asset(asset)
-        if Link.DIRECT not in known.links:
+        if LinkKind.DIRECT not in known.links:
             text = (
                 f"files of {asset} come by its direct link, which is not known here: the orbiter"
                 " keeps no files and passes none on; give the rover's address with --to"
             )
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
-        return self._desk.client(self._link(known, Link.DIRECT))
+        return self._desk.client(self._link(known, LinkKind.DIRECT))
 
     async def identity(self, name: str) -> str:
         """Return SOURCE:NUMBER of a command by its id; the same of what has no id here."""
@@ -252,7 +254,7 @@ class Commanding:
             raise _posted_before(known)
         return False
 
-    def _asset(self, name: str) -> Asset:
+    def _asset(self, name: str) -> ConnectedAsset:
         asset = self._fleet.assets.get(name)
         if asset is None:
             known = ", ".join(self._fleet.assets) or "none was reached yet"
@@ -260,13 +262,13 @@ class Commanding:
             raise refused(HTTPStatus.NOT_FOUND, text, field="asset")
         return asset
 
-    def _request(self, asset: Asset, name: str, args: object) -> Request:
+    def _request(self, asset: ConnectedAsset, name: str, args: object) -> Request:
         form = next((each for each in asset.entry.commands if each.name == name), None)
         if form is None:
             text = f"name: there is no command {name[:64]!r}; the dictionary has what there is"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="name")
         request = request_of(form, args)
-        if isinstance(request, BadArgument):
+        if isinstance(request, InvalidArgument):
             raise refused(
                 HTTPStatus.UNPROCESSABLE_ENTITY,
                 request.text,
@@ -277,7 +279,7 @@ class Commanding:
             )
         return request
 
-    def link(self, asset: str, wanted: Link | None) -> RoverLink:
+    def link(self, asset: str, wanted: LinkKind | None) -> RoverLink:
         """Return the link to an asset, the one that is wanted or the one that is there soonest.
 
         Raises:
@@ -285,7 +287,7 @@ class Commanding:
         """
         return self._link(self._asset(asset), wanted)
 
-    def _link(self, asset: Asset, wanted: Link | None) -> RoverLink:
+    def _link(self, asset: ConnectedAsset, wanted: LinkKind | None) -> RoverLink:
         link = asset.best_link() if wanted is None else asset.links.get(wanted)
         if link is None or link.state is not LinkState.UP or link.client is None:
             by = "" if wanted is None else f" by the {wanted.value} link"
@@ -300,7 +302,7 @@ class Commanding:
     async def _submit(
         self, client: MrsClient, link: RoverLink, name: str, command: Command
     ) -> None:
-        node = ORBITER if link.kind is Link.RELAY else link.asset
+        node = ORBITER if link.kind is LinkKind.RELAY else link.asset
         try:
             await client.submit(command)
         except MalError as error:
@@ -314,7 +316,7 @@ class Commanding:
             self._tracker.taken(name, node)
 
 
-def _status(operator: str, posted: Posted, link: RoverLink, command: Command) -> CommandStatus:
+def _status(operator: str, posted: CommandPost, link: RoverLink, command: Command) -> CommandStatus:
     """Return how a command stands that is about to be sent."""
     now_s = command.created_utc_s
     assert now_s is not None, "MrsClient.command says when"
@@ -331,7 +333,7 @@ def _status(operator: str, posted: Posted, link: RoverLink, command: Command) ->
         ended=False,
         made=now_s,
         deadline=now_s + HEARD_WITHIN_S,
-        history=(StageReached(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
+        history=(StageEntry(SENT, CONSOLE, now_s, now_s, f"by {operator}"),),
     )
 
 

@@ -26,7 +26,7 @@ ASK_S: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ExplanationStepBody:
     """What led there.
 
     Attributes:
@@ -38,7 +38,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Why:
+class ExplanationBody:
     """Why something is as it is.
 
     Attributes:
@@ -51,12 +51,12 @@ class Why:
     headline: str
     reason: str | None
     code: int | None
-    steps: tuple[Step, ...]
+    steps: tuple[ExplanationStepBody, ...]
     evidence: tuple[str, ...]
     lines: tuple[str, ...]
 
 
-class Explaining:
+class ExplanationRequests:
     """Answers these requests.
 
     Args:
@@ -102,13 +102,13 @@ def _explain(history: RunHistory, identity: str | None) -> Explanation:
     return explain_now(history) if identity is None else explain_command(history, identity)
 
 
-def _told(explanation: Explanation) -> Why:
+def _told(explanation: Explanation) -> ExplanationBody:
     reason = explanation.reason
-    return Why(
+    return ExplanationBody(
         headline=explanation.headline,
         reason=None if reason is None else reason.name,
         code=None if reason is None else reason.value,
-        steps=tuple(Step(each.utc_s, each.text) for each in explanation.steps),
+        steps=tuple(ExplanationStepBody(each.utc_s, each.text) for each in explanation.steps),
         evidence=tuple(map(str, explanation.evidence)),
         lines=tuple(explanation_lines(explanation, _clock)),
     )

@@ -11,8 +11,8 @@ from sqlalchemy import Connection
 
 from adapters.console.archive import (
     Archive,
+    ArchivedParameter,
     Exported,
-    Parameter,
     Place,
     export_page,
     find_parameters,
@@ -32,7 +32,7 @@ from adapters.console.web import HIGHEST, number_of, one_of, refused
 
 
 @unique
-class Form(Enum):
+class ExportFormat(Enum):
     """How it is written."""
 
     CSV = "csv"
@@ -40,7 +40,7 @@ class Form(Enum):
 
 
 @unique
-class What(Enum):
+class ExportKind(Enum):
     """What there is to export."""
 
     TELEMETRY = "tm"
@@ -51,16 +51,16 @@ class What(Enum):
     ALARMS = "alarms"
 
 
-_KEPT: Final[dict[What, Exported]] = {
-    What.COMMANDS: CommandStatus,
-    What.REPORTS: Notified,
-    What.TREE: TreeState,
-    What.PLANS: PlanProgress,
-    What.ALARMS: AlarmStatus,
+_KEPT: Final[dict[ExportKind, Exported]] = {
+    ExportKind.COMMANDS: CommandStatus,
+    ExportKind.REPORTS: Notified,
+    ExportKind.TREE: TreeState,
+    ExportKind.PLANS: PlanProgress,
+    ExportKind.ALARMS: AlarmStatus,
 }
 
 
-class Export:
+class ExportRequests:
     """Answers it.
 
     Args:
@@ -77,10 +77,10 @@ class Export:
         return [web.get("/api/export", self._export, allow_head=False)]
 
     async def _export(self, request: web.Request) -> web.StreamResponse:
-        form = one_of(Form, "fmt", request.query.get("fmt", Form.CSV.value))
-        names = request.query.get("what", What.TELEMETRY.value).split(",")
-        wanted = [one_of(What, "what", name) for name in dict.fromkeys(names)]
-        if form is Form.CSV and len(wanted) > 1:
+        form = one_of(ExportFormat, "fmt", request.query.get("fmt", ExportFormat.CSV.value))
+        names = request.query.get("what", ExportKind.TELEMETRY.value).split(",")
+        wanted = [one_of(ExportKind, "what", name) for name in dict.fromkeys(names)]
+        if form is ExportFormat.CSV and len(wanted) > 1:
             text = "what: a CSV file holds one kind; ask for each, or for fmt=mcap"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="what")
         asset = request.query.get("asset")
@@ -89,18 +89,18 @@ class Export:
         recording = self._recordings.get(asset)
         archive = self._archive if recording is None else recording.archive
         await archive.flush()
-        file = CsvFile() if form is Form.CSV else McapFile()
+        file = CsvFile() if form is ExportFormat.CSV else McapFile()
 
         response = web.StreamResponse()
         response.content_type = file.content_type
-        name = "telemetry" if wanted == [What.TELEMETRY] else "-".join(names)
+        name = "telemetry" if wanted == [ExportKind.TELEMETRY] else "-".join(names)
         response.headers["Content-Disposition"] = f'attachment; filename="{name}.{form.value}"'
         await response.prepare(request)
         await response.write(file.begin())
         for each in wanted:
             pieces = (
                 _telemetry(archive, file, asset, start_us, end_us)
-                if each is What.TELEMETRY
+                if each is ExportKind.TELEMETRY
                 else _kept(archive, file, each, asset, start_us, end_us)
             )
             async for piece in pieces:
@@ -114,7 +114,7 @@ async def _telemetry(
     archive: Archive, file: CsvFile | McapFile, asset: str | None, start_us: int, end_us: int
 ) -> AsyncIterator[bytes]:
     def write_page(
-        connection: Connection, parameter: Parameter, since_us: int
+        connection: Connection, parameter: ArchivedParameter, since_us: int
     ) -> tuple[bytes, int | None]:
         rows, next_us = export_page(connection, parameter, since_us, end_us)
         return file.samples(rows), next_us
@@ -132,7 +132,7 @@ async def _telemetry(
 async def _kept(
     archive: Archive,
     file: CsvFile | McapFile,
-    what: What,
+    what: ExportKind,
     asset: str | None,
     start_us: int,
     end_us: int,

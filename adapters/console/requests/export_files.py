@@ -16,7 +16,7 @@ from typing import Any, Final, get_args, get_origin, get_type_hints
 
 from mcap.writer import Writer
 
-from adapters.console.archive import Exported, ExportRow, Kept, to_us
+from adapters.console.archive import Exported, ExportRecord, ExportRow, to_us
 from adapters.console.messages import (
     CommandStatus,
     Notified,
@@ -58,7 +58,7 @@ class CsvFile:
         """Return the lines of values."""
         return self._lines(ExportRow._fields, rows)
 
-    def kept(self, _: str, kind: Exported, page: Sequence[Kept]) -> bytes:
+    def kept(self, _: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
         """Return the lines of what was kept whole."""
         names, lines = _COLUMNS.get(kind, (_names(kind), _one_line))
         rows = (line for each in page for line in lines(each.body))
@@ -120,7 +120,7 @@ _COLUMNS: Final[dict[Exported, tuple[tuple[str, ...], Any]]] = {
 }
 
 
-class _Pieces(io.BytesIO):
+class _ChunkBuffer(io.BytesIO):
     """What a writer wrote since it was last taken; positions are those in the whole."""
 
     def __init__(self) -> None:
@@ -144,7 +144,7 @@ class McapFile:
     content_type = "application/octet-stream"
 
     def __init__(self) -> None:
-        self._pieces = _Pieces()
+        self._pieces = _ChunkBuffer()
         self._writer = Writer(self._pieces)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -161,7 +161,7 @@ class McapFile:
             self._add(channel, row.utc, row.rx, {"value": row.value, "quality": row.quality})
         return self._pieces.take()
 
-    def kept(self, name: str, kind: Exported, page: Sequence[Kept]) -> bytes:
+    def kept(self, name: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
         """Return what is written of what was kept whole, on topics of that name."""
         for each in page:
             topic = f"/{each.body['asset']}/{name}"
@@ -201,7 +201,7 @@ def _ns(utc_s: float) -> int:
     return to_us(utc_s) * 1000
 
 
-def _log(report: Kept) -> dict[str, Any]:
+def _log(report: ExportRecord) -> dict[str, Any]:
     """Return a report as Foxglove's panel for logs reads it, with all that is known of it."""
     sec, nsec = divmod(_ns(report.utc), NS_PER_S)
     body = report.body

@@ -16,7 +16,7 @@ from aiohttp import web
 from adapters.console.messages import Scalar, TransferState
 from adapters.console.recordings import Recordings, is_connected
 from adapters.console.requests.file_store import FileStore
-from adapters.console.requests.transfers import Connect, Transfers, Turn, kept_at
+from adapters.console.requests.transfers import Connect, TransferAction, Transfers, kept_at
 from adapters.console.rovers import NS_PER_S, figures_of
 from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
 from adapters.mal import MalError
@@ -45,7 +45,7 @@ class FileEntry:
     meta: dict[str, Scalar]
 
 
-class Files:
+class FileRequests:
     """Answers these requests.
 
     Args:
@@ -140,7 +140,7 @@ class Files:
         return answer(begun, HTTPStatus.ACCEPTED)
 
     async def _turn(self, request: web.Request) -> web.Response:
-        act = one_of(Turn, "act", (await body_of(request)).get("act"))
+        act = one_of(TransferAction, "act", (await body_of(request)).get("act"))
         try:
             turned = await self._transfers.turn(request.match_info["id"], act)
         except KeyError:

@@ -13,8 +13,8 @@ from sqlalchemy import Connection
 from adapters.console.archive import (
     MOST_SAMPLES,
     Archive,
+    SampleQuery,
     Strategy,
-    Wanted,
     read_commands,
     read_last_sample,
     read_notifications,
@@ -22,7 +22,7 @@ from adapters.console.archive import (
     read_samples,
     to_us,
 )
-from adapters.console.messages import Link
+from adapters.console.messages import LinkKind
 from adapters.console.recordings import Recordings
 from adapters.console.web import (
     HIGHEST,
@@ -42,7 +42,7 @@ SIZE: Final = 500
 MOST_KEYS: Final = 1000
 
 
-class History:
+class ArchiveRequests:
     """Answers these requests.
 
     Args:
@@ -76,7 +76,7 @@ class History:
         return await archive.read(act)
 
     async def _samples(self, request: web.Request) -> web.Response:
-        wanted = Wanted(
+        wanted = SampleQuery(
             asset=request.match_info["asset"],
             key=request.match_info["key"],
             link=_link(request.query.get("link")),
@@ -124,7 +124,7 @@ class History:
 
 
 def _last_of(
-    connection: Connection, asset: str, wanted: list[tuple[str, Link | None]], end_us: int
+    connection: Connection, asset: str, wanted: list[tuple[str, LinkKind | None]], end_us: int
 ) -> list[dict[str, Any]]:
     return [
         sample
@@ -133,8 +133,8 @@ def _last_of(
     ]
 
 
-def _link(value: object) -> Link | None:
-    return None if value is None else one_of(Link, "link", value)
+def _link(value: object) -> LinkKind | None:
+    return None if value is None else one_of(LinkKind, "link", value)
 
 
 def _is_key(key: object) -> bool:

@@ -15,7 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from adapters.console.archive import (
     LOOK_S,
     Archive,
-    Conflict,
+    RevisionConflict,
     delete_object,
     get_object,
     list_objects,
@@ -29,7 +29,7 @@ MOST_VALUE: Final = 512 * 1024
 _REVISION: Final = re.compile(r"[0-9]{1,18}")
 
 
-class Objects:
+class ObjectRequests:
     """Answers these requests.
 
     Args:
@@ -103,7 +103,7 @@ class Objects:
         done = await self._archive.write(
             lambda connection: put_object(connection, key, value, revision, operator, utc_s)
         )
-        if isinstance(done, Conflict):
+        if isinstance(done, RevisionConflict):
             raise _conflict(key, done)
         await self.refresh()
         response = answer({"key": key, "revision": done.revision})
@@ -130,7 +130,7 @@ def _if_match(request: web.Request) -> int:
     return int(given)
 
 
-def _conflict(key: str, conflict: Conflict) -> Exception:
+def _conflict(key: str, conflict: RevisionConflict) -> Exception:
     if conflict.revision is None:
         return refused(HTTPStatus.PRECONDITION_FAILED, f"there is no object {key!r} any more")
     text = f"{key!r} is at revision {conflict.revision}: get it, and change that"

@@ -5,16 +5,16 @@ from http import HTTPStatus
 
 from aiohttp import web
 
-from adapters.console.messages import Link
+from adapters.console.messages import LinkKind
 from adapters.console.requests.commanding import Commanding, posted_command
-from adapters.console.rovers import Act, Asked, AuthorityDesk
+from adapters.console.rovers import OperatorAction, OperatorAuthority, OperatorRequest
 from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
 
 ASK_S = 10.0
 """For an answer on the authority."""
 
 
-class Operations:
+class OperationRequests:
     """Answers these requests.
 
     Args:
@@ -22,7 +22,7 @@ class Operations:
         desk: asks for the authority.
     """
 
-    def __init__(self, commanding: Commanding, desk: AuthorityDesk) -> None:
+    def __init__(self, commanding: Commanding, desk: OperatorAuthority) -> None:
         self._commanding, self._desk = commanding, desk
 
     def routes(self) -> list[web.RouteDef]:
@@ -54,9 +54,9 @@ class Operations:
 
     async def _ask(self, request: web.Request) -> web.Response:
         body = await body_of(request)
-        act = one_of(Act, "act", body.get("act"))
-        wanted = None if body.get("link") is None else one_of(Link, "link", body["link"])
-        to = text_of(body, "to") if act is Act.HAND_OVER else ""
+        act = one_of(OperatorAction, "act", body.get("act"))
+        wanted = None if body.get("link") is None else one_of(LinkKind, "link", body["link"])
+        to = text_of(body, "to") if act is OperatorAction.HAND_OVER else ""
         lease_s = body.get("lease")
         if lease_s is not None and (
             isinstance(lease_s, bool) or not isinstance(lease_s, int | float)
@@ -64,7 +64,9 @@ class Operations:
             text = "lease: seconds are needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="lease")
         link = self._commanding.link(request.match_info["asset"], wanted)
-        asked = Asked(act, request[OPERATOR], to, None if lease_s is None else float(lease_s))
+        asked = OperatorRequest(
+            act, request[OPERATOR], to, None if lease_s is None else float(lease_s)
+        )
         try:
             async with asyncio.timeout(ASK_S):
                 return answer(await self._desk.ask(link, asked))

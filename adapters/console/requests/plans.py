@@ -8,7 +8,7 @@ from typing import Any, Final
 from aiohttp import web
 
 from adapters.console.archive import Archive, PlanRevision, get_plan, keep_plan, list_plans
-from adapters.console.requests.commanding import Commanding, Posted, identifier
+from adapters.console.requests.commanding import Commanding, CommandPost, identifier
 from adapters.console.rovers import args_of
 from adapters.console.web import OPERATOR, answer, body_of, refused, text_of
 from executive.commands import PlanArgument, PlanDefinition, SubmitPlan, declaration_of
@@ -19,7 +19,7 @@ LARGEST: Final = 256 * 1024
 SUBMIT: Final = declaration_of(SubmitPlan).name
 
 
-class Plans:
+class PlanRequests:
     """Answers these requests.
 
     Args:
@@ -43,7 +43,7 @@ class Plans:
         asset, operator = request.match_info["asset"], request[OPERATOR]
         plan = _plan_of(body)
         submit = SubmitPlan(plan)
-        posted = Posted(identifier(body.get("id")), asset, SUBMIT, args_of(submit))
+        posted = CommandPost(identifier(body.get("id")), asset, SUBMIT, args_of(submit))
         status = await self._commanding.send(operator, posted, lambda: submit)
         revision = PlanRevision(
             asset, plan.plan_id, 0, status.id, operator, status.made, plan.content.decode()

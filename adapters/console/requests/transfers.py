@@ -16,7 +16,7 @@ from typing import Final, assert_never
 from adapters.console.messages import Transfer, TransferState, decode_transfer, plain
 from adapters.console.requests.file_store import FileStore
 from adapters.console.tasks import begin, end
-from adapters.console.web import RefusedError
+from adapters.console.web import RequestError
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient, TransferError
 from adapters.mrs.spec import AreaError, describe_error
@@ -46,7 +46,7 @@ _ENDED: Final = {TransferState.DONE, TransferState.FAILED, TransferState.REMOVED
 
 
 @unique
-class Turn(Enum):
+class TransferAction(Enum):
     """What an operator may do with a transfer."""
 
     PAUSE = "pause"
@@ -59,7 +59,7 @@ def kept_at(asset: str, path: str) -> str:
 
 
 @dataclass(slots=True, eq=False)
-class _Moving:
+class _ActiveTransfer:
     """A transfer and its task.
 
     Attributes:
@@ -94,7 +94,7 @@ class Transfers:
     ) -> None:
         self._client, self._store, self._tell, self._system = client, store, tell, system
         self._list = store.staged / _LIST
-        self._known: dict[str, _Moving] = {}
+        self._known: dict[str, _ActiveTransfer] = {}
         self._room = asyncio.Semaphore(MOST_AT_ONCE)
 
     @property
@@ -113,7 +113,7 @@ class Transfers:
             _LOG.warning("%s cannot be read, and is left out: %s", self._list, error)
             return
         for transfer in found:
-            moving = self._known[transfer.id] = _Moving(transfer)
+            moving = self._known[transfer.id] = _ActiveTransfer(transfer)
             if transfer.state in _ENDED | {TransferState.PAUSED}:
                 moving.stopped.set()
                 self._tell(transfer)
@@ -140,7 +140,7 @@ class Transfers:
                 self._forget(known)
         now_s = self._system.utc_s()
         name, state = self._system.random_octets(8).hex(), TransferState.WAITING
-        moving = _Moving(Transfer(name, asset, path, by, state, now_s, now_s))
+        moving = _ActiveTransfer(Transfer(name, asset, path, by, state, now_s, now_s))
         self._known[name] = moving
         self._turn(moving, state, "")
         moving.task = begin(self._work(moving))
@@ -152,7 +152,7 @@ class Transfers:
         await moving.stopped.wait()
         return moving.transfer
 
-    async def turn(self, name: str, act: Turn) -> Transfer:
+    async def turn(self, name: str, act: TransferAction) -> Transfer:
         """Pause a transfer that has not ended, or resume one that is paused; return how it is.
 
         Raises:
@@ -161,13 +161,13 @@ class Transfers:
         moving = self._known[name]
         paused = moving.transfer.state is TransferState.PAUSED
         match act:
-            case Turn.PAUSE if not paused and moving.transfer.state not in _ENDED:
+            case TransferAction.PAUSE if not paused and moving.transfer.state not in _ENDED:
                 await _cancel(moving)
                 self._turn(moving, TransferState.PAUSED, "")
-            case Turn.RESUME if paused:
+            case TransferAction.RESUME if paused:
                 self._turn(moving, TransferState.WAITING, "")
                 moving.task = begin(self._work(moving))
-            case Turn.PAUSE | Turn.RESUME:
+            case TransferAction.PAUSE | TransferAction.RESUME:
                 pass
             case _:
                 assert_never(act)
@@ -185,7 +185,7 @@ class Transfers:
         self._forget(moving)
         self._write()
 
-    async def _work(self, moving: _Moving) -> None:
+    async def _work(self, moving: _ActiveTransfer) -> None:
         """Fetch a file, again and again until it is here or cannot be."""
         while moving.transfer.state not in _ENDED:
             try:
@@ -200,12 +200,12 @@ class Transfers:
                 anew = moving.wrong < MOST_WRONG
                 state = TransferState.INTERRUPTED if anew else TransferState.FAILED
                 self._turn(moving, state, str(error))
-            except (RefusedError, MalError, OSError) as error:
+            except (RequestError, MalError, OSError) as error:
                 self._turn(moving, *_outcome(error))
             if moving.transfer.state is TransferState.INTERRUPTED:
                 await asyncio.sleep(AGAIN_S)
 
-    async def _attempt(self, client: MrsClient, moving: _Moving) -> None:
+    async def _attempt(self, client: MrsClient, moving: _ActiveTransfer) -> None:
         path = moving.transfer.path
         kept = kept_at(moving.transfer.asset, path)
         moving.lately.clear()
@@ -220,7 +220,7 @@ class Transfers:
         moving.transfer = replace(moving.transfer, done=file.size, size=file.size)
         await asyncio.to_thread(self._store.take, kept, file)
 
-    def _came(self, moving: _Moving, done: int, size: int) -> None:
+    def _came(self, moving: _ActiveTransfer, done: int, size: int) -> None:
         now_s = asyncio.get_running_loop().time()
         if moving.lately and now_s - moving.lately[-1][0] < TELL_S:
             return
@@ -232,7 +232,7 @@ class Transfers:
         moving.transfer = replace(moving.transfer, done=done, size=size, rate=rate, utc=utc_s)
         self._tell(moving.transfer)
 
-    def _turn(self, moving: _Moving, state: TransferState, detail: str) -> None:
+    def _turn(self, moving: _ActiveTransfer, state: TransferState, detail: str) -> None:
         """Have a transfer be in a state, and tell of it if that is news."""
         before, utc_s = moving.transfer, self._system.utc_s()
         moving.transfer = replace(before, state=state, detail=detail, rate=None, utc=utc_s)
@@ -244,7 +244,7 @@ class Transfers:
             self._tell(moving.transfer)
             self._write()
 
-    def _forget(self, moving: _Moving) -> None:
+    def _forget(self, moving: _ActiveTransfer) -> None:
         del self._known[moving.transfer.id]
         moving.transfer = replace(moving.transfer, state=TransferState.REMOVED)
         moving.stopped.set()
@@ -264,7 +264,7 @@ class Transfers:
             _LOG.error("%s cannot be written: %s", self._list, error)
 
 
-async def _cancel(moving: _Moving) -> None:
+async def _cancel(moving: _ActiveTransfer) -> None:
     if moving.task is not None:
         await end((moving.task,))
 
@@ -276,7 +276,7 @@ def _outcome(error: Exception) -> tuple[TransferState, str]:
             return TransferState.FAILED, describe_error(error)
         case MalError():
             return TransferState.INTERRUPTED, describe_error(error)
-        case RefusedError() | ConnectionError():
+        case RequestError() | ConnectionError():
             return TransferState.INTERRUPTED, str(error)
         case _:
             return TransferState.FAILED, f"it cannot be kept here: {error}"

@@ -24,7 +24,7 @@ TIME: Final = struct.Struct(">d")
 Address = tuple[str, int]
 
 
-class Pictures(asyncio.DatagramProtocol):
+class FrameAssembler(asyncio.DatagramProtocol):
     """Puts the pictures of a stream together, and keeps the newest."""
 
     def __init__(self, utc: Callable[[], float]) -> None:
@@ -51,7 +51,7 @@ class Pictures(asyncio.DatagramProtocol):
         return self._number, self._newest
 
 
-class Video:
+class VideoRequests:
     """Serves the streams.
 
     Args:
@@ -67,7 +67,7 @@ class Video:
         utc: Callable[[], float],
     ) -> None:
         self._given, self._of_settings, self._utc = given, of_settings, utc
-        self._streams: dict[Address, tuple[asyncio.DatagramTransport, Pictures]] = {}
+        self._streams: dict[Address, tuple[asyncio.DatagramTransport, FrameAssembler]] = {}
         self._listening = asyncio.Lock()
 
     def routes(self) -> list[web.RouteDef]:
@@ -102,12 +102,12 @@ class Video:
     async def _refuse(self, socket: web.WebSocketResponse, why: str) -> None:
         await socket.close(code=WSCloseCode.TRY_AGAIN_LATER, message=why.encode()[:120])
 
-    async def _listen(self, address: Address) -> Pictures:
+    async def _listen(self, address: Address) -> FrameAssembler:
         async with self._listening:
             if address not in self._streams:
                 loop = asyncio.get_running_loop()
                 transport, pictures = await loop.create_datagram_endpoint(
-                    lambda: Pictures(self._utc), local_addr=address
+                    lambda: FrameAssembler(self._utc), local_addr=address
                 )
                 self._streams[address] = transport, pictures
                 _LOG.info("listening for video at %s:%d", *address)
@@ -123,7 +123,7 @@ class Video:
             transport.close()
 
 
-async def _send(socket: web.WebSocketResponse, pictures: Pictures) -> None:
+async def _send(socket: web.WebSocketResponse, pictures: FrameAssembler) -> None:
     number = 0
     with suppress(ConnectionError):
         while True:

@@ -1,8 +1,8 @@
 """Sessions with rovers: what is heard as messages, what is commanded as requests."""
 
-from adapters.console.rovers.authority_desk import Act as Act
-from adapters.console.rovers.authority_desk import Asked as Asked
-from adapters.console.rovers.authority_desk import AuthorityDesk as AuthorityDesk
+from adapters.console.rovers.authority_desk import OperatorAction as OperatorAction
+from adapters.console.rovers.authority_desk import OperatorAuthority as OperatorAuthority
+from adapters.console.rovers.authority_desk import OperatorRequest as OperatorRequest
 from adapters.console.rovers.dictionary import FORMS as FORMS
 from adapters.console.rovers.dictionary import AssetEntry as AssetEntry
 from adapters.console.rovers.dictionary import RecordingEntry as RecordingEntry
@@ -10,15 +10,15 @@ from adapters.console.rovers.dictionary import command_entries as command_entrie
 from adapters.console.rovers.dictionary import parameter_entries as parameter_entries
 from adapters.console.rovers.dictionary import zone_entries as zone_entries
 from adapters.console.rovers.fleet import NS_PER_S as NS_PER_S
-from adapters.console.rovers.fleet import Asset as Asset
+from adapters.console.rovers.fleet import ConnectedAsset as ConnectedAsset
 from adapters.console.rovers.fleet import Fleet as Fleet
 from adapters.console.rovers.fleet import figures_of as figures_of
 from adapters.console.rovers.fleet import notified as notified
 from adapters.console.rovers.fleet import tree_of as tree_of
-from adapters.console.rovers.posted import BadArgument as BadArgument
+from adapters.console.rovers.posted import InvalidArgument as InvalidArgument
 from adapters.console.rovers.posted import args_of as args_of
 from adapters.console.rovers.posted import request_of as request_of
-from adapters.console.rovers.rover_link import Known as Known
+from adapters.console.rovers.rover_link import LastNotification as LastNotification
 from adapters.console.rovers.rover_link import RoverLink as RoverLink
 from adapters.console.rovers.shared_commands import SharedCommands as SharedCommands
 from adapters.console.rovers.tracker import HEARD_WITHIN_S as HEARD_WITHIN_S

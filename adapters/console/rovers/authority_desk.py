@@ -13,9 +13,9 @@ from enum import Enum, unique
 from http import HTTPStatus
 from typing import Final, assert_never
 
-from adapters.console.messages import AuthorityHeld, Link
+from adapters.console.messages import AuthorityMessage, LinkKind
 from adapters.console.rovers.rover_link import RoverLink
-from adapters.console.web import RefusedError, refused
+from adapters.console.web import RequestError, refused
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AuthorityStatus, describe_error
@@ -28,11 +28,11 @@ CHECK_S: Final = 1.0
 RENEWAL_S: Final = 0.5
 """A lease that ends so much later than was told is told anew."""
 
-Key = tuple[str, Link]
+Key = tuple[str, LinkKind]
 
 
 @unique
-class Act(Enum):
+class OperatorAction(Enum):
     """What an operator may ask of the authority."""
 
     REQUEST = "request"
@@ -42,7 +42,7 @@ class Act(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class OperatorRequest:
     """What an operator asks of the authority over an asset.
 
     Attributes:
@@ -50,13 +50,13 @@ class Asked:
             long as everybody.
     """
 
-    act: Act
+    act: OperatorAction
     operator: str
     to: str = ""
     lease_s: float | None = None
 
 
-class AuthorityDesk:
+class OperatorAuthority:
     """Asks for the authority on behalf of operators, and renews it while they are there.
 
     Args:
@@ -67,20 +67,20 @@ class AuthorityDesk:
 
     def __init__(
         self,
-        publish: Callable[[AuthorityHeld], None],
+        publish: Callable[[AuthorityMessage], None],
         is_present: Callable[[str], bool],
         utc: Callable[[], float],
     ) -> None:
         self._publish = publish
         self._is_present = is_present
         self._utc = utc
-        self._held: dict[Key, AuthorityHeld] = {}
+        self._held: dict[Key, AuthorityMessage] = {}
         self._links: dict[Key, RoverLink] = {}
         self._for: dict[Key, str] = {}
         self._asked: dict[Key, str] = {}
 
     @property
-    def held(self) -> tuple[AuthorityHeld, ...]:
+    def held(self) -> tuple[AuthorityMessage, ...]:
         """Who commands what, as last heard."""
         return tuple(self._held.values())
 
@@ -114,7 +114,7 @@ class AuthorityDesk:
             return None
         raise self._not_held(held, f"{operator} does not hold the authority over {held.asset}")
 
-    def hear(self, link: RoverLink, status: AuthorityStatus) -> AuthorityHeld:
+    def hear(self, link: RoverLink, status: AuthorityStatus) -> AuthorityMessage:
         """Take in what an asset says of it; tell it if it is news."""
         key = _key(link)
         self._links[key] = link
@@ -124,7 +124,7 @@ class AuthorityDesk:
         operator = status.holder
         if link.proven_name is not None and status.holder == link.proven_name:
             operator = self._for.get(key)
-        held = AuthorityHeld(
+        held = AuthorityMessage(
             asset=link.asset,
             link=link.kind,
             utc=self._utc(),
@@ -141,7 +141,7 @@ class AuthorityDesk:
             self._publish(held)
         return held
 
-    async def ask(self, link: RoverLink, asked: Asked) -> AuthorityHeld:
+    async def ask(self, link: RoverLink, asked: OperatorRequest) -> AuthorityMessage:
         """Do what an operator asks.
 
         Raises:
@@ -178,50 +178,50 @@ class AuthorityDesk:
         except (MalError, ConnectionError) as error:
             _LOG.warning("%s: the authority of %s is not renewed: %s", link.asset, operator, error)
 
-    async def _perform(self, link: RoverLink, asked: Asked) -> AuthorityStatus:
+    async def _perform(self, link: RoverLink, asked: OperatorRequest) -> AuthorityStatus:
         authority = self.client(link).authority_of(self.source(link, asked.operator))
         key = _key(link)
         match asked.act:
-            case Act.REQUEST | Act.TAKE:
-                take = asked.act is Act.TAKE
+            case OperatorAction.REQUEST | OperatorAction.TAKE:
+                take = asked.act is OperatorAction.TAKE
                 status = await (authority.take() if take else authority.request())
                 self._for[key] = asked.operator
-            case Act.HAND_OVER:
+            case OperatorAction.HAND_OVER:
                 if link.proven_name is not None and self._is_present(asked.to):
                     status = await authority.request()
                     self._for[key] = asked.to
                     self._asked.pop(key, None)
                 else:
                     status = await authority.hand_over(asked.to, asked.lease_s)
-            case Act.RELEASE:
+            case OperatorAction.RELEASE:
                 status = await authority.release()
                 self._for.pop(key, None)
             case _:
                 assert_never(asked.act)
         return status
 
-    def _require_turn(self, link: RoverLink, asked: Asked) -> None:
+    def _require_turn(self, link: RoverLink, asked: OperatorRequest) -> None:
         """Where all operators have one name at the asset, let one of them at a time hold it."""
         held = self._held.get(_key(link))
         if held is None or link.proven_name is None or held.holder != link.proven_name:
             return
         if held.operator in {None, asked.operator} or not self._is_present(held.operator):
             return
-        if asked.act in {Act.REQUEST, Act.TAKE}:
+        if asked.act in {OperatorAction.REQUEST, OperatorAction.TAKE}:
             self._asked[_key(link)] = asked.operator
             held = replace(held, asked_by=asked.operator)
             self._held[_key(link)] = held
             self._publish(held)
         raise self._not_held(held, f"{asked.operator} does not hold the authority")
 
-    async def _refused(self, link: RoverLink, error: MalError) -> RefusedError:
+    async def _refused(self, link: RoverLink, error: MalError) -> RequestError:
         """Return the refusal of the asset, with who holds it now."""
         holder = None
-        with suppress(MalError, ConnectionError, RefusedError):
+        with suppress(MalError, ConnectionError, RequestError):
             holder = self.hear(link, await self.client(link).authority.status()).holder
         return refused(HTTPStatus.FORBIDDEN, describe_error(error), holder=holder)
 
-    def _not_held(self, held: AuthorityHeld, wrong: str) -> RefusedError:
+    def _not_held(self, held: AuthorityMessage, wrong: str) -> RequestError:
         who = held.holder
         if who is None:
             text = f"{wrong}: nobody holds it; request it first"
@@ -239,7 +239,7 @@ def _key(link: RoverLink) -> Key:
     return link.asset, link.kind
 
 
-def _is_news(before: AuthorityHeld, now: AuthorityHeld) -> bool:
+def _is_news(before: AuthorityMessage, now: AuthorityMessage) -> bool:
     ends_s = (before.utc + before.lease_left, now.utc + now.lease_left)
     renewed = now.holder is not None and abs(ends_s[1] - ends_s[0]) > RENEWAL_S
     return renewed or replace(now, utc=before.utc, lease_left=before.lease_left) != before

@@ -15,14 +15,14 @@ from adapters.mrs.spec import ParameterDefinition, housekeeping_limits
 from executive.commands import (
     ACCEPTED,
     Argument,
-    Declaration,
+    AssetChoice,
+    CommandDeclaration,
     Family,
     FilePath,
     Limit,
-    Span,
     SubmitPlan,
-    Supported,
-    Within,
+    SymmetricRange,
+    ValueRange,
     arguments_of,
     declared,
 )
@@ -34,7 +34,7 @@ _IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s"}
 
 
 @dataclass(frozen=True, slots=True)
-class Typed:
+class DisplayUnit:
     """The unit that people write, and how many of it one of the SI unit is."""
 
     unit: str
@@ -55,7 +55,7 @@ class ParameterEntry:
     description: str
     type: str
     unit: str
-    typed: Typed | None
+    typed: DisplayUnit | None
     low: float | None
     high: float | None
     writable: bool
@@ -78,7 +78,7 @@ class ArgumentEntry:
     name: str
     type: str
     unit: str
-    typed: Typed | None
+    typed: DisplayUnit | None
     optional: bool
     help: str
     low: float | None = None
@@ -233,7 +233,7 @@ FORMS: Final = {each.name: each for each in declared() if each.kind is not Submi
 """The declarations that can be posted, by the names under which they are; a plan is a file."""
 
 
-def _command(declaration: Declaration, settings: Settings | None) -> CommandEntry:
+def _command(declaration: CommandDeclaration, settings: Settings | None) -> CommandEntry:
     return CommandEntry(
         name=declaration.name,
         summary=declaration.summary,
@@ -267,7 +267,7 @@ def _argument(
         help=argument.help,
         low=None if is_list else low,
         high=None if is_list else high,
-        or_zero=isinstance(argument.bound, Within) and argument.bound.or_zero,
+        or_zero=isinstance(argument.bound, ValueRange) and argument.bound.or_zero,
         choices=_choices(argument, settings),
         items=tuple(_argument(each, settings) for each in arguments_of(argument.kind)),
         least=int(low) if is_list and low is not None else None,
@@ -285,16 +285,16 @@ def _type(argument: Argument) -> str:
 
 def _range(argument: Argument, settings: Settings | None) -> tuple[float | None, float | None]:
     match argument.bound:
-        case Within(low, high):
+        case ValueRange(low, high):
             highest = _figure(high, settings)
             lowest = _figure(low, settings) if low is not None else _negative(highest)
-        case Span(low, high):
+        case SymmetricRange(low, high):
             ends = (_figure(low, settings), _figure(high, settings))
             highest = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
             lowest = _negative(highest)
-        case Supported(str() as path) if isinstance(given := _setting(path, settings), int):
+        case AssetChoice(str() as path) if isinstance(given := _setting(path, settings), int):
             return given, given
-        case Supported() | FilePath() | None:
+        case AssetChoice() | FilePath() | None:
             lowest = highest = None
         case _:
             assert_never(argument.bound)
@@ -307,7 +307,7 @@ def _range(argument: Argument, settings: Settings | None) -> tuple[float | None,
 
 def _choices(argument: Argument, settings: Settings | None) -> tuple[str, ...] | None:
     match argument.bound:
-        case Supported(str() as path) if isinstance(given := _setting(path, settings), tuple):
+        case AssetChoice(str() as path) if isinstance(given := _setting(path, settings), tuple):
             return given
     return argument.choices if isinstance(argument.choices, tuple) else None
 
@@ -324,9 +324,9 @@ def _negative(figure: float | None) -> float | None:
     return None if figure is None else -figure
 
 
-def _typed(unit: str) -> Typed | None:
+def _typed(unit: str) -> DisplayUnit | None:
     typed = _IN_DEGREES.get(unit)
-    return None if typed is None else Typed(typed, degrees(1.0))
+    return None if typed is None else DisplayUnit(typed, degrees(1.0))
 
 
 def _limits(settings: Settings) -> dict[str, tuple[float | None, float | None]]:

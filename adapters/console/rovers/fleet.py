@@ -12,7 +12,7 @@ from adapters.console.messages import (
     Broadcast,
     DictionaryChanged,
     FileChanged,
-    Link,
+    LinkKind,
     LinkState,
     LinkStatus,
     Notified,
@@ -23,19 +23,19 @@ from adapters.console.messages import (
     TreeNode,
     TreeState,
 )
-from adapters.console.rovers.authority_desk import AuthorityDesk
+from adapters.console.rovers.authority_desk import OperatorAuthority
 from adapters.console.rovers.dictionary import (
     AssetEntry,
     command_entries,
     parameter_entries,
     zone_entries,
 )
-from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, Known, RoverLink
+from adapters.console.rovers.rover_link import LINK_HOUSEKEEPING, LastNotification, RoverLink
 from adapters.console.rovers.shared_commands import SharedCommands
 from adapters.console.rovers.tracker import CommandTracker
 from adapters.console.tasks import begin, end
-from adapters.mal import NamedValue, Typed
-from adapters.mrs.ground import FileNews
+from adapters.mal import NamedValue, TypedAttribute
+from adapters.mrs.ground import FileNotification
 from adapters.mrs.spec import (
     AssetStatus,
     AuthorityStatus,
@@ -48,11 +48,11 @@ from adapters.mrs.spec import (
     forwarded,
     given_up,
 )
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.system import System
 from executive.settings import Settings, SettingsError, config_folder, load_settings, names_in
 from executive.values.reports import Identity
-from trees import Snapshot, looks, served
+from trees import TreeSnapshot, looks, served
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -64,7 +64,7 @@ _LAYER: Final = ".ServiceLayer"
 
 
 @dataclass(slots=True)
-class Asset:
+class ConnectedAsset:
     """An asset that was reached.
 
     Attributes:
@@ -76,11 +76,11 @@ class Asset:
 
     settings: Settings | None
     entry: AssetEntry
-    links: dict[Link, RoverLink] = field(default_factory=dict)
+    links: dict[LinkKind, RoverLink] = field(default_factory=dict)
 
     def best_link(self) -> RoverLink | None:
         """Return the link by which it is reached soonest; None if it cannot be reached."""
-        found = [self.links[kind] for kind in Link if kind in self.links]
+        found = [self.links[kind] for kind in LinkKind if kind in self.links]
         return next((link for link in found if link.state is LinkState.UP), None)
 
 
@@ -103,14 +103,14 @@ class Fleet:
     def __init__(
         self,
         uris: Iterable[str],
-        terms: Terms,
+        terms: TransportSettings,
         publish: Callable[[Broadcast], None],
         sample: Callable[[Sample], None],
         tree: Callable[[TreeState], None],
-        last_known: Callable[[str, Link], Awaitable[Known | None]],
+        last_known: Callable[[str, LinkKind], Awaitable[LastNotification | None]],
         tracker: CommandTracker,
         commands: SharedCommands,
-        desk: AuthorityDesk,
+        desk: OperatorAuthority,
         system: System,
     ) -> None:
         self._terms, self._system = terms, system
@@ -121,10 +121,10 @@ class Fleet:
         self._tracker, self._commands, self._desk = tracker, commands, desk
         self._links = [RoverLink(uri, terms, self, system) for uri in uris]
         self._running: dict[RoverLink, asyncio.Task[None]] = {}
-        self.assets: dict[str, Asset] = {}
-        self._newest: dict[tuple[str, str, Link], ParameterValue] = {}
-        self._states: dict[tuple[str, Link], AssetState] = {}
-        self._heard: dict[tuple[str, Link], Known] = {}
+        self.assets: dict[str, ConnectedAsset] = {}
+        self._newest: dict[tuple[str, str, LinkKind], ParameterValue] = {}
+        self._states: dict[tuple[str, LinkKind], AssetState] = {}
+        self._heard: dict[tuple[str, LinkKind], LastNotification] = {}
 
     def start(self) -> None:
         """Begin to connect."""
@@ -171,7 +171,7 @@ class Fleet:
             footprint=None if settings is None else settings.footprint,
         )
         if known is None:
-            known = self.assets[name] = Asset(settings, entry)
+            known = self.assets[name] = ConnectedAsset(settings, entry)
         former = known.links.get(link.kind, link)
         known.links[link.kind] = link
         if former is not link and former not in self._links and former.state is LinkState.DOWN:
@@ -241,13 +241,13 @@ class Fleet:
             await self._commands.look_up(link.asset, identity)
             said = replace(said, command=self._tracker.hear(said, identity))
         if notification.cursor is not None:
-            known = Known(notification.cursor, notification.timestamp // NS_PER_US)
+            known = LastNotification(notification.cursor, notification.timestamp // NS_PER_US)
             self._heard[link.asset, link.kind] = known
         self._publish(said)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
         """Tell what an asset is about, if that is news."""
-        if link.kind is Link.DIRECT:  # an orbiter tells when it last heard of the rover
+        if link.kind is LinkKind.DIRECT:  # an orbiter tells when it last heard of the rover
             self._forget_after(link, status.timestamp + AHEAD_NS)
         state = AssetState(
             link.asset,
@@ -267,7 +267,7 @@ class Fleet:
         """Pass on who may command."""
         self._desk.hear(link, status)
 
-    def on_tree(self, link: RoverLink, snapshot: Snapshot) -> None:
+    def on_tree(self, link: RoverLink, snapshot: TreeSnapshot) -> None:
         """Pass a behaviour tree on."""
         self._tree(tree_of(link.asset, link.kind, snapshot))
 
@@ -286,7 +286,7 @@ class Fleet:
             )
         )
 
-    def on_file(self, link: RoverLink, news: FileNews) -> None:
+    def on_file(self, link: RoverLink, news: FileNotification) -> None:
         """Tell what happened to a file."""
         file = news.file
         self._publish(
@@ -306,14 +306,14 @@ class Fleet:
         for service in services:
             name, uri = service.name.removesuffix(_LAYER), service.providerURI
             asset = self.assets.get(name)
-            direct = None if asset is None else asset.links.get(Link.DIRECT)
+            direct = None if asset is None else asset.links.get(LinkKind.DIRECT)
             known = direct is not None and direct.state is not LinkState.DOWN
             known |= uri in {link.uri for link in self._running}
             if service.name.endswith(_LAYER) and not known:
                 _LOG.info("%s is registered at %s", name, uri)
                 self._run(RoverLink(uri, self._terms, self, self._system))
 
-    async def last_known(self, link: RoverLink) -> Known | None:
+    async def last_known(self, link: RoverLink) -> LastNotification | None:
         """Return the last notification that was heard here, or else kept by a former run."""
         heard = self._heard.get((link.asset, link.kind))
         return heard or await self._last_known(link.asset, link.kind)
@@ -334,7 +334,7 @@ class Fleet:
         self._running[link] = begin(link.run())
 
 
-def notified(asset: str, link: Link, notification: Notification, rx_s: float) -> Notified:
+def notified(asset: str, link: LinkKind, notification: Notification, rx_s: float) -> Notified:
     """Return a notification as pages have it, of no command yet."""
     return Notified(
         asset=asset,
@@ -355,7 +355,7 @@ def notified(asset: str, link: Link, notification: Notification, rx_s: float) ->
     )
 
 
-def tree_of(asset: str, link: Link, snapshot: Snapshot) -> TreeState:
+def tree_of(asset: str, link: LinkKind, snapshot: TreeSnapshot) -> TreeState:
     """Return a behaviour tree as pages have it."""
     return TreeState(
         asset=asset,
@@ -388,7 +388,7 @@ def figures_of(parameters: tuple[NamedValue, ...] | None) -> dict[str, Scalar]:
     return {each.name: scalar_of(each.value) for each in parameters or ()}
 
 
-def scalar_of(value: Typed | None) -> Scalar:
+def scalar_of(value: TypedAttribute | None) -> Scalar:
     """Return a value that JSON can hold."""
     if value is None:
         return None

@@ -18,7 +18,7 @@ MOST_TEXT: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class BadArgument:
+class InvalidArgument:
     """What is wrong with a command that was posted.
 
     Attributes:
@@ -37,12 +37,12 @@ class BadArgument:
 class _BadArgumentError(Exception):
     """Carries what is wrong to where the whole is read."""
 
-    def __init__(self, wrong: BadArgument) -> None:
+    def __init__(self, wrong: InvalidArgument) -> None:
         super().__init__(wrong.text)
         self.wrong = wrong
 
 
-def request_of(form: CommandEntry, given: object) -> Request | BadArgument:
+def request_of(form: CommandEntry, given: object) -> Request | InvalidArgument:
     """Return the request of the arguments that were posted for a form, or what is wrong."""
     declaration = FORMS[form.name]
     try:
@@ -157,7 +157,7 @@ def _items(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> 
     if len(value) < least or (most is not None and len(value) > most):
         bounds = f"at least {least}" if most is None else f"{least} to {most}"
         text = f"{field}: {len(value)} are given, {bounds} are needed"
-        raise _BadArgumentError(BadArgument(field, text, least, most))
+        raise _BadArgumentError(InvalidArgument(field, text, least, most))
     parts = arguments_of(argument.kind)
     return tuple(
         argument.kind(*_values(f"{field}[{index}].", entry.items, parts, each))
@@ -167,5 +167,5 @@ def _items(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> 
 
 def _wrong(field: str, text: str, entry: ArgumentEntry | None = None) -> _BadArgumentError:
     if entry is None:
-        return _BadArgumentError(BadArgument(field, text))
-    return _BadArgumentError(BadArgument(field, text, entry.low, entry.high, entry.choices))
+        return _BadArgumentError(InvalidArgument(field, text))
+    return _BadArgumentError(InvalidArgument(field, text, entry.low, entry.high, entry.choices))

@@ -7,9 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeVar
 
-from adapters.console.messages import Link, LinkState
+from adapters.console.messages import LinkKind, LinkState
 from adapters.mal import CertificateError, MalError
-from adapters.mrs.ground import NEXT_CONTACT, FileNews, MrsClient, Stream
+from adapters.mrs.ground import NEXT_CONTACT, FileNotification, MrsClient, Stream
 from adapters.mrs.spec import (
     AssetInfo,
     AssetStatus,
@@ -22,9 +22,9 @@ from adapters.mrs.spec import (
     ServiceDescriptor,
     cursor_of,
 )
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.system import System
-from trees import Snapshot
+from trees import TreeSnapshot
 
 _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -55,14 +55,14 @@ LINK_HOUSEKEEPING: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class LastNotification:
     """The last notification that is known of an asset: its cursor, and when it was made."""
 
     cursor: int
     utc_us: int
 
 
-class Listener(Protocol):
+class LinkListener(Protocol):
     """Who hears what a link hears; called on the loop."""
 
     def on_asset(self, link: "RoverLink", definitions: tuple[ParameterDefinition, ...]) -> None:
@@ -88,19 +88,19 @@ class Listener(Protocol):
     def on_authority(self, link: "RoverLink", status: AuthorityStatus) -> None:
         """Who may command."""
 
-    def on_tree(self, link: "RoverLink", snapshot: Snapshot) -> None:
+    def on_tree(self, link: "RoverLink", snapshot: TreeSnapshot) -> None:
         """The behaviour tree."""
 
     def on_plan(self, link: "RoverLink", update: PlanUpdate) -> None:
         """How far a plan is."""
 
-    def on_file(self, link: "RoverLink", news: FileNews) -> None:
+    def on_file(self, link: "RoverLink", news: FileNotification) -> None:
         """Something happened to a file."""
 
     def on_services(self, link: "RoverLink", services: tuple[ServiceDescriptor, ...]) -> None:
         """What is registered there."""
 
-    async def last_known(self, link: "RoverLink") -> Known | None:
+    async def last_known(self, link: "RoverLink") -> LastNotification | None:
         """Return the last notification that is known of the asset by this link; None for none."""
 
     def on_new_ledger(self, link: "RoverLink") -> None:
@@ -128,14 +128,16 @@ class RoverLink:
         client: the session while it is up.
     """
 
-    def __init__(self, uri: str, terms: Terms, listener: Listener, system: System) -> None:
+    def __init__(
+        self, uri: str, terms: TransportSettings, listener: LinkListener, system: System
+    ) -> None:
         self.uri = uri
         self._terms, self._system = terms, system
         certificates = terms.certificates
         self.proven_name = None if certificates is None else certificates.name()
         self._listener = listener
         self.info: AssetInfo | None = None
-        self.kind = Link.DIRECT
+        self.kind = LinkKind.DIRECT
         self.state = LinkState.CONNECTING
         self.since_s = system.utc_s()
         self.detail = ""
@@ -170,7 +172,7 @@ class RoverLink:
             self.info = await client.get_asset()
             definitions = await client.list_definition()
             relayed = any(each.name == NEXT_CONTACT for each in definitions)
-            self.kind = Link.RELAY if relayed else Link.DIRECT
+            self.kind = LinkKind.RELAY if relayed else LinkKind.DIRECT
             self.client, self._was_up = client, True
             try:
                 self._listener.on_asset(self, definitions)
@@ -197,7 +199,7 @@ class RoverLink:
             tasks.create_task(self._stream(client.plan_updates, self._listener.on_plan, self))
             tasks.create_task(self._stream(client.file_events, self._listener.on_file, self))
             tasks.create_task(self._ask_status(client))
-            if self.kind is Link.DIRECT:
+            if self.kind is LinkKind.DIRECT:
                 tasks.create_task(self._ask_directory(client))
 
     async def _notifications(self, client: MrsClient, stream: Stream[Notification]) -> None:
@@ -266,7 +268,7 @@ class RoverLink:
 
     def _measured(self, status: AssetStatus, asked_s: float, round_trip_s: float) -> None:
         figures = {"LINK_ROUND_TRIP": round_trip_s}
-        if self.kind is Link.DIRECT:  # an orbiter tells when it last heard of the rover
+        if self.kind is LinkKind.DIRECT:  # an orbiter tells when it last heard of the rover
             offset_s = status.timestamp / 1e9 - (asked_s + round_trip_s / 2)
             figures["LINK_CLOCK_OFFSET"] = offset_s
         self._listener.on_measured(self, figures, self.heard_s or asked_s)
@@ -292,7 +294,9 @@ class RoverLink:
         self._listener.on_state(self)
 
 
-async def _missed(client: MrsClient, known: Known | None) -> tuple[list[Notification], bool]:
+async def _missed(
+    client: MrsClient, known: LastNotification | None
+) -> tuple[list[Notification], bool]:
     """Return the notifications after a known one, oldest first, and whether the ledger is another.
 
     Where none is known, and of another ledger, they are the last ones.
@@ -304,7 +308,7 @@ async def _missed(client: MrsClient, known: Known | None) -> tuple[list[Notifica
     return await client.get_all_notifications(first), known is not None
 
 
-def _continues(known: Known, found: list[Notification]) -> bool:
+def _continues(known: LastNotification, found: list[Notification]) -> bool:
     """Whether what was asked for from a known notification on is of the same ledger."""
     if not found:
         return False

@@ -21,7 +21,7 @@ from adapters.console.command_life import (
     merge,
     reach,
 )
-from adapters.console.messages import CommandState, CommandStatus, Notified, StageReached
+from adapters.console.messages import CommandState, CommandStatus, Notified, StageEntry
 from executive.values.reports import Identity
 
 HEARD_WITHIN_S: Final = 10.0
@@ -101,7 +101,7 @@ class CommandTracker:
         stage = PREDICTED if said.stage is None else said.stage
         self._reach(
             name,
-            StageReached(
+            StageEntry(
                 stage=stage,
                 node=said.asset,
                 utc=said.utc,
@@ -120,7 +120,7 @@ class CommandTracker:
         """Take in what the orbiter did with a command; return the command's id."""
         name = self._name_of(said, identity)
         if not self._has(name, stage):
-            self._reach(name, StageReached(stage, ORBITER, said.utc, said.rx, said.text))
+            self._reach(name, StageEntry(stage, ORBITER, said.utc, said.rx, said.text))
         return name
 
     async def run(self) -> None:
@@ -136,14 +136,14 @@ class CommandTracker:
             if command.deadline is not None and now_s > command.deadline:
                 self.doubt(command.id, f"nothing was heard of it for {HEARD_WITHIN_S:g} s")
 
-    def _own(self, stage: str, node: str, detail: str = "") -> StageReached:
+    def _own(self, stage: str, node: str, detail: str = "") -> StageEntry:
         now_s = self._utc()
-        return StageReached(stage, node, now_s, now_s, detail)
+        return StageEntry(stage, node, now_s, now_s, detail)
 
     def _has(self, name: str, stage: str) -> bool:
         return any(each.stage == stage for each in self._commands[name].history)
 
-    def _reach(self, name: str, reached: StageReached) -> None:
+    def _reach(self, name: str, reached: StageEntry) -> None:
         before = self._commands[name]
         after = reach(before, reached)
         if after is not before:

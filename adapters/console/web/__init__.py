@@ -6,7 +6,7 @@ from adapters.console.web.access import read_tokens as read_tokens
 from adapters.console.web.answers import HIGHEST as HIGHEST
 from adapters.console.web.answers import MOST_OCTETS as MOST_OCTETS
 from adapters.console.web.answers import Handler as Handler
-from adapters.console.web.answers import RefusedError as RefusedError
+from adapters.console.web.answers import RequestError as RequestError
 from adapters.console.web.answers import answer as answer
 from adapters.console.web.answers import body_of as body_of
 from adapters.console.web.answers import count_of as count_of

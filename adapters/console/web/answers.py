@@ -13,7 +13,7 @@ from typing import Any, Final, TypeVar
 from aiohttp import web
 from sqlalchemy.exc import SQLAlchemyError
 
-from adapters.console.archive import Page, cause_of, to_us
+from adapters.console.archive import TablePage, cause_of, to_us
 from adapters.console.messages import CommandStatus, plain
 
 MOST_OCTETS: Final = 1 << 20
@@ -34,7 +34,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class ErrorBody:
     """Why a request was refused; what is None is left out.
 
     Attributes:
@@ -55,18 +55,18 @@ class Problem:
     revision: int | None = None
 
 
-class RefusedError(Exception):
+class RequestError(Exception):
     """A request is refused."""
 
-    def __init__(self, status: HTTPStatus, problem: Problem) -> None:
+    def __init__(self, status: HTTPStatus, problem: ErrorBody) -> None:
         super().__init__(problem.error)
         self.status = status
         self.problem = problem
 
 
-def refused(status: HTTPStatus, error: str, **more: Any) -> RefusedError:
-    """Return the refusal of a request; `more` are fields of a `Problem`."""
-    return RefusedError(status, Problem(error, **more))
+def refused(status: HTTPStatus, error: str, **more: Any) -> RequestError:
+    """Return the refusal of a request; `more` are fields of a `ErrorBody`."""
+    return RequestError(status, ErrorBody(error, **more))
 
 
 def answer(value: Any, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
@@ -80,7 +80,7 @@ async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse
     """Answer what is refused, also by aiohttp itself, in the same shape."""
     try:
         return await handler(request)
-    except RefusedError as refusal:
+    except RequestError as refusal:
         told = {name: value for name, value in plain(refusal.problem).items() if value is not None}
         return answer(told, refusal.status)
     except SQLAlchemyError as error:
@@ -167,14 +167,14 @@ def count_of(request: web.Request, name: str, default: int, most: int) -> int:
     return int(number)
 
 
-def page_of(request: web.Request) -> Page:
+def page_of(request: web.Request) -> TablePage:
     """Return which part of what is newest a query asks for.
 
     Raises:
         RefusedError: it makes no sense.
     """
     start, before = number_of(request, "start", None), number_of(request, "before", None)
-    return Page(
+    return TablePage(
         asset=request.query.get("asset"),
         start_us=None if start is None else to_us(start),
         before_us=None if before is None else to_us(before),

@@ -14,23 +14,23 @@ from adapters.console.messages import (
     PROTOCOL,
     AlarmStatus,
     AssetState,
-    AuthorityHeld,
+    AuthorityMessage,
     Broadcast,
     CommandStatus,
     DictionaryChanged,
     FileChanged,
-    Gap,
     Hello,
     Latest,
     LinkStatus,
     Message,
     Notified,
     ObjectChanged,
+    OpenPage,
     PlanProgress,
     Presence,
-    Present,
     Quality,
     Sample,
+    SamplesDropped,
     Transfer,
     TransferState,
     TreeState,
@@ -54,7 +54,7 @@ KEPT_COMMANDS: Final = 500
 """Commands that a new page is told of."""
 
 
-class Page:
+class PageConnection:
     """What waits for one open page.
 
     Args:
@@ -65,7 +65,7 @@ class Page:
         too_slow: whether more waits than may; what waits is gone then.
     """
 
-    def __init__(self, hub: "Hub", present: Present) -> None:
+    def __init__(self, hub: "Hub", present: OpenPage) -> None:
         self._hub, self.present = hub, present
         self.too_slow = False
         self._topics: frozenset[str] = frozenset()
@@ -122,7 +122,7 @@ class Page:
         self._something.clear()
         texts = [*self._waiting, *self._samples, *self._latest.values()]
         if self._dropped:
-            texts.append(encode(Gap(self._dropped)))
+            texts.append(encode(SamplesDropped(self._dropped)))
         self._waiting.clear()
         self._samples.clear()
         self._latest.clear()
@@ -156,8 +156,8 @@ class Hub:
         self._kept: deque[tuple[str, str]] = deque(maxlen=KEPT)
         self._standing: dict[tuple[object, ...], Message] = {}
         self._commands: dict[tuple[str, str, int], CommandStatus] = {}
-        self._pages: list[Page] = []
-        self._others: tuple[Present, ...] = ()
+        self._pages: list[PageConnection] = []
+        self._others: tuple[OpenPage, ...] = ()
 
     def publish(self, message: Broadcast) -> None:
         """Send a message to the pages that want it, now or when they are back."""
@@ -196,26 +196,26 @@ class Hub:
                 text = text or encode(message)
                 page.put(message, text)
 
-    def open(self, console: str, operator: str) -> Page:
+    def open(self, console: str, operator: str) -> PageConnection:
         """Return what will wait for a page, which all are told of."""
-        page = Page(self, Present(console, operator, self._utc()))
+        page = PageConnection(self, OpenPage(console, operator, self._utc()))
         self._pages.append(page)
         self._tell_presence()
         return page
 
-    def close(self, page: Page) -> None:
+    def close(self, page: PageConnection) -> None:
         """Forget a page."""
         self._pages.remove(page)
         self._tell_presence()
 
-    def tell_others(self, pages: tuple[Present, ...]) -> None:
+    def tell_others(self, pages: tuple[OpenPage, ...]) -> None:
         """Tell all pages of those that are open at other consoles, if that is news."""
         if pages != self._others:
             self._others = pages
             self._tell_presence()
 
     @property
-    def pages(self) -> tuple[Present, ...]:
+    def pages(self) -> tuple[OpenPage, ...]:
         """The pages that are open here."""
         return tuple(page.present for page in self._pages)
 
@@ -223,7 +223,7 @@ class Hub:
         """Whether an operator has a page open here."""
         return any(page.present.operator == operator for page in self._pages)
 
-    def hello(self, page: Page, *, resumed: bool) -> Hello:
+    def hello(self, page: PageConnection, *, resumed: bool) -> Hello:
         """Return the first message to a page."""
         operator = page.present.operator
         return Hello(PROTOCOL, self.instance, self._seq, self._utc(), operator, resumed)
@@ -261,7 +261,7 @@ class Hub:
             case LinkStatus(uri=uri):
                 self._standing.pop((message.ty, uri), None)  # an asset may be at one after another
                 self._standing[message.ty, uri] = message
-            case AssetState(asset=asset, link=link) | AuthorityHeld(asset=asset, link=link):
+            case AssetState(asset=asset, link=link) | AuthorityMessage(asset=asset, link=link):
                 self._standing[message.ty, asset, link] = message
             case PlanProgress(asset=asset, plan=plan):
                 self._standing[message.ty, asset, plan] = message

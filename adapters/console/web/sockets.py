@@ -10,7 +10,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from adapters.console.messages import encode
 from adapters.console.web.access import OPERATOR, Access
 from adapters.console.web.answers import read_json
-from adapters.console.web.hub import Hub, Page
+from adapters.console.web.hub import Hub, PageConnection
 from executive.commands.intake import is_source
 
 HEARTBEAT_S: Final = 20.0
@@ -20,7 +20,7 @@ MOST_TOPICS: Final = 1000
 LONGEST_NAME: Final = 64
 
 
-class _NoSenseError(ValueError):
+class _InvalidMessageError(ValueError):
     """A page said something that makes no sense; the text is for who wrote it."""
 
 
@@ -72,7 +72,7 @@ class Sockets:
             sending = asyncio.create_task(_send(socket, page))
             while True:
                 page.subscribe(_topics(await _receive(socket)))
-        except _NoSenseError as error:
+        except _InvalidMessageError as error:
             await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=str(error).encode()[:120])
         except (ConnectionError, TimeoutError):
             await socket.close()
@@ -90,7 +90,7 @@ class Sockets:
             await socket.close(code=WSCloseCode.GOING_AWAY)
 
 
-async def _send(socket: web.WebSocketResponse, page: Page) -> None:
+async def _send(socket: web.WebSocketResponse, page: PageConnection) -> None:
     with suppress(ConnectionError):
         while not page.too_slow:
             await socket.send_str(await page.batch())
@@ -104,20 +104,20 @@ async def _receive(socket: web.WebSocketResponse, within_s: float | None = None)
     try:
         said = read_json(message.data)
     except (ValueError, RecursionError) as error:
-        raise _NoSenseError("no JSON") from error
+        raise _InvalidMessageError("no JSON") from error
     if not isinstance(said, dict):
-        raise _NoSenseError("an object is needed")
+        raise _InvalidMessageError("an object is needed")
     return said
 
 
 def _hello(said: dict[str, Any]) -> _Hello:
     if said.get("op") != "hello":
-        raise _NoSenseError("op hello is needed first")
+        raise _InvalidMessageError("op hello is needed first")
     console, operator = said.get("console"), said.get("operator")
     if not isinstance(console, str) or not 0 < len(console) <= LONGEST_NAME:
-        raise _NoSenseError(f"console: a name of 1 to {LONGEST_NAME} characters")
+        raise _InvalidMessageError(f"console: a name of 1 to {LONGEST_NAME} characters")
     if operator is not None and not (isinstance(operator, str) and is_source(operator)):
-        raise _NoSenseError("operator: a name of 1 to 256 printable characters")
+        raise _InvalidMessageError("operator: a name of 1 to 256 printable characters")
     resume = said.get("resume")
     resume = resume if isinstance(resume, dict) else {}
     topics = _list(said.get("topics", []))
@@ -126,7 +126,7 @@ def _hello(said: dict[str, Any]) -> _Hello:
 
 def _topics(said: dict[str, Any]) -> tuple[str, ...]:
     if said.get("op") != "sub":
-        raise _NoSenseError("op sub is what may be said")
+        raise _InvalidMessageError("op sub is what may be said")
     return _list(said.get("topics"))
 
 
@@ -136,5 +136,5 @@ def _list(topics: object) -> tuple[str, ...]:
         or len(topics) > MOST_TOPICS
         or any(not isinstance(topic, str) for topic in topics)
     ):
-        raise _NoSenseError(f"topics: a list of at most {MOST_TOPICS} texts")
+        raise _InvalidMessageError(f"topics: a list of at most {MOST_TOPICS} texts")
     return tuple(topics)

@@ -38,7 +38,7 @@ class _Pointing:
 
 
 @dataclass(frozen=True, slots=True)
-class Pointed:
+class PointingResult:
     """How a command for the head ended.
 
     Attributes:
@@ -51,7 +51,7 @@ class Pointed:
     fault: str = ""
 
 
-class HeadWatch:
+class CameraHeadMonitor:
     """Keeps the brick's replies to commands for the camera's head until it is there.
 
     Args:
@@ -108,7 +108,7 @@ class HeadWatch:
         self._pointing.clear()
         self._seen_rad = (None, None)
 
-    def see(self, telemetry: Message) -> list[Pointed]:
+    def see(self, telemetry: Message) -> list[PointingResult]:
         """Take telemetry, and return the commands whose angles it shows."""
         try:
             told = parameters_of(telemetry, self._dictionary.spelling.telemetry, 0.0)
@@ -118,17 +118,17 @@ class HeadWatch:
         self._seen_rad = known[Parameter.CAM_PAN], known[Parameter.CAM_TILT]
         self._speed_radps = known[Parameter.CAM_ROTATE_SPEED] or USUAL_RADPS
         return [
-            Pointed(each.command, self._taken(each))
+            PointingResult(each.command, self._taken(each))
             for each in self._waiting()
             if _left_rad(each.wanted_rad, self._seen_rad) <= NEAR_RAD
         ]
 
-    def overdue(self) -> list[Pointed]:
+    def overdue(self) -> list[PointingResult]:
         """Return the commands whose angles telemetry did not show in time, and what it shows."""
         late = [each for each in self._waiting() if self._clock.now_s() > each.until_s]
         shown = ", ".join("unknown" if seen is None else f"{seen:.3f}" for seen in self._seen_rad)
         text = f"the camera did not reach its angles: it points to {shown} rad"
-        return [Pointed(each.command, self._taken(each), text) for each in late]
+        return [PointingResult(each.command, self._taken(each), text) for each in late]
 
     def _waiting(self) -> list[_Pointing]:
         return [each for each in self._pointing.values() if each.reply is not None]

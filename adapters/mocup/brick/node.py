@@ -17,7 +17,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64, String, UInt64
 
 from adapters.mocup.brick.ownership import SILENT_S
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import SOURCE, Router
 from adapters.mocup.brick.service import MOST_ARRIVED, BrickService
 from adapters.mocup.brick.usb import (
@@ -58,7 +58,7 @@ from executive.values.facts import Battery, CameraAngles, Odometry
 
 NODE_NAME: Final = "nxt"
 HEALTH_S: Final = 1.0
-HOUSEKEEPING_S: Final = {Link.DIRECT: 5.0, Link.RELAY: 30.0}
+HOUSEKEEPING_S: Final = {BrickLink.DIRECT: 5.0, BrickLink.RELAY: 30.0}
 """Between two times that this process tells of itself; the relay's link is narrow."""
 _LOG: Final = logging.getLogger(__name__)
 HIGHEST_PERIOD_S: Final = 3600.0
@@ -90,10 +90,10 @@ class NxtSettings:
 
     brick: str
     address: UsbAddress
-    commands: Mapping[Link, Topic]
-    notifications: Mapping[Link, Topic]
+    commands: Mapping[BrickLink, Topic]
+    notifications: Mapping[BrickLink, Topic]
     stops: Topic
-    taken: Mapping[Link, Topic]
+    taken: Mapping[BrickLink, Topic]
     kept: Topic | None
     relay_telemetry_s: float
     relay_needs_authority: bool
@@ -109,10 +109,10 @@ def declare_settings(node: Node) -> NxtSettings:
     return NxtSettings(
         declare_value(node, "brick", Parameter.Type.STRING, "the brick's name in messages"),
         UsbAddress(**numbers),
-        {link: _strings(node, link, "command") for link in Link},
-        {link: _strings(node, link, "notification") for link in Link},
+        {link: _strings(node, link, "command") for link in BrickLink},
+        {link: _strings(node, link, "notification") for link in BrickLink},
         declare_topic(node, "relay_stop", "std_msgs/String, MOPS of the relay's stops"),
-        {link: declare_topic(node, f"{link.value}_taken", _TAKEN) for link in Link},
+        {link: declare_topic(node, f"{link.value}_taken", _TAKEN) for link in BrickLink},
         declare_optional_topic(
             node,
             "relay_kept",
@@ -146,7 +146,7 @@ def _period_s(node: Node) -> float:
     return value
 
 
-def _strings(node: Node, link: Link, what: str) -> Topic:
+def _strings(node: Node, link: BrickLink, what: str) -> Topic:
     meaning = f"std_msgs/String, MOPS {what}s of the {link.value} link"
     return declare_topic(node, f"{link.value}_{what}", meaning)
 
@@ -182,7 +182,7 @@ class NxtNode:
         spelling = dictionary.spelling
         self._telemetry = spelling.telemetry
         self._housekeeping = spelling.housekeeping
-        self._house_s = dict.fromkeys(Link, -inf)
+        self._house_s = dict.fromkeys(BrickLink, -inf)
         authority = RelayAuthority(settings.relay_needs_authority)
         self._router = Router(
             dictionary, settings.brick, self, self._refused, record, authority, SystemClock()
@@ -209,12 +209,13 @@ class NxtNode:
         }
         self._inbox_waits = node.create_guard_condition(self._serve_inbox)
         self._commanders = {
-            link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link)) for link in Link
+            link: HeartbeatMonitor(SILENT_S, partial(self._router.silent, link))
+            for link in BrickLink
         }
         for link, topic in settings.commands.items():
             watch(node, topic, self._commanders[link])
         node.create_subscription(
-            String, settings.stops.name, self._taker(Link.RELAY), settings.stops.qos
+            String, settings.stops.name, self._taker(BrickLink.RELAY), settings.stops.qos
         )
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady_timer(node, HEALTH_S, self._look_around)
@@ -235,7 +236,7 @@ class NxtNode:
         """Hand a stop to the session."""
         return self._session.stop(octets)
 
-    def notify(self, link: Link, message: Message) -> None:
+    def notify(self, link: BrickLink, message: Message) -> None:
         """Publish a notification on a link's topic."""
         self._notifications[link].publish(String(data=str(message)))
 
@@ -244,7 +245,7 @@ class NxtNode:
         now_s = time.monotonic()
         if now_s - self._relay_telemetry_s >= self._settings.relay_telemetry_s:
             self._relay_telemetry_s = now_s
-            self.notify(Link.RELAY, message)
+            self.notify(BrickLink.RELAY, message)
         stamp = self._node.get_clock().now().to_msg()
         try:
             for fact in facts_of(message, self._telemetry, stamp_s(stamp)):
@@ -265,14 +266,14 @@ class NxtNode:
     def _publisher(self, kind: type, topic: Topic) -> Publisher:
         return self._node.create_publisher(kind, topic.name, topic.qos)
 
-    def _taker(self, link: Link) -> Callable[[String], None]:
+    def _taker(self, link: BrickLink) -> Callable[[String], None]:
         def take(message: String) -> None:
             self._arrived(link, message)
             self._serve_inbox()
 
         return take
 
-    def _arrived(self, link: Link, message: String) -> None:
+    def _arrived(self, link: BrickLink, message: String) -> None:
         if not self._service.inbox.put(link, message.data):
             self._refused(f"{link.value} link: {MOST_ARRIVED} texts wait")
 
@@ -287,7 +288,7 @@ class NxtNode:
             self._commanders[served].command()
             self._inbox_waits.trigger()  # type: ignore[no-untyped-call]
 
-    def _confirm(self, link: Link, mark: int) -> None:
+    def _confirm(self, link: BrickLink, mark: int) -> None:
         self._taken[link].publish(UInt64(data=mark))
 
     def _on_kept(self, mark: UInt64) -> None:
@@ -306,7 +307,7 @@ class NxtNode:
         """Tell by both links how this process is doing."""
         now_s, counts = time.monotonic(), self._router.counts
         listeners = self._service.listeners
-        due = [link for link in Link if now_s >= self._house_s[link] and listeners[link]]
+        due = [link for link in BrickLink if now_s >= self._house_s[link] and listeners[link]]
         self._house_s |= {link: now_s + HOUSEKEEPING_S[link] for link in due}
         figures = {
             "NXT_CONNECTED": float(self._session.connected),

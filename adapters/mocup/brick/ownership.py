@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
-from adapters.mocup.brick.replies_out import Cause, RepliesOut, command_of, same
+from adapters.mocup.brick.record import BrickCommand, BrickLink, BrickRecord, ExecutiveClaim
+from adapters.mocup.brick.replies_out import CancelCause, ReplyPublisher, command_of, same
 from adapters.mops import Message, MopsError, conditions_of, encode, is_last
 from executive.commands.intake import expired
 from executive.values.clock import Clock
@@ -22,7 +22,7 @@ class Ownership:
         LedgerError: from every method that takes a message, if nothing can be read or written.
     """
 
-    def __init__(self, record: BrickRecord, out: RepliesOut) -> None:
+    def __init__(self, record: BrickRecord, out: ReplyPublisher) -> None:
         self._record = record
         self._out = out
         self._begun: set[_Key] = set()
@@ -39,7 +39,7 @@ class Ownership:
 
     def stop(self, stop: Message) -> None:
         """Notify the executive of a stop by the relay, which ends all that it has claimed."""
-        self._out.notify(Link.DIRECT, self._out.reply(stop, Stage.STARTED))
+        self._out.notify(BrickLink.DIRECT, self._out.reply(stop, Stage.STARTED))
         self._stopped = {_key(claim.command) for claim in self._record.unended_claims()}
 
     def begin(self, part: Message) -> bool:
@@ -49,7 +49,7 @@ class Ownership:
             Whether it may: not where the relay has stopped that meanwhile.
         """
         if _key(part) in self._stopped:
-            self._out.notify(Link.DIRECT, self._out.cancelled(part, _BY_RELAY))
+            self._out.notify(BrickLink.DIRECT, self._out.cancelled(part, _BY_RELAY))
             return False
         claim = self._record.claim(part)
         if part.moe_inputs_counter is not None and claim is not None and not claim.ended:
@@ -61,14 +61,14 @@ class Ownership:
         claim = self._record.claim(command)
         if claim is None or not same(claim.command, command):
             if claim is not None and claim.wanted is not None:
-                self._out.is_same(Link.RELAY, command, claim.wanted)
-            claim = Claim(command)
+                self._out.is_same(BrickLink.RELAY, command, claim.wanted)
+            claim = ExecutiveClaim(command)
             self._record.save_claim(claim)
         first = self._record.asked_by_relay(command)
         if first is not None:
             self.relay_was_first(claim, first)
 
-    def relay_was_first(self, claim: Claim, first: BrickCommand) -> bool:
+    def relay_was_first(self, claim: ExecutiveClaim, first: BrickCommand) -> bool:
         """Tell the executive what became of a claimed command that the relay brought first.
 
         What the brick refused or never had it has not done: the executive may. The relay receives
@@ -79,7 +79,7 @@ class Ownership:
         """
         if not same(claim.command, first.command):
             text = f"this number is that of another {first.command.command}"
-            self._out.reject((Link.DIRECT,), claim.command, text, Reason.DUPLICATE)
+            self._out.reject((BrickLink.DIRECT,), claim.command, text, Reason.DUPLICATE)
         elif first.refused:
             if first.command.moe_inputs_counter is not None:  # a part may have that counter
                 plain = replace(first.command, moe_inputs_counter=None)
@@ -89,7 +89,7 @@ class Ownership:
             self._record.save_claim(replace(claim, wanted=first.command), instead=first)
             return False
         elif first.replied is not None:
-            self._out.notify(Link.DIRECT, replace(first.replied, moe_inputs_counter=None))
+            self._out.notify(BrickLink.DIRECT, replace(first.replied, moe_inputs_counter=None))
         return True
 
     def report(self, report: Message) -> None:
@@ -104,19 +104,19 @@ class Ownership:
         self._record.save_claim(claim)
         self.tell_relay(claim)
 
-    def add_relay_copy(self, claim: Claim, command: Message) -> None:
+    def add_relay_copy(self, claim: ExecutiveClaim, command: Message) -> None:
         """Record the relay's copy of a claimed command, so that the relay hears of it."""
-        if self._out.is_same(Link.RELAY, claim.command, command):
+        if self._out.is_same(BrickLink.RELAY, claim.command, command):
             claim = replace(claim, wanted=command)
             self._record.save_claim(claim)
             self.tell_relay(claim)
 
-    def tell_relay(self, claim: Claim) -> None:
+    def tell_relay(self, claim: ExecutiveClaim) -> None:
         """Pass the executive's last report to the relay, if there are both a report and a copy."""
         if claim.wanted is not None and claim.reported is not None:
             counter, outputs = claim.wanted.moe_inputs_counter, claim.reported.outputs[:3]
             told = replace(claim.reported, moe_inputs_counter=counter, outputs=outputs)
-            self._out.notify(Link.RELAY, told)
+            self._out.notify(BrickLink.RELAY, told)
 
 
 def _key(command: Message) -> _Key:
@@ -128,18 +128,20 @@ SILENT_S: Final = 0.5
 """Whatever moves is stopped when who has moved it was not heard for so long."""
 
 
-STOPPED: Final = Cause("stopped before the brick had it", Reason.STOPPED)
-GONE: Final = Cause("the brick went away before it had it")
+STOPPED: Final = CancelCause("stopped before the brick had it", Reason.STOPPED)
+GONE: Final = CancelCause("the brick went away before it had it")
 SILENT: Final = {
-    Link.DIRECT: Cause(f"the executive was silent for {SILENT_S:g} s", Reason.INTERRUPTED),
-    Link.RELAY: Cause(f"rover-relay was silent for {SILENT_S:g} s", Reason.INTERRUPTED),
+    BrickLink.DIRECT: CancelCause(
+        f"the executive was silent for {SILENT_S:g} s", Reason.INTERRUPTED
+    ),
+    BrickLink.RELAY: CancelCause(f"rover-relay was silent for {SILENT_S:g} s", Reason.INTERRUPTED),
 }
 """Why what came by a link ends when who sends by it is gone."""
-_BY_RELAY: Final = Cause("the relay has stopped it", Reason.STOPPED)
+_BY_RELAY: Final = CancelCause("the relay has stopped it", Reason.STOPPED)
 _CAUSES: Final = (STOPPED, GONE, *SILENT.values())
 
 
-class WaitingCommands:
+class BrickQueue:
     """Commands that are received and wait for the brick, on the disk.
 
     They wait for what the executive carries out as well, and no longer than they live.
@@ -153,10 +155,10 @@ class WaitingCommands:
     def __init__(
         self,
         record: BrickRecord,
-        out: RepliesOut,
+        out: ReplyPublisher,
         ownership: Ownership,
         send: Callable[[Message], bool],
-        reject: Callable[[Link, Message, str, Reason], None],
+        reject: Callable[[BrickLink, Message, str, Reason], None],
         clock: Clock,
     ) -> None:
         self._record = record
@@ -165,7 +167,7 @@ class WaitingCommands:
         self._send, self._reject = send, reject
         self._clock = clock
         self._arrived: dict[_Key, tuple[float, float]] = {}
-        self._ending: Cause | None = None
+        self._ending: CancelCause | None = None
 
     @property
     def must_wait(self) -> bool:
@@ -185,7 +187,7 @@ class WaitingCommands:
         self._end_what_is_to_end()
         if len(self._record.waiting()) >= MOST_WAITING:
             text = f"BUSY: {MOST_WAITING} commands wait for the brick"
-            self._reject(Link.RELAY, command, text, Reason.QUEUE_FULL)
+            self._reject(BrickLink.RELAY, command, text, Reason.QUEUE_FULL)
             return
         received = self._out.reply(command, Stage.RECEIVED)
         try:
@@ -194,9 +196,9 @@ class WaitingCommands:
         except MopsError as error:
             self._out.refuse(f"relay link: no reply fits to what would wait: {error}")
             return
-        self._record.save(BrickCommand(command, (Link.RELAY,), received, waits=True))
+        self._record.save(BrickCommand(command, (BrickLink.RELAY,), received, waits=True))
         self._arrived[_key(command)] = (self._clock.utc_s(), self._clock.now_s())
-        self._out.notify(Link.RELAY, received)
+        self._out.notify(BrickLink.RELAY, received)
 
     def go_on(self, there: bool) -> None:
         """Send the brick what has waited longest, if it is there and has time."""
@@ -210,7 +212,7 @@ class WaitingCommands:
             if not waiting:
                 self._arrived.clear()
 
-    def end(self, cause: Cause) -> None:
+    def end(self, cause: CancelCause) -> None:
         """End all that waits; as long as that cannot be written down, nothing of it is sent."""
         self._ending = self._ending or cause
         with self._out.contained("what is to end goes on waiting"):

@@ -32,7 +32,7 @@ CREATE TABLE IF NOT EXISTS authority (only_row INTEGER PRIMARY KEY, message TEXT
 """
 
 
-class Link(Enum):
+class BrickLink(Enum):
     """A way in and out."""
 
     DIRECT = "direct"
@@ -48,7 +48,7 @@ class BrickCommand:
     """
 
     command: Message
-    links: tuple[Link, ...]
+    links: tuple[BrickLink, ...]
     replied: Message | None = None
     waits: bool = False
 
@@ -68,11 +68,11 @@ class BrickCommand:
     @property
     def is_part(self) -> bool:
         """Whether the executive asked it for a command that it carries out."""
-        return self.links == (Link.DIRECT,) and self.command.moe_inputs_counter is not None
+        return self.links == (BrickLink.DIRECT,) and self.command.moe_inputs_counter is not None
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class ExecutiveClaim:
     """A command that the executive carries out.
 
     Attributes:
@@ -115,7 +115,7 @@ class BrickRecord(Database):
 
     def asked_by_relay(self, command: Message) -> BrickCommand | None:
         """Return what the relay asked under a message's source and number."""
-        where = f"source = ? AND moe_id = ? AND links LIKE '%{Link.RELAY.value}%' LIMIT 1"
+        where = f"source = ? AND moe_id = ? AND links LIKE '%{BrickLink.RELAY.value}%' LIMIT 1"
         return self._asked(where, _name(command))
 
     def latest(self, count: int) -> Sequence[BrickCommand]:
@@ -161,14 +161,14 @@ class BrickRecord(Database):
         """Delete a command that did not reach the brick."""
         self.rows(_FORGET, _key(asked.command))
 
-    def claim(self, command: Message) -> Claim | None:
+    def claim(self, command: Message) -> ExecutiveClaim | None:
         """Return the executive's claim on a message's source and number."""
         where = "source = ? AND moe_id = ?"
         query = f"SELECT command, reported, wanted FROM claims WHERE {where}"
         rows = self.rows(query, _name(command))
         return _claim(rows[0]) if rows else None
 
-    def claims_with_copy(self, count: int) -> Sequence[Claim]:
+    def claims_with_copy(self, count: int) -> Sequence[ExecutiveClaim]:
         """Return the last claims of which the relay has a copy, oldest first."""
         query = (
             "SELECT command, reported, wanted FROM claims WHERE wanted IS NOT NULL"
@@ -176,13 +176,13 @@ class BrickRecord(Database):
         )
         return [_claim(row) for row in reversed(self.rows(query, (count,)))]
 
-    def unended_claims(self) -> Sequence[Claim]:
+    def unended_claims(self) -> Sequence[ExecutiveClaim]:
         """Return the claims that have not ended."""
         query = "SELECT command, reported, wanted FROM claims ORDER BY number DESC LIMIT ?"
         rows = self.rows(query, (_MAY_BE_OPEN,))
         return [claim for claim in map(_claim, rows) if not claim.ended]
 
-    def save_claim(self, claim: Claim, instead: BrickCommand | None = None) -> None:
+    def save_claim(self, claim: ExecutiveClaim, instead: BrickCommand | None = None) -> None:
         """Write a claim down, or what has become of it; with `instead` as in `save`."""
         texts = (None if told is None else str(told) for told in (claim.reported, claim.wanted))
         self._keep(
@@ -236,13 +236,13 @@ def _key(command: Message) -> tuple[str, int, int]:
 
 def _asked(row: tuple[Any, ...]) -> BrickCommand:
     command, links, replied, waits = row
-    by = tuple(Link(link) for link in links.split(",") if link)
+    by = tuple(BrickLink(link) for link in links.split(",") if link)
     return BrickCommand(_read(command), by, _read_any(replied), bool(waits))
 
 
-def _claim(row: tuple[Any, ...]) -> Claim:
+def _claim(row: tuple[Any, ...]) -> ExecutiveClaim:
     command, reported, wanted = row
-    return Claim(_read(command), _read_any(reported), _read_any(wanted))
+    return ExecutiveClaim(_read(command), _read_any(reported), _read_any(wanted))
 
 
 def _read(text: str) -> Message:

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from adapters.mocup.brick.head_watch import HeadWatch, Pointed
+from adapters.mocup.brick.head_watch import CameraHeadMonitor, PointingResult
 from adapters.mocup.brick.ownership import Ownership
-from adapters.mocup.brick.record import BrickCommand, BrickRecord, Link
-from adapters.mocup.brick.replies_out import Cause, RepliesOut, command_of
+from adapters.mocup.brick.record import BrickCommand, BrickLink, BrickRecord
+from adapters.mocup.brick.replies_out import CancelCause, ReplyPublisher, command_of
 from adapters.mops import Message, MopsError, is_last
 from executive.record import LedgerError
 from executive.values.reasons import Reason
@@ -22,9 +22,9 @@ class BrickReplies:
     def __init__(
         self,
         record: BrickRecord,
-        out: RepliesOut,
+        out: ReplyPublisher,
         ownership: Ownership,
-        head: HeadWatch,
+        head: CameraHeadMonitor,
         stop: int,
     ) -> None:
         self._record = record
@@ -34,7 +34,7 @@ class BrickReplies:
         self._stop = stop
         self._expected: Sequence[Message] = ()
         self._overdue: Sequence[Message] = ()
-        self._causes: dict[Message, Cause] = {}
+        self._causes: dict[Message, CancelCause] = {}
         self._stopped: Sequence[Message] = ()
         self._unrecorded: dict[Message, Message] = {}
 
@@ -50,7 +50,7 @@ class BrickReplies:
         if asked is None or asked.command.code != reply.code:
             self._out.counts.unasked += 1
             # A stop of the relay that could not be recorded comes again until it is.
-            for link in (Link.DIRECT,) if reply.code == self._stop else Link:
+            for link in (BrickLink.DIRECT,) if reply.code == self._stop else BrickLink:
                 self._out.notify(link, reply)
         elif asked.ended and reply.code == self._stop:
             self._out.counts.replies += 1  # to one that came again
@@ -59,7 +59,7 @@ class BrickReplies:
             self._out.refuse(f"the brick says {reply} {when}")
         else:
             self._out.counts.replies += 1
-            by_relay = Link.RELAY in asked.links
+            by_relay = BrickLink.RELAY in asked.links
             if reply.executed and by_relay and self._head.keep(asked.command, reply):
                 self.answer(asked, self._out.reply(asked.command, Stage.STARTED))
                 return
@@ -96,7 +96,7 @@ class BrickReplies:
         self._end_pointing(pointed)
         return bool(pointed)
 
-    def _end_pointing(self, pointed: Sequence[Pointed]) -> None:
+    def _end_pointing(self, pointed: Sequence[PointingResult]) -> None:
         for each in pointed:
             with self._out.contained(f"how {each.command} ended"):
                 asked = self._record.asked(each.command)
@@ -107,7 +107,7 @@ class BrickReplies:
                     reply = self._out.reply(each.command, Stage.FAILED, each.fault, why)
                 self.answer(asked, reply)
 
-    def because(self, commands: Sequence[BrickCommand], cause: Cause) -> None:
+    def because(self, commands: Sequence[BrickCommand], cause: CancelCause) -> None:
         """Give a cause where the brick reports that commands were cancelled."""
         self._causes |= {asked.command: cause for asked in commands}
 
@@ -151,11 +151,11 @@ class BrickReplies:
             self._out.refuse(f"a reply to {asked.command} is not recorded: {error}")
             if asked.ended:
                 self._unrecorded[asked.command] = reply
-            if asked.ended and Link.RELAY in asked.links:
+            if asked.ended and BrickLink.RELAY in asked.links:
                 return
         for link in asked.links:
             self._out.notify(link, reply)
-        if asked.links == (Link.RELAY,):
+        if asked.links == (BrickLink.RELAY,):
             with self._out.contained(f"a reply to {asked.command} is not reported"):
                 claim = self._record.claim(asked.command)
                 if claim is not None:

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Final, Protocol
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mops import Message, MopsError, encode, fingerprint, refusal_of
 from executive.record import LedgerError
 from executive.values.reasons import Reason
@@ -28,7 +28,7 @@ class RouterPorts(Protocol):
         """Send a stop before all that waits, which is dropped; return False where it cannot be."""
         ...
 
-    def notify(self, link: Link, message: Message) -> None:
+    def notify(self, link: BrickLink, message: Message) -> None:
         """Publish a notification on a link."""
         ...
 
@@ -68,7 +68,7 @@ ABSENT: Final = "the brick is not there or does not keep up"
 
 
 @dataclass(frozen=True, slots=True)
-class Cause:
+class CancelCause:
     """Why something ends that nobody has cancelled by its number."""
 
     text: str
@@ -76,7 +76,7 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True)
-class RepliesOut:
+class ReplyPublisher:
     """Replies to links in the name of the brick.
 
     Attributes:
@@ -93,21 +93,21 @@ class RepliesOut:
     counts: RouterCounts
     unconfirmed: dict[int, Message] = field(default_factory=dict)
 
-    def notify(self, link: Link, message: Message) -> None:
+    def notify(self, link: BrickLink, message: Message) -> None:
         """Publish a notification on a link, if it is short enough for a message."""
         try:
             encode(message)
         except MopsError as error:
             self.refuse(f"{link.value} link: there is no reply: {error}")
         else:
-            if link is Link.RELAY:
+            if link is BrickLink.RELAY:
                 self.unconfirmed[fingerprint(str(message))] = message
                 if len(self.unconfirmed) > MOST_UNCONFIRMED:
                     del self.unconfirmed[next(iter(self.unconfirmed))]
             self.ports.notify(link, message)
 
     def reject(
-        self, links: Sequence[Link], command: Message, text: str, reason: Reason | None = None
+        self, links: Sequence[BrickLink], command: Message, text: str, reason: Reason | None = None
     ) -> None:
         """Reply to links that a command is refused."""
         self.refuse(f"{links[-1].value} link: {command}: {text}")
@@ -134,11 +134,11 @@ class RepliesOut:
         refusal = refusal_of(command, self.name, text, reason)
         return replace(refusal, outputs=(stage.name, *refusal.outputs[1:]), received=True)
 
-    def cancelled(self, command: Message, cause: Cause) -> Message:
+    def cancelled(self, command: Message, cause: CancelCause) -> Message:
         """Return the reply that ends a command that was received and not done."""
         return self.reply(command, Stage.CANCELLED, cause.text, cause.reason)
 
-    def is_same(self, link: Link, known: Message, command: Message) -> bool:
+    def is_same(self, link: BrickLink, known: Message, command: Message) -> bool:
         """Return whether two commands under one number are the same; refuse the second if not."""
         if same(known, command):
             self.counts.repeats += 1

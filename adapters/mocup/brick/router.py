@@ -7,13 +7,13 @@ from enum import Enum, unique
 from itertools import count
 from typing import Final
 
-from adapters.mocup.brick.head_watch import HeadWatch
-from adapters.mocup.brick.ownership import GONE, SILENT, STOPPED, Ownership, WaitingCommands
-from adapters.mocup.brick.record import BrickCommand, BrickRecord, Claim, Link
+from adapters.mocup.brick.head_watch import CameraHeadMonitor
+from adapters.mocup.brick.ownership import GONE, SILENT, STOPPED, BrickQueue, Ownership
+from adapters.mocup.brick.record import BrickCommand, BrickLink, BrickRecord, ExecutiveClaim
 from adapters.mocup.brick.replies import BrickReplies
 from adapters.mocup.brick.replies_out import (
     ABSENT,
-    RepliesOut,
+    ReplyPublisher,
     RouterCounts,
     RouterPorts,
 )
@@ -106,30 +106,30 @@ class Router:
         self._granted = record.authority()
         self._authority = authority if self._granted is None else authority_of(self._granted)
         self._looks_to_wait = _LOOKS_TO_BE_TOLD if self._granted and self._authority.needed else 0
-        self._out = RepliesOut(name, ports, tell, self.counts)
+        self._out = ReplyPublisher(name, ports, tell, self.counts)
         self.unconfirmed = self._out.unconfirmed
         self._ownership = Ownership(record, self._out)
-        self._head = HeadWatch(dictionary, clock)
+        self._head = CameraHeadMonitor(dictionary, clock)
         self._replies = BrickReplies(
             record, self._out, self._ownership, self._head, self._stop_code
         )
-        self._waiting = WaitingCommands(
+        self._waiting = BrickQueue(
             record, self._out, self._ownership, self._send, self._reject, clock
         )
         self._visit = _NO_VISIT
         self._may_move = False
-        self._silent: set[Link] = set()
+        self._silent: set[BrickLink] = set()
         self._overtaken = False
         self._numbers = count(round(clock.utc_s() * 1e6))
         self._said = MopsStream(self._out.refuse)
-        self._told = {link: MopsStream(self._out.refuse) for link in Link}
+        self._told = {link: MopsStream(self._out.refuse) for link in BrickLink}
 
     def is_stop(self, text: str) -> bool:
         """Return whether there is a stop among the messages of a text."""
         stops = f"{self._stop_code:03X}|" in text
         return stops and any(map(self._stops, messages_in(text, lambda _: None)))
 
-    def command(self, link: Link, text: str, overtaken: bool = False) -> bool:
+    def command(self, link: BrickLink, text: str, overtaken: bool = False) -> bool:
         """Take whole messages from a link.
 
         Args:
@@ -143,7 +143,7 @@ class Router:
             taken either: what the relay sent, or the executive announced, comes again, and a
             refusal that is not recorded would be followed by a second end.
         """
-        if link is Link.RELAY and self._looks_to_wait and not self.is_stop(text):
+        if link is BrickLink.RELAY and self._looks_to_wait and not self.is_stop(text):
             return False
         self._silent.discard(link)
         self._overtaken = overtaken
@@ -154,7 +154,7 @@ class Router:
                 self._take(link, message)
             except LedgerError as error:
                 why, taken = f"it cannot be recorded: {error}", False
-                if link is Link.RELAY or message.received or self._stops(message):
+                if link is BrickLink.RELAY or message.received or self._stops(message):
                     self._out.refuse(f"{link.value} link: {message}: {why}")
                 else:
                     self._out.reject((link,), message, why, Reason.LEDGER_FAILED)
@@ -201,11 +201,11 @@ class Router:
         if was_there:
             self._waiting.end(GONE)
 
-    def silent(self, link: Link) -> None:
+    def silent(self, link: BrickLink) -> None:
         """Stop the brick if all it does was asked by who has fallen silent."""
         self._silent.add(link)
         cause = SILENT[link]
-        if link is Link.DIRECT:
+        if link is BrickLink.DIRECT:
             self._ownership.release()
         else:
             self._waiting.end(cause)
@@ -242,7 +242,7 @@ class Router:
     def _go_on(self) -> None:
         self._waiting.go_on(self._visit != _NO_VISIT)
 
-    def resend_last(self, link: Link) -> None:
+    def resend_last(self, link: BrickLink) -> None:
         """Send a link the last replies to its commands again, for a new listener."""
         with self._out.contained(f"{link.value} link: nothing is told again"):
             for asked in self.record.latest(TOLD_AGAIN):
@@ -250,12 +250,14 @@ class Router:
                     continue
                 if link in asked.links:
                     self._out.notify(link, asked.replied)
-                elif link is Link.DIRECT and (claim := self.record.claim(asked.command)):
+                elif link is BrickLink.DIRECT and (claim := self.record.claim(asked.command)):
                     self._ownership.relay_was_first(claim, asked)
-            for claim in self.record.claims_with_copy(TOLD_AGAIN) if link is Link.RELAY else ():
+            for claim in (
+                self.record.claims_with_copy(TOLD_AGAIN) if link is BrickLink.RELAY else ()
+            ):
                 self._ownership.tell_relay(claim)
 
-    def _take(self, link: Link, message: Message) -> None:
+    def _take(self, link: BrickLink, message: Message) -> None:
         match self._kind_of(link, message):
             case _Kind.REPORT:
                 self._ownership.report(message)
@@ -270,16 +272,16 @@ class Router:
             case _Kind.COMMAND:
                 if message.moe_inputs_id is not None and self._known(link, message):
                     return
-                if link is Link.DIRECT or self._admitted(message):
+                if link is BrickLink.DIRECT or self._admitted(message):
                     self._begin(link, message)
             case _Kind.ELSEWHERE:
                 self._out.refuse(f"{link.value} link: {message} is for {message.dest}")
             case _Kind.NO_COMMAND:
                 self._out.refuse(f"{link.value} link: {message} is no command")
 
-    def _kind_of(self, link: Link, message: Message) -> _Kind:
+    def _kind_of(self, link: BrickLink, message: Message) -> _Kind:
         """Return what a message of a link is; the first that holds, since a stop may look alike."""
-        direct = link is Link.DIRECT
+        direct = link is BrickLink.DIRECT
         if direct and message.source == self.name and message.outputs:
             return _Kind.REPORT
         if message.dest != self.name:
@@ -314,24 +316,24 @@ class Router:
         try:
             conditions = conditions_of(command)
         except MopsError as error:
-            self._reject(Link.RELAY, command, str(error))
+            self._reject(BrickLink.RELAY, command, str(error))
             return False
         claimed = conditions.authority
         fault = self._authority.fault(command.source, claimed)
         if fault:
-            self._reject(Link.RELAY, command, fault, Reason.NO_AUTHORITY)
+            self._reject(BrickLink.RELAY, command, fault, Reason.NO_AUTHORITY)
             return False
         utc_s = self._clock.utc_s()
         late = made_in_future(conditions, utc_s, MOST_AHEAD_S) or expired(conditions, utc_s, utc_s)
         if late is not None:
-            self._reject(Link.RELAY, command, late.text, late.reason)
+            self._reject(BrickLink.RELAY, command, late.text, late.reason)
             return False
         if claimed is not None and self._granted is not None:
             told = self._granted
-            self._out.notify(Link.DIRECT, replace(told, source=told.dest, dest=told.source))
+            self._out.notify(BrickLink.DIRECT, replace(told, source=told.dest, dest=told.source))
         return True
 
-    def _begin(self, link: Link, command: Message) -> None:
+    def _begin(self, link: BrickLink, command: Message) -> None:
         """Pass a new command on, or have it wait where the brick is busy."""
         if self._overtaken or conditions_of(command).overtaken:
             reply = self._out.cancelled(command, STOPPED)
@@ -342,7 +344,7 @@ class Router:
         if command.moe_inputs_id is None:
             self._pass_on(link, command)
             return
-        if link is Link.DIRECT:
+        if link is BrickLink.DIRECT:
             if not self._ownership.begin(command):
                 return
         elif self._visit != _NO_VISIT and self._waiting.must_wait:
@@ -350,23 +352,23 @@ class Router:
             return
         self._pass_on(link, command)
 
-    def _pass_on(self, link: Link, command: Message) -> None:
+    def _pass_on(self, link: BrickLink, command: Message) -> None:
         asked = BrickCommand(command, (link,))
         if self._visit != _NO_VISIT:
             self.record.save(asked)
             if self._send(command):
                 return
-            if link is Link.RELAY and command.moe_inputs_id is not None:
+            if link is BrickLink.RELAY and command.moe_inputs_id is not None:
                 self._replies.answer(asked, refusal_of(command, self.name, ABSENT))
                 return
             self.record.forget(asked)
         self._reject(link, command, ABSENT)
 
     def _reject(
-        self, link: Link, command: Message, text: str, reason: Reason | None = None
+        self, link: BrickLink, command: Message, text: str, reason: Reason | None = None
     ) -> None:
         """Refuse a command; the relay's is recorded as ended, since it may come again."""
-        if link is Link.RELAY and command.moe_inputs_id is not None:
+        if link is BrickLink.RELAY and command.moe_inputs_id is not None:
             refusal = refusal_of(command, self.name, text, reason)
             self.record.save(BrickCommand(command, (link,), refusal))
         self._out.reject((link,), command, text, reason)
@@ -391,16 +393,16 @@ class Router:
             self._replies.stopped()
         return sent
 
-    def _stop(self, link: Link, stop: Message) -> None:
+    def _stop(self, link: BrickLink, stop: Message) -> None:
         sent = self._sent_stop(stop)
-        if sent and link is Link.RELAY:
+        if sent and link is BrickLink.RELAY:
             with self._out.contained(f"a part may come after {stop}"):
                 self._ownership.stop(stop)
         self._ownership.release()
         self._waiting.end(STOPPED)
         self._record_stop(link, stop, sent)
 
-    def _record_stop(self, link: Link, stop: Message, sent: bool) -> None:
+    def _record_stop(self, link: BrickLink, stop: Message, sent: bool) -> None:
         """Record a stop that was sent, or refuse it; one that has ended keeps its end."""
         known = self._first(stop)
         if known is not None and not self._out.is_same(link, known.command, stop):
@@ -409,28 +411,28 @@ class Router:
         if before is not None and before.ended:
             self._repeat(link, before)
         elif sent:
-            links: Sequence[Link] = () if before is None else before.links
+            links: Sequence[BrickLink] = () if before is None else before.links
             self.record.save(BrickCommand(stop, _with(links, link)))
         else:
             self._reject(link, stop, ABSENT)
 
-    def _first(self, command: Message) -> Claim | BrickCommand | None:
+    def _first(self, command: Message) -> ExecutiveClaim | BrickCommand | None:
         if command.moe_inputs_id is None:
             return None
         return self.record.claim(command) or self.record.first_asked(command)
 
-    def _known(self, link: Link, command: Message) -> bool:
+    def _known(self, link: BrickLink, command: Message) -> bool:
         """Answer a command that has come before; return False for a new one."""
         first, family = self.record.asked_by_relay(command), self.record.first_asked(command)
         claim = self.record.claim(command)
-        if link is Link.DIRECT and command.moe_inputs_counter is not None:
+        if link is BrickLink.DIRECT and command.moe_inputs_counter is not None:
             if first is not None:
-                if self._ownership.relay_was_first(claim or Claim(first.command), first):
+                if self._ownership.relay_was_first(claim or ExecutiveClaim(first.command), first):
                     return True
                 first = None
             family = self.record.asked(command)
-        elif link is Link.RELAY and first is None and (claim or (family and family.is_part)):
-            self._ownership.add_relay_copy(claim or Claim(command), command)
+        elif link is BrickLink.RELAY and first is None and (claim or (family and family.is_part)):
+            self._ownership.add_relay_copy(claim or ExecutiveClaim(command), command)
             return True
         asked = first or family
         if asked is None:
@@ -439,7 +441,7 @@ class Router:
             self._repeat(link, asked)
         return True
 
-    def _repeat(self, link: Link, asked: BrickCommand) -> None:
+    def _repeat(self, link: BrickLink, asked: BrickCommand) -> None:
         """Send a link the last reply again, and from now on also those that follow."""
         if link not in asked.links:
             asked = replace(asked, links=_with(asked.links, link))
@@ -453,5 +455,5 @@ class Router:
         self.counts.dropped_pieces = sum(each.dropped_pieces for each in streams)
 
 
-def _with(links: Sequence[Link], link: Link) -> tuple[Link, ...]:
+def _with(links: Sequence[BrickLink], link: BrickLink) -> tuple[BrickLink, ...]:
     return tuple(links) if link in links else (*links, link)

@@ -5,21 +5,21 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mocup.brick.router import RESTARTED, Router
-from adapters.mocup.brick.usb import Found, Heard, Lost, SessionEvent
+from adapters.mocup.brick.usb import BrickConnected, BrickDisconnected, OctetsReceived, SessionEvent
 from adapters.mops import fingerprint
 
 
 @dataclass(frozen=True, slots=True)
-class Arrived:
+class ReceivedText:
     """A text that came by a link.
 
     Attributes:
         overtaken: whether a stop that came after it was taken before it.
     """
 
-    link: Link
+    link: BrickLink
     text: str
     overtaken: bool
 
@@ -27,7 +27,7 @@ class Arrived:
 MOST_ARRIVED: Final = 1000
 
 
-class Inbox:
+class StopFirstQueue:
     """Texts in the order in which they arrived, but stops first.
 
     Args:
@@ -36,21 +36,21 @@ class Inbox:
 
     def __init__(self, is_stop: Callable[[str], bool]) -> None:
         self._is_stop = is_stop
-        self._stops: deque[Arrived] = deque()
-        self._others: deque[Arrived] = deque()
+        self._stops: deque[ReceivedText] = deque()
+        self._others: deque[ReceivedText] = deque()
 
-    def put(self, link: Link, text: str) -> bool:
+    def put(self, link: BrickLink, text: str) -> bool:
         """Let a text arrive; return False where too many wait."""
         is_stop = self._is_stop(text)
         lane = self._stops if is_stop else self._others
         if is_stop:
             self._others = deque(replace(each, overtaken=True) for each in self._others)
         if len(lane) < MOST_ARRIVED:
-            lane.append(Arrived(link, text, overtaken=False))
+            lane.append(ReceivedText(link, text, overtaken=False))
             return True
         return False
 
-    def take(self) -> Arrived | None:
+    def take(self) -> ReceivedText | None:
         """Return the next text; None where none waits."""
         waiting = self._stops or self._others
         return waiting.popleft() if waiting else None
@@ -71,16 +71,18 @@ class BrickService:
     """
 
     def __init__(
-        self, router: Router, confirm: Callable[[Link, int], None], *, confirmed: bool
+        self, router: Router, confirm: Callable[[BrickLink, int], None], *, confirmed: bool
     ) -> None:
         self._router, self._confirm, self._confirmed = router, confirm, confirmed
         self._before: Sequence[int] = ()
-        self.listeners: Mapping[Link, frozenset[object]] = dict.fromkeys(Link, frozenset())
-        self.inbox = Inbox(router.is_stop)
+        self.listeners: Mapping[BrickLink, frozenset[object]] = dict.fromkeys(
+            BrickLink, frozenset()
+        )
+        self.inbox = StopFirstQueue(router.is_stop)
         self.why = "no brick yet"
         router.lost(RESTARTED)
 
-    def serve(self) -> Link | None:
+    def serve(self) -> BrickLink | None:
         """Take one text, a stop first; return its link, None where none waits."""
         if (arrived := self.inbox.take()) is None:
             return None
@@ -92,12 +94,12 @@ class BrickService:
         """Take events of the brick."""
         for event in events:
             match event:
-                case Heard(octets):
+                case OctetsReceived(octets):
                     self._router.heard(octets)
-                case Found(visit):
+                case BrickConnected(visit):
                     self.why = ""
                     self._router.found(visit)
-                case Lost(why):
+                case BrickDisconnected(why):
                     self.why = why
                     self._router.lost()
 
@@ -105,13 +107,13 @@ class BrickService:
         """Take a reply for confirmed: `rover-relay` has it on its disk."""
         self._router.unconfirmed.pop(mark, None)
 
-    def look(self, listeners: Mapping[Link, frozenset[object]]) -> None:
+    def look(self, listeners: Mapping[BrickLink, frozenset[object]]) -> None:
         """Do what is due, and resend last replies to new listeners; call once a second."""
         self._router.look()
         unconfirmed = self._router.unconfirmed
-        if self._confirmed and listeners[Link.RELAY]:
+        if self._confirmed and listeners[BrickLink.RELAY]:
             for mark in [each for each in self._before if each in unconfirmed]:
-                self._router.ports.notify(Link.RELAY, unconfirmed[mark])
+                self._router.ports.notify(BrickLink.RELAY, unconfirmed[mark])
         self._before = tuple(unconfirmed)
         for link, found in listeners.items():
             if found - self.listeners[link]:

@@ -188,31 +188,31 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class OctetsReceived:
     """Octets that the brick said."""
 
     octets: bytes
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class BrickConnected:
     """A brick is there, for the so many-th time, from 1."""
 
     visit: int
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class BrickDisconnected:
     """The brick is gone, and with it what was on its way there."""
 
     why: str
 
 
-SessionEvent = Heard | Found | Lost
+SessionEvent = OctetsReceived | BrickConnected | BrickDisconnected
 
 
 @dataclass(slots=True)
-class _Visit:
+class _Connection:
     """One time that a brick is there.
 
     Attributes:
@@ -324,7 +324,7 @@ class BrickSession:
             try:
                 with closing(self._claim()) as brick:
                     said = ""
-                    visit = _Visit(brick)
+                    visit = _Connection(brick)
                     self._serve(visit)
                     if visit.spoke:
                         wait_s = FIRST_WAIT_S
@@ -337,12 +337,12 @@ class BrickSession:
             self._closing.wait(wait_s)
             wait_s = min(2 * wait_s, LONGEST_WAIT_S)
 
-    def _serve(self, visit: _Visit) -> None:
+    def _serve(self, visit: _Connection) -> None:
         writer = Thread(target=self._until_over, args=(visit, self._write), name="nxt-write")
         _LOG.info("the brick is there")
         with self._changed:
             self._visits += 1
-        self._put(Found(self._visits))
+        self._put(BrickConnected(self._visits))
         with self._changed:
             self._connected = True
         writer.start()
@@ -355,9 +355,9 @@ class BrickSession:
         writer.join()
         if visit.why:
             _LOG.warning("the brick is gone: %s; it is looked for again", visit.why[0])
-            self._put(Lost(visit.why[0]))
+            self._put(BrickDisconnected(visit.why[0]))
 
-    def _until_over(self, visit: _Visit, work: Callable[[_Visit], None]) -> None:
+    def _until_over(self, visit: _Connection, work: Callable[[_Connection], None]) -> None:
         try:
             work(visit)
         except BrickError as error:
@@ -367,13 +367,13 @@ class BrickSession:
             _LOG.error("a thread of the brick raised %r", error, exc_info=error)
         visit.over.set()
 
-    def _read(self, visit: _Visit) -> None:
+    def _read(self, visit: _Connection) -> None:
         while not (visit.over.is_set() or self._closing.is_set()):
             if octets := visit.brick.read():
                 visit.spoke = True
-                self._put(Heard(octets))
+                self._put(OctetsReceived(octets))
 
-    def _write(self, visit: _Visit) -> None:
+    def _write(self, visit: _Connection) -> None:
         kept_alive_s = -inf
         while not visit.over.is_set():
             now_s = monotonic()
@@ -387,7 +387,7 @@ class BrickSession:
                 octets = waiting.popleft() if waiting else b""
             self._write_whole(visit, octets, stops)
 
-    def _write_whole(self, visit: _Visit, octets: bytes, is_stop: bool = False) -> None:
+    def _write_whole(self, visit: _Connection, octets: bytes, is_stop: bool = False) -> None:
         """Write a message, unless it is cut off by a stop; the next ends what was cut off."""
         if not octets:
             return

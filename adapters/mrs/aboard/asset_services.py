@@ -8,10 +8,10 @@ from importlib.metadata import version
 from math import isfinite
 from typing import Any, Final, Protocol
 
-from adapters.mal import AttributeType, Call, NamedValue, StandardError, Typed
+from adapters.mal import AttributeType, CallContext, NamedValue, StandardError, TypedAttribute
 from adapters.mrs import spec as wire
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.peer_rate import PeerRate
+from adapters.mrs.aboard.gateway import CoreGateway
+from adapters.mrs.aboard.peer_rate import PeerRateLimiter
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import (
     DEFINED,
@@ -43,7 +43,7 @@ from adapters.mrs.spec import (
 from executive.commands import Command, Request
 from executive.commands.actions import HELP, offered
 from executive.core.runner import Executive
-from executive.faults import Clears
+from executive.faults import ClearPolicy
 from executive.safety import Fault, unmonitored
 from executive.settings import Settings
 from executive.values.parameters import Parameter, ParameterValue
@@ -80,7 +80,7 @@ class CommandIntake(Protocol):
         ...
 
 
-class PublisherAbove(Protocol):
+class UpstreamPublisher(Protocol):
     """What publishes at another service layer what this asset says."""
 
     def value(self, value: wire.ParameterValue) -> None:
@@ -114,7 +114,7 @@ def _submit(
     served: ServedOperations,
     intake: CommandIntake,
     make: Callable[..., Request],
-    call: Call,
+    call: CallContext,
     header: CommandHeader,
     *parts: Any,
 ) -> Awaitable[None]:
@@ -146,13 +146,13 @@ class AssetServices:
     def __init__(
         self,
         served: ServedOperations,
-        gateway: Gateway,
+        gateway: CoreGateway,
         settings: Settings,
         housekeeping: Sequence[HousekeepingParameter] = (),
     ) -> None:
         self._gateway = gateway
         self._asset = settings.asset
-        self.above: PublisherAbove | None = None
+        self.above: UpstreamPublisher | None = None
         self.housekeeping = housekeeping_values(housekeeping, {}, 0.0)
         named = (settings.asset, settings.domain)
         self._tell_value = [
@@ -168,8 +168,8 @@ class AssetServices:
         definitions = (*DEFINED, *(each.definition for each in housekeeping))
         served.serve("Monitoring", "listDefinition", lambda _: (definitions,))
         loop = asyncio.get_running_loop()
-        self._of_peer = PeerRate(EVENTS_HZ, loop.time)
-        self._of_all = PeerRate(ALL_EVENTS_HZ, loop.time)
+        self._of_peer = PeerRateLimiter(EVENTS_HZ, loop.time)
+        self._of_all = PeerRateLimiter(ALL_EVENTS_HZ, loop.time)
         served.serve("Notification", "sendNotification", self._send_notification)
 
     def report(self, reports: Sequence[Report]) -> None:
@@ -221,7 +221,9 @@ class AssetServices:
         now = {name: figure_value(name, figure, utc_s) for name, figure in figures.items()}
         return tuple(now.get(each.name, each) for each in self.housekeeping)
 
-    def _send_notification(self, call: Call, notification: Notification) -> asyncio.Future[None]:
+    def _send_notification(
+        self, call: CallContext, notification: Notification
+    ) -> asyncio.Future[None]:
         """Have the executive report an event of somebody else, who is named in it."""
         text, parameters = notification.text, notification.parameters or ()
         if notification.kind is not NotificationKind.EVENT:
@@ -311,7 +313,7 @@ def _camera_state(executive: Executive) -> wire.CameraState:
 def _actions(executive: Executive) -> tuple[NamedValue, ...]:
     """Return the text commands that there are, each with what it does."""
     return tuple(
-        NamedValue(name=action.value, value=Typed(AttributeType.STRING, HELP[action]))
+        NamedValue(name=action.value, value=TypedAttribute(AttributeType.STRING, HELP[action]))
         for action in offered(executive.video)
     )
 
@@ -350,7 +352,7 @@ def _active_fault(fault: Fault) -> wire.ActiveFault:
         began=to_ns(fault.begun_utc_s),
         severity=wire.Severity(fault.severity.value),
         reaction=wire.FaultReaction[fault.row.then.name],
-        onResume=fault.row.clears is Clears.ON_RESUME,
+        onResume=fault.row.clears is ClearPolicy.ON_RESUME,
         code=why.reason.value,
         text=why.text[:LONGEST_TEXT],
         parameters=figure_values(why.figures) or None,

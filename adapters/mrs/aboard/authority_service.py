@@ -5,12 +5,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from adapters.mal import Call, Connection
-from adapters.mrs.aboard.gateway import Gateway
-from adapters.mrs.aboard.peer_rate import PeerRate
+from adapters.mal import CallContext, Connection
+from adapters.mrs.aboard.gateway import CoreGateway
+from adapters.mrs.aboard.peer_rate import PeerRateLimiter
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import AreaError, AuthorityStatus, refused, with_text
-from executive.core.authority import AuthorityAct, AuthorityAsked, AuthorityState
+from executive.core.authority import AuthorityAction, AuthorityRequest, AuthorityState
 from executive.core.runner import Executive
 from executive.values.reasons import Refusal
 from executive.values.reports import Identity
@@ -21,9 +21,9 @@ REQUESTS_HZ: Final = 10
 """Requests of each peer a second: each change of holder is written down and told to all."""
 
 
-def serve_authority(served: ServedOperations, gateway: Gateway) -> None:
+def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
     """Serve the authority of an executive; all but the question who has it name who asks."""
-    rate = PeerRate(REQUESTS_HZ, asyncio.get_running_loop().time)
+    rate = PeerRateLimiter(REQUESTS_HZ, asyncio.get_running_loop().time)
 
     def recognise(
         connection: Connection,
@@ -36,7 +36,7 @@ def serve_authority(served: ServedOperations, gateway: Gateway) -> None:
                 served.recognise(connection)
 
     def serve(operation: str, act: Callable[..., Act]) -> None:
-        def handler(call: Call, *parts: Any) -> Any:
+        def handler(call: CallContext, *parts: Any) -> Any:
             if parts:
                 rate.admit(call.peer_name or call.connection.peer_host)
                 _require_name(parts[0], call.peer_name)
@@ -49,14 +49,14 @@ def serve_authority(served: ServedOperations, gateway: Gateway) -> None:
         served.serve("Authority", operation, handler)
 
     serve("getAuthority", lambda: lambda executive: executive.authority.state)
-    serve("requestAuthority", partial(_asking, AuthorityAct.REQUEST))
-    serve("handOver", partial(_asking, AuthorityAct.HAND_OVER))
-    serve("takeAuthority", partial(_asking, AuthorityAct.TAKE))
-    serve("releaseAuthority", partial(_asking, AuthorityAct.RELEASE))
+    serve("requestAuthority", partial(_asking, AuthorityAction.REQUEST))
+    serve("handOver", partial(_asking, AuthorityAction.HAND_OVER))
+    serve("takeAuthority", partial(_asking, AuthorityAction.TAKE))
+    serve("releaseAuthority", partial(_asking, AuthorityAction.RELEASE))
 
 
-def _asking(act: AuthorityAct, *parts: Any) -> Act:
-    asked = AuthorityAsked(act, *parts)
+def _asking(act: AuthorityAction, *parts: Any) -> Act:
+    asked = AuthorityRequest(act, *parts)
     return lambda executive: executive.ask_authority(asked)
 
 

@@ -10,7 +10,7 @@ import os
 from typing import Final, Protocol
 from zlib import crc32
 
-from adapters.mal import AttributeType, MalError, NamedValue, Typed
+from adapters.mal import AttributeType, MalError, NamedValue, TypedAttribute
 from adapters.mrs.spec import AreaError, FileInfo, with_text
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
 from executive.state import LONGEST_PATH, FileFolder, FileStamp
@@ -71,8 +71,10 @@ def meta_data(folder: FileFolder, path: str) -> tuple[NamedValue, ...] | None:
 
 def _named(figure: Figure) -> NamedValue:
     if isinstance(figure.value, int):
-        return NamedValue(name=figure.name, value=Typed(AttributeType.LONG, figure.value))
-    return NamedValue(name=figure.name, value=Typed(AttributeType.DOUBLE, float(figure.value)))
+        return NamedValue(name=figure.name, value=TypedAttribute(AttributeType.LONG, figure.value))
+    return NamedValue(
+        name=figure.name, value=TypedAttribute(AttributeType.DOUBLE, float(figure.value))
+    )
 
 
 READ_OCTETS: Final = 1 << 20
@@ -212,7 +214,7 @@ class OnFileChange(Protocol):
         ...
 
 
-class FileWatch:
+class FolderWatcher:
     """Reports each change of the folder once: files that are stored, changed or deleted.
 
     The core reports its own changes by `notify`; those of other programs are found by looking at

@@ -9,12 +9,12 @@ from heapq import nlargest
 from typing import Final
 from zlib import crc32
 
-from adapters.mal import Call, Interaction, MalError
+from adapters.mal import CallContext, Interaction, MalError
 from adapters.mrs.aboard.file_access import (
     PERIOD_S,
     READ_OCTETS,
     Checksums,
-    FileWatch,
+    FolderWatcher,
     MetaData,
     changed,
     file_info,
@@ -50,7 +50,7 @@ YIELDS_S: Final = 2.0
 """And before it gives way to another, where `MOST_TRANSFERS` are under way."""
 
 
-def _peer(call: Call) -> str:
+def _peer(call: CallContext) -> str:
     return call.peer_name or call.connection.peer_host
 
 
@@ -112,7 +112,7 @@ class FileServices:
         self._tell = served.broadcast(
             "FileManagement", "monitorFiles", settings.asset, settings.domain
         )
-        self.watch = FileWatch(folder, self._publish, period_s)
+        self.watch = FolderWatcher(folder, self._publish, period_s)
         served.serve("FileManagement", "fileStored", self._stored)
         served.serve("FileManagement", "getAttributes", self._attributes)
         served.serve("FileTransfer", "listFiles", self._list)
@@ -139,7 +139,7 @@ class FileServices:
             raise not_found(path)
         return stamp, about
 
-    async def _stored(self, _: Call, file: FileInfo) -> None:
+    async def _stored(self, _: CallContext, file: FileInfo) -> None:
         """Publish that a file was stored, if it is there as said: path, size, checksum if given."""
         stamp, about = await asyncio.to_thread(self.inspect, file.path)
         if stamp is None or stamp.size_octets != file.size:
@@ -155,7 +155,7 @@ class FileServices:
                 raise with_text(AreaError.INVALID, text)
         self.watch.notify(FileEventKind.STORED, file.path, stamp, about)
 
-    async def _attributes(self, _: Call, path: str) -> tuple[FileInfo]:
+    async def _attributes(self, _: CallContext, path: str) -> tuple[FileInfo]:
         stamp, about = await self._found(path)
         checksum: int | None = None
         try:
@@ -165,7 +165,7 @@ class FileServices:
                 raise
         return (file_info(path, stamp, checksum, about),)
 
-    async def _list(self, _: Call, folder: str | None) -> tuple[tuple[FileInfo, ...]]:
+    async def _list(self, _: CallContext, folder: str | None) -> tuple[tuple[FileInfo, ...]]:
         try:
             return (await asyncio.to_thread(self._listed, folder or ""),)
         except NotADirectoryError:
@@ -179,7 +179,7 @@ class FileServices:
             file_info(path, stamp, self._checksums.known(stamp)) for path, stamp in sorted(last)
         )
 
-    async def _cancel(self, call: Call, path: str) -> None:
+    async def _cancel(self, call: CallContext, path: str) -> None:
         """End the peer's transfers of a file; those of all for who holds the authority.
 
         That one is known by its certificate. The transfers are looked for after it was asked.

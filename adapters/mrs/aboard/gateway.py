@@ -24,7 +24,7 @@ SILENT: Final = (
 )
 
 
-class Gateway:
+class CoreGateway:
     """Submits commands to an executive and asks it questions, each answered by a future.
 
     `submit` and `ask` are called on the loop. What they hand over runs on the core's thread, which

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Final
 
 from adapters.explanation import relevant
-from adapters.mal import Call
+from adapters.mal import CallContext
 from adapters.mrs import spec as wire
-from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import wire_history
 from executive.commands import request_text
@@ -34,13 +34,15 @@ class HistoryService:
         history: what the executive recorded, on the core's thread.
     """
 
-    def __init__(self, served: ServedOperations, gateway: Gateway, history: HistoryBuilder) -> None:
+    def __init__(
+        self, served: ServedOperations, gateway: CoreGateway, history: HistoryBuilder
+    ) -> None:
         self._gateway = gateway
         self._history = history
         served.serve("Notification", "getHistory", self._get)
 
     async def _get(
-        self, _: Call, source: str | None, number: int | None, everything: bool
+        self, _: CallContext, source: str | None, number: int | None, everything: bool
     ) -> tuple[wire.History]:
         known = await self._gateway.ask(lambda executive: self._known(executive, number))
         command = str(number) if source is None else f"{source}:{number}"

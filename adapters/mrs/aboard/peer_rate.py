@@ -10,7 +10,7 @@ MOST_PEERS: Final = 1024
 """Of whom is remembered how much they told: the last ones."""
 
 
-class PeerRate:
+class PeerRateLimiter:
     """How many times a second each peer may tell or ask, and as many at once (a token bucket each).
 
     Args:

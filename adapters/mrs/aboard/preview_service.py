@@ -7,11 +7,11 @@ the core's thread keeps its ticks and a stop that arrives meanwhile is served.
 import asyncio
 from typing import Final
 
-from adapters.mal import Call, MalError
+from adapters.mal import CallContext, MalError
 from adapters.mrs import spec as wire
-from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.aboard.served_operations import ServedOperations
-from adapters.mrs.spec import AreaError, AskedMotion, motion_of, wire_preview, with_text
+from adapters.mrs.spec import AreaError, PreviewRequest, motion_of, wire_preview, with_text
 from executive.commands import Motion, PlanDefinition
 from executive.preview import Preview, PreviewRun
 from executive.values.reasons import Refusal
@@ -31,7 +31,7 @@ class PreviewService:
         gateway: the way to the executive, which is asked for values once.
     """
 
-    def __init__(self, served: ServedOperations, gateway: Gateway) -> None:
+    def __init__(self, served: ServedOperations, gateway: CoreGateway) -> None:
         self._gateway = gateway
         self._running = 0
         served.serve("MotionControl", "preview", self._motion)
@@ -39,16 +39,16 @@ class PreviewService:
 
     async def _motion(
         self,
-        _: Call,
+        _: CallContext,
         operation: str,
         waypoints: tuple[wire.Waypoint, ...] | None,
         figures: tuple[float, ...] | None,
         controller: wire.Controller | None,
     ) -> tuple[wire.Preview]:
-        asked = AskedMotion(operation, waypoints, figures, controller)
+        asked = PreviewRequest(operation, waypoints, figures, controller)
         return (await self._work_out(motion_of(asked)),)
 
-    async def _plan(self, _: Call, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
+    async def _plan(self, _: CallContext, plan: wire.PlanDefinition) -> tuple[wire.Preview]:
         return (await self._work_out(wire.definition_of(plan)),)
 
     async def _work_out(self, asked: Motion | PlanDefinition) -> wire.Preview:

@@ -6,18 +6,18 @@ from functools import partial
 from typing import Any, Final
 
 from adapters.mal import (
-    Call,
+    CallContext,
     Connection,
     Encoding,
     Handler,
-    Limits,
     MalUri,
     Pattern,
+    PeerLimits,
     Provider,
     Publisher,
     Service,
 )
-from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.spec import (
     NAME,
     AreaError,
@@ -36,7 +36,7 @@ chunks, is not bounded by it.
 """
 MOST_RECOGNISED: Final = 4
 """Connections that are kept for whoever showed last to hold the authority."""
-LIMITS: Final = Limits(
+LIMITS: Final = PeerLimits(
     message_octets=MESSAGE_CAP,
     unfinished_octets=8 * MESSAGE_CAP,
     unread_octets=32 << 20,
@@ -89,7 +89,7 @@ class ServedOperations:
     def serve(self, service: str, operation: str, handler: Handler) -> None:
         """Let a handler answer an operation that is no PUBSUB."""
 
-        def heard(call: Call, *parts: Any) -> Any:
+        def heard(call: CallContext, *parts: Any) -> Any:
             self._hear()
             return handler(call, *parts)
 
@@ -103,11 +103,11 @@ class ServedOperations:
             self._recognised.append(connection)
 
     def ask(
-        self, service: str, operation: str, gateway: Gateway, question: Callable[..., Any]
+        self, service: str, operation: str, gateway: CoreGateway, question: Callable[..., Any]
     ) -> None:
         """Let the core answer a REQUEST: by `question(executive, *parts)`, on its thread."""
 
-        def handler(_: Call, *parts: Any) -> Any:
+        def handler(_: CallContext, *parts: Any) -> Any:
             return gateway.ask(lambda executive: (question(executive, *parts),))
 
         self.serve(service, operation, handler)
@@ -162,7 +162,7 @@ class ServedOperations:
             ),
         )
 
-    def descriptors(self, call: Call) -> tuple[ServiceDescriptor, ...]:
+    def descriptors(self, call: CallContext) -> tuple[ServiceDescriptor, ...]:
         """Return the services at the address by which a caller reached this provider."""
         uri = MalUri(*call.connection.local_address, NAME)
         return tuple(self.describe(each, uri, each.name) for each in self.services())

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.mal import MalError
-from adapters.mrs.aboard.gateway import Gateway
+from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec.tree_updates import change_update, whole_update
 from executive.core.runner import Executive
 from executive.settings import Settings
 from executive.values.reports import without_figures
-from trees import Snapshot, snapshot_of
+from trees import TreeSnapshot, snapshot_of
 
 LOOK_S: Final = 0.2
 FIGURES_S: Final = 1.0
@@ -25,10 +25,10 @@ WHOLE_S: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _LastBroadcast:
     """A snapshot that was broadcast, and when by the loop's clock."""
 
-    snapshot: Snapshot
+    snapshot: TreeSnapshot
     at_s: float
 
 
@@ -41,15 +41,15 @@ class TreeService:
         settings: of the asset.
     """
 
-    def __init__(self, served: ServedOperations, gateway: Gateway, settings: Settings) -> None:
+    def __init__(self, served: ServedOperations, gateway: CoreGateway, settings: Settings) -> None:
         self._gateway = gateway
         self._asset = settings.asset
         self._domain = settings.domain
         self._publisher = served.publisher("Status", "monitorTree", self._begin)
         self._telling: asyncio.Task[None] | None = None
         self._number = 0
-        self._whole: _Told | None = None
-        self._last: _Told | None = None
+        self._whole: _LastBroadcast | None = None
+        self._last: _LastBroadcast | None = None
 
     def _begin(self) -> None:
         """Tell the whole to who has subscribed now."""
@@ -63,9 +63,9 @@ class TreeService:
                 self._look(await self._gateway.ask(_snapshot))
             await asyncio.sleep(LOOK_S)
 
-    def _look(self, snapshot: Snapshot) -> None:
+    def _look(self, snapshot: TreeSnapshot) -> None:
         """Broadcast what is due."""
-        now = _Told(snapshot, asyncio.get_running_loop().time())
+        now = _LastBroadcast(snapshot, asyncio.get_running_loop().time())
         whole, last, change = self._whole, self._last, None
         if whole is not None and last is not None and now.at_s - whole.at_s < WHOLE_S:
             if _same(last.snapshot, snapshot):
@@ -86,16 +86,16 @@ class TreeService:
         )
 
 
-def _snapshot(executive: Executive) -> Snapshot:
+def _snapshot(executive: Executive) -> TreeSnapshot:
     return snapshot_of(executive, executive.parameters()[0].utc_s)
 
 
-def _same(one: Snapshot, other: Snapshot) -> bool:
+def _same(one: TreeSnapshot, other: TreeSnapshot) -> bool:
     """Whether two differ in nothing but their times."""
     return replace(one, tick=other.tick, utc_s=other.utc_s) == other
 
 
-def _words(snapshot: Snapshot) -> Snapshot:
+def _words(snapshot: TreeSnapshot) -> TreeSnapshot:
     """Return a snapshot without figures."""
     nodes = tuple(replace(each, message=without_figures(each.message)) for each in snapshot.nodes)
     return replace(snapshot, nodes=nodes, why=without_figures(snapshot.why))

@@ -4,7 +4,7 @@ Other sub-commands and processes use `options` (`to_option`: where a rover is an
 `add_terms_options`: the terms of a process that serves) and `terminal`.
 """
 
-from adapters.mrs.cli.options import Target as Target
+from adapters.mrs.cli.options import RoverTarget as RoverTarget
 from adapters.mrs.cli.options import add_terms_options as add_terms_options
 from adapters.mrs.cli.options import json_option as json_option
 from adapters.mrs.cli.options import to_option as to_option

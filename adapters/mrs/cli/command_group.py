@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from adapters.mrs.cli.options import Target, json_option, source_option, to_option
+from adapters.mrs.cli.options import RoverTarget, json_option, source_option, to_option
 from adapters.mrs.cli.terminal import connect, run, say
 from executive.commands import (
     Argument,
-    Arrival,
-    Declaration,
+    CommandDeclaration,
     ExecuteAction,
     Family,
+    PreemptionPolicy,
     Waypoint,
     arguments_of,
     declared,
 )
 
 if TYPE_CHECKING:
-    from adapters.mrs.cli.sending import Sending
+    from adapters.mrs.cli.sending import CommandSender
 
 _ELSEWHERE: Final = {Family.PLAN, Family.PLAN_START}
 """Families with a command of their own, `rover plan`."""
@@ -82,7 +82,7 @@ def waypoint(text: str) -> Waypoint:
 _TYPES: Final = {"rad": angle, "rad/s": angular_speed}
 
 
-class Operation(click.Command):
+class OperationCommand(click.Command):
     """A sub-command whose arguments may begin with a minus, and that explains a wrong option."""
 
     ignore_unknown_options = True
@@ -154,7 +154,7 @@ def _positive(_: click.Context, __: click.Parameter, seconds: float | None) -> f
 @click.pass_context
 def command(
     ctx: click.Context,
-    to: Target,
+    to: RoverTarget,
     source: str | None,
     command_id: int | None,
     lifetime_s: float | None,
@@ -181,12 +181,12 @@ def command(
     \b
     Exit status: 0 EXECUTED, 1 refused or ended otherwise, 2 makes no sense, 3 cannot be reached.
     """
-    from adapters.mrs.cli.sending import Sending
+    from adapters.mrs.cli.sending import CommandSender
 
-    ctx.obj = Sending(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
+    ctx.obj = CommandSender(to, source, command_id, lifetime_s, authority, not no_wait, as_json)
 
 
-def _operation(declaration: Declaration) -> click.Command:
+def _operation(declaration: CommandDeclaration) -> click.Command:
     """Return the sub-command that a request is sent by."""
     written = declaration.written
     parameters = parameters_of(declaration)
@@ -194,7 +194,12 @@ def _operation(declaration: Declaration) -> click.Command:
         parameters.append(_replace())
 
     @click.pass_obj
-    def send(sending: "Sending", /, arrival: Arrival = Arrival.APPEND, **given: Any) -> None:
+    def send(
+        sending: "CommandSender",
+        /,
+        arrival: PreemptionPolicy = PreemptionPolicy.APPEND,
+        **given: Any,
+    ) -> None:
         if declaration.at_least_one and all(value is None for value in given.values()):
             names = ", ".join(f"--{argument.name}" for argument in written)
             raise click.UsageError(f"give at least one of {names}")
@@ -206,7 +211,7 @@ def _operation(declaration: Declaration) -> click.Command:
             ]
         sending.send(declaration.make(*values), arrival)
 
-    return Operation(
+    return OperationCommand(
         declaration.name,
         params=parameters,
         callback=send,
@@ -214,7 +219,7 @@ def _operation(declaration: Declaration) -> click.Command:
     )
 
 
-def parameters_of(declaration: Declaration) -> list[click.Parameter]:
+def parameters_of(declaration: CommandDeclaration) -> list[click.Parameter]:
     """Return how the arguments of a request are typed, in the order of those that are written."""
     return [_parameter(argument, declaration.at_least_one) for argument in declaration.written]
 
@@ -257,9 +262,9 @@ def _type(argument: Argument) -> Any:
 def _replace() -> click.Option:
     return click.Option(
         ["--replace", "arrival"],
-        flag_value=Arrival.REPLACE,
-        default=Arrival.APPEND,
-        type=Arrival,
+        flag_value=PreemptionPolicy.REPLACE,
+        default=PreemptionPolicy.APPEND,
+        type=PreemptionPolicy,
         help="Cancel the motion under way and what waits, instead of queueing behind it.",
     )
 
@@ -278,7 +283,7 @@ def _meaning(argument: Argument) -> str:
 
 
 def help_of(
-    declaration: Declaration,
+    declaration: CommandDeclaration,
     parameters: list[click.Parameter],
     group: str,
     typed: Iterable[str],
@@ -325,10 +330,10 @@ def _next_words(ctx: click.Context, _: click.Parameter, begun: str) -> list[str]
     )
 
 
-@command.command(cls=Operation)
+@command.command(cls=OperationCommand)
 @click.argument("words", metavar="[TEXT]...", nargs=-1, shell_complete=_next_words)
 @click.pass_obj
-def action(sending: "Sending", words: tuple[str, ...]) -> None:
+def action(sending: "CommandSender", words: tuple[str, ...]) -> None:
     """Have a text command done; without one, list what there is.
 
     \b
@@ -343,7 +348,7 @@ def action(sending: "Sending", words: tuple[str, ...]) -> None:
         run(_list(sending))
 
 
-async def _list(sending: "Sending") -> None:
+async def _list(sending: "CommandSender") -> None:
     async with await connect(sending.to, sending.source) as client:
         for offered in await client.list_actions():
             about = "" if offered.value is None else offered.value.value

@@ -7,7 +7,7 @@ from typing import Final
 import click
 
 from adapters.mal import MalError
-from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.terminal import connect, echo_json, in_session, print_table, run, say, utc
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileInfo
@@ -84,7 +84,7 @@ async def info(client: MrsClient, path: str, as_json: bool) -> None:
     help="Octets of one message; less for a slow link. The rover's choice by default.",
 )
 @to_option
-def get(path: str, target: str | None, force: bool, chunk: int | None, to: Target) -> None:
+def get(path: str, target: str | None, force: bool, chunk: int | None, to: RoverTarget) -> None:
     """Fetch a file into TARGET, a folder or a name; into this folder by default.
 
     What came lies in TARGET.CHECKSUM.part until it is whole and its CRC-32 is right. After a loss
@@ -157,7 +157,7 @@ def _described(file: FileInfo) -> dict[str, str]:
     } | known
 
 
-async def _get(to: Target, path: str, target: Path, chunk: int | None) -> None:
+async def _get(to: RoverTarget, path: str, target: Path, chunk: int | None) -> None:
     from rich.markup import escape
     from rich.progress import DownloadColumn, Progress, TimeRemainingColumn, TransferSpeedColumn
 

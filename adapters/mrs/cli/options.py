@@ -9,7 +9,7 @@ from typing import Any, Final
 import click
 
 from adapters.mal import Certificates, Encoding
-from adapters.mrs.terms import NAME, PORT, Terms
+from adapters.mrs.terms import NAME, PORT, TransportSettings
 
 ADDRESS: Final = f"maltcp://127.0.0.1:{PORT}/{NAME}"
 
@@ -34,7 +34,7 @@ source_option: Final = click.option(
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class RoverTarget:
     """A rover, as the options say.
 
     Attributes:
@@ -42,28 +42,30 @@ class Target:
     """
 
     uri: str
-    terms: Terms
+    terms: TransportSettings
 
 
 def to_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that say where a rover is; the function gets them as `to`, a `Target`."""
+    """Add the options that say where a rover is, which the function gets as `to: RoverTarget`."""
 
     @wraps(function)
-    def with_target(*arguments: Any, to: str, terms: Terms, **others: Any) -> Any:
-        return function(*arguments, to=Target(to, terms), **others)
+    def with_target(*arguments: Any, to: str, terms: TransportSettings, **others: Any) -> Any:
+        return function(*arguments, to=RoverTarget(to, terms), **others)
 
     return _add_address(with_target, multiple=False)
 
 
 def to_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the same for any number of rovers; the function gets them as `to`, a tuple of `Target`s.
+    """Add the same for any number of rovers, as `to: tuple[RoverTarget, ...]`.
 
     All are spoken to on the same terms.
     """
 
     @wraps(function)
-    def with_targets(*arguments: Any, to: tuple[str, ...], terms: Terms, **others: Any) -> Any:
-        return function(*arguments, to=tuple(Target(uri, terms) for uri in to), **others)
+    def with_targets(
+        *arguments: Any, to: tuple[str, ...], terms: TransportSettings, **others: Any
+    ) -> Any:
+        return function(*arguments, to=tuple(RoverTarget(uri, terms) for uri in to), **others)
 
     return _add_address(with_targets, multiple=True)
 
@@ -167,7 +169,7 @@ def _terms_options(
                         "TLS needs all three: --certificate, --key and --authorities"
                         + (f" (or {variables})" if environment else "")
                     )
-            return function(*arguments, terms=Terms(Encoding(encoding), own), **others)
+            return function(*arguments, terms=TransportSettings(Encoding(encoding), own), **others)
 
         for add in reversed(options):
             add(with_terms)

@@ -9,14 +9,14 @@ from xml.sax.saxutils import quoteattr
 
 import click
 
-from adapters.mrs.cli.options import Target, json_option, to_option
-from adapters.mrs.cli.sending import Sending
+from adapters.mrs.cli.options import RoverTarget, json_option, to_option
+from adapters.mrs.cli.sending import CommandSender
 from adapters.mrs.cli.terminal import FAILED, echo_json, in_session, print_table, say
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import PlanStatus, PlanUpdate
 from adapters.process import asset_option
 from executive.commands import (
-    Declaration,
+    CommandDeclaration,
     PlanArgument,
     PlanDefinition,
     PlanRequest,
@@ -102,7 +102,7 @@ def check(file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], 
 @ARGUMENTS
 @to_option
 def submit(
-    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: Target
+    file: Path, plan_id: str | None, arguments: tuple[PlanArgument, ...], to: RoverTarget
 ) -> None:
     """Send FILE to a rover, which checks and keeps it.
 
@@ -111,10 +111,10 @@ def submit(
       rover plan submit config/plans/look-around.xml
       rover plan submit there-and-back.xml --id survey-2 --arg far=3
     """
-    Sending(to).send(SubmitPlan(definition_of(file, plan_id, arguments)))
+    CommandSender(to).send(SubmitPlan(definition_of(file, plan_id, arguments)))
 
 
-def _steering(kind: Callable[[str], PlanRequest], declaration: Declaration) -> None:
+def _steering(kind: Callable[[str], PlanRequest], declaration: CommandDeclaration) -> None:
     name = declaration.name.removesuffix("Plan")
 
     @plan.command(
@@ -122,8 +122,8 @@ def _steering(kind: Callable[[str], PlanRequest], declaration: Declaration) -> N
     )
     @click.argument("plan_id", metavar="PLAN")
     @to_option
-    def steer(plan_id: str, to: Target) -> None:
-        Sending(to).send(kind(plan_id))
+    def steer(plan_id: str, to: RoverTarget) -> None:
+        CommandSender(to).send(kind(plan_id))
 
 
 for _kind in get_args(PlanRequest):

@@ -7,13 +7,13 @@ from typing import Any
 
 import click
 
-from adapters.mrs.cli.command_group import Operation, help_of, parameters_of
-from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.command_group import OperationCommand, help_of, parameters_of
+from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.plan_command import ARGUMENTS, definition_of
 from adapters.mrs.cli.terminal import connect, echo_json, run, say
 from adapters.mrs.spec import Preview
 from executive.commands import (
-    Declaration,
+    CommandDeclaration,
     Family,
     Motion,
     PlanArgument,
@@ -23,10 +23,10 @@ from executive.commands import (
 
 
 @dataclass(frozen=True, slots=True)
-class Asking:
+class PreviewPrinter:
     """Whom to ask, and how to print what is told."""
 
-    to: Target
+    to: RoverTarget
     as_json: bool
 
     def ask(self, asked: Motion | PlanDefinition) -> None:
@@ -60,7 +60,7 @@ class Asking:
 @click.pass_context
 def preview(
     ctx: click.Context,
-    to: Target,
+    to: RoverTarget,
     file: Path | None,
     arguments: tuple[PlanArgument, ...],
     as_json: bool,
@@ -80,7 +80,7 @@ def preview(
     \b
     Exit status: 0 told, 1 it would be refused or fail, 2 makes no sense, 3 cannot be reached.
     """
-    ctx.obj = Asking(to, as_json)
+    ctx.obj = PreviewPrinter(to, as_json)
     if ctx.invoked_subcommand is None and file is None:
         raise click.UsageError("give an operation, or --plan FILE", ctx)
     if ctx.invoked_subcommand is not None and (file is not None or arguments):
@@ -103,16 +103,16 @@ def preview_lines(found: Preview) -> list[str]:
     return lines
 
 
-def _operation(declaration: Declaration) -> click.Command:
+def _operation(declaration: CommandDeclaration) -> click.Command:
     """Return the sub-command that asks for the preview of a motion."""
     parameters = parameters_of(declaration)
 
     @click.pass_obj
-    def ask(asking: Asking, /, **given: Any) -> None:
+    def ask(asking: PreviewPrinter, /, **given: Any) -> None:
         asking.ask(declaration.make(*(given[each.field] for each in declaration.written)))
 
     typed = [each for each in declaration.examples if "--replace" not in each]
-    return Operation(
+    return OperationCommand(
         declaration.name,
         params=parameters,
         callback=ask,

@@ -8,9 +8,9 @@ from typing import Final
 import click
 
 from adapters.mal import MalError
-from adapters.mrs.cli.options import Target
+from adapters.mrs.cli.options import RoverTarget
 from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, say
-from adapters.mrs.ground import TERMINAL, MrsClient, Outcome, where_stored
+from adapters.mrs.ground import TERMINAL, CommandOutcome, MrsClient, where_stored
 from adapters.mrs.spec import (
     AreaError,
     Notification,
@@ -19,12 +19,12 @@ from adapters.mrs.spec import (
     given_up,
     is_prediction,
 )
-from executive.commands import Arrival, Command, Request, Stop
+from executive.commands import Command, PreemptionPolicy, Request, Stop
 from executive.values.reasons import PREDICTED, Reason
 
 
 @dataclass(frozen=True, slots=True)
-class Sending:
+class CommandSender:
     """How commands are to be sent, as the options of `rover command` say.
 
     Attributes:
@@ -35,7 +35,7 @@ class Sending:
         as_json: whether to print its notifications as JSON.
     """
 
-    to: Target
+    to: RoverTarget
     source: str | None = None
     command_id: int | None = None
     lifetime_s: float | None = None
@@ -43,7 +43,7 @@ class Sending:
     wait: bool = True
     as_json: bool = False
 
-    def send(self, request: Request, arrival: Arrival = Arrival.APPEND) -> None:
+    def send(self, request: Request, arrival: PreemptionPolicy = PreemptionPolicy.APPEND) -> None:
         """Send a request and print each stage of its life; exits 1 unless it ends EXECUTED.
 
         Raises:
@@ -52,7 +52,7 @@ class Sending:
         if not asyncio.run(self._send(request, arrival)):
             sys.exit(FAILED)
 
-    async def _send(self, request: Request, arrival: Arrival) -> bool:
+    async def _send(self, request: Request, arrival: PreemptionPolicy) -> bool:
         async with await connect(self.to, self.source) as client:
             if not await self._is_authorized(client, request):
                 return False
@@ -116,7 +116,7 @@ class Sending:
         return True
 
 
-async def _refusal(client: MrsClient, outcome: Outcome) -> str:
+async def _refusal(client: MrsClient, outcome: CommandOutcome) -> str:
     """Return why a command was not taken; a repeat is known by its report, which comes again."""
     assert outcome.refusal is not None
     identity = outcome.command.identity

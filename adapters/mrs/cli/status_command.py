@@ -11,7 +11,7 @@ import click
 
 from adapters.mal import MalError
 from adapters.mrs.cli.authority_command import authority_line
-from adapters.mrs.cli.options import Target, json_option, to_option
+from adapters.mrs.cli.options import RoverTarget, json_option, to_option
 from adapters.mrs.cli.terminal import (
     connect,
     echo_json,
@@ -64,7 +64,7 @@ _HOLDING: Final = {FaultReaction.PAUSE, FaultReaction.STOP, FaultReaction.SAFE}
 @json_option
 @click.option("--assets", is_flag=True, help="List this rover and all others that it heard of.")
 @click.option("--asset", metavar="NAME", help="Show what this rover last heard of another.")
-def status(to: Target, watch: bool, as_json: bool, assets: bool, asset: str | None) -> None:
+def status(to: RoverTarget, watch: bool, as_json: bool, assets: bool, asset: str | None) -> None:
     """Show what a rover is about: mode, commands, and all parameters with their units.
 
     \b
@@ -87,7 +87,7 @@ def status(to: Target, watch: bool, as_json: bool, assets: bool, asset: str | No
 
 
 @dataclass(frozen=True, slots=True)
-class _Look:
+class _StatusSnapshot:
     """A rover's state at a moment."""
 
     asset: AssetInfo
@@ -151,7 +151,7 @@ class _Look:
         )
 
 
-async def _show(to: Target, watch: bool, as_json: bool) -> None:
+async def _show(to: RoverTarget, watch: bool, as_json: bool) -> None:
     from rich.console import Console
     from rich.live import Live
 
@@ -173,13 +173,13 @@ async def _show(to: Target, watch: bool, as_json: bool) -> None:
                 return
 
 
-async def _looks(client: MrsClient) -> AsyncIterator[_Look]:
+async def _looks(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
     asset, definitions = await client.get_asset(), await client.list_definition()
     while True:
         camera, status = await client.get_camera_state(), await client.get_status()
         faults, suspended = await _faults(client), await _suspended_plans(client, status.mode)
         authority = await _authority(client)
-        yield _Look(asset, definitions, camera, status, faults, suspended, authority)
+        yield _StatusSnapshot(asset, definitions, camera, status, faults, suspended, authority)
         await asyncio.sleep(EVERY_S)
 
 
@@ -282,7 +282,7 @@ def _ways_out(
     return tuple(lines)
 
 
-async def _show_assets(to: Target, as_json: bool) -> None:
+async def _show_assets(to: RoverTarget, as_json: bool) -> None:
     """Print the rover and all others that it heard of, with their modes."""
     async with await connect(to) as client:
         assets = await client.list_assets()
@@ -294,7 +294,7 @@ async def _show_assets(to: Target, as_json: bool) -> None:
     print_table(rows, "asset", "mode", "software", "what it is")
 
 
-async def _show_asset(to: Target, asset: str, as_json: bool) -> None:
+async def _show_asset(to: RoverTarget, asset: str, as_json: bool) -> None:
     """Print the values that the rover last heard of another.
 
     Raises:

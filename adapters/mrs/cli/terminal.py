@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from adapters.mal import CertificateError, MalError, NamedValue, Typed
-from adapters.mrs.cli.options import Target, to_option
-from adapters.mrs.terms import TermsError
+from adapters.mal import CertificateError, MalError, NamedValue, TypedAttribute
+from adapters.mrs.cli.options import RoverTarget, to_option
+from adapters.mrs.terms import TransportMismatchError
 from executive.values.reports import printable
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ _TIMES: Final = {"timestamp", "modified", "began"}
 _FIGURES: Final = {"value", "octets"}
 
 
-async def connect(to: Target, source: str | None = None) -> "MrsClient":
+async def connect(to: RoverTarget, source: str | None = None) -> "MrsClient":
     """Connect for a person: an address that is none is a usage error, and a silent rover a hint."""
     from adapters.mrs.ground import MrsClient, UnknownHostError
 
@@ -50,7 +50,7 @@ async def connect(to: Target, source: str | None = None) -> "MrsClient":
         raise click.UsageError(f"--to: {error}") from error
     except CertificateError as error:
         raise click.UsageError(f"TLS: {error}") from error
-    except TermsError as error:
+    except TransportMismatchError as error:
         raise ConnectionError(f"{error}; {TERMS_HINT}") from error
     except UnknownHostError as error:
         raise ConnectionError(f"{error}: look at --to, or at ROVER_URI") from error
@@ -66,7 +66,7 @@ def in_session(function: Callable[..., Coroutine[Any, Any, None]]) -> Callable[.
 
     @to_option
     @wraps(function)
-    def callback(to: Target, source: str | None = None, **given: Any) -> None:
+    def callback(to: RoverTarget, source: str | None = None, **given: Any) -> None:
         async def session() -> None:
             async with await connect(to, source) as client:
                 await function(client, **given)
@@ -122,7 +122,7 @@ def _plain(value: Any, name: str = "") -> Any:
             return None
         case Enum():
             return value.name
-        case Typed():
+        case TypedAttribute():
             return _plain(value.value)
         case (NamedValue(), *_):
             return {each.name: _plain(each.value) for each in value}

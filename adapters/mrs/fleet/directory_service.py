@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mal import Call, Connection, MalError, MalUri, StandardError
+from adapters.mal import CallContext, Connection, MalError, MalUri, StandardError
 from adapters.mrs.aboard import ServedOperations
 from adapters.mrs.fleet.known_assets import KnownAssets
 from adapters.mrs.spec import (
@@ -195,15 +195,15 @@ class DirectoryService:
         """List the Service Layer that this asset is registered at, as `SERVICE_LAYER_ABOVE`."""
         self._above = replace(service, name=SERVICE_LAYER_ABOVE)
 
-    def _list(self, call: Call) -> tuple[tuple[ServiceDescriptor, ...]]:
+    def _list(self, call: CallContext) -> tuple[tuple[ServiceDescriptor, ...]]:
         above = () if self._above is None else (self._above,)
         return ((*self._served.descriptors(call), *self._registry.descriptors, *above),)
 
-    def _get(self, call: Call, name: str) -> tuple[ServiceDescriptor]:
+    def _get(self, call: CallContext, name: str) -> tuple[ServiceDescriptor]:
         (known,) = self._list(call)
         return (look_up({each.name: each for each in known}, name),)
 
-    def _register(self, call: Call, descriptor: ServiceDescriptor) -> None:
+    def _register(self, call: CallContext, descriptor: ServiceDescriptor) -> None:
         served = {service.name for service in self._served.services()}
         if descriptor.name in served | {self._own, SERVICE_LAYER_ABOVE}:
             raise with_text(AreaError.DUPLICATE, descriptor.name)
@@ -220,7 +220,7 @@ class DirectoryService:
             raise
         other.connection, other.uri = call.connection, descriptor.providerURI
 
-    def _deregister(self, call: Call, name: str) -> None:
+    def _deregister(self, call: CallContext, name: str) -> None:
         asset = asset_of(self._registry.find(name))
         self._registry.deregister(name, call.connection)
         if asset is not None and self._known.knows(asset):

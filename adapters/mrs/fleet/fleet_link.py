@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from adapters.mal import Consumer, MalError, MalUri, Publication, StandardError
-from adapters.mrs.aboard import PAGE, Gateway, past_notifications, present_values
+from adapters.mrs.aboard import PAGE, CoreGateway, past_notifications, present_values
 from adapters.mrs.fleet.directory_service import SERVICE
 from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
 from adapters.mrs.ground import Dialer
@@ -21,7 +21,7 @@ from adapters.mrs.spec import (
     describe_error,
     notification_keys,
 )
-from executive.values.reports import Kind, Severity
+from executive.values.reports import ReportKind, Severity
 
 _LOG: Final = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ class FleetPublisher:
         idle: set while there is nothing to publish.
     """
 
-    def __init__(self, asset: str, domain: tuple[str, ...], gateway: Gateway) -> None:
+    def __init__(self, asset: str, domain: tuple[str, ...], gateway: CoreGateway) -> None:
         self._asset = asset
         self._domain = domain
         self._gateway = gateway
@@ -179,7 +179,7 @@ class FleetLink:
     def __init__(
         self,
         uri: MalUri,
-        gateway: Gateway,
+        gateway: CoreGateway,
         dialer: Dialer,
         registration: Callable[[str], ServiceDescriptor],
         on_above: Callable[[ServiceDescriptor], None],
@@ -271,7 +271,9 @@ class FleetLink:
             return
         self._is_connected = is_connected
         severity = Severity.INFORMATIONAL if is_connected else Severity.WARNING
-        told = self._gateway.ask(lambda executive: executive.event(severity, text, kind=Kind.LINK))
+        told = self._gateway.ask(
+            lambda executive: executive.event(severity, text, kind=ReportKind.LINK)
+        )
         told.add_done_callback(lambda done: done.cancelled() or done.exception())
 
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.mal import Call, Connection, Keys, MalError, MalUri, UpdateHeader
+from adapters.mal import CallContext, Connection, Keys, MalError, MalUri, UpdateHeader
 from adapters.mrs.aboard import (
-    Gateway,
+    CoreGateway,
     ServedOperations,
     own_info,
     page_size,
@@ -38,7 +38,7 @@ from adapters.mrs.spec import (
     require_few,
     with_text,
 )
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 from executive.settings import Settings
 
@@ -79,9 +79,9 @@ class FleetService:
     def __init__(
         self,
         served: ServedOperations,
-        gateway: Gateway,
+        gateway: CoreGateway,
         settings: Settings,
-        terms: Terms,
+        terms: TransportSettings,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self.housekeeping: Callable[[], Sequence[ParameterValue]] = tuple
@@ -167,7 +167,7 @@ class FleetService:
             raise invalid(1)
         other.take_notification(notification)
 
-    def _publish_parameters(self, call: Call, values: tuple[ParameterValue, ...]) -> None:
+    def _publish_parameters(self, call: CallContext, values: tuple[ParameterValue, ...]) -> None:
         """Take the values of the asset that registered over this connection: never of this one."""
         require_few(values)
         other = self._known.registered_by(call.connection)
@@ -181,12 +181,12 @@ class FleetService:
             other.take_value(value)
             self._pass_on_value(value, other.asset, ())
 
-    async def _list_assets(self, _: Call) -> tuple[tuple[AssetInfo, ...]]:
+    async def _list_assets(self, _: CallContext) -> tuple[tuple[AssetInfo, ...]]:
         own = await self._gateway.ask(own_info)
         return ((own, *await self._discovery.ask(self._known.others)),)
 
     async def _get_value(
-        self, _: Call, asset: str, names: tuple[str, ...]
+        self, _: CallContext, asset: str, names: tuple[str, ...]
     ) -> tuple[tuple[ParameterValue, ...]]:
         if asset == self._asset:
             values = self.housekeeping()
@@ -198,7 +198,7 @@ class FleetService:
         return (tuple(look_up(other.values, name) for name in names or other.values),)
 
     async def _get_notifications(
-        self, _: Call, asset: str, since: int | None, most: int
+        self, _: CallContext, asset: str, since: int | None, most: int
     ) -> tuple[tuple[Notification, ...]]:
         if asset == self._asset:
             return (
@@ -236,7 +236,7 @@ class AssetDiscovery:
         system: the time of messages.
     """
 
-    def __init__(self, name: str, terms: Terms, system: System) -> None:
+    def __init__(self, name: str, terms: TransportSettings, system: System) -> None:
         self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S, system)
         self._answers: dict[str, _Answer] = {}
         self._asking: dict[str, asyncio.Task[AssetInfo]] = {}

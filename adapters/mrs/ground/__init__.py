@@ -9,9 +9,9 @@ the rover answers as an error is raised as MalError; if it does not come back, C
 
 from adapters.mrs.ground.blocking import BlockingClient as BlockingClient
 from adapters.mrs.ground.client import SOURCE as SOURCE
-from adapters.mrs.ground.client import CommandNumbers as CommandNumbers
+from adapters.mrs.ground.client import CommandIdGenerator as CommandIdGenerator
 from adapters.mrs.ground.client import MrsClient as MrsClient
-from adapters.mrs.ground.file_retrieval import FileNews as FileNews
+from adapters.mrs.ground.file_retrieval import FileNotification as FileNotification
 from adapters.mrs.ground.file_retrieval import TransferError as TransferError
 from adapters.mrs.ground.notification_stream import Stream as Stream
 from adapters.mrs.ground.outcome import DTN_OLDEST as DTN_OLDEST
@@ -20,7 +20,7 @@ from adapters.mrs.ground.outcome import LAST_HEARD as LAST_HEARD
 from adapters.mrs.ground.outcome import NEXT_CONTACT as NEXT_CONTACT
 from adapters.mrs.ground.outcome import OVERRIDE as OVERRIDE
 from adapters.mrs.ground.outcome import TERMINAL as TERMINAL
-from adapters.mrs.ground.outcome import Outcome as Outcome
+from adapters.mrs.ground.outcome import CommandOutcome as CommandOutcome
 from adapters.mrs.ground.outcome import describe_next_contact as describe_next_contact
 from adapters.mrs.ground.outcome import where_stored as where_stored
 from adapters.mrs.ground.rover_consumer import Dialer as Dialer

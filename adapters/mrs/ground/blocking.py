@@ -6,8 +6,8 @@ from threading import Thread
 from typing import Any, TypeVar
 
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.ground.outcome import OnNotification, Outcome
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.ground.outcome import CommandOutcome, OnNotification
+from adapters.mrs.terms import CLEAR, TransportSettings
 from executive.commands import Request
 
 T = TypeVar("T")
@@ -22,7 +22,9 @@ class BlockingClient:
         terms: the encoding and the certificates agreed on with the rover.
     """
 
-    def __init__(self, to: str, source: str | None = None, terms: Terms = CLEAR) -> None:
+    def __init__(
+        self, to: str, source: str | None = None, terms: TransportSettings = CLEAR
+    ) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = Thread(target=self._loop.run_forever, name="mrs session", daemon=True)
         self._thread.start()
@@ -45,7 +47,9 @@ class BlockingClient:
         finally:
             self._end_thread()
 
-    def run(self, request: Request, on_notification: OnNotification = lambda _: None) -> Outcome:
+    def run(
+        self, request: Request, on_notification: OnNotification = lambda _: None
+    ) -> CommandOutcome:
         """Command the rover, and return when the command has ended.
 
         Args:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from adapters.mal import MalError
 from adapters.mrs.ground.authority import SessionAuthority
-from adapters.mrs.ground.file_retrieval import FileNews, Retrieval
+from adapters.mrs.ground.file_retrieval import FileNotification, FileRetrieval
 from adapters.mrs.ground.notification_stream import NotificationStream, Stream, Streams, Updates
-from adapters.mrs.ground.outcome import CommandWatch, OnNotification, Outcome, where_stored
+from adapters.mrs.ground.outcome import CommandOutcome, CommandWatch, OnNotification, where_stored
 from adapters.mrs.ground.queries import LOST, Queries
 from adapters.mrs.ground.rover_consumer import NotServedError, RoverConsumer
-from adapters.mrs.ground.session import Session, parse_address
+from adapters.mrs.ground.session import RoverSession, parse_address
 from adapters.mrs.ground.tree_stream import TreeUpdates
 from adapters.mrs.spec import (
     LINK,
@@ -27,13 +27,13 @@ from adapters.mrs.spec import (
     invocation,
     supplements_of,
 )
-from adapters.mrs.terms import CLEAR, Terms
+from adapters.mrs.terms import CLEAR, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
-from executive.commands import Arrival, Command, Request
+from executive.commands import Command, PreemptionPolicy, Request
 from executive.values.reports import Identity
 
 if TYPE_CHECKING:
-    from trees import Snapshot
+    from trees import TreeSnapshot
 
 T = TypeVar("T")
 
@@ -49,7 +49,7 @@ EPOCH_MS: Final = 1_767_225_600_000
 """2026-01-01, from where command numbers count, in ms since 1970 UTC."""
 
 
-class CommandNumbers:
+class CommandIdGenerator:
     """Gives milliseconds since 2026, or one more than the last: never 0, never twice.
 
     A client that starts again goes on above its former numbers, unless it gave more than one a
@@ -86,7 +86,7 @@ class MrsClient(Queries):
         self,
         uri: str,
         source: str,
-        terms: Terms,
+        terms: TransportSettings,
         timeout_s: float,
         patience_s: float,
         system: System,
@@ -95,14 +95,16 @@ class MrsClient(Queries):
         self.source = source
         self.authority = SessionAuthority(self._ask_authority, source)
         address, ends = parse_address(uri), (self._restore, self._give_up)
-        super().__init__(Session(address, source, terms, *ends, timeout_s, patience_s, system))
-        self._system, self._numbers = system, CommandNumbers(system)
+        super().__init__(RoverSession(address, source, terms, *ends, timeout_s, patience_s, system))
+        self._system, self._numbers = system, CommandIdGenerator(system)
         self._watches: list[CommandWatch] = []
         self._notifications: Streams[Notification] = Streams()
         self._feed = NotificationStream(self._deliver, self._on_new_ledger)
         self._telemetry: Updates[ParameterValue] = Updates("Monitoring", "monitorValue")
         self._trees = TreeUpdates()
-        self._file_news: Updates[FileNews] = Updates("FileManagement", "monitorFiles", FileNews)
+        self._file_news: Updates[FileNotification] = Updates(
+            "FileManagement", "monitorFiles", FileNotification
+        )
         self._plans: Updates[PlanUpdate] = Updates("Plan", "monitorPlanExecution", self._note_plan)
         self._last_of_plans: dict[str, PlanUpdate] = {}
         self._signing: asyncio.Task[None] | None = None
@@ -114,7 +116,7 @@ class MrsClient(Queries):
         source: str | None = None,
         timeout_s: float = 10.0,
         patience_s: float = 30.0,
-        terms: Terms = CLEAR,
+        terms: TransportSettings = CLEAR,
         system: System = OPERATING_SYSTEM,
     ) -> "MrsClient":
         """Connect to a rover.
@@ -169,7 +171,7 @@ class MrsClient(Queries):
         source: str | None = None,
         command_id: int | None = None,
         lifetime_s: float | None = None,
-        arrival: Arrival = Arrival.APPEND,
+        arrival: PreemptionPolicy = PreemptionPolicy.APPEND,
         authority: int | None = None,
     ) -> Command:
         """Return a command, made now.
@@ -198,7 +200,7 @@ class MrsClient(Queries):
         command: Command,
         on_notification: OnNotification = lambda _: None,
         on_stored: Callable[[str], None] | None = None,
-    ) -> Outcome:
+    ) -> CommandOutcome:
         """Send a command and wait until it ends or a relay gives it up, over losses of the link.
 
         Args:
@@ -269,11 +271,11 @@ class MrsClient(Queries):
         """Return how far plans come from now on; after a loss of the link, first where they are."""
         return await self._subscribe(self._plans)
 
-    async def tree_snapshots(self) -> "Stream[Snapshot]":
+    async def tree_snapshots(self) -> "Stream[TreeSnapshot]":
         """Return the behaviour tree, first as it is now, then whenever it changes."""
         return await self._subscribe(self._trees)
 
-    async def file_events(self) -> Stream[FileNews]:
+    async def file_events(self) -> Stream[FileNotification]:
         """Return what happens to files from now on; not what happens while the link is lost."""
         return await self._subscribe(self._file_news)
 
@@ -308,7 +310,7 @@ class MrsClient(Queries):
         session = self._session.separate()
         await session.open(patiently=True)
         try:
-            await Retrieval(session, file, to, on_progress, chunk_octets).run()
+            await FileRetrieval(session, file, to, on_progress, chunk_octets).run()
         finally:
             await session.close()
         return file

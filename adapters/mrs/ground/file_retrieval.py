@@ -10,7 +10,7 @@ from zlib import crc32
 from adapters.mal import MalError, StandardError
 from adapters.mrs.ground.queries import LOST
 from adapters.mrs.ground.rover_consumer import RoverConsumer
-from adapters.mrs.ground.session import Session
+from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import FileEventType, FileInfo
 
 READ_OCTETS: Final = 1 << 20
@@ -25,7 +25,7 @@ SILENT: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class FileNews:
+class FileNotification:
     """Something that happened to a file aboard.
 
     Attributes:
@@ -40,7 +40,7 @@ class TransferError(Exception):
     """What was received is not the file that is aboard; the text says why."""
 
 
-class Retrieval:
+class FileRetrieval:
     """One file on its way here.
 
     The octets that came lie in a file whose name tells the checksum of the whole, so that a later
@@ -56,7 +56,7 @@ class Retrieval:
 
     def __init__(
         self,
-        session: Session,
+        session: RoverSession,
         file: FileInfo,
         to: Path,
         on_progress: Callable[[int, int], None],

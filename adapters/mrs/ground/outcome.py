@@ -19,7 +19,7 @@ OnNotification = Callable[[Notification], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class CommandOutcome:
     """The end of a command.
 
     Attributes:
@@ -72,9 +72,11 @@ class CommandWatch:
         """Whether anything was notified of it."""
         return bool(self.life) or self.ended.done()
 
-    def outcome(self, refusal: MalError | None = None) -> Outcome:
+    def outcome(self, refusal: MalError | None = None) -> CommandOutcome:
         """Return what came so far as the end, with the error that answered it, if one did."""
-        return Outcome(self.command, tuple(self.life), refusal, self.given_up, self.prediction)
+        return CommandOutcome(
+            self.command, tuple(self.life), refusal, self.given_up, self.prediction
+        )
 
     def take(self, notification: Notification) -> None:
         """Take a notification of this command; what its listener raises ends the watch."""

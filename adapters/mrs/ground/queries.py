@@ -4,7 +4,7 @@ from typing import Any, Final, TypeVar
 
 from adapters.explanation import UnknownCommandError
 from adapters.mal import MalError, NamedValue, StandardError
-from adapters.mrs.ground.session import Session
+from adapters.mrs.ground.session import RoverSession
 from adapters.mrs.spec import (
     AssetInfo,
     AssetStatus,
@@ -49,7 +49,7 @@ class Queries:
     the rover answers with an error.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: RoverSession) -> None:
         self._session = session
 
     async def get_notifications(

@@ -14,12 +14,12 @@ from adapters.mal import (
     MalUri,
     NamedValue,
     OnUpdate,
-    Progress,
+    ProgressStream,
     Subscription,
-    Typed,
+    TypedAttribute,
 )
 from adapters.mrs.spec import AreaError, ServiceDescriptor, find_service, mrs_specification
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 
 DIRECTORY: Final = "ServiceLayer"
@@ -107,7 +107,11 @@ class Dialer:
     """
 
     def __init__(
-        self, name: str, terms: Terms, timeout_s: float, system: System = OPERATING_SYSTEM
+        self,
+        name: str,
+        terms: TransportSettings,
+        timeout_s: float,
+        system: System = OPERATING_SYSTEM,
     ) -> None:
         self._name, self._system = name, system
         self._terms = terms
@@ -134,7 +138,7 @@ class NotServedError(MalError):
     """An asset serves only a part of the MRS, as its directory says; NotSupported by the MRS."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(AreaError.NOT_SUPPORTED.value, Typed(AttributeType.STRING, text))
+        super().__init__(AreaError.NOT_SUPPORTED.value, TypedAttribute(AttributeType.STRING, text))
 
 
 class RoverConsumer:
@@ -185,7 +189,9 @@ class RoverConsumer:
         return await (await self._provider(service, operation)).request(service, operation, *parts)
 
     @asynccontextmanager
-    async def progress(self, service: str, operation: str, *parts: Any) -> AsyncIterator[Progress]:
+    async def progress(
+        self, service: str, operation: str, *parts: Any
+    ) -> AsyncIterator[ProgressStream]:
         """Do a PROGRESS, which is entered when it is acknowledged."""
         provider = await self._provider(service, operation)
         async with provider.progress(service, operation, *parts) as progress:

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 from adapters.mal import SCHEME, MalError, MalUri, StandardError
 from adapters.mrs.ground.rover_consumer import Dialer, RoverConsumer
 from adapters.mrs.spec import NAME, PORT, describe_error
-from adapters.mrs.terms import Terms, TermsError
+from adapters.mrs.terms import TransportMismatchError, TransportSettings
 from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ def parse_address(text: str) -> MalUri:
     return MalUri(parts.hostname, parts.port or PORT, NAME)
 
 
-class Session:
+class RoverSession:
     """Keeps a consumer connected with all services of a rover.
 
     Nothing is connected yet.
@@ -57,7 +57,7 @@ class Session:
         self,
         uri: MalUri,
         name: str,
-        terms: Terms,
+        terms: TransportSettings,
         restore: Callable[[RoverConsumer], Awaitable[None]] | None,
         give_up: Callable[[ConnectionError], None] | None,
         timeout_s: float,
@@ -77,10 +77,10 @@ class Session:
         self._fault: ConnectionError | None = None
         self._keeper: asyncio.Task[None] | None = None
 
-    def separate(self) -> "Session":
+    def separate(self) -> "RoverSession":
         """Return a session with the same rover over connections of its own, for one purpose."""
         rest = (self._timeout_s, self._patience_s, self._system)
-        return Session(self.uri, self._name, self._terms, None, None, *rest)
+        return RoverSession(self.uri, self._name, self._terms, None, None, *rest)
 
     async def open(self, *, patiently: bool = False) -> None:
         """Connect for the first time.
@@ -174,22 +174,26 @@ class Session:
     def _no_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.AUTHENTICATION_FAILED.value:
             why = str(getattr(error.extra, "value", error)).removeprefix(f"{self.uri}: ")
-            return TermsError(f"{self.uri} cannot be believed: {why}")
+            return TransportMismatchError(f"{self.uri} cannot be believed: {why}")
         cause = error.__cause__
         if isinstance(cause, gaierror):
             return UnknownHostError(f"no computer is known by the name {self.uri.host}")
         if self._terms.certificates is None or isinstance(cause, ConnectionRefusedError):
             return ConnectionError(f"nobody answers at {self.uri}")
-        return TermsError(
+        return TransportMismatchError(
             f"nobody answers by TLS at {self.uri}: a rover there may speak clear text"
         )
 
     def _wrong_answer(self, error: MalError) -> ConnectionError:
         if error.number == StandardError.DESTINATION_LOST.value:
             if self._terms.certificates is None:
-                return TermsError(f"{self.uri} hung up: does it ask for certificates?")
-            return TermsError(f"{self.uri} hung up: it does not believe this certificate")
+                return TransportMismatchError(f"{self.uri} hung up: does it ask for certificates?")
+            return TransportMismatchError(
+                f"{self.uri} hung up: it does not believe this certificate"
+            )
         text = f"{self.uri} does not answer as a rover does: {describe_error(error)}"
         if error.number == StandardError.BAD_ENCODING.value:
-            return TermsError(f"{text}; is its encoding another than {self._terms.encoding.value}?")
+            return TransportMismatchError(
+                f"{text}; is its encoding another than {self._terms.encoding.value}?"
+            )
         return ConnectionError(text)

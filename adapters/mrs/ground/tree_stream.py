@@ -9,12 +9,12 @@ from adapters.mrs.ground.rover_consumer import RoverConsumer
 from adapters.mrs.spec import TreeUpdate
 
 if TYPE_CHECKING:
-    from trees import Snapshot
+    from trees import TreeSnapshot
 
 _LOG: Final = logging.getLogger(__name__)
 
 
-class TreeUpdates(Updates["Snapshot"]):
+class TreeUpdates(Updates["TreeSnapshot"]):
     """The streams of the behaviour tree: what differs is passed on as the whole that it makes.
 
     What differs from a whole that did not come is passed over; another whole comes soon.
@@ -23,7 +23,7 @@ class TreeUpdates(Updates["Snapshot"]):
     def __init__(self) -> None:
         super().__init__("Status", "monitorTree")
         self._number = 0
-        self._whole: Snapshot | None = None
+        self._whole: TreeSnapshot | None = None
 
     async def subscribe(self, consumer: RoverConsumer) -> None:
         """Subscribe over a connection, over which a whole comes first, if anybody listens."""

@@ -63,7 +63,7 @@ from adapters.mrs.spec.mapping import supplements_of as supplements_of
 from adapters.mrs.spec.mapping import to_ns as to_ns
 from adapters.mrs.spec.mapping import wire_definition as wire_definition
 from adapters.mrs.spec.mapping import wire_update as wire_update
-from adapters.mrs.spec.previews import AskedMotion as AskedMotion
+from adapters.mrs.spec.previews import PreviewRequest as PreviewRequest
 from adapters.mrs.spec.previews import asked_motion as asked_motion
 from adapters.mrs.spec.previews import motion_of as motion_of
 from adapters.mrs.spec.previews import wire_preview as wire_preview

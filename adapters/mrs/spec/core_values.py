@@ -8,7 +8,15 @@ from adapters.mrs.spec.mapping import NS_PER_S
 from executive.commands import Mode
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure, Reason
-from executive.values.reports import Identity, Kind, PlanStatus, PlanUpdate, Report, Severity, Stage
+from executive.values.reports import (
+    Identity,
+    PlanStatus,
+    PlanUpdate,
+    Report,
+    ReportKind,
+    Severity,
+    Stage,
+)
 
 REASONS: Final = {each.value: each for each in Reason}
 _NAMES: Final = {each.value for each in Parameter}
@@ -20,7 +28,7 @@ def report_of(notification: types.Notification) -> Report:
     return Report(
         sequence=notification.sequence,
         utc_s=utc_s_of(notification.timestamp),
-        kind=Kind(notification.kind.value),
+        kind=ReportKind(notification.kind.value),
         severity=Severity(notification.severity.value),
         text=notification.text or "",
         identity=identity_of(notification.source, notification.commandId),

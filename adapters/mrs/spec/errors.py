@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sized
 from enum import Enum, unique
 from typing import Final, TypeVar
 
-from adapters.mal import AttributeType, MalError, StandardError, Typed, TypedList
+from adapters.mal import AttributeType, MalError, StandardError, TypedAttribute, TypedList
 from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, printable
 
@@ -40,12 +40,14 @@ def invalid(*arguments: int) -> MalError:
 
 def duplicate(identity: Identity) -> MalError:
     """Return the error for a commandId that its source used before."""
-    return MalError(AreaError.DUPLICATE.value, Typed(AttributeType.LONG, identity.command_id))
+    return MalError(
+        AreaError.DUPLICATE.value, TypedAttribute(AttributeType.LONG, identity.command_id)
+    )
 
 
 def with_text(error: AreaError | StandardError, text: str) -> MalError:
     """Return an error that says why in words."""
-    return MalError(error.value, Typed(AttributeType.STRING, text))
+    return MalError(error.value, TypedAttribute(AttributeType.STRING, text))
 
 
 def look_up(known: Mapping[str, T], name: str) -> T:

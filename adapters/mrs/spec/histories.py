@@ -6,8 +6,15 @@ from dataclasses import replace
 from adapters.mrs.spec import types
 from adapters.mrs.spec.core_values import REASONS, identity_of, report_of, utc_s_of
 from adapters.mrs.spec.mapping import LONGEST_TEXT, notification_of, to_ns
-from executive.commands import Arrival, Mode
-from executive.history import Declined, Fastest, LeafRun, ReceivedCommand, RunHistory, Situation
+from executive.commands import Mode, PreemptionPolicy
+from executive.history import (
+    LeafRun,
+    PeakSpeed,
+    ReceivedCommand,
+    RejectedSubmission,
+    RunHistory,
+    Situation,
+)
 from executive.values.reasons import Figure, Refusal
 from executive.values.reports import Identity, Report
 
@@ -71,7 +78,7 @@ def history_of(history: types.History) -> RunHistory:
         reports=tuple(map(_report_of, history.reports)),
         received=tuple(map(_received_of, history.asked)),
         declined=tuple(
-            Declined(
+            RejectedSubmission(
                 Identity(each.source, each.commandId),
                 utc_s_of(each.timestamp),
                 Refusal(REASONS[each.code], each.text, _figures_of(each.figures)),
@@ -99,7 +106,7 @@ def history_of(history: types.History) -> RunHistory:
             for each in history.leaves
         ),
         fastest=tuple(
-            Fastest(Identity(each.source, each.commandId), each.speed, each.allowed)
+            PeakSpeed(Identity(each.source, each.commandId), each.speed, each.allowed)
             for each in history.fastest
         ),
         slowing=frozenset(REASONS[each] for each in history.slowing if each in REASONS),
@@ -135,7 +142,7 @@ def _wire_asked(received: ReceivedCommand) -> types.AskedCommand:
         name=received.name,
         link=received.link,
         timestamp=to_ns(received.utc_s),
-        replaces=received.arrival is Arrival.REPLACE,
+        replaces=received.arrival is PreemptionPolicy.REPLACE,
         creationTime=None if created_s is None else to_ns(created_s),
         lifetime=received.lifetime_s,
     )
@@ -149,7 +156,7 @@ def _received_of(asked: types.AskedCommand) -> ReceivedCommand:
         asked.name,
         asked.link,
         utc_s_of(asked.timestamp),
-        Arrival.REPLACE if asked.replaces else Arrival.APPEND,
+        PreemptionPolicy.REPLACE if asked.replaces else PreemptionPolicy.APPEND,
         None if created_ns is None else utc_s_of(created_ns),
         asked.lifetime,
     )

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
-from adapters.mal import AttributeType, Typed
+from adapters.mal import AttributeType, TypedAttribute
 from adapters.mrs.spec.mapping import to_ns
 from adapters.mrs.spec.types import ParameterDefinition, ParameterValue, Validity
-from adapters.process import Usage
+from adapters.process import ResourceUsage
 from executive.commands import Limit
 from executive.settings import Settings
 from executive.state import PROMISED_M, PROMISED_RAD, Uncertainty
 from executive.values.reasons import Figure
-from executive.values.reports import Kind, Report
+from executive.values.reports import Report, ReportKind
 
 LEAST_FREE_OCTETS: Final = 100_000_000
 """Of a disk, below which it is an alarm."""
@@ -57,7 +57,7 @@ def _of_process(prefix: str, component: str) -> tuple[HousekeepingParameter, ...
     )
 
 
-def usage_figures(prefix: str, usage: Usage) -> dict[str, float | None]:
+def usage_figures(prefix: str, usage: ResourceUsage) -> dict[str, float | None]:
     """Return what a process takes, by the names of its parameters."""
     return {
         f"{prefix}_MEMORY": usage.memory_octets,
@@ -117,7 +117,7 @@ def reported_uncertainty(report: Report) -> dict[str, float]:
 
     An event without a reason may be somebody else's.
     """
-    of_core = report.kind is Kind.EVENT and report.reason is not None
+    of_core = report.kind is ReportKind.EVENT and report.reason is not None
     return uncertainty_figures(report.figures) if of_core else {}
 
 
@@ -175,7 +175,7 @@ def figure_value(name: str, figure: float | None, utc_s: float) -> ParameterValu
         name=name,
         timestamp=to_ns(utc_s),
         validity=Validity.INVALID if figure is None else Validity.VALID,
-        value=None if figure is None else Typed(AttributeType.DOUBLE, float(figure)),
+        value=None if figure is None else TypedAttribute(AttributeType.DOUBLE, float(figure)),
     )
 
 

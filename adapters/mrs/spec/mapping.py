@@ -11,7 +11,14 @@ from enum import Enum
 from math import isfinite, nan
 from typing import Any, Final, NamedTuple, Protocol
 
-from adapters.mal import AttributeType, Field, NamedValue, SpecificationError, Stage, Typed
+from adapters.mal import (
+    AttributeType,
+    Field,
+    InteractionStage,
+    NamedValue,
+    SpecificationError,
+    TypedAttribute,
+)
 from adapters.mrs.spec import types
 from adapters.mrs.spec.errors import AreaError, invalid, with_text
 from adapters.mrs.spec.specification import mrs_specification
@@ -25,11 +32,11 @@ from adapters.mrs.spec.types import (
 from executive.commands import (
     DIRECT_LINK,
     Argument,
-    Arrival,
     Command,
-    Declaration,
+    CommandDeclaration,
     PlanArgument,
     PlanDefinition,
+    PreemptionPolicy,
     Request,
     Stop,
     arguments_of,
@@ -37,7 +44,7 @@ from executive.commands import (
 )
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure
-from executive.values.reports import Identity, Kind, PlanUpdate, Report
+from executive.values.reports import Identity, PlanUpdate, Report, ReportKind
 
 FRAME: Final = "odom"
 
@@ -83,7 +90,7 @@ def to_ns(utc_s: float) -> int:
     return round(utc_s * 1e6) * 1000
 
 
-class Asset(Protocol):
+class AssetView(Protocol):
     """What knows the state of an asset: the executive aboard, or who hears its telemetry."""
 
     def parameters(self) -> Sequence[ParameterValue]:
@@ -98,11 +105,11 @@ def parameter_value(value: ParameterValue) -> types.ParameterValue:
         name=value.parameter.value,
         timestamp=to_ns(value.utc_s),
         validity=Validity.VALID if known else Validity.INVALID,
-        value=Typed(AttributeType.DOUBLE, value.value) if known else None,
+        value=TypedAttribute(AttributeType.DOUBLE, value.value) if known else None,
     )
 
 
-def pose(asset: Asset) -> types.Pose:
+def pose(asset: AssetView) -> types.Pose:
     """Return where the rover is."""
     figure = figures(asset)
     return types.Pose(
@@ -114,7 +121,7 @@ def pose(asset: Asset) -> types.Pose:
     )
 
 
-def speeds(asset: Asset) -> types.Speeds:
+def speeds(asset: AssetView) -> types.Speeds:
     """Return how fast the rover may move, and does."""
     figure = figures(asset)
     return types.Speeds(
@@ -125,7 +132,7 @@ def speeds(asset: Asset) -> types.Speeds:
     )
 
 
-def figures(asset: Asset) -> Mapping[Parameter, float]:
+def figures(asset: AssetView) -> Mapping[Parameter, float]:
     """Return the present figures, NaN where they are not known."""
     return {
         value.parameter: nan if value.value is None else value.value for value in asset.parameters()
@@ -154,7 +161,7 @@ def definition_of(wire: types.PlanDefinition) -> PlanDefinition:
 def wire_definition(plan: PlanDefinition) -> types.PlanDefinition:
     """Return a plan to send; its arguments travel as texts."""
     arguments = tuple(
-        NamedValue(name=argument.name, value=Typed(AttributeType.STRING, argument.text))
+        NamedValue(name=argument.name, value=TypedAttribute(AttributeType.STRING, argument.text))
         for argument in plan.arguments
     )
     return types.PlanDefinition(
@@ -202,7 +209,7 @@ def notification_of(report: Report, cursor: int | None = None) -> Notification:
         report: what is carried.
         cursor: its place in the order of recording; None for its sequence, which is that aboard.
     """
-    named = _name_of(report.identity) if report.kind is Kind.LINK else ()
+    named = _name_of(report.identity) if report.kind is ReportKind.LINK else ()
     whose = None if named else report.identity
     return Notification(
         kind=NotificationKind(report.kind.value),
@@ -229,7 +236,9 @@ def cursor_of(notification: Notification | None) -> int:
 def figure_values(figures: Sequence[Figure]) -> tuple[NamedValue, ...]:
     """Return figures as parameters of a notification or a fault."""
     return tuple(
-        NamedValue(name=figure.name, value=Typed(AttributeType.DOUBLE, float(figure.value)))
+        NamedValue(
+            name=figure.name, value=TypedAttribute(AttributeType.DOUBLE, float(figure.value))
+        )
         for figure in figures
     )
 
@@ -266,8 +275,8 @@ def _name_of(identity: Identity | None) -> tuple[NamedValue, ...]:
     if identity is None:
         return ()
     return (
-        NamedValue(name=_SOURCE, value=Typed(AttributeType.IDENTIFIER, identity.source)),
-        NamedValue(name=_NUMBER, value=Typed(AttributeType.LONG, identity.command_id)),
+        NamedValue(name=_SOURCE, value=TypedAttribute(AttributeType.IDENTIFIER, identity.source)),
+        NamedValue(name=_NUMBER, value=TypedAttribute(AttributeType.LONG, identity.command_id)),
     )
 
 
@@ -337,7 +346,7 @@ _WIRE_TYPES: Final[Mapping[type, frozenset[str]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Invocation:
+class OperationCall:
     """An operation to call, with the parts that follow the command header."""
 
     service: str
@@ -346,7 +355,7 @@ class Invocation:
 
 
 @dataclass(frozen=True, slots=True)
-class Carrier:
+class RequestMapping:
     """How one kind of request travels.
 
     Attributes:
@@ -354,19 +363,19 @@ class Carrier:
         parts: makes those parts of the request.
     """
 
-    declaration: Declaration
+    declaration: CommandDeclaration
     request: Callable[..., Request]
     parts: Callable[[Request], tuple[Any, ...]]
 
 
-def invocation(request: Request) -> Invocation:
+def invocation(request: Request) -> OperationCall:
     """Return the operation that carries a request."""
     carrier = _CARRIERS[type(request)]
     declaration = carrier.declaration
-    return Invocation(declaration.service, declaration.operation, carrier.parts(request))
+    return OperationCall(declaration.service, declaration.operation, carrier.parts(request))
 
 
-def carrier_of(declaration: Declaration) -> Carrier:
+def carrier_of(declaration: CommandDeclaration) -> RequestMapping:
     """Return how a declared request travels.
 
     Raises:
@@ -375,7 +384,7 @@ def carrier_of(declaration: Declaration) -> Carrier:
     """
     where = f"{declaration.service}.{declaration.operation}"
     operation = mrs_specification().operation(declaration.service, declaration.operation)
-    parts = operation.parts[Stage.SUBMIT][1:]
+    parts = operation.parts[InteractionStage.SUBMIT][1:]
     kind, arguments = declaration.kind, declaration.arguments
     if declaration.part is not None:
         return _in_one_part(where, declaration, parts)
@@ -383,7 +392,7 @@ def carrier_of(declaration: Declaration) -> Carrier:
     fields = [argument.field for argument in arguments]
     converters = [_converter(where, *pair) for pair in zip(arguments, parts, strict=True)]
     if all(converter is _AS_IT_IS for converter in converters):
-        return Carrier(
+        return RequestMapping(
             declaration, kind, lambda request: tuple(getattr(request, name) for name in fields)
         )
 
@@ -396,16 +405,18 @@ def carrier_of(declaration: Declaration) -> Carrier:
         pairs = zip(converters, fields, strict=True)
         return tuple(converter.outward(getattr(request, name)) for converter, name in pairs)
 
-    return Carrier(declaration, request_of, parts_of)
+    return RequestMapping(declaration, request_of, parts_of)
 
 
-def _in_one_part(where: str, declaration: Declaration, parts: Sequence[Field]) -> Carrier:
+def _in_one_part(
+    where: str, declaration: CommandDeclaration, parts: Sequence[Field]
+) -> RequestMapping:
     """Return the carrier of a request whose arguments are one composite, or NULL for none."""
     if [(part.name, part.nullable) for part in parts] != [(declaration.part, True)]:
         raise SpecificationError(f"{where}: its one part is to be {declaration.part}, or NULL")
     nothing = declaration.kind()
     whole = _composite(where, declaration.kind, declaration.arguments, parts[0])
-    return Carrier(
+    return RequestMapping(
         declaration,
         lambda part: nothing if part is None else whole.inward(part),
         lambda request: (None if request == nothing else whole.outward(request),),
@@ -514,7 +525,7 @@ def command_of(
         counter=header.counter,
         report_started=header.reportStarted,
         report_progress=header.reportProgress,
-        arrival=_arrival(supplements) if supplements else Arrival.APPEND,
+        arrival=_arrival(supplements) if supplements else PreemptionPolicy.APPEND,
         authority=_authority(supplements) if supplements else None,
         peer=peer,
     )
@@ -537,14 +548,14 @@ def header_of(command: Command) -> CommandHeader:
 def supplements_of(command: Command) -> tuple[NamedValue, ...]:
     """Return the supplements that a command travels with; none for the defaults."""
     found = []
-    if command.arrival is not Arrival.APPEND:
-        found.append((ARRIVAL, Typed(AttributeType.IDENTIFIER, command.arrival.value)))
+    if command.arrival is not PreemptionPolicy.APPEND:
+        found.append((ARRIVAL, TypedAttribute(AttributeType.IDENTIFIER, command.arrival.value)))
     if command.authority is not None:
-        found.append((AUTHORITY, Typed(AttributeType.LONG, command.authority)))
+        found.append((AUTHORITY, TypedAttribute(AttributeType.LONG, command.authority)))
     return tuple(NamedValue(name=name, value=value) for name, value in found)
 
 
-def _supplement(name: str, supplements: tuple[NamedValue, ...]) -> list[Typed | None]:
+def _supplement(name: str, supplements: tuple[NamedValue, ...]) -> list[TypedAttribute | None]:
     return [supplement.value for supplement in supplements if supplement.name == name]
 
 
@@ -552,21 +563,21 @@ def _authority(supplements: tuple[NamedValue, ...]) -> int | None:
     match _supplement(AUTHORITY, supplements):
         case []:
             return None
-        case [Typed(type=AttributeType.LONG, value=int(epoch))]:
+        case [TypedAttribute(type=AttributeType.LONG, value=int(epoch))]:
             return epoch
         case _:
             raise with_text(AreaError.INVALID, f"supplement {AUTHORITY}: one Long, the epoch")
 
 
-def _arrival(supplements: tuple[NamedValue, ...]) -> Arrival:
+def _arrival(supplements: tuple[NamedValue, ...]) -> PreemptionPolicy:
     match _supplement(ARRIVAL, supplements):
         case []:
-            return Arrival.APPEND
-        case [Typed(type=AttributeType.IDENTIFIER, value=text)] if text in _ARRIVALS:
-            return Arrival(text)
+            return PreemptionPolicy.APPEND
+        case [TypedAttribute(type=AttributeType.IDENTIFIER, value=text)] if text in _ARRIVALS:
+            return PreemptionPolicy(text)
         case _:
             text = f"supplement {ARRIVAL}: one Identifier, {' or '.join(sorted(_ARRIVALS))}"
             raise with_text(AreaError.INVALID, text)
 
 
-_ARRIVALS: Final = {arrival.value for arrival in Arrival}
+_ARRIVALS: Final = {arrival.value for arrival in PreemptionPolicy}

@@ -17,7 +17,7 @@ _MOTIONS: Final = {each.operation: each for each in declared() if each.family is
 
 
 @dataclass(frozen=True, slots=True)
-class AskedMotion:
+class PreviewRequest:
     """A motion as a preview is asked of it: the parts of the operation `preview`."""
 
     operation: str
@@ -26,19 +26,19 @@ class AskedMotion:
     controller: types.Controller | None = None
 
 
-def asked_motion(motion: Motion) -> AskedMotion:
+def asked_motion(motion: Motion) -> PreviewRequest:
     """Return a motion, to ask for its preview."""
     asked = invocation(motion)
     match asked.parts:
         case (types.Waypoint() as target, controller):
-            return AskedMotion(asked.operation, (target,), None, controller)
+            return PreviewRequest(asked.operation, (target,), None, controller)
         case (tuple() as waypoints, controller):
-            return AskedMotion(asked.operation, waypoints, None, controller)
+            return PreviewRequest(asked.operation, waypoints, None, controller)
         case figures:
-            return AskedMotion(asked.operation, None, figures)
+            return PreviewRequest(asked.operation, None, figures)
 
 
-def motion_of(asked: AskedMotion) -> Motion:
+def motion_of(asked: PreviewRequest) -> Motion:
     """Return the motion of which a preview is asked.
 
     Raises:

@@ -9,12 +9,12 @@ from typing import Final
 from adapters.mrs.spec import types
 from adapters.mrs.spec.mapping import LONGEST_TEXT, NS_PER_S, to_ns
 from executive.values.reports import Identity
-from trees import Node, NodeKind, NodeStatus, Snapshot
+from trees import NodeKind, NodeStatus, TreeNodeSnapshot, TreeSnapshot
 
 SEPARATOR: Final = "/"
 
 
-def whole_update(number: int, snapshot: Snapshot) -> types.TreeUpdate:
+def whole_update(number: int, snapshot: TreeSnapshot) -> types.TreeUpdate:
     """Return a tree as a whole, under a number of its own."""
     paths = _Paths()
     nodes = tuple(
@@ -31,7 +31,9 @@ def whole_update(number: int, snapshot: Snapshot) -> types.TreeUpdate:
     return _update(number, snapshot, unmonitored=snapshot.unmonitored, nodes=nodes)
 
 
-def change_update(number: int, whole: Snapshot, snapshot: Snapshot) -> types.TreeUpdate | None:
+def change_update(
+    number: int, whole: TreeSnapshot, snapshot: TreeSnapshot
+) -> types.TreeUpdate | None:
     """Return how a tree differs from a whole that was sent; None if its nodes are others."""
     if not _alike(whole.nodes, snapshot.nodes) or whole.unmonitored != snapshot.unmonitored:
         return None
@@ -47,7 +49,7 @@ def change_update(number: int, whole: Snapshot, snapshot: Snapshot) -> types.Tre
     return _update(number, snapshot, changes=changes)
 
 
-def snapshot_of_update(update: types.TreeUpdate, whole: Snapshot | None) -> Snapshot:
+def snapshot_of_update(update: types.TreeUpdate, whole: TreeSnapshot | None) -> TreeSnapshot:
     """Return the tree that an update tells.
 
     Args:
@@ -64,7 +66,7 @@ def snapshot_of_update(update: types.TreeUpdate, whole: Snapshot | None) -> Snap
     else:
         raise ValueError("a change of a tree that is not known")
     number = update.activeCommandId
-    return Snapshot(
+    return TreeSnapshot(
         tick=update.tick,
         utc_s=update.timestamp / NS_PER_S,
         mode=update.mode.name,
@@ -78,7 +80,7 @@ def snapshot_of_update(update: types.TreeUpdate, whole: Snapshot | None) -> Snap
 
 def _update(
     number: int,
-    snapshot: Snapshot,
+    snapshot: TreeSnapshot,
     *,
     unmonitored: str | None = None,
     nodes: tuple[types.TreeNode, ...] | None = None,
@@ -100,30 +102,34 @@ def _update(
     )
 
 
-def _alike(some: Sequence[Node], others: Sequence[Node]) -> bool:
+def _alike(some: Sequence[TreeNodeSnapshot], others: Sequence[TreeNodeSnapshot]) -> bool:
     return [(each.path, each.depth, each.kind) for each in some] == [
         (each.path, each.depth, each.kind) for each in others
     ]
 
 
-def _nodes(told: Sequence[types.TreeNode]) -> list[Node]:
+def _nodes(told: Sequence[types.TreeNode]) -> list[TreeNodeSnapshot]:
     paths = _Paths()
-    nodes: list[Node] = []
+    nodes: list[TreeNodeSnapshot] = []
     for each in told:
         paths.next(each.name, each.depth, each.path)
         path = paths.last
         kind, status = NodeKind[each.kind.name], NodeStatus[each.status.name]
-        nodes.append(Node(path, each.name, each.depth, kind, status, each.message or ""))
+        nodes.append(
+            TreeNodeSnapshot(path, each.name, each.depth, kind, status, each.message or "")
+        )
     return nodes
 
 
-def _changed(nodes: Sequence[Node], changes: Sequence[types.NodeChange]) -> tuple[Node, ...]:
+def _changed(
+    nodes: Sequence[TreeNodeSnapshot], changes: Sequence[types.NodeChange]
+) -> tuple[TreeNodeSnapshot, ...]:
     changed = list(nodes)
     for each in changes:
         if each.index >= len(nodes):
             raise ValueError(f"node {each.index} of {len(nodes)} changed")
         old, status = nodes[each.index], NodeStatus[each.status.name]
-        changed[each.index] = Node(
+        changed[each.index] = TreeNodeSnapshot(
             old.path, old.name, old.depth, old.kind, status, each.message or ""
         )
     return tuple(changed)

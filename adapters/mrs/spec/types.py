@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from adapters.mal import AttributeType, NamedValue, ServiceId, Typed
+from adapters.mal import AttributeType, NamedValue, ServiceId, TypedAttribute
 
 
 class Stage(Enum):
@@ -287,7 +287,7 @@ class ParameterValue:
     name: str
     timestamp: int
     validity: Validity
-    value: Typed | None = None
+    value: TypedAttribute | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
-from adapters.mal import Typed
+from adapters.mal import TypedAttribute
 from adapters.mops import Dictionary, Message, MopsError, encoded
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import DEFINED, Notification, ParameterValue, describe_error, forwarded
@@ -163,7 +163,7 @@ def values_line(kind: str, values: Sequence[ParameterValue]) -> str:
     return line(max(value.timestamp for value in values) / 1e9, kind, *figures)
 
 
-def _written(value: Typed | None) -> str:
+def _written(value: TypedAttribute | None) -> str:
     if value is None:
         return "-"
     return repr(value.value) if isinstance(value.value, str) else format(value.value, "z.3f")

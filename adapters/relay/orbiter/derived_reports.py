@@ -12,7 +12,7 @@ from typing import Final
 
 from adapters.bundle import DeliveryStatus
 from adapters.mops import UNNUMBERED
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
 _TAKEN: Final = (Stage.RECEIVED, Stage.ACCEPTED)
 _BEFORE: Final[Mapping[Stage, Sequence[Stage]]] = {
@@ -55,7 +55,7 @@ def with_implied_stages(report: Report, last: Report | None) -> Sequence[Report]
 def departure(identity: Identity, utc_s: float) -> Report:
     """Return the report that a command has left the orbiter."""
     text = f"{identity} has left the orbiter"
-    return Report(UNNUMBERED, utc_s, Kind.LINK, Severity.INFORMATIONAL, text, identity)
+    return Report(UNNUMBERED, utc_s, ReportKind.LINK, Severity.INFORMATIONAL, text, identity)
 
 
 class Loss(Enum):
@@ -70,7 +70,7 @@ class Loss(Enum):
     def report(self, identity: Identity, utc_s: float) -> Report:
         """Return the report that tells it."""
         text = f"{identity} {self.value}"
-        return Report(UNNUMBERED, utc_s, Kind.LINK, Severity.ALARM, text, identity)
+        return Report(UNNUMBERED, utc_s, ReportKind.LINK, Severity.ALARM, text, identity)
 
 
 LOSS_BY_STATUS: Final = {DeliveryStatus.EXPIRED: Loss.EXPIRED, DeliveryStatus.DELETED: Loss.DELETED}

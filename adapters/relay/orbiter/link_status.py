@@ -7,7 +7,7 @@ from math import inf, isinf
 from typing import Final
 
 from adapters.bundle import Contact, ContactOverride, ContactPlan, NeighbourHealth, Traffic
-from adapters.mal import AttributeType, Typed
+from adapters.mal import AttributeType, TypedAttribute
 from adapters.mops import LinkHealth
 from adapters.mrs.ground import (
     DTN_OLDEST,
@@ -123,7 +123,7 @@ class PlannedContacts:
                 name=name,
                 timestamp=to_ns(self.utc_s),
                 validity=Validity.INVALID if listed is None else Validity.VALID,
-                value=None if listed is None else Typed(AttributeType.STRING, listed),
+                value=None if listed is None else TypedAttribute(AttributeType.STRING, listed),
             )
 
 
@@ -165,7 +165,7 @@ def _interval(contact: Contact) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkStatus:
+class RelayLinkStatus:
     """The link to a rover at a moment; infinity for what is not known or not planned.
 
     Attributes:
@@ -242,9 +242,9 @@ def measure_link(
     oldest_utc_s: float | None,
     planned: PlannedContacts,
     utc_s: float,
-) -> LinkStatus:
+) -> RelayLinkStatus:
     """Return the status that an agent's figures make."""
-    return LinkStatus(
+    return RelayLinkStatus(
         queued=health.queued,
         oldest_s=0.0 if oldest_utc_s is None else max(0.0, utc_s - oldest_utc_s),
         contact=health.contact,
@@ -274,7 +274,7 @@ class LinkMonitor:
         self._seen: tuple[bool, ContactOverride] | None = None
         self._old = False
 
-    def look(self, status: LinkStatus, utc_s: float) -> None:
+    def look(self, status: RelayLinkStatus, utc_s: float) -> None:
         """Compare with the last look, and notify of changes."""
         if (seen := (status.contact, status.override)) != self._seen:
             self._seen = seen
@@ -286,12 +286,12 @@ class LinkMonitor:
             self._say(Severity.WARNING, text, status)
         self._old = old
 
-    def _say(self, severity: Severity, text: str, status: LinkStatus) -> None:
+    def _say(self, severity: Severity, text: str, status: RelayLinkStatus) -> None:
         figures = (Figure("queued", float(status.queued)), Figure("oldest", status.oldest_s, "s"))
         self._tell(severity, text, figures)
 
 
-def _contact(status: LinkStatus, utc_s: float) -> str:
+def _contact(status: RelayLinkStatus, utc_s: float) -> str:
     match status.override:
         case ContactOverride.DOWN:
             return f"no contact: held closed by the operator until {BY_PLAN}"

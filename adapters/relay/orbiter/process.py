@@ -7,7 +7,7 @@ from typing import Final
 import click
 
 from adapters.mrs.cli import add_terms_options
-from adapters.mrs.terms import Terms
+from adapters.mrs.terms import TransportSettings
 from adapters.process import data_option, default_folder, log_level_option, process
 
 FOLDER: Final = "orbiter"
@@ -24,7 +24,9 @@ FOLDER: Final = "orbiter"
 @add_terms_options("orbiter")
 @data_option("bundles and records", FOLDER)
 @log_level_option
-def main(config: Path | None, host: str, terms: Terms, clear_text: bool, data: Path | None) -> None:
+def main(
+    config: Path | None, host: str, terms: TransportSettings, clear_text: bool, data: Path | None
+) -> None:
     """Serve the MRS for rovers behind the relay until SIGINT or SIGTERM.
 
     Commands become MOPS strings in bundles, which wait here until there is contact; what the rovers

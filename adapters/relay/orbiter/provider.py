@@ -7,7 +7,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Final
 
 from adapters.bundle import BundleError, ContactOverride
-from adapters.mal import Call, MalUri, StandardError, is_loopback
+from adapters.mal import CallContext, MalUri, StandardError, is_loopback
 from adapters.mops import LINK, UNNUMBERED
 from adapters.mrs import spec as wire
 from adapters.mrs.aboard import LAST_SEQUENCE, ServedOperations, page_size, serve_commands
@@ -29,13 +29,13 @@ from adapters.mrs.spec import (
     usage_figures,
     with_text,
 )
-from adapters.mrs.terms import Terms
-from adapters.process import Usage
+from adapters.mrs.terms import TransportSettings
+from adapters.process import ResourceUsage
 from adapters.relay.orbiter.link_status import (
     BY_PLAN,
     CONTACT,
     ORBITER_PARAMETERS,
-    LinkStatus,
+    RelayLinkStatus,
     aboard_values,
 )
 from adapters.relay.orbiter.rover import RelayedRover
@@ -43,7 +43,7 @@ from adapters.system import OPERATING_SYSTEM, System
 from executive.commands import Command, ExecuteAction
 from executive.record import LedgerError
 from executive.values.parameters import Parameter, ParameterValue
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 
 if TYPE_CHECKING:
     import ssl
@@ -82,11 +82,11 @@ class RoverProvider:
     def __init__(
         self,
         rover: RelayedRover,
-        link_status: Callable[[], LinkStatus],
+        link_status: Callable[[], RelayLinkStatus],
         order: Callable[[ContactOverride], str],
-        usage: Callable[[], Usage],
+        usage: Callable[[], ResourceUsage],
         silent_after_s: float,
-        terms: Terms,
+        terms: TransportSettings,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self._rover, self._link_status, self._order = rover, link_status, order
@@ -181,7 +181,14 @@ class RoverProvider:
             raise with_text(AreaError.REJECTED, str(error)) from error
         now_s = self._utc_s()
         report = Report(
-            *(UNNUMBERED, now_s, Kind.COMMAND, Severity.INFORMATIONAL, said, command.identity),
+            *(
+                UNNUMBERED,
+                now_s,
+                ReportKind.COMMAND,
+                Severity.INFORMATIONAL,
+                said,
+                command.identity,
+            ),
             *(Stage.EXECUTED, LINK),
         )
         try:
@@ -285,5 +292,5 @@ class RoverProvider:
             mode=self._mode(),
         )
 
-    def _service(self, call: Call, name: str) -> tuple[wire.ServiceDescriptor]:
+    def _service(self, call: CallContext, name: str) -> tuple[wire.ServiceDescriptor]:
         return (look_up({each.name: each for each in self._offer.descriptors(call)}, name),)

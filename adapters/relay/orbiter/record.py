@@ -301,7 +301,7 @@ _SLACK: Final = 20
 """The record is pruned when it is one part in so many above its limit."""
 
 
-class Retention:
+class RecordRetention:
     """Prunes the reports recorded first, above a number, and the commands without reports.
 
     What is under way stays, and so does what can still come again: a command is known for its
@@ -383,7 +383,7 @@ class RoverRecord:
         self._numbered = numbered
         self.ledger = ReportLedger(path, _SCHEMA, system.connect)
         self.outstanding, self.ledgers = Outstanding(self.ledger), Ledgers(self.ledger)
-        self._history = Retention(self.ledger, most_reports, self.stopped_by)
+        self._history = RecordRetention(self.ledger, most_reports, self.stopped_by)
 
     def close(self) -> None:
         """Close the file."""

@@ -15,10 +15,10 @@ from adapters.bundle import (
     ContactOverride,
     ContactPlan,
     Delivery,
+    DeliveryNotice,
     Eid,
     Ipn,
     NeighbourHealth,
-    Notice,
     Queued,
     Security,
     StoreError,
@@ -29,13 +29,13 @@ from adapters.bundle import (
     node_of,
 )
 from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
-from adapters.mrs.terms import Terms, start_fault
-from adapters.process import ProcessUsage, StartError, exclusive, termination_event
+from adapters.mrs.terms import TransportSettings, start_fault
+from adapters.process import ResourceMonitor, StartError, exclusive, termination_event
 from adapters.relay.orbiter.link_status import (
     BY_PLAN,
     LinkMonitor,
-    LinkStatus,
     PlannedContacts,
+    RelayLinkStatus,
     list_contacts,
     measure_link,
 )
@@ -112,7 +112,7 @@ class OrbiterRelay:
             )
             for each in settings.rovers
         }
-        self.usage = ProcessUsage(folder, system)
+        self.usage = ResourceMonitor(folder, system)
         self._full = False
         self._planned: dict[Eid, PlannedContacts] = {}
         self._monitors = {
@@ -151,7 +151,7 @@ class OrbiterRelay:
                 _LOG.error("%s", error)
                 await asyncio.sleep(_AGAIN_S)
 
-    def link_status(self, node: Eid) -> LinkStatus:
+    def link_status(self, node: Eid) -> RelayLinkStatus:
         """Return the status of the link to a rover."""
         health = self.agent.health()
         return self._measure(
@@ -213,7 +213,7 @@ class OrbiterRelay:
         for rover in self.rovers.values():
             rover.record.prune(self._utc_s())
 
-    def _measure(self, health: NeighbourHealth, room_octets: int) -> LinkStatus:
+    def _measure(self, health: NeighbourHealth, room_octets: int) -> RelayLinkStatus:
         node, utc_s = health.node, self._utc_s()
         return measure_link(
             health,
@@ -247,7 +247,7 @@ class OrbiterRelay:
         else:
             rover.on_delivery(delivery)
 
-    def _on_notice(self, notice: Notice) -> None:
+    def _on_notice(self, notice: DeliveryNotice) -> None:
         try:
             for rover in self.rovers.values():
                 rover.on_status(notice.identity, notice.status)
@@ -297,7 +297,7 @@ async def serve(
     host: str,
     data: Path,
     clear_text: bool,
-    terms: Terms,
+    terms: TransportSettings,
 ) -> None:
     """Serve until SIGINT or SIGTERM.
 
@@ -323,7 +323,7 @@ async def run(
     host: str,
     data: Path,
     clear_text: bool,
-    terms: Terms,
+    terms: TransportSettings,
     over: asyncio.Event,
     system: System = OPERATING_SYSTEM,
 ) -> None:

@@ -22,7 +22,7 @@ from adapters.mal import MalError, StandardError
 from adapters.mops import (
     LINK,
     UNNUMBERED,
-    Conditions,
+    CommandConditions,
     Dictionary,
     Housekeeping,
     LinkHealth,
@@ -46,12 +46,12 @@ from adapters.relay.orbiter.derived_reports import (
 )
 from adapters.relay.orbiter.record import RoverRecord
 from adapters.relay.orbiter.settings import RelayedRoverSettings
-from executive.commands import Arrival, Command, Mode, Stop
+from executive.commands import Command, Mode, PreemptionPolicy, Stop
 from executive.commands.intake import bad_identity, expired
 from executive.record import LedgerError, digest
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure
-from executive.values.reports import Identity, Kind, Report, Severity
+from executive.values.reports import Identity, Report, ReportKind, Severity
 
 AT_ONCE: Final = 20
 """Commands that are sent once more at a time."""
@@ -249,7 +249,7 @@ class RelayedRover:
         """Notify of the link: kind LINK, without a number, not kept."""
         level = logging.INFO if severity is Severity.INFORMATIONAL else logging.WARNING
         _LOG.log(level, "%s: %s", self.settings.asset, text)
-        said = Report(UNNUMBERED, self._utc_s(), Kind.LINK, severity, text, figures=figures)
+        said = Report(UNNUMBERED, self._utc_s(), ReportKind.LINK, severity, text, figures=figures)
         self._report(said)
 
     def parameters(self) -> tuple[ParameterValue, ...]:
@@ -338,14 +338,14 @@ class RelayedRover:
             self._report(each.report, each.cursor)
 
     def _report(self, report: Report, cursor: int | None = None) -> None:
-        if report.kind is Kind.LINK and report.identity is not None:
+        if report.kind is ReportKind.LINK and report.identity is not None:
             _LOG.info("%s: %s", self.settings.asset, report.text)
         if self.listener is not None:
             self.listener.report(report, cursor)
 
     def _spelled(self, command: Command) -> bytes:
         """Return a command as octets; raises MalError if it cannot go up."""
-        if command.arrival is not Arrival.APPEND:
+        if command.arrival is not PreemptionPolicy.APPEND:
             raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay wait their turn")
         try:
             message = self._dictionary.command(
@@ -356,17 +356,17 @@ class RelayedRover:
             text = f"it cannot go through the relay: {fault}"
             raise with_text(AreaError.REJECTED, text) from fault
 
-    def _conditions(self, command: Command) -> Conditions:
+    def _conditions(self, command: Command) -> CommandConditions:
         """Return the conditions of a command; a stop needs none."""
         if isinstance(command.request, Stop):
-            return Conditions()
+            return CommandConditions()
         authority = command.authority
         if authority is None:
             authority = self.record.authority(command.identity.source)
         if command.lifetime_s is None:
-            return Conditions(authority)
+            return CommandConditions(authority)
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
-        return Conditions(authority, created_s, command.lifetime_s)
+        return CommandConditions(authority, created_s, command.lifetime_s)
 
     def _left_s(self, command: Command) -> float | None:
         """Return the rest of a command's lifetime, never more than it has; None for the default."""
@@ -384,7 +384,7 @@ class RelayedRover:
         reports = self.record.ledger.recorded_on(identity)
         last = [each for each in reports if each.report.stage is not None][-1:]
         since = last[0].cursor if last else 0
-        losses = (each for each in reports if each.report.kind is Kind.LINK)
+        losses = (each for each in reports if each.report.kind is ReportKind.LINK)
         last += [each for each in losses if each.cursor > since]
         for each in last:
             self._report(each.report, each.cursor)

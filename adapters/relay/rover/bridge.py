@@ -76,7 +76,7 @@ command's place in it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class BundledCommand:
     """A command that a bundle held."""
 
     message: Message
@@ -243,7 +243,7 @@ class BundleBridge:
                         handing_over = group.create_task(self._hand_over(some, stops=False))
                         handing_over.add_done_callback(lambda _: self._in_flight.release())
 
-    def _read(self, delivery: Delivery) -> Iterator[Asked]:
+    def _read(self, delivery: Delivery) -> Iterator[BundledCommand]:
         if delivery.source != self._settings.ground:
             self._refuse(f"{delivery.identity} is not from {self._settings.ground}")
         elif len(delivery.payload) > LONGEST_PAYLOAD:
@@ -252,9 +252,9 @@ class BundleBridge:
             creation = delivery.identity.creation
             text = delivery.payload.decode("utf-8", "replace")
             for place, message in enumerate(messages_in(text, self._refuse)):
-                yield Asked(message, (creation.time_ms, creation.sequence, place))
+                yield BundledCommand(message, (creation.time_ms, creation.sequence, place))
 
-    async def _hand_over(self, asked: Sequence[Asked], *, stops: bool) -> None:
+    async def _hand_over(self, asked: Sequence[BundledCommand], *, stops: bool) -> None:
         """Publish commands until they are confirmed; mark those that a stop has overtaken."""
         told = False
         while True:
@@ -279,7 +279,7 @@ class BundleBridge:
             return False
         return True
 
-    def _text_of(self, asked: Asked) -> str:
+    def _text_of(self, asked: BundledCommand) -> str:
         """Return a command as it is published now; empty where the mark has no room in it."""
         message = asked.message
         if self._dictionary.is_stop(message) or not self._last_stop.overtakes(asked.made):
@@ -414,7 +414,7 @@ class LastStop:
 
 
 @dataclass(frozen=True, slots=True)
-class Reports:
+class ReportBatch:
     """Reports that go up in one bundle.
 
     Attributes:
@@ -442,7 +442,7 @@ class SendQueue:
             spelling.link.code,
             spelling.housekeeping.code,
         }
-        self._reports: dict[Reports, None] = {}
+        self._reports: dict[ReportBatch, None] = {}
         self._newest: dict[int, Message] = {}
 
     def put(self, text: str, refuse: Callable[[str], None]) -> bool:
@@ -463,10 +463,10 @@ class SendQueue:
                 return False
             whole = len(reports) == len(messages) and not dropped
             kept = text if whole else "".join(map(str, reports))
-            self._reports[Reports(kept, fingerprint(text))] = None
+            self._reports[ReportBatch(kept, fingerprint(text))] = None
         return True
 
-    def take(self, queued: int, most: int) -> tuple[Sequence[Reports], Sequence[Message]]:
+    def take(self, queued: int, most: int) -> tuple[Sequence[ReportBatch], Sequence[Message]]:
         """Return the reports and the measurements that are to be sent now.
 
         Args:

@@ -33,7 +33,7 @@ from executive.commands.lifecycle import Admitted, Refused, Repeated, SubmitResu
 from executive.record import Ledger, LedgerError, RelayRecord, digest
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Reason, Refusal
-from executive.values.reports import FileEvent, Identity, Kind, PlanUpdate, Report, Stage
+from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Stage
 
 LOOK_S: Final = 0.2
 """Between two calls of `look`."""
@@ -70,7 +70,7 @@ class RelayTopics(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class UnconfirmedReports:
     """A string of reports that the relay has not confirmed.
 
     Attributes:
@@ -116,7 +116,7 @@ class ExecutiveRelayLink:
         self._values: dict[Parameter, float | None] = {}
         self._written = ledger.last_sequence
         self._sent = self._kept = self._record.kept
-        self._unconfirmed: dict[int, Told] = {}
+        self._unconfirmed: dict[int, UnconfirmedReports] = {}
         self._answered: dict[int, int] = {}
         """By the fingerprint of answers that of the commands."""
         self._looks = self._listeners = 0
@@ -171,7 +171,7 @@ class ExecutiveRelayLink:
         first, self._sent = self._sent + 1, reports[-1].sequence
         text = "".join(str(message) for message in map(self._message, reports) if message)
         if text:
-            self._unconfirmed[fingerprint(text)] = Told(first, text)
+            self._unconfirmed[fingerprint(text)] = UnconfirmedReports(first, text)
             self._topics.publish(text)
 
     def _say(self, message: Message) -> None:
@@ -186,7 +186,7 @@ class ExecutiveRelayLink:
             asked = self._record.asked(report.identity)
             if asked is None:
                 return None
-            if report.kind is not Kind.COMMAND:
+            if report.kind is not ReportKind.COMMAND:
                 return event_of(report, self._dictionary.spelling.event, self._asset, name)
             entry = self._dictionary.entry_of(asked.code)
             return reply_of(report, entry, self._asset, asked.counter, name)

@@ -11,7 +11,7 @@ from adapters.relay.rover.executive_link import LOOK_S, ExecutiveRelayLink
 from adapters.ros import MessageError, Topic, declare_topic, steady_timer
 
 
-class Served(Protocol):
+class SubscriptionHost(Protocol):
     """What subscribes, and contains what callbacks raise: `adapters.ros.node`."""
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
@@ -53,7 +53,7 @@ class ExecutiveRelayTopics:
         self._taken = node.create_publisher(UInt64, taken.name, taken.qos)
         self._reports = node.create_publisher(String, reports.name, reports.qos)
 
-    def serve(self, link: ExecutiveRelayLink, served: Served) -> None:
+    def serve(self, link: ExecutiveRelayLink, served: SubscriptionHost) -> None:
         """Hand commands and confirmations to the link from now on; stops on a thread apart."""
 
         def on_command(text: String) -> None:

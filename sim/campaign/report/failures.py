@@ -9,10 +9,10 @@ from typing import Final
 from executive.settings import SettingsError
 from sim.campaign.draws import draw
 from sim.campaign.model import Campaign
-from sim.campaign.runs import Run, Runs
+from sim.campaign.runs import CampaignRun, RunTable
 from sim.campaign.session import folder_of, is_kept
 from sim.campaign.worker import ERROR
-from sim.scenario.model import PlayMode
+from sim.scenario.model import RunMode
 from sim.scenario.pictures import write_run
 from sim.scenario.playing import DATA, play_recorded
 from sim.scenario.reading import load_scenario
@@ -41,7 +41,7 @@ class FailureGroup:
     expected: str
     reasons: str
     runs: int
-    example: Run
+    example: CampaignRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +55,14 @@ class WorstRun:
         trouble: what was not as in the campaign, in words; else empty.
     """
 
-    run: Run
+    run: CampaignRun
     why: str
     folder: Path
     drawn: bool
     trouble: str
 
 
-def failure_groups(runs: Runs) -> list[FailureGroup]:
+def failure_groups(runs: RunTable) -> list[FailureGroup]:
     """Return the runs that failed, grouped, the most frequent first."""
     all_runs = runs.frame("holds", "scenario", "failed_findings", "reasons")
     failed = all_runs[~all_runs["holds"]].astype(object)
@@ -81,7 +81,9 @@ def _expected(failed_findings: Sequence[str]) -> str:
     return next(iter(failed_findings), "").partition(", seen ")[0]
 
 
-def choose(runs: Runs, groups: Sequence[FailureGroup], most: int) -> list[tuple[Run, str]]:
+def choose(
+    runs: RunTable, groups: Sequence[FailureGroup], most: int
+) -> list[tuple[CampaignRun, str]]:
     """Return runs to show, and why: one of each kind of failure, then the extremes."""
     chosen = {
         group.example.run: (
@@ -101,7 +103,7 @@ def choose(runs: Runs, groups: Sequence[FailureGroup], most: int) -> list[tuple[
 
 
 def replay(
-    campaign: Campaign, chosen: Sequence[tuple[Run, str]], folder: Path
+    campaign: Campaign, chosen: Sequence[tuple[CampaignRun, str]], folder: Path
 ) -> Iterator[WorstRun]:
     """Play runs once more, bit for bit as in the campaign, and keep what they leave.
 
@@ -121,7 +123,7 @@ def replay(
             continue
         given = draw(campaign, run.run)
         try:
-            scenario = load_scenario(given.scenario, PlayMode.LOCK_STEP, given.changes)
+            scenario = load_scenario(given.scenario, RunMode.LOCK_STEP, given.changes)
             (place / DATA).mkdir(parents=True)
             outcome = play_recorded(given.scenario, scenario, place)
         except SettingsError as error:

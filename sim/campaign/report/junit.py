@@ -11,24 +11,26 @@ from pathlib import Path
 from typing import Final
 
 from sim.campaign.model import Campaign
-from sim.campaign.runs import Runs
-from sim.campaign.verdict import Judged, Judgement, Verdict, judge
-from sim.campaign.where import Term, Where
-from sim.scenario.junit import Case, Suite, Trouble, write_junit
+from sim.campaign.runs import RunTable
+from sim.campaign.verdict import CampaignVerdict, CriterionResult, CriterionStatus, judge
+from sim.campaign.where import RunFilter, Term
+from sim.scenario.junit import CaseStatus, JunitCase, JunitSuite, write_junit
 
 NAME: Final = "junit.xml"
 MOST_RUNS: Final = 100
 """Failed runs of each scenario that become cases; the others are counted."""
 
 
-def write_campaign_junit(folder: Path, campaign: Campaign, runs: Runs, verdict: Verdict) -> Path:
+def write_campaign_junit(
+    folder: Path, campaign: Campaign, runs: RunTable, verdict: CampaignVerdict
+) -> Path:
     """Write `junit.xml` and return it.
 
     Raises:
         SettingsError: the data set cannot be read.
     """
-    trouble = Trouble.SKIPPED if verdict.holds else Trouble.FAILURE
-    suites = [Suite("all runs", [_case(each, each.hold, trouble) for each in verdict.judged])]
+    trouble = CaseStatus.SKIPPED if verdict.holds else CaseStatus.FAILURE
+    suites = [JunitSuite("all runs", [_case(each, each.hold, trouble) for each in verdict.judged])]
     suites += [_suite(campaign, each, runs, verdict, trouble) for each in campaign.scenarios]
     path = folder / NAME
     with path.open("wb") as file:
@@ -37,37 +39,41 @@ def write_campaign_junit(folder: Path, campaign: Campaign, runs: Runs, verdict: 
 
 
 def _suite(
-    campaign: Campaign, scenario: str, runs: Runs, verdict: Verdict, trouble: Trouble
-) -> Suite:
+    campaign: Campaign, scenario: str, runs: RunTable, verdict: CampaignVerdict, trouble: CaseStatus
+) -> JunitSuite:
     """Return the cases of one scenario: what must hold over its runs alone, and failed runs.
 
     What is about none of its runs has no case. What its runs are too few to decide is skipped where
     all runs decide it.
     """
     term = Term("scenario", "==", scenario, scenario)
-    took_s = float(runs.frame("seconds", where=Where((term,)))["seconds"].sum())
+    took_s = float(runs.frame("seconds", where=RunFilter((term,)))["seconds"].sum())
     if not took_s:
-        return Suite(scenario, [])
-    here = tuple(replace(each, where=Where((term, *each.where.terms))) for each in campaign.hold)
+        return JunitSuite(scenario, [])
+    here = tuple(
+        replace(each, where=RunFilter((term, *each.where.terms))) for each in campaign.hold
+    )
     judged = judge(replace(campaign, hold=here), runs).judged
     cases = []
     for each, overall in zip(judged, verdict.judged, strict=True):
-        undecided = each.judgement is Judgement.UNDECIDED and each.judgement != overall.judgement
-        if each.judgement is not Judgement.EMPTY:
-            cases.append(_case(each, overall.hold, Trouble.SKIPPED if undecided else trouble))
-    return Suite(scenario, [*cases, *_failed(runs, Where((term,)), trouble)], took_s)
+        undecided = (
+            each.judgement is CriterionStatus.UNDECIDED and each.judgement != overall.judgement
+        )
+        if each.judgement is not CriterionStatus.EMPTY:
+            cases.append(_case(each, overall.hold, CaseStatus.SKIPPED if undecided else trouble))
+    return JunitSuite(scenario, [*cases, *_failed(runs, RunFilter((term,)), trouble)], took_s)
 
 
-def _case(judged: Judged, name: str, trouble: Trouble) -> Case:
-    holds = judged.judgement is Judgement.HOLDS
-    return Case(name, f"{judged.judgement.value}: {judged.text}", None if holds else trouble)
+def _case(judged: CriterionResult, name: str, trouble: CaseStatus) -> JunitCase:
+    holds = judged.judgement is CriterionStatus.HOLDS
+    return JunitCase(name, f"{judged.judgement.value}: {judged.text}", None if holds else trouble)
 
 
-def _failed(runs: Runs, here: Where, trouble: Trouble) -> Iterator[Case]:
+def _failed(runs: RunTable, here: RunFilter, trouble: CaseStatus) -> Iterator[JunitCase]:
     failed = runs.read(here, failed=True)
     for run in islice(failed, MOST_RUNS):
         findings = "; ".join(run.failed_findings)
-        yield Case(f"run {run.run}", f"{findings}; repeat it by: {run.command}", trouble)
+        yield JunitCase(f"run {run.run}", f"{findings}; repeat it by: {run.command}", trouble)
     more = sum(1 for _ in failed)
     if more:
-        yield Case(f"{more} more runs", "do not hold; all are in the data set", trouble)
+        yield JunitCase(f"{more} more runs", "do not hold; all are in the data set", trouble)

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from pandas import Series
 
 from executive.values.reports import Stage
-from sim.campaign.draws import INJECT, Kind, Quantity, quantities
+from sim.campaign.draws import INJECT, ValueKind, VariedQuantity, quantities
 from sim.campaign.model import Campaign, Hold, Quantile, Success
 from sim.campaign.report.charts import (
     bounds_near,
@@ -32,8 +32,8 @@ from sim.campaign.report.failures import (
     failure_groups,
     replay,
 )
-from sim.campaign.runs import Runs, keys_of
-from sim.campaign.verdict import Judged, Judgement, Verdict
+from sim.campaign.runs import RunTable, keys_of
+from sim.campaign.verdict import CampaignVerdict, CriterionResult, CriterionStatus
 from sim.drawing import as_svg
 from sim.scenario.pictures import REPORTS
 
@@ -49,10 +49,10 @@ _UNITS: Final = {"s": "s", "m": "m", "rad": "rad", "j": "J"}
 
 
 @dataclass(frozen=True, slots=True)
-class HoldRow:
+class CriterionRow:
     """Something that must hold, for people."""
 
-    judged: Judged
+    judged: CriterionResult
     seen: str
     share: str
 
@@ -88,7 +88,7 @@ class ReportRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownRun:
     """A run with what is shown of it; pictures as data of PNG."""
 
     worst: WorstRun
@@ -98,7 +98,9 @@ class Shown:
     reports: tuple[ReportRow, ...]
 
 
-def write_report(folder: Path, campaign: Campaign, runs: Runs, verdict: Verdict) -> Path:
+def write_report(
+    folder: Path, campaign: Campaign, runs: RunTable, verdict: CampaignVerdict
+) -> Path:
     """Write `report.html`, and below `worst` what the runs leave that it shows; return the page.
 
     The runs shown are played once more: one of each kind of failure, and the extremes.
@@ -135,24 +137,24 @@ def write_report(folder: Path, campaign: Campaign, runs: Runs, verdict: Verdict)
     return path
 
 
-def judgement_of(verdict: Verdict) -> Judgement:
+def judgement_of(verdict: CampaignVerdict) -> CriterionStatus:
     """Return the judgement on a campaign as a whole: the worst of all."""
-    order = (Judgement.EMPTY, Judgement.FAILS, Judgement.UNDECIDED)
+    order = (CriterionStatus.EMPTY, CriterionStatus.FAILS, CriterionStatus.UNDECIDED)
     found = {each.judgement for each in verdict.judged}
-    return next((worst for worst in order if worst in found), Judgement.HOLDS)
+    return next((worst for worst in order if worst in found), CriterionStatus.HOLDS)
 
 
-def _hold_row(hold: Hold, judged: Judged) -> HoldRow:
+def _hold_row(hold: Hold, judged: CriterionResult) -> CriterionRow:
     """Return what the page says of something that must hold."""
-    if judged.judgement is Judgement.EMPTY:
-        return HoldRow(judged, judged.text, "")
+    if judged.judgement is CriterionStatus.EMPTY:
+        return CriterionRow(judged, judged.text, "")
     seen = f"none in {judged.missing} runs" if judged.figure is None else f"{judged.figure:.4g}"
     if isinstance(hold, Success):
         seen = _percent(judged.share)
     low, high = _percent(judged.low), _percent(judged.high)
     confidence = _percent(judged.confidence)
     share = f"{_percent(judged.share)}; the true share is at least {low}, at most {high}"
-    return HoldRow(judged, seen, f"{share}, each with {confidence} confidence")
+    return CriterionRow(judged, seen, f"{share}, each with {confidence} confidence")
 
 
 def _percent(share: float) -> str:
@@ -162,7 +164,7 @@ def _percent(share: float) -> str:
     return f"{'> 99.99' if near else text}\N{NO-BREAK SPACE}%"
 
 
-def _false_executed(runs: Runs) -> tuple[int, int]:
+def _false_executed(runs: RunTable) -> tuple[int, int]:
     """Return how many commands ended EXECUTED though that was not true, and in how many runs."""
     seen = runs.frame("false_executed")["false_executed"]
     return int(seen.sum()), int((seen > 0).sum())
@@ -173,7 +175,7 @@ def _rest(groups: Sequence[FailureGroup]) -> str:
     return f"{many} more runs failed in {len(groups)} other ways." if groups else ""
 
 
-def _against(campaign: Campaign, runs: Runs) -> Iterator[Chart]:
+def _against(campaign: Campaign, runs: RunTable) -> Iterator[Chart]:
     """Yield success against each scenario, and each varied quantity but the seed.
 
     A parameter has a chart for each fault that has it: it means something else in each.
@@ -182,7 +184,7 @@ def _against(campaign: Campaign, runs: Runs) -> Iterator[Chart]:
     wanted = max(everywhere, default=None)
     varied = quantities(campaign)
     if len(campaign.scenarios) > 1:
-        varied = (Quantity("scenario", Kind.TEXT), *varied)
+        varied = (VariedQuantity("scenario", ValueKind.TEXT), *varied)
     all_runs = runs.frame("holds", *(each.name for each in varied))
     for quantity in varied:
         name, values = quantity.name, all_runs[quantity.name]
@@ -198,13 +200,15 @@ def _against(campaign: Campaign, runs: Runs) -> Iterator[Chart]:
             yield _chart(name, quantity.kind, values, all_runs["holds"], wanted)
 
 
-def _chart(name: str, kind: Kind, values: Series, holds: Series, wanted: float | None) -> Chart:
+def _chart(
+    name: str, kind: ValueKind, values: Series, holds: Series, wanted: float | None
+) -> Chart:
     """Return success against a quantity, in the runs that have a value of it."""
     having = values.count()
     if not having:
         return Chart(name, "No run has a value of it.")
     words = f"{having} of {len(values)} runs have it. " if having < len(values) else ""
-    if kind is not Kind.TEXT:
+    if kind is not ValueKind.TEXT:
         drawn = draw_against_number(name, by_number(values, holds), wanted)
         return Chart(name, words, Markup(as_svg(drawn)))
     shares = by_value(values, holds)
@@ -213,7 +217,7 @@ def _chart(name: str, kind: Kind, values: Series, holds: Series, wanted: float |
     return Chart(name, words, Markup(as_svg(draw_shares(shares[:MOST_ROWS], wanted))))
 
 
-def _distributions(campaign: Campaign, runs: Runs) -> Iterator[Distribution]:
+def _distributions(campaign: Campaign, runs: RunTable) -> Iterator[Distribution]:
     """Yield how each figure that has a unit, or that a quantile is of, is distributed."""
     varied = {each.name for each in quantities(campaign)}
     judged = {hold.of for hold in campaign.hold if isinstance(hold, Quantile)}
@@ -251,18 +255,20 @@ def _title(key: str) -> str:
     return key.replace("_", " ")
 
 
-def _shown(worst: WorstRun) -> Shown:
+def _shown(worst: WorstRun) -> ShownRun:
     varied = ", ".join(
         f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
         for name, value in worst.run.varied.items()
         if value is not None
     )
     if not worst.drawn:
-        return Shown(worst, varied, None, None, ())
+        return ShownRun(worst, varied, None, None, ())
     folder = worst.folder
     lines = (folder / REPORTS).read_text(encoding="utf-8").splitlines()
     reports = tuple(_report_row(json.loads(line)) for line in lines)
-    return Shown(worst, varied, _data(folder / "map.png"), _data(folder / "timeline.png"), reports)
+    return ShownRun(
+        worst, varied, _data(folder / "map.png"), _data(folder / "timeline.png"), reports
+    )
 
 
 def _report_row(told: dict[str, Any]) -> ReportRow:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.commands import (
-    Declaration,
+    CommandDeclaration,
     MoveForward,
     PlanArgument,
     PlanDefinition,
@@ -32,7 +32,7 @@ def refusal(definition: PlanDefinition) -> Refusal:
 
 
 @pytest.mark.parametrize("leaf", LEAVES.values(), ids=lambda leaf: leaf.name)
-def test_every_leaf_is_made_of_its_parameters(leaf: Declaration) -> None:
+def test_every_leaf_is_made_of_its_parameters(leaf: CommandDeclaration) -> None:
     needed = [each for each in leaf.written if not each.optional]
     given_ = " ".join(f'{parameter.name}="{VALUES[parameter.kind]}"' for parameter in needed)
     for form in (f"<{leaf.name} {given_} {{}}/>", f'<Action ID="{leaf.name}" {given_} {{}}/>'):

@@ -24,7 +24,7 @@ from executive.commands.lifecycle import Admitted, Refused, Repeated
 from executive.values.facts import Odometry
 from executive.values.geometry import STANDING, Pose
 from executive.values.reasons import Reason
-from executive.values.reports import Identity, Kind, PlanStatus, Stage
+from executive.values.reports import Identity, PlanStatus, ReportKind, Stage
 from tests.support.kinematic import WHOLE_LIFE
 from tests.support.plans import AHEAD, BACK, TOO_LATE, PlanBench, plan
 from trees import served
@@ -61,7 +61,7 @@ def test_a_leaf_past_its_deadline_is_cancelled_and_a_fallback_goes_on(bench: Pla
 def test_a_plan_that_fails_says_where_and_the_rover_stands(bench: PlanBench) -> None:
     assert bench.outcome(f"<Sequence>{TOO_LATE}{BACK}</Sequence>") is FAILED
     assert "plan:survey/Sequence/moveForward: CANCELLED" in bench.status().text
-    event = [r for r in bench.heard.reports if r.kind is Kind.EVENT][-1]
+    event = [r for r in bench.heard.reports if r.kind is ReportKind.EVENT][-1]
     assert (event.reason, event.text[:18]) == (Reason.PLAN_FAILED, "plan survey FAILED")
     bench.run(2.0)
     assert bench.rover.velocity == STANDING

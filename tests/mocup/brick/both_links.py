@@ -8,7 +8,7 @@ from collections import Counter, defaultdict, deque
 from dataclasses import replace
 from typing import Any, cast
 
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import RESTARTED, Router
 from adapters.mocup.plugin import RETRANSMIT_S
 from adapters.mops import Message, RelayAuthority, decode, encode, is_last
@@ -59,8 +59,8 @@ class Desk:
         self.executive = Executive(self.clock)
         self.fuse = Fuse()
         self.usb: deque[Message] = deque()
-        self.notes: dict[Link, deque[Message]] = {link: deque() for link in Link}
-        self.found = dict.fromkeys(Link, False)
+        self.notes: dict[BrickLink, deque[Message]] = {link: deque() for link in BrickLink}
+        self.found = dict.fromkeys(BrickLink, False)
         self.relay_sent: dict[int, Message] = {}
         self.relay_heard: defaultdict[int, list[Message]] = defaultdict(list)
         self.record = BrickRecord()
@@ -78,7 +78,7 @@ class Desk:
         self.fuse()
         return self.plugged
 
-    def notify(self, link: Link, message: Message) -> None:
+    def notify(self, link: BrickLink, message: Message) -> None:
         self.fuse()
         if self.found[link]:
             self.notes[link].append(message)
@@ -96,7 +96,7 @@ class Desk:
         self.brick.said.clear()
         self.executive.out.clear()
         self.executive.hears = False
-        self.found = dict.fromkeys(Link, False)
+        self.found = dict.fromkeys(BrickLink, False)
         refused: list[str] = []
         record = cast(BrickRecord, Fused(self.record, self.fuse))
         self.router = Router(DICTIONARY, "MOCUP", self, refused.append, record, FREE, self.clock)
@@ -105,13 +105,13 @@ class Desk:
             self.router.found(1)
 
     def start_executive(self) -> None:
-        self.notes[Link.DIRECT].clear()
-        self.found[Link.DIRECT] = False
+        self.notes[BrickLink.DIRECT].clear()
+        self.found[BrickLink.DIRECT] = False
         self.executive.start()
 
     def start_relay(self) -> None:
-        self.notes[Link.RELAY].clear()
-        self.found[Link.RELAY] = False
+        self.notes[BrickLink.RELAY].clear()
+        self.found[BrickLink.RELAY] = False
 
     def killed(self, act: Any, *arguments: Any) -> None:
         """Do something to rover-nxt, which may be killed by it."""
@@ -125,7 +125,7 @@ class Desk:
         if not self.executive.hears:
             self.executive.hears = True
             self.executive.again()
-        for link in Link:
+        for link in BrickLink:
             if not self.found[link]:
                 self.found[link] = True
                 self.killed(self.router.resend_last, link)
@@ -146,7 +146,7 @@ class Desk:
         if self.executive.out:
             message = self.executive.out.popleft()
             if self.executive.hears:
-                self._to_router(Link.DIRECT, message)
+                self._to_router(BrickLink.DIRECT, message)
 
     def relay(self, number: int, counter: int | None) -> None:
         identity = Identity("MOE", number)
@@ -154,18 +154,18 @@ class Desk:
             DICTIONARY.command(request(number), identity, "MOCUP"), moe_inputs_counter=counter
         )
         self.relay_sent[number] = copy
-        self._to_router(Link.RELAY, copy)
+        self._to_router(BrickLink.RELAY, copy)
 
     def ask_again(self) -> None:
         """Do what the orbiter does about commands on which nothing was said."""
         for number, copy in self.relay_sent.items():
             if not self.relay_heard[number]:
-                self._to_router(Link.RELAY, copy)
+                self._to_router(BrickLink.RELAY, copy)
 
-    def deliver(self, link: Link) -> None:
+    def deliver(self, link: BrickLink) -> None:
         if self.notes[link]:
             message = self.notes[link].popleft()
-            if link is Link.DIRECT:
+            if link is BrickLink.DIRECT:
                 self.executive.hear(message)
             elif message.moe_inputs_id is not None and message.dest == "MOE":
                 self.relay_heard[message.moe_inputs_id].append(message)
@@ -196,15 +196,15 @@ class Desk:
                 self.direct()
                 self.usb_in()
                 self.usb_out()
-                self.deliver(Link.DIRECT)
-                self.deliver(Link.RELAY)
+                self.deliver(BrickLink.DIRECT)
+                self.deliver(BrickLink.RELAY)
             self.brick.end()
 
     def _lose_brick(self) -> None:
         self.router.lost()
         assert self.record.waiting() == []
 
-    def _to_router(self, link: Link, message: Message) -> None:
+    def _to_router(self, link: BrickLink, message: Message) -> None:
         stops = message.code == STOP and not message.received and not message.outputs
         waiting = len(self.usb)
         try:
@@ -219,7 +219,7 @@ class Desk:
     def _check_turn(self, message: Message) -> None:
         """The relay's commands are sent when the brick has nothing else to do."""
         asked = self.record.asked(message)
-        if message.code != STOP and asked is not None and asked.links == (Link.RELAY,):
+        if message.code != STOP and asked is not None and asked.links == (BrickLink.RELAY,):
             assert [each.command for each in self.record.unanswered()] == [message]
 
     def check_once(self) -> None:

@@ -9,7 +9,7 @@ from executive.commands.catalogue import MoveForward, MoveTo, Request, Stop, Way
 from executive.values.clock import ManualClock
 from executive.values.facts import CommandEnded, MotionEnded, Stopped
 from executive.values.ports import Advance, TurnBy, WholeMotion
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
 DICTIONARY = load_dictionary()
 STOP = DICTIONARY.spelling.commands["stop"]
@@ -132,7 +132,7 @@ class Executive:
 
     def reach(self, number: int, stage: Stage, text: str = "", told: bool = True) -> None:
         identity = Identity("MOE", number)
-        kind, severity = Kind.COMMAND, Severity.INFORMATIONAL
+        kind, severity = ReportKind.COMMAND, Severity.INFORMATIONAL
         report = Report(len(self.ledger) + 1, 0.0, kind, severity, text, identity, stage)
         self.ledger.append(report)
         self.last[number] = report

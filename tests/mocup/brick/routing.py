@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import SOURCE, Router
 from adapters.mops import Message, RelayAuthority, decode, encode, load_dictionary
 from executive.values.clock import ManualClock
@@ -13,7 +13,7 @@ STOP = DICTIONARY.commands["stop"]
 FORWARD = DICTIONARY.commands["moveForward"]
 TURN = DICTIONARY.commands["rotateBy"]
 TELEMETRY = SPELLING.telemetry
-BOTH = list(Link)
+BOTH = list(BrickLink)
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Ports:
 
     there: bool = True
     brick: list[bytes] = field(default_factory=list)
-    notified: list[tuple[Link, Message]] = field(default_factory=list)
+    notified: list[tuple[BrickLink, Message]] = field(default_factory=list)
     measured: list[Message] = field(default_factory=list)
 
     def to_brick(self, octets: bytes, visit: int) -> bool:
@@ -34,7 +34,7 @@ class Ports:
             self.brick.append(octets)
         return self.there
 
-    def notify(self, link: Link, message: Message) -> None:
+    def notify(self, link: BrickLink, message: Message) -> None:
         encode(message)
         self.notified.append((link, message))
 
@@ -67,7 +67,7 @@ class Bench:
         """Let the record take nothing more, or mend it."""
         self.router.record.rows(f"PRAGMA query_only = {'ON' if full else 'OFF'}")
 
-    def command(self, link: Link, *messages: Message) -> bool:
+    def command(self, link: BrickLink, *messages: Message) -> bool:
         return self.router.command(link, "".join(str(message) for message in messages))
 
     def halted(self) -> Message:

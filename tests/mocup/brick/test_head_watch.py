@@ -2,7 +2,7 @@
 
 import pytest
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mops import Message
 from executive.values.parameters import Parameter
 from tests.mocup.brick.routing import DICTIONARY, TELEMETRY, Bench, executed, forward, stop
@@ -24,7 +24,7 @@ def telemetry(pan_rad: float, tilt_rad: float, speed_radps: float = 1.0) -> Mess
     return Message(TELEMETRY.code, "MOCUP", "ALL", TELEMETRY.command, outputs=outputs)
 
 
-def told(bench: Bench, link: Link = Link.RELAY) -> list[str]:
+def told(bench: Bench, link: BrickLink = BrickLink.RELAY) -> list[str]:
     return [message.outputs[0] for by, message in bench.ports.notified if by is link]
 
 
@@ -41,7 +41,7 @@ def test_the_relay_hears_of_the_end_once_the_head_is_there(
 ) -> None:
     bench.says(telemetry(0.1, 0.3))
     command = point(7, pan, tilt, name)
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.says(executed(command), telemetry(0.3, 0.3))
     assert told(bench) == ["STARTED"]
     bench.says(telemetry(*there_rad))
@@ -53,7 +53,7 @@ def test_the_relay_hears_of_the_end_once_the_head_is_there(
 def test_a_head_that_does_not_come_there_in_time_fails(bench: Bench) -> None:
     bench.says(telemetry(0.0, 0.0))
     command = point(7, "1.0", "0.0")
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
     bench.clock.advance(6.9)
     bench.router.look()
@@ -68,9 +68,9 @@ def test_a_head_that_does_not_come_there_in_time_fails(bench: Bench) -> None:
 
 def test_what_waits_behind_it_begins_when_it_is_there(bench: Bench) -> None:
     command, after = point(7, "1.0", "0.0"), forward(8)
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
-    bench.command(Link.RELAY, after)
+    bench.command(BrickLink.RELAY, after)
     assert len(bench.ports.brick) == 1
     bench.says(telemetry(1.0, 0.0))
     assert len(bench.ports.brick) == 2
@@ -78,18 +78,18 @@ def test_what_waits_behind_it_begins_when_it_is_there(bench: Bench) -> None:
 
 def test_the_executive_is_answered_at_once_and_looks_itself(bench: Bench) -> None:
     command = point(7, "1.0", "0.0")
-    bench.command(Link.DIRECT, command)
+    bench.command(BrickLink.DIRECT, command)
     bench.says(executed(command))
-    assert told(bench, Link.DIRECT) == ["EXECUTED"]
+    assert told(bench, BrickLink.DIRECT) == ["EXECUTED"]
 
 
 def test_a_stop_neither_ends_it_nor_does_a_silent_relay_stop_the_brick_for_it(bench: Bench) -> None:
     command = point(7, "1.0", "0.0")
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
-    bench.router.silent(Link.RELAY)
+    bench.router.silent(BrickLink.RELAY)
     assert bench.router.counts.dead_man == 0
-    bench.command(Link.RELAY, stop(8))
+    bench.command(BrickLink.RELAY, stop(8))
     bench.says(executed(stop(8)))
     for _ in range(3):
         bench.router.look()
@@ -99,7 +99,7 @@ def test_a_stop_neither_ends_it_nor_does_a_silent_relay_stop_the_brick_for_it(be
 
 def test_a_brick_that_goes_away_meanwhile_fails_it(bench: Bench) -> None:
     command = point(7, "1.0", "0.0")
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
     bench.router.lost()
     assert told(bench) == ["STARTED", "FAILED"]

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mops import is_last
 from executive.values.reports import Stage
 from tests.mocup.brick.both_links import Desk
@@ -56,7 +56,7 @@ class Day:
         self.desk.relay(self.random.choice(NUMBERS), self.random.choice([None, 1, 2]))
 
     def deliver(self) -> None:
-        self.desk.deliver(self.random.choice(list(Link)))
+        self.desk.deliver(self.random.choice(list(BrickLink)))
 
     def time_passes(self) -> None:
         self.desk.clock.advance(self.random.choice([1.0, 4.0]))

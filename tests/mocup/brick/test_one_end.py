@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mocup.brick.service import BrickService
-from adapters.mops import Conditions, Message, RelayAuthority, encode, fingerprint
+from adapters.mops import CommandConditions, Message, RelayAuthority, encode, fingerprint
 from executive.values.reports import Identity
 from tests.mocup.brick.routing import (
     DICTIONARY,
@@ -23,7 +23,7 @@ from tests.mocup.brick.routing import (
 
 def ends(bench: Bench) -> list[str]:
     """Return the last replies that the relay received, each once."""
-    stages = [each.outputs[0] for to, each in bench.ports.notified if to is Link.RELAY]
+    stages = [each.outputs[0] for to, each in bench.ports.notified if to is BrickLink.RELAY]
     return [stage for stage in dict.fromkeys(stages) if stage not in ("RECEIVED", "STARTED")]
 
 
@@ -46,9 +46,9 @@ def test_what_was_refused_without_a_brick_is_refused_when_it_comes_again(
     bench: Bench, command: Message
 ) -> None:
     plug(bench, False)
-    assert bench.command(Link.RELAY, command)
+    assert bench.command(BrickLink.RELAY, command)
     plug(bench, True)
-    assert bench.command(Link.RELAY, command)
+    assert bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
     assert ends(bench) == ["REJECTED"]
     assert encode(forward(1)) not in bench.ports.brick
@@ -59,33 +59,33 @@ def test_what_was_refused_without_authority_is_refused_also_when_it_has_passed(
 ) -> None:
     bench.authority = RelayAuthority(needed=True)
     restart(bench)
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     bench.authority = RelayAuthority(needed=False)
     restart(bench)
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     assert ends(bench) == ["REJECTED"]
     assert bench.ports.brick == []
 
 
 def test_what_was_made_ahead_of_the_clock_is_refused_also_later(bench: Bench) -> None:
-    conditions = Conditions(created_utc_s=bench.clock.utc_s() + 60.0, lifetime_s=600.0)
+    conditions = CommandConditions(created_utc_s=bench.clock.utc_s() + 60.0, lifetime_s=600.0)
     request = DICTIONARY.request(forward(1))
     command = DICTIONARY.command(request, Identity("MOE", 1), "MOCUP", conditions)
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.clock.advance(60.0)
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     assert ends(bench) == ["REJECTED"]
     assert bench.ports.brick == []
 
 
 def test_a_stop_that_was_executed_stays_so_when_it_comes_again(bench: Bench) -> None:
-    bench.command(Link.RELAY, stop(1))
+    bench.command(BrickLink.RELAY, stop(1))
     bench.says(executed(stop(1)))
-    bench.command(Link.RELAY, stop(1))
+    bench.command(BrickLink.RELAY, stop(1))
     assert bench.ports.brick == 2 * [encode(stop(1))], "it stops each time"
     restart(bench)
     plug(bench, False)
-    bench.command(Link.RELAY, stop(1))
+    bench.command(BrickLink.RELAY, stop(1))
     assert ends(bench) == ["EXECUTED"]
 
 
@@ -94,18 +94,18 @@ def test_what_a_stop_dropped_ends_although_the_stop_is_not_recorded_anew(
     bench: Bench, is_repeat: bool
 ) -> None:
     if is_repeat:
-        bench.command(Link.RELAY, stop(1))
+        bench.command(BrickLink.RELAY, stop(1))
         bench.says(executed(stop(1)))
-    bench.command(Link.RELAY, forward(2))
+    bench.command(BrickLink.RELAY, forward(2))
     bench.fill_disk(True)
-    bench.command(Link.RELAY, stop(1))
+    bench.command(BrickLink.RELAY, stop(1))
     bench.fill_disk(False)
     bench.says(executed(stop(1)))
     bench.ports.notified.clear()
     bench.router.look()
     bench.router.look()
     assert ends(bench) == ["FAILED"]
-    bench.command(Link.RELAY, forward(3))
+    bench.command(BrickLink.RELAY, forward(3))
     assert bench.ports.brick[-1] == encode(forward(3)), "what comes then need not wait"
 
 
@@ -113,7 +113,7 @@ def test_what_a_stop_dropped_ends_although_the_stop_is_not_recorded_anew(
 def test_an_end_that_cannot_be_recorded_is_reported_once_it_can_be(
     bench: Bench, dies: bool, end: str
 ) -> None:
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     bench.fill_disk(True)
     bench.says(executed(forward(1)))
     bench.router.look()
@@ -135,11 +135,11 @@ def test_what_was_recorded_and_did_not_reach_the_brick_ends(bench: Bench) -> Non
         return refuse(octets, visit)
 
     bench.ports.to_brick = fill_disk  # type: ignore[method-assign]
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     bench.fill_disk(False)
     bench.router.look()
     assert ends(bench) == ["REJECTED"]
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     assert ends(bench) == ["REJECTED"]
 
 
@@ -149,56 +149,58 @@ def test_what_the_relay_had_refused_the_executive_does_once(
 ) -> None:
     copy = replace(forward(7), moe_inputs_counter=counter)
     plug(bench, False)
-    bench.command(Link.RELAY, copy)
+    bench.command(BrickLink.RELAY, copy)
     plug(bench, True)
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
     assert bench.ports.brick == [encode(part(7, 1))]
-    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
-    bench.command(Link.RELAY, copy)
-    bench.router.resend_last(Link.RELAY)
+    bench.command(BrickLink.DIRECT, report(forward(7), "EXECUTED"))
+    bench.command(BrickLink.RELAY, copy)
+    bench.router.resend_last(BrickLink.RELAY)
     assert ends(bench) == ["REJECTED"]
 
 
 def test_what_a_part_ended_as_is_recorded_once_it_can_be_so_that_the_relay_need_not_wait(
     bench: Bench,
 ) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
-    bench.command(Link.RELAY, forward(8))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.command(BrickLink.RELAY, forward(8))
     bench.fill_disk(True)
     bench.says(executed(part(7, 1)))
-    assert executed(part(7, 1)) in [each for to, each in bench.ports.notified if to is Link.DIRECT]
-    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
+    assert executed(part(7, 1)) in [
+        each for to, each in bench.ports.notified if to is BrickLink.DIRECT
+    ]
+    bench.command(BrickLink.DIRECT, report(forward(7), "EXECUTED"))
     bench.fill_disk(False)
     bench.router.look()
     assert bench.ports.brick[-1] == encode(forward(8))
 
 
 def test_what_the_executive_announced_is_confirmed_once_it_is_recorded(bench: Bench) -> None:
-    marks: list[tuple[Link, int]] = []
+    marks: list[tuple[BrickLink, int]] = []
     service = BrickService(bench.router, lambda *mark: marks.append(mark), confirmed=True)
     text = f"{claimed(forward(7))}{report(forward(7), 'EXECUTED')}"
     for full in (True, False):
         bench.fill_disk(full)
-        assert service.inbox.put(Link.DIRECT, text)
+        assert service.inbox.put(BrickLink.DIRECT, text)
         service.serve()
-        assert marks == ([] if full else [(Link.DIRECT, fingerprint(text))])
-    bench.command(Link.RELAY, forward(7))
+        assert marks == ([] if full else [(BrickLink.DIRECT, fingerprint(text))])
+    bench.command(BrickLink.RELAY, forward(7))
     assert ends(bench) == ["EXECUTED"]
     assert bench.ports.brick == []
 
 
 def test_a_reply_is_sent_again_until_rover_relay_has_stored_it(bench: Bench) -> None:
     service = BrickService(bench.router, lambda *_: None, confirmed=True)
-    listeners: dict[Link, frozenset[object]] = {link: frozenset({1}) for link in Link}
+    listeners: dict[BrickLink, frozenset[object]] = {link: frozenset({1}) for link in BrickLink}
     bench.router.found(1)
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     bench.says(executed(forward(1)))
     ((_, reply),) = bench.ports.notified
-    service.look({link: frozenset() for link in Link})
+    service.look({link: frozenset() for link in BrickLink})
     service.look(listeners)
     bench.ports.notified.clear()
     service.look(listeners)
-    assert bench.ports.notified == [(Link.RELAY, reply)]
+    assert bench.ports.notified == [(BrickLink.RELAY, reply)]
     service.kept(fingerprint(str(reply)))
     service.look(listeners)
     assert len(bench.ports.notified) == 1

@@ -19,7 +19,7 @@ from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Float64, String, UInt64
 
 from adapters.mocup.brick.node import declare_settings
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mops import (
     Message,
     MopsStream,
@@ -67,7 +67,7 @@ class Bench:
         self._heard = MopsStream(lambda line: pytest.fail(line))
         self.plug: UsbPlug | None = None
         self.brick: list[Message] = []
-        self.notified: list[tuple[Link, str]] = []
+        self.notified: list[tuple[BrickLink, str]] = []
         self.housekeeping: list[Message] = []
         self.odometry: list[Odometry] = []
         self.battery: list[Battery] = []
@@ -122,10 +122,10 @@ class Bench:
         self.plug.close()
         self.plug = None
 
-    def command(self, link: Link, message: Message) -> None:
+    def command(self, link: BrickLink, message: Message) -> None:
         self.says(link, str(message))
 
-    def says(self, link: Link, text: str) -> None:
+    def says(self, link: BrickLink, text: str) -> None:
         self._commands[link].publish(String(data=text))
 
     def _hear(self, kind: type, topic: Topic, callback: Callable[..., None]) -> None:
@@ -141,9 +141,9 @@ class Bench:
     def _on_angle(self, name: str) -> Callable[[Float64], None]:
         return lambda angle: self.camera.update({name: angle.data})
 
-    def _on_notification(self, link: Link) -> Callable[[String], None]:
+    def _on_notification(self, link: BrickLink) -> Callable[[String], None]:
         def note(text: String) -> None:
-            if link is Link.RELAY:
+            if link is BrickLink.RELAY:
                 self._kept.publish(UInt64(data=fingerprint(text.data)))
             message = decode(text.data.encode())
             if message.code == SPELLING.housekeeping.code:
@@ -176,16 +176,16 @@ def command(name: str, number: int, *inputs: str) -> Message:
 def test_strings_go_to_the_brick_and_come_back_by_their_link(bench: Bench) -> None:
     plug = bench.plug_in()
     relayed, direct = command("moveForward", 1, "1.5"), command("stop", 2)
-    bench.command(Link.RELAY, relayed)
+    bench.command(BrickLink.RELAY, relayed)
     bench.until(lambda: bench.brick == [relayed], "the brick hears it")
-    bench.command(Link.DIRECT, direct)
+    bench.command(BrickLink.DIRECT, direct)
     bench.until(lambda: bench.brick == [relayed, direct], "the brick hears the other")
     plug.send(encode(executed(direct)))
     plug.send(encode(executed(relayed)))
     bench.until(lambda: len(bench.notified) == 2, "notifications")
     assert set(bench.notified) == {
-        (Link.DIRECT, str(executed(direct))),
-        (Link.RELAY, str(executed(relayed))),
+        (BrickLink.DIRECT, str(executed(direct))),
+        (BrickLink.RELAY, str(executed(relayed))),
     }
 
 
@@ -206,21 +206,21 @@ def test_telemetry_is_what_any_rover_publishes(bench: Bench) -> None:
     assert bench.battery[0].voltage_v == pytest.approx(7.9)
     assert bench.camera == {"pan": 0.3, "tilt": -0.4}
     bench.until(lambda: bool(bench.notified), "telemetry for the relay")
-    assert bench.notified == [(Link.RELAY, str(message))]
+    assert bench.notified == [(BrickLink.RELAY, str(message))]
 
 
 def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: Bench) -> None:
     first, late, second = (command("moveForward", number, "1.5") for number in (1, 2, 3))
     bench.plug_in()
-    bench.command(Link.RELAY, first)
+    bench.command(BrickLink.RELAY, first)
     bench.until(lambda: bench.brick == [first], "the brick hears it")
     bench.unplug()
     bench.until(lambda: len(bench.notified) == 1, "an answer")
-    bench.command(Link.DIRECT, late)
+    bench.command(BrickLink.DIRECT, late)
     bench.until(lambda: len(bench.notified) == 2, "another")
     assert [(link, "FAILED" in text, "REJECTED" in text) for link, text in bench.notified] == [
-        (Link.RELAY, True, False),
-        (Link.DIRECT, False, True),
+        (BrickLink.RELAY, True, False),
+        (BrickLink.DIRECT, False, True),
     ]
     bench.until(lambda: bench.health[-1].level == DiagnosticStatus.ERROR, "a diagnosis")
     assert "the brick is not there" in bench.health[-1].message
@@ -228,7 +228,7 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
     figures = housekeeping_of(bench.housekeeping[0], SPELLING.housekeeping).figures
     assert {"NXT_CONNECTED", "NXT_WAITING", "NXT_DEAD_MAN"} <= figures.keys()
     plug = bench.plug_in()
-    bench.command(Link.RELAY, second)
+    bench.command(BrickLink.RELAY, second)
     bench.until(lambda: len(bench.brick) > 1, "the brick is stopped")
     plug.send(encode(executed(bench.brick[1])))
     bench.until(lambda: len(bench.brick) > 2, "the brick hears the next")
@@ -237,7 +237,7 @@ def test_unplugged_in_the_middle_it_says_so_and_goes_on_when_it_is_back(bench: B
 
 def test_what_is_no_message_shows_in_the_diagnostics(bench: Bench) -> None:
     bench.plug_in()
-    bench.says(Link.RELAY, "MOVE 3")
+    bench.says(BrickLink.RELAY, "MOVE 3")
 
     def warned() -> bool:
         values = {pair.key: pair.value for pair in bench.health[-1].values}

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mops import Message, encode
 from adapters.mops.codec import LONGEST
 from tests.mocup.brick.routing import (
@@ -24,54 +24,54 @@ from tests.mocup.brick.routing import (
 
 def test_a_reply_goes_back_by_the_link_of_its_command(bench: Bench) -> None:
     ours, theirs = forward(7), forward(7, "EXEC")
-    bench.command(Link.RELAY, ours)
-    bench.command(Link.DIRECT, theirs)
+    bench.command(BrickLink.RELAY, ours)
+    bench.command(BrickLink.DIRECT, theirs)
     assert bench.ports.brick == [encode(ours), encode(theirs)]
     bench.says(received(theirs), received(ours), executed(ours))
     assert bench.ports.notified == [
-        (Link.DIRECT, received(theirs)),
-        (Link.RELAY, received(ours)),
-        (Link.RELAY, executed(ours)),
+        (BrickLink.DIRECT, received(theirs)),
+        (BrickLink.RELAY, received(ours)),
+        (BrickLink.RELAY, executed(ours)),
     ]
 
 
 def test_a_counter_makes_no_other_command_of_it(bench: Bench) -> None:
     first, second = (replace(forward(7), moe_inputs_counter=counter) for counter in (1, 2))
-    bench.command(Link.RELAY, first, second)
+    bench.command(BrickLink.RELAY, first, second)
     bench.says(executed(first))
     assert bench.ports.brick == [encode(first)]
-    assert bench.ports.notified == [(Link.RELAY, executed(first))]
+    assert bench.ports.notified == [(BrickLink.RELAY, executed(first))]
 
 
 def test_the_same_command_by_both_links_is_sent_once_and_reported_on_both(bench: Bench) -> None:
     command = forward()
-    bench.command(Link.DIRECT, command)
+    bench.command(BrickLink.DIRECT, command)
     bench.says(received(command))
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.says(executed(command))
     assert bench.ports.brick == [encode(command)]
     assert bench.ports.notified == [
-        (Link.DIRECT, received(command)),
-        (Link.RELAY, received(command)),
-        (Link.DIRECT, executed(command)),
-        (Link.RELAY, executed(command)),
+        (BrickLink.DIRECT, received(command)),
+        (BrickLink.RELAY, received(command)),
+        (BrickLink.DIRECT, executed(command)),
+        (BrickLink.RELAY, executed(command)),
     ]
 
 
 def test_a_stop_is_passed_on_every_time(bench: Bench) -> None:
-    bench.command(Link.RELAY, stop(1))
+    bench.command(BrickLink.RELAY, stop(1))
     bench.says(executed(stop(1)))
-    bench.command(Link.RELAY, stop(1), stop(1))
+    bench.command(BrickLink.RELAY, stop(1), stop(1))
     assert bench.ports.brick == [encode(stop(1))] * 3
 
 
 def test_another_command_under_a_number_that_is_known_is_refused(bench: Bench) -> None:
-    bench.command(Link.DIRECT, forward(7))
+    bench.command(BrickLink.DIRECT, forward(7))
     other = forward(7, distance="-20.0")
-    bench.command(Link.RELAY, other)
+    bench.command(BrickLink.RELAY, other)
     assert bench.ports.brick == [encode(forward(7))]
     ((link, reply),) = bench.ports.notified
-    assert link is Link.RELAY
+    assert link is BrickLink.RELAY
     assert (reply.source, reply.dest, reply.moe_inputs_id) == ("MOCUP", "MOE", 7)
     assert (reply.received, reply.executed) == (False, False)
     assert reply.outputs[:2] == ("REJECTED", "DUPLICATE")
@@ -79,28 +79,28 @@ def test_another_command_under_a_number_that_is_known_is_refused(bench: Bench) -
 
 def test_without_the_brick_a_command_is_refused_and_may_come_again(bench: Bench) -> None:
     bench.ports.there = False
-    bench.command(Link.DIRECT, forward())
+    bench.command(BrickLink.DIRECT, forward())
     ((link, reply),) = bench.ports.notified
-    assert link is Link.DIRECT
+    assert link is BrickLink.DIRECT
     assert (reply.outputs[0], reply.received, reply.executed) == ("REJECTED", False, False)
     bench.ports.there = True
-    bench.command(Link.DIRECT, forward())
+    bench.command(BrickLink.DIRECT, forward())
     assert bench.ports.brick == [encode(forward())]
 
 
 def test_when_the_brick_goes_away_everyone_who_waits_hears_of_it_once(bench: Bench) -> None:
     done, begun, unheard = forward(1), forward(2), forward(3)
-    bench.command(Link.DIRECT, done, begun, unheard)
-    bench.command(Link.RELAY, begun)
+    bench.command(BrickLink.DIRECT, done, begun, unheard)
+    bench.command(BrickLink.RELAY, begun)
     bench.says(received(begun), executed(done))
     bench.ports.notified.clear()
     bench.router.lost()
     bench.router.lost()
     heard = [(link, m.moe_inputs_id, m.received, m.outputs[0]) for link, m in bench.ports.notified]
     assert heard == [
-        (Link.DIRECT, 2, True, "FAILED"),
-        (Link.RELAY, 2, True, "FAILED"),
-        (Link.DIRECT, 3, False, "FAILED"),
+        (BrickLink.DIRECT, 2, True, "FAILED"),
+        (BrickLink.RELAY, 2, True, "FAILED"),
+        (BrickLink.DIRECT, 3, False, "FAILED"),
     ]
     assert not any(message.executed for _, message in bench.ports.notified)
 
@@ -131,14 +131,14 @@ def test_what_nobody_asked_for_goes_to_both_links(bench: Bench) -> None:
 
 @pytest.mark.parametrize("dest", ["JACKAL", "MOCUP2", "mocup"])
 def test_what_is_for_somebody_else_does_not_reach_the_brick(bench: Bench, dest: str) -> None:
-    bench.command(Link.RELAY, replace(forward(), dest=dest))
+    bench.command(BrickLink.RELAY, replace(forward(), dest=dest))
     assert bench.ports == Ports()
     assert len(bench.told) == bench.router.counts.refused == 1
     assert dest in bench.told[0]
 
 
 def test_what_the_brick_says_as_somebody_else_is_passed_on_to_nobody(bench: Bench) -> None:
-    bench.command(Link.RELAY, forward())
+    bench.command(BrickLink.RELAY, forward())
     bench.says(replace(executed(forward()), source="JACKAL"))
     assert bench.ports.notified == []
     assert len(bench.told) == 1
@@ -148,27 +148,27 @@ def test_what_the_brick_says_as_somebody_else_is_passed_on_to_nobody(bench: Benc
     "text", ["STOP", "102|MOE|MOCUP|MOVE|1#", "#", str(forward())[:-1], "\N{SNOWMAN}#", "a#b"]
 )
 def test_what_is_no_message_is_counted_and_spoils_none_of_the_next(bench: Bench, text: str) -> None:
-    bench.router.command(Link.DIRECT, text)
+    bench.router.command(BrickLink.DIRECT, text)
     counts = bench.router.counts
     assert counts.refused == counts.dropped_pieces == len(bench.told) >= 1
     assert counts.dropped_octets == len(text.encode())
-    bench.command(Link.DIRECT, forward())
+    bench.command(BrickLink.DIRECT, forward())
     assert bench.ports.brick == [encode(forward())]
 
 
 def test_commands_without_a_number_are_all_passed_on(bench: Bench) -> None:
-    bench.command(Link.RELAY, forward(None), forward(None))
-    bench.command(Link.DIRECT, forward(None))
+    bench.command(BrickLink.RELAY, forward(None), forward(None))
+    bench.command(BrickLink.DIRECT, forward(None))
     assert bench.ports.brick == [encode(forward(None))] * 3
     bench.says(executed(forward(None)))
-    assert bench.ports.notified == [(Link.DIRECT, executed(forward(None)))]
+    assert bench.ports.notified == [(BrickLink.DIRECT, executed(forward(None)))]
 
 
 def test_a_reply_that_would_be_too_long_is_not_given(bench: Bench) -> None:
     source = "M" * (LONGEST - len(encode(forward(source="M"))) + 1)
     longest = forward(source=source)
     assert len(encode(longest)) == LONGEST
-    bench.command(Link.RELAY, longest)
+    bench.command(BrickLink.RELAY, longest)
     bench.router.lost()
     assert bench.ports.brick == [encode(longest)]
     assert bench.ports.notified == []
@@ -190,11 +190,11 @@ def test_replies_come_through_however_they_are_cut(
     said: list[tuple[Message, bytes | None, int]], data: st.DataObject
 ) -> None:
     bench = Bench()
-    bench.command(Link.DIRECT, *(forward(number) for number in range(6)))
+    bench.command(BrickLink.DIRECT, *(forward(number) for number in range(6)))
     octets, ended, passed = b"", set(), []
     for message, garbage, zeros in said:
         if message.moe_inputs_id not in ended:
-            passed.append((Link.DIRECT, message))
+            passed.append((BrickLink.DIRECT, message))
         if message.executed:
             ended.add(message.moe_inputs_id)
         octets += b"" if garbage is None else garbage + b"#"
@@ -208,8 +208,8 @@ def test_replies_come_through_however_they_are_cut(
     assert len(bench.told) == garbage_count + len(said) - len(passed)
 
 
-@given(st.sampled_from(Link), st.text() | st.text(st.characters(categories=["Cs"])))
-def test_no_text_from_a_link_breaks_it(link: Link, text: str) -> None:
+@given(st.sampled_from(BrickLink), st.text() | st.text(st.characters(categories=["Cs"])))
+def test_no_text_from_a_link_breaks_it(link: BrickLink, text: str) -> None:
     bench = Bench()
     bench.router.command(link, text)
     assert bench.ports.brick == []

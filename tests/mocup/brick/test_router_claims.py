@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import Message, encode
 from tests.mocup.brick.routing import (
@@ -22,78 +22,80 @@ from tests.mocup.brick.routing import (
 
 def test_the_executive_hears_what_became_of_what_the_relay_had_first(bench: Bench) -> None:
     command = replace(forward(7), moe_inputs_counter=3)
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     bench.says(received(command))
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1), part(7, 1))
     assert bench.ports.brick == [encode(command)]
     bench.ports.notified.clear()
     bench.says(executed(command))
     assert bench.ports.notified == [
-        (Link.RELAY, executed(command)),
-        (Link.DIRECT, executed(forward(7))),
+        (BrickLink.RELAY, executed(command)),
+        (BrickLink.DIRECT, executed(forward(7))),
     ]
-    bench.command(Link.DIRECT, part(7, 2))
-    assert bench.ports.notified[2:] == [(Link.DIRECT, executed(forward(7)))]
+    bench.command(BrickLink.DIRECT, part(7, 2))
+    assert bench.ports.notified[2:] == [(BrickLink.DIRECT, executed(forward(7)))]
     assert bench.ports.brick == [encode(command)]
 
 
 def test_another_command_under_a_claimed_number_is_refused(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)))
-    bench.command(Link.RELAY, forward(7, distance="9.0"))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)))
+    bench.command(BrickLink.RELAY, forward(7, distance="9.0"))
     ((link, told),) = bench.ports.notified
-    assert (link, told.outputs[:2]) == (Link.RELAY, ("REJECTED", "DUPLICATE"))
+    assert (link, told.outputs[:2]) == (BrickLink.RELAY, ("REJECTED", "DUPLICATE"))
     assert bench.ports.brick == []
 
 
 def test_a_claimed_stop_is_passed_on_for_the_relay_all_the_same(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(stop(7)))
-    bench.command(Link.RELAY, stop(7))
+    bench.command(BrickLink.DIRECT, claimed(stop(7)))
+    bench.command(BrickLink.RELAY, stop(7))
     assert bench.ports.brick == [encode(stop(7))]
 
 
 def test_a_stop_by_the_relay_ends_what_the_executive_has_claimed_until_then(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
-    bench.command(Link.RELAY, stop(40))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), report(forward(7), "STARTED"))
+    bench.command(BrickLink.RELAY, stop(40))
     ((told, said),) = bench.ports.notified
-    assert (told, said.command, said.moe_inputs_id) == (Link.DIRECT, stop(40).command, 40)
-    bench.command(Link.DIRECT, part(7, 1))
+    assert (told, said.command, said.moe_inputs_id) == (BrickLink.DIRECT, stop(40).command, 40)
+    bench.command(BrickLink.DIRECT, part(7, 1))
     assert bench.ports.brick == [encode(stop(40))]
     late = bench.ports.notified[-1]
-    assert late[0] is Link.DIRECT
+    assert late[0] is BrickLink.DIRECT
     assert late[1].outputs[:1] == ("CANCELLED",)
-    bench.command(Link.DIRECT, report(forward(7), "CANCELLED"), claimed(forward(8)), part(8, 2))
+    bench.command(
+        BrickLink.DIRECT, report(forward(7), "CANCELLED"), claimed(forward(8)), part(8, 2)
+    )
     assert bench.ports.brick == [encode(stop(40)), encode(part(8, 2))]
 
 
 def test_a_stop_that_the_brick_does_not_get_is_not_told_to_the_executive(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
     bench.ports.there = False
-    bench.command(Link.RELAY, stop(40))
+    bench.command(BrickLink.RELAY, stop(40))
     ((link, told),) = bench.ports.notified
-    assert (link, told.outputs[:1]) == (Link.RELAY, ("REJECTED",))
+    assert (link, told.outputs[:1]) == (BrickLink.RELAY, ("REJECTED",))
 
 
 def test_a_stop_under_the_number_of_another_command_stops_and_is_refused(bench: Bench) -> None:
-    bench.command(Link.RELAY, forward(7), stop(7))
+    bench.command(BrickLink.RELAY, forward(7), stop(7))
     assert bench.ports.brick == [encode(forward(7)), encode(stop(7))]
-    (told,) = [message for link, message in bench.ports.notified if link is Link.RELAY]
+    (told,) = [message for link, message in bench.ports.notified if link is BrickLink.RELAY]
     assert told.outputs[:2] == ("REJECTED", "DUPLICATE")
     bench.says(executed(stop(7)))
-    bench.command(Link.RELAY, forward(7))
+    bench.command(BrickLink.RELAY, forward(7))
     assert forward(7) not in [m for _, m in bench.ports.notified if m.executed]
 
 
 def test_what_cannot_be_recorded_is_refused_but_a_stop_stops(bench: Bench) -> None:
-    bench.command(Link.DIRECT, forward(1))
+    bench.command(BrickLink.DIRECT, forward(1))
     bench.says(executed(forward(1)))
     bench.ports.notified.clear()
     bench.fill_disk(True)
-    bench.command(Link.DIRECT, forward(2), stop(3))
+    bench.command(BrickLink.DIRECT, forward(2), stop(3))
     assert bench.ports.brick == [encode(forward(1)), encode(stop(3))]
     ((_, rejected),) = bench.ports.notified
     assert (rejected.moe_inputs_id, rejected.outputs[:2]) == (2, ("REJECTED", "LEDGER_FAILED"))
     bench.fill_disk(False)
-    bench.command(Link.DIRECT, forward(2))
+    bench.command(BrickLink.DIRECT, forward(2))
     assert bench.ports.brick[2:] == [encode(forward(2))]
 
 
@@ -101,17 +103,17 @@ def test_what_the_relay_sent_and_cannot_be_recorded_comes_again_and_has_one_end(
     bench: Bench,
 ) -> None:
     bench.fill_disk(True)
-    assert not bench.router.command(Link.RELAY, str(forward(2)))
-    assert not bench.router.command(Link.RELAY, str(stop(3)))
+    assert not bench.router.command(BrickLink.RELAY, str(forward(2)))
+    assert not bench.router.command(BrickLink.RELAY, str(stop(3)))
     bench.says(executed(stop(3)))
     assert bench.ports.brick == [encode(stop(3))]
     bench.fill_disk(False)
-    assert told(bench, Link.RELAY) == []
-    assert bench.router.command(Link.RELAY, str(stop(3)))
+    assert told(bench, BrickLink.RELAY) == []
+    assert bench.router.command(BrickLink.RELAY, str(stop(3)))
     bench.says(executed(stop(3)))
-    assert bench.router.command(Link.RELAY, str(forward(2)))
+    assert bench.router.command(BrickLink.RELAY, str(forward(2)))
     bench.says(executed(forward(2)))
-    replies = [message for link, message in bench.ports.notified if link is Link.RELAY]
+    replies = [message for link, message in bench.ports.notified if link is BrickLink.RELAY]
     assert replies == [executed(stop(3)), executed(forward(2))]
 
 
@@ -119,36 +121,36 @@ def refused(command: Message) -> Message:
     return replace(received(command), received=False, outputs=("REJECTED", "QUEUE_FULL", "BUSY"))
 
 
-def told(bench: Bench, link: Link) -> list[str]:
+def told(bench: Bench, link: BrickLink) -> list[str]:
     return [message.outputs[0] for to, message in bench.ports.notified if to is link]
 
 
 def test_what_the_brick_refused_the_relay_the_executive_may_carry_out(bench: Bench) -> None:
-    bench.command(Link.RELAY, forward(7))
+    bench.command(BrickLink.RELAY, forward(7))
     bench.says(refused(forward(7)))
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
     assert bench.ports.brick == [encode(forward(7)), encode(part(7, 1))]
-    bench.command(Link.DIRECT, report(forward(7), "EXECUTED"))
-    assert told(bench, Link.DIRECT) == []
-    bench.command(Link.DIRECT, part(7, 1))
-    bench.command(Link.RELAY, forward(7))
+    bench.command(BrickLink.DIRECT, report(forward(7), "EXECUTED"))
+    assert told(bench, BrickLink.DIRECT) == []
+    bench.command(BrickLink.DIRECT, part(7, 1))
+    bench.command(BrickLink.RELAY, forward(7))
     assert len(bench.ports.brick) == 2
-    assert told(bench, Link.RELAY) == ["REJECTED", "REJECTED"]
+    assert told(bench, BrickLink.RELAY) == ["REJECTED", "REJECTED"]
 
 
 def test_the_executive_is_not_told_of_another_command_under_its_number(bench: Bench) -> None:
-    bench.command(Link.RELAY, forward(7, distance="9.0"))
+    bench.command(BrickLink.RELAY, forward(7, distance="9.0"))
     bench.says(executed(forward(7)))
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
-    assert told(bench, Link.DIRECT) == ["REJECTED", "REJECTED"]
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
+    assert told(bench, BrickLink.DIRECT) == ["REJECTED", "REJECTED"]
     assert len(bench.ports.brick) == 1
 
 
 def test_a_command_of_a_source_named_like_the_brick_is_a_command(bench: Bench) -> None:
     command = forward(7, source="MOCUP")
-    bench.command(Link.DIRECT, claimed(command), replace(command, moe_inputs_counter=1))
+    bench.command(BrickLink.DIRECT, claimed(command), replace(command, moe_inputs_counter=1))
     assert len(bench.ports.brick) == 1
-    bench.command(Link.RELAY, command)
+    bench.command(BrickLink.RELAY, command)
     assert len(bench.ports.brick) == 1
 
 
@@ -158,7 +160,7 @@ def test_a_command_of_a_source_named_like_the_brick_is_a_command(bench: Bench) -
 def test_what_is_no_command_does_not_reach_the_brick_by_the_relay(
     bench: Bench, message: Message
 ) -> None:
-    bench.command(Link.RELAY, replace(message, source="MOE", dest="MOCUP"))
+    bench.command(BrickLink.RELAY, replace(message, source="MOE", dest="MOCUP"))
     assert bench.ports.brick == []
     assert len(bench.told) == 1
 
@@ -167,16 +169,16 @@ def test_who_comes_back_is_told_the_last_words(tmp_path: Path) -> None:
     bench = Bench()
     record = BrickRecord(tmp_path / "nxt.sqlite")
     bench.start(record)
-    bench.command(Link.RELAY, forward(1))
+    bench.command(BrickLink.RELAY, forward(1))
     bench.says(executed(forward(1)))
-    bench.command(Link.RELAY, forward(2))
-    bench.command(Link.DIRECT, claimed(forward(2)), claimed(forward(3)), part(3, 1))
-    bench.command(Link.RELAY, forward(3))
-    bench.command(Link.DIRECT, report(forward(3), "STARTED"))
+    bench.command(BrickLink.RELAY, forward(2))
+    bench.command(BrickLink.DIRECT, claimed(forward(2)), claimed(forward(3)), part(3, 1))
+    bench.command(BrickLink.RELAY, forward(3))
+    bench.command(BrickLink.DIRECT, report(forward(3), "STARTED"))
     record.close()
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
     bench.router.lost(RESTARTED)
-    for link, numbers in ((Link.RELAY, [1, 2, 3]), (Link.DIRECT, [2, 3])):
+    for link, numbers in ((BrickLink.RELAY, [1, 2, 3]), (BrickLink.DIRECT, [2, 3])):
         bench.ports.notified.clear()
         bench.router.resend_last(link)
         assert [m.moe_inputs_id for to, m in bench.ports.notified if to is link] == numbers

@@ -14,11 +14,11 @@ from adapters.mocup.brick.usb import (
     MOST_TIMEOUTS,
     OUTGOING,
     Brick,
+    BrickConnected,
+    BrickDisconnected,
     BrickError,
     BrickSession,
-    Found,
-    Heard,
-    Lost,
+    OctetsReceived,
     SessionEvent,
     UsbAddress,
 )
@@ -84,17 +84,21 @@ class Bench:
 
     def found(self, times: int = 1) -> None:
         def there() -> bool:
-            visits = [event.visit for event in self.happened if isinstance(event, Found)]
+            visits = [event.visit for event in self.happened if isinstance(event, BrickConnected)]
             return visits == list(range(1, times + 1)) and self.session.connected
 
         self.until(there, "the brick")
 
     def lost(self) -> None:
-        self.until(lambda: any(isinstance(event, Lost) for event in self.happened), "its end")
+        self.until(
+            lambda: any(isinstance(event, BrickDisconnected) for event in self.happened), "its end"
+        )
 
     @property
     def octets(self) -> bytes:
-        return b"".join(event.octets for event in self.happened if isinstance(event, Heard))
+        return b"".join(
+            event.octets for event in self.happened if isinstance(event, OctetsReceived)
+        )
 
 
 @pytest.fixture
@@ -213,7 +217,7 @@ def test_a_brick_that_takes_nothing_any_more_is_given_up_with_what_waited(
     assert OUTGOING <= sent <= OUTGOING + 1
     held.set()
     bench.lost()
-    assert Lost("it takes nothing any more") in bench.happened
+    assert BrickDisconnected("it takes nothing any more") in bench.happened
     bench.found(2)
     assert bench.session.send(b"new", 2)
     bench.until(lambda: bench.bus.written[-1] == b"#new", "a word")
@@ -256,4 +260,4 @@ def test_what_raises_on_its_threads_is_logged_and_it_goes_on(
     bench.session.start()
     bench.found(2)
     assert any(record.levelno == logging.ERROR for record in caplog.records)
-    assert Lost("ZeroDivisionError()") in bench.happened
+    assert BrickDisconnected("ZeroDivisionError()") in bench.happened

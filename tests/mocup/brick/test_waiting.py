@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from adapters.mocup.brick.ownership import MOST_WAITING
-from adapters.mocup.brick.record import BrickRecord, Link
+from adapters.mocup.brick.record import BrickLink, BrickRecord
 from adapters.mocup.brick.router import RESTARTED
 from adapters.mops import decode
 from tests.mocup.brick.routing import Bench, claimed, executed, forward, part, stop
@@ -17,7 +17,7 @@ def sent(bench: Bench) -> list[int]:
     return [message.moe_inputs_id or 0 for message in asked if message.source == "MOE"]
 
 
-def told(bench: Bench) -> list[tuple[Link, int | None, str]]:
+def told(bench: Bench) -> list[tuple[BrickLink, int | None, str]]:
     """Return what was told since the last call."""
     heard = [(link, m.moe_inputs_id, m.outputs[0]) for link, m in bench.ports.notified]
     bench.ports.notified.clear()
@@ -25,31 +25,31 @@ def told(bench: Bench) -> list[tuple[Link, int | None, str]]:
 
 
 def by_relay(bench: Bench) -> list[tuple[int | None, str]]:
-    return [(number, stage) for link, number, stage in told(bench) if link is Link.RELAY]
+    return [(number, stage) for link, number, stage in told(bench) if link is BrickLink.RELAY]
 
 
 def at_work(bench: Bench, count: int = 3) -> None:
     """Have the brick at the first of some commands of the relay."""
-    bench.command(Link.RELAY, *(forward(number) for number in range(1, count + 1)))
+    bench.command(BrickLink.RELAY, *(forward(number) for number in range(1, count + 1)))
     told(bench)
 
 
 def test_it_does_not_wait_for_an_executive_that_is_gone(bench: Bench) -> None:
-    bench.command(Link.DIRECT, claimed(forward(7)), part(7, 1))
-    bench.command(Link.RELAY, forward(8))
+    bench.command(BrickLink.DIRECT, claimed(forward(7)), part(7, 1))
+    bench.command(BrickLink.RELAY, forward(8))
     bench.says(executed(part(7, 1)))
-    bench.router.silent(Link.DIRECT)
+    bench.router.silent(BrickLink.DIRECT)
     assert sent(bench) == [7, 8]
 
 
-@pytest.mark.parametrize("link", list(Link))
-def test_a_stop_goes_past_what_waits_and_ends_it(bench: Bench, link: Link) -> None:
+@pytest.mark.parametrize("link", list(BrickLink))
+def test_a_stop_goes_past_what_waits_and_ends_it(bench: Bench, link: BrickLink) -> None:
     at_work(bench)
     bench.command(link, stop(9))
     assert sent(bench) == [1, 9]
     assert by_relay(bench) == [(2, "CANCELLED"), (3, "CANCELLED")]
-    bench.command(Link.RELAY, forward(4), forward(2))
-    assert told(bench) == [(Link.RELAY, 4, "RECEIVED"), (Link.RELAY, 2, "CANCELLED")]
+    bench.command(BrickLink.RELAY, forward(4), forward(2))
+    assert told(bench) == [(BrickLink.RELAY, 4, "RECEIVED"), (BrickLink.RELAY, 2, "CANCELLED")]
     bench.says(replace(executed(forward(1)), executed=False, outputs=("CANCELLED", "STOPPED", "")))
     assert sent(bench) == [1, 9]
     bench.says(executed(stop(9)))
@@ -61,7 +61,7 @@ def test_a_stop_that_a_brick_away_cannot_have_ends_what_waits_all_the_same(bench
     bench.ports.there = False
     bench.start(bench.router.record)
     bench.router.lost(RESTARTED)
-    bench.command(Link.RELAY, stop(9))
+    bench.command(BrickLink.RELAY, stop(9))
     assert [stage for _, _, stage in told(bench)] == ["FAILED", "CANCELLED", "REJECTED"]
     bench.ports.there = True
     bench.router.found(1)
@@ -70,18 +70,18 @@ def test_a_stop_that_a_brick_away_cannot_have_ends_what_waits_all_the_same(bench
 
 def test_a_brick_that_answers_a_stop_has_done_with_what_it_did_not_answer(bench: Bench) -> None:
     at_work(bench, 1)
-    bench.command(Link.RELAY, stop(9), forward(2))
+    bench.command(BrickLink.RELAY, stop(9), forward(2))
     bench.says(executed(stop(9)))
     bench.router.look()
     assert by_relay(bench) == [(2, "RECEIVED"), (9, "EXECUTED")]
     bench.router.look()
-    assert told(bench) == [(Link.RELAY, 1, "FAILED")]
+    assert told(bench) == [(BrickLink.RELAY, 1, "FAILED")]
     assert sent(bench) == [1, 9, 2]
 
 
 def test_what_a_brick_says_of_what_it_did_after_it_answered_a_stop_counts(bench: Bench) -> None:
     at_work(bench, 1)
-    bench.command(Link.RELAY, stop(9))
+    bench.command(BrickLink.RELAY, stop(9))
     bench.says(executed(stop(9)), executed(forward(1)))
     bench.router.look()
     bench.router.look()
@@ -91,14 +91,14 @@ def test_what_a_brick_says_of_what_it_did_after_it_answered_a_stop_counts(bench:
 def test_what_is_too_much_is_refused_also_when_it_comes_again(bench: Bench) -> None:
     at_work(bench, MOST_WAITING + 1)
     late = forward(99)
-    bench.command(Link.RELAY, late)
+    bench.command(BrickLink.RELAY, late)
     ((_, refusal),) = bench.ports.notified
     assert (refusal.outputs[:2], refusal.received) == (("REJECTED", "QUEUE_FULL"), False)
     assert refusal.outputs[2].startswith("BUSY")
     told(bench)
     bench.says(executed(forward(1)))
-    bench.command(Link.RELAY, late)
-    assert told(bench)[-1] == (Link.RELAY, 99, "REJECTED")
+    bench.command(BrickLink.RELAY, late)
+    assert told(bench)[-1] == (BrickLink.RELAY, 99, "REJECTED")
 
 
 def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> No
     bench.ports.there = False
     bench.start(BrickRecord(tmp_path / "nxt.sqlite"))
     bench.router.lost(RESTARTED)
-    assert told(bench) == [(Link.RELAY, 1, "FAILED")]
+    assert told(bench) == [(BrickLink.RELAY, 1, "FAILED")]
     bench.ports.there = True
     bench.router.found(1)
     assert sent(bench) == [1], "what it does nobody knows: it is stopped before it goes on"
@@ -119,13 +119,17 @@ def test_what_waits_outlives_the_process_but_not_the_cable(tmp_path: Path) -> No
     bench.router.lost()
     gone = [message.outputs for _, message in bench.ports.notified]
     assert gone[1:] == [("CANCELLED", "", "the brick went away before it had it")] * 2
-    ends = [(Link.RELAY, 2, "FAILED"), (Link.RELAY, 3, "CANCELLED"), (Link.RELAY, 4, "CANCELLED")]
+    ends = [
+        (BrickLink.RELAY, 2, "FAILED"),
+        (BrickLink.RELAY, 3, "CANCELLED"),
+        (BrickLink.RELAY, 4, "CANCELLED"),
+    ]
     assert told(bench) == ends
-    bench.command(Link.RELAY, forward(5), forward(3))
-    assert told(bench) == [(Link.RELAY, 5, "REJECTED"), (Link.RELAY, 3, "CANCELLED")]
+    bench.command(BrickLink.RELAY, forward(5), forward(3))
+    assert told(bench) == [(BrickLink.RELAY, 5, "REJECTED"), (BrickLink.RELAY, 3, "CANCELLED")]
     bench.ports.there = True
     bench.router.found(1)
-    bench.command(Link.RELAY, forward(6))
+    bench.command(BrickLink.RELAY, forward(6))
     bench.says(executed(bench.halted()))
     assert sent(bench) == [1, 2, 6]
 
@@ -145,15 +149,15 @@ def test_a_repeat_of_what_waits_is_answered_and_another_under_its_number_refused
     bench: Bench,
 ) -> None:
     at_work(bench, 2)
-    bench.command(Link.RELAY, forward(2), forward(2, distance="9.0"))
-    bench.command(Link.DIRECT, forward(2))
+    bench.command(BrickLink.RELAY, forward(2), forward(2, distance="9.0"))
+    bench.command(BrickLink.DIRECT, forward(2))
     assert told(bench) == [
-        (Link.RELAY, 2, "RECEIVED"),
-        (Link.RELAY, 2, "REJECTED"),
-        (Link.DIRECT, 2, "RECEIVED"),
+        (BrickLink.RELAY, 2, "RECEIVED"),
+        (BrickLink.RELAY, 2, "REJECTED"),
+        (BrickLink.DIRECT, 2, "RECEIVED"),
     ]
-    bench.router.resend_last(Link.RELAY)
-    assert told(bench) == [(Link.RELAY, 2, "RECEIVED")]
+    bench.router.resend_last(BrickLink.RELAY)
+    assert told(bench) == [(BrickLink.RELAY, 2, "RECEIVED")]
     assert sent(bench) == [1]
 
 
@@ -167,4 +171,4 @@ def test_what_ended_on_a_full_disk_is_not_sent_later(
     bench.fill_disk(False)
     bench.router.look()
     assert sent(bench) == [1]
-    assert told(bench) == [(Link.RELAY, 1, "FAILED"), (Link.RELAY, 2, "CANCELLED")]
+    assert told(bench) == [(BrickLink.RELAY, 1, "FAILED"), (BrickLink.RELAY, 2, "CANCELLED")]

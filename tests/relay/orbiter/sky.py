@@ -44,7 +44,7 @@ from adapters.relay.orbiter.provider import RoverProvider
 from adapters.relay.orbiter.relay import OrbiterRelay
 from executive.commands import Mode
 from executive.values.parameters import Parameter
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.support.ports import free_port
 from tests.support.timed_system import TimedSystem
 
@@ -146,7 +146,7 @@ class FarRover:
                     continue
                 self.commands.append(message)
                 for stage in self.life:
-                    report = self._report(Kind.COMMAND, stage.name, identity, stage)
+                    report = self._report(ReportKind.COMMAND, stage.name, identity, stage)
                     await self._send(self._reply(message, report))
 
     def forget(self, ledger: str) -> None:
@@ -157,12 +157,20 @@ class FarRover:
     async def report(self, command: Message, number: int, stage: Stage) -> None:
         """Report a stage of a command under a number, 0 for none."""
         identity = Identity(command.source, command.moe_inputs_id or 0)
-        said = (number, time.time(), Kind.COMMAND, Severity.INFORMATIONAL, "", identity, stage)
+        said = (
+            number,
+            time.time(),
+            ReportKind.COMMAND,
+            Severity.INFORMATIONAL,
+            "",
+            identity,
+            stage,
+        )
         reply = self._reply(command, Report(*said, link="relay"))
         await self._send(reply if number else replace(reply, outputs=reply.outputs[:3]))
 
     async def event(self, text: str) -> None:
-        report = self._report(Kind.EVENT, text)
+        report = self._report(ReportKind.EVENT, text)
         await self.say_event(report, self.ledger)
 
     async def say_event(self, report: Report, ledger: str) -> None:
@@ -181,7 +189,11 @@ class FarRover:
         await self._send(housekeeping_message(told, DICTIONARY.spelling.housekeeping, self.name))
 
     def _report(
-        self, kind: Kind, text: str, identity: Identity | None = None, stage: Stage | None = None
+        self,
+        kind: ReportKind,
+        text: str,
+        identity: Identity | None = None,
+        stage: Stage | None = None,
     ) -> Report:
         link = None if identity is None else "relay"
         number = len(self._said) + 1

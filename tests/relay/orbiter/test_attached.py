@@ -16,7 +16,7 @@ from adapters.relay.rover import load_relay
 from executive.commands.catalogue import Command, MoveForward
 from executive.settings import SettingsError
 from executive.values.parameters import ParameterValue
-from executive.values.reports import Identity, Kind, Report
+from executive.values.reports import Identity, Report, ReportKind
 from tests.bundle.ion_node import ion_nodes
 from tests.bundle.worlds import ONE, TWO
 from tests.docs.pages import CHECKOUT, blocks
@@ -40,7 +40,7 @@ class Ground:
         self.said: list[str] = []
 
     def report(self, report: Report, cursor: int | None) -> None:
-        if report.kind is Kind.EVENT:
+        if report.kind is ReportKind.EVENT:
             self.said.append(report.text)
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:

@@ -11,7 +11,7 @@ from adapters.mrs.spec import Notification, given_up
 from adapters.relay.orbiter.relay import OrbiterRelay
 from adapters.relay.orbiter.rover import RelayedRover
 from executive.commands import MoveForward
-from executive.values.reports import Kind, Report, Severity, Stage
+from executive.values.reports import Report, ReportKind, Severity, Stage
 from tests.relay.orbiter.sky import (
     Clock,
     FarRover,
@@ -72,7 +72,7 @@ async def test_an_end_that_was_overtaken_by_another_report(tmp_path: Path) -> No
     ):
         command = await sent(rover, client)
         await rover.report(command, 1, Stage.RECEIVED)
-        other = Report(3, 1.0, Kind.EVENT, Severity.WARNING, "a stone")
+        other = Report(3, 1.0, ReportKind.EVENT, Severity.WARNING, "a stone")
         await rover.say_event(other, rover.ledger)
         await until(lambda: any(each.text == "a stone" for each in notifications))
         async with out_of_contact(relay, client) as relayed:
@@ -143,7 +143,7 @@ async def test_what_was_recorded_and_not_published_before_a_kill(tmp_path: Path)
         async with orbiting(sky) as (relay, (station,)), await ground(station) as client:
             command = await sent(rover, client)
             async with received(client) as notifications:
-                other = Report(2, 1.0, Kind.EVENT, Severity.WARNING, "a stone")
+                other = Report(2, 1.0, ReportKind.EVENT, Severity.WARNING, "a stone")
                 await rover.say_event(other, rover.ledger)
                 await until(lambda: any(each.text == "a stone" for each in notifications))
             (relayed,) = relay.rovers.values()
@@ -163,10 +163,12 @@ async def test_what_a_failed_commit_held_up_is_published_before_later_reports(
         (relayed,) = relay.rovers.values()
         ledger = relayed.record.ledger
         async with received(client) as notifications:
-            held = Report(1, 1.0, Kind.EVENT, Severity.WARNING, "held up")
+            held = Report(1, 1.0, ReportKind.EVENT, Severity.WARNING, "held up")
             ledger.append(held)  # as a commit left it that failed
             ledger.commit()  # of something else
-            relayed._take(Report(2, 1.0, Kind.EVENT, Severity.WARNING, "later"), "unit", "first")
+            relayed._take(
+                Report(2, 1.0, ReportKind.EVENT, Severity.WARNING, "later"), "unit", "first"
+            )
             await until(lambda: len(notifications) == 2)
             assert [each.text for each in notifications] == ["held up", "later"]
             assert [each.cursor for each in notifications] == [1, 2]

@@ -8,7 +8,7 @@ import pytest
 from adapters.mrs.spec import notification_of
 from adapters.relay.orbiter.console import notification_line
 from executive.commands.catalogue import Stop
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.relay.orbiter.sky import Clock, Sky, eclipse, ground, landed, orbiting, rover
 
 TYPED = """
@@ -86,7 +86,14 @@ FORGED = "no\n12:00:03.530Z EXECUTED  MOPS:8"
 def test_a_text_cannot_begin_a_line_of_its_own(end: str) -> None:
     text = FORGED.replace("\n", end)
     report = Report(
-        1, 0.0, Kind.COMMAND, Severity.WARNING, text, Identity("MOPS", 7), Stage.FAILED, "relay"
+        1,
+        0.0,
+        ReportKind.COMMAND,
+        Severity.WARNING,
+        text,
+        Identity("MOPS", 7),
+        Stage.FAILED,
+        "relay",
     )
     line = notification_line(notification_of(report))
     assert line.isprintable()

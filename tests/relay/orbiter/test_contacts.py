@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from adapters.bundle import ContactPlan
-from adapters.bundle.links.contact import PlanError, parse_plan
+from adapters.bundle.links.contact import ContactPlanError, parse_plan
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError, NotificationKind, Stage, describe_error, forwarded
@@ -104,8 +104,8 @@ async def test_one_rover_is_held_and_the_other_is_not(tmp_path: Path) -> None:
 
 async def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
-    plans: list[ContactPlan | PlanError] = [
-        PlanError("contact plan p: line 1: no whole number: 'x'"),
+    plans: list[ContactPlan | ContactPlanError] = [
+        ContactPlanError("contact plan p: line 1: no whole number: 'x'"),
         ContactPlan(),
     ]
 

@@ -6,9 +6,11 @@ import pytest
 from adapters.relay.orbiter.derived_reports import with_implied_stages
 from executive.commands.lifecycle import EDGES
 from executive.values.reasons import Reason
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
-SAID = Report(0, 5.0, Kind.COMMAND, Severity.WARNING, "why", Identity("MOE", 1), Stage.STARTED)
+SAID = Report(
+    0, 5.0, ReportKind.COMMAND, Severity.WARNING, "why", Identity("MOE", 1), Stage.STARTED
+)
 LEGAL = {(edge.source, edge.target) for edge in EDGES}
 
 
@@ -47,5 +49,5 @@ def test_only_the_end_says_why() -> None:
 
 
 def test_an_event_implies_nothing() -> None:
-    event = replace(SAID, kind=Kind.EVENT, identity=None, stage=None)
+    event = replace(SAID, kind=ReportKind.EVENT, identity=None, stage=None)
     assert list(with_implied_stages(event, None)) == [event]

@@ -18,7 +18,7 @@ from adapters.mrs.ground import MrsClient
 from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import MoveForward
-from executive.values.reports import Identity, Kind, Report, Severity
+from executive.values.reports import Identity, Report, ReportKind, Severity
 from tests.relay.orbiter.sky import HERE, LIFE, LIMIT_S, catch_up, until
 from tests.relay.rover.ends import Rover, bridge_of
 from tests.support.ports import free_port
@@ -123,7 +123,7 @@ class Ends:
         for stage in LIFE:
             self._said += 1
             report = Report(
-                self._said, time.time(), Kind.COMMAND, Severity.INFORMATIONAL, stage.name,
+                self._said, time.time(), ReportKind.COMMAND, Severity.INFORMATIONAL, stage.name,
                 identity, stage, "relay",
             )  # fmt: skip
             entry = DICTIONARY.entry(command)

@@ -11,7 +11,7 @@ from adapters.mrs.spec import Stage as StageSaid
 from adapters.mrs.spec.types import Severity
 from adapters.relay.orbiter.record import LEDGER_STRIDE, MOST_LEDGERS, RoverRecord
 from executive.commands.catalogue import MoveForward
-from executive.values.reports import Kind, Report, Stage
+from executive.values.reports import Report, ReportKind, Stage
 from executive.values.reports import Severity as ReportSeverity
 from tests.relay.orbiter.sky import LIFE, Sky, catch_up, ground, landed, meeting, orbiting, until
 
@@ -38,7 +38,7 @@ async def test_its_reports_are_told_and_numbers_only_rise(tmp_path: Path) -> Non
             second = list(range(LEDGER_STRIDE + 1, LEDGER_STRIDE + 2 * len(LIFE) + 1))
             past = await catch_up(client, 3 * len(LIFE))
             assert numbers(past) == [1, 2, 3, 4, *second]
-            late = Report(9, 1.0, Kind.EVENT, ReportSeverity.WARNING, "said before")
+            late = Report(9, 1.0, ReportKind.EVENT, ReportSeverity.WARNING, "said before")
             await rover.say_event(late, "first")
             past = await catch_up(client, len(past) + 1)
             assert numbers(past) == [1, 2, 3, 4, *second, 9]

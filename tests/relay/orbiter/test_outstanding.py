@@ -20,7 +20,7 @@ from adapters.bundle import (
 from adapters.bundle.links.contact import Contact
 from adapters.bundle.node.database import Synchronous
 from adapters.mal import MalError
-from adapters.mocup.brick.record import Link
+from adapters.mocup.brick.record import BrickLink
 from adapters.mops import LinkHealth, decode
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import AreaError, forwarded, given_up
@@ -346,7 +346,7 @@ async def carry(agent: BundleAgent, bench: Bench) -> None:
     while True:
         async with agent.receive() as delivery:
             said = len(bench.ports.notified)
-            bench.router.command(Link.RELAY, delivery.payload.decode())
+            bench.router.command(BrickLink.RELAY, delivery.payload.decode())
             for _, reply in bench.ports.notified[said:]:
                 await agent.send(ORBITER, str(reply).encode())
 

@@ -9,7 +9,7 @@ from adapters.bundle.codec.bundle import Creation
 from adapters.relay.orbiter.record import LEDGER_STRIDE, RoverRecord
 from executive.commands.catalogue import Command, MoveForward, Request, Resume, Stop
 from executive.record import LedgerError
-from executive.values.reports import Identity, Kind, Report, Severity, Stage
+from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 
 IDENTITY = Identity("MOE", 7)
 LIFETIME_S = 100.0
@@ -17,7 +17,9 @@ BUNDLE = BundleId(Ipn(1, 1), Creation(1000, 0))
 
 
 def report(sequence: int, stage: Stage = Stage.STARTED, identity: Identity = IDENTITY) -> Report:
-    return Report(sequence, 1.0, Kind.COMMAND, Severity.INFORMATIONAL, "", identity, stage, "relay")
+    return Report(
+        sequence, 1.0, ReportKind.COMMAND, Severity.INFORMATIONAL, "", identity, stage, "relay"
+    )
 
 
 def recorded(record: RoverRecord) -> list[tuple[int, int]]:
@@ -185,7 +187,9 @@ class Kept:
     def report(self, number: int, stage: Stage, identity: Identity) -> Report:
         sequence = number if self.numbered else 0
         informational = Severity.INFORMATIONAL
-        return Report(sequence, 1.0, Kind.COMMAND, informational, "", identity, stage, "relay")
+        return Report(
+            sequence, 1.0, ReportKind.COMMAND, informational, "", identity, stage, "relay"
+        )
 
     def known(self, number: int) -> bool:
         return self.record.ledger.digest_of(Identity("MOE", number)) is not None
@@ -254,7 +258,7 @@ def test_events_and_replies_of_a_brick_are_forgotten_too(tmp_path: Path) -> None
     assert kept.record.ledger.reports()[-1].sequence == 120
     events = Kept(tmp_path / "e")
     for number in range(1, 41):
-        event = Report(number, 1.0, Kind.EVENT, Severity.WARNING, "a stone")
+        event = Report(number, 1.0, ReportKind.EVENT, Severity.WARNING, "a stone")
         events.record.add_report(event, f"unit {number}")
     events.record.prune(0.0)
     assert events.sizes()["reports"] == MOST

@@ -19,11 +19,11 @@ from adapters.mrs.spec import (
     forwarded,
 )
 from executive.commands.catalogue import (
-    Arrival,
     ExecuteAction,
     FollowPath,
     MoveForward,
     PlanDefinition,
+    PreemptionPolicy,
     Request,
     Stop,
     SubmitPlan,
@@ -169,7 +169,7 @@ async def test_what_cannot_go_is_refused_at_the_orbiter(tmp_path: Path) -> None:
             error = await refusal(client, request)
             assert error.number == AreaError.REJECTED.value
             assert "4096" in str(getattr(error.extra, "value", ""))
-        error = await refusal(client, MoveForward(1.0), arrival=Arrival.REPLACE)
+        error = await refusal(client, MoveForward(1.0), arrival=PreemptionPolicy.REPLACE)
         assert error.number == AreaError.NOT_SUPPORTED.value
         error = await refusal(client, MoveForward(1.0), command_id=0)
         assert error.number == AreaError.INVALID.value

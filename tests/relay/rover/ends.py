@@ -21,7 +21,7 @@ from adapters.relay.rover import RelaySettings
 from adapters.relay.rover.bridge import BundleBridge
 from executive.commands.catalogue import SetTravelSpeed
 from executive.values.parameters import Parameter
-from executive.values.reports import Identity, Kind, Report, Severity
+from executive.values.reports import Identity, Report, ReportKind, Severity
 from tests.support.ports import free_udp_ports
 
 DICTIONARY = load_dictionary()
@@ -129,7 +129,7 @@ def octets(*messages: Message) -> bytes:
 
 
 def event(number: int) -> Message:
-    report = Report(number, 1.0, Kind.EVENT, Severity.WARNING, "near")
+    report = Report(number, 1.0, ReportKind.EVENT, Severity.WARNING, "near")
     return event_of(report, SPELLING.event, "JACKAL")
 
 

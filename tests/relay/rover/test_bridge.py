@@ -16,7 +16,7 @@ from adapters.relay.rover.bridge import (
     LONGEST_PAYLOAD,
     MOST_QUEUED,
     BundleBridge,
-    Reports,
+    ReportBatch,
     SendQueue,
 )
 from executive.commands.catalogue import Stop
@@ -218,12 +218,12 @@ def test_reports_come_all_in_order_and_once_each(
     whole = SendQueue(DICTIONARY, QUEUE)
     for number in numbers:
         assert whole.put(str(event(number)), pytest.fail)
-    taken: list[Reports] = []
+    taken: list[ReportBatch] = []
     while some := whole.take(queued, most)[0]:
         assert len(some) <= most
         taken += some
     told = [str(event(number)) for number in dict.fromkeys(numbers)]
-    assert taken == [Reports(text, fingerprint(text)) for text in told]
+    assert taken == [ReportBatch(text, fingerprint(text)) for text in told]
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.integers(0, 10))
@@ -243,7 +243,7 @@ def test_a_string_is_confirmed_by_its_reports_whatever_else_is_in_it() -> None:
     text = f"{telemetry(1.0)}{health}{event(1)}FLY#{event(2)}"
     assert some.put(text, refused.append)
     assert len(refused) == 1
-    reports = Reports(f"{event(1)}{event(2)}", fingerprint(text))
+    reports = ReportBatch(f"{event(1)}{event(2)}", fingerprint(text))
     assert some.take(0, 10) == ([reports], [telemetry(1.0), health])
 
 

@@ -15,7 +15,7 @@ from executive.commands.catalogue import ConfirmPose, MoveForward, Resume, SetTr
 from executive.commands.intake import SOURCE_PREFIX
 from executive.values.parameters import Parameter
 from executive.values.reasons import Reason
-from executive.values.reports import Identity, Kind, Severity, Stage
+from executive.values.reports import Identity, ReportKind, Severity, Stage
 from tests.relay.rover.aboard import DICTIONARY, LIFE, Aboard, Relay
 
 pytestmark = pytest.mark.ros
@@ -197,7 +197,7 @@ def test_events_are_told(aboard: Aboard) -> None:
     aboard.executive.event(Severity.WARNING, "somebody is near")
     aboard.until(lambda: bool(aboard.relay.reports), "an event")
     (event,) = aboard.relay.reports
-    assert (event.kind, event.text) == (Kind.EVENT, "somebody is near")
+    assert (event.kind, event.text) == (ReportKind.EVENT, "somebody is near")
 
 
 def test_reports_name_the_ledger_in_which_they_are_numbered(aboard: Aboard) -> None:

@@ -2,7 +2,7 @@
 
 import { Topics } from "./observable.js";
 
-/** @import { AssetEntry, AssetState, AuthorityHeld, CommandStatus, LinkStatus, Notified, PlanProgress, Sample, Transfer, TreeState } from "./messages.js" */
+/** @import { AssetEntry, AssetState, AuthorityMessage, CommandStatus, LinkStatus, Notified, PlanProgress, Sample, Transfer, TreeState } from "./messages.js" */
 /** @typedef {Sample & {interval?: number}} Latest `interval`: seconds since the one before */
 /** @typedef {{utc: number, x: number, y: number, heading: number}} Fix */
 
@@ -38,7 +38,7 @@ export class Asset extends Topics {
   notices = [];
   /** @type {Map<string, LinkStatus>} by link */
   links = new Map();
-  /** @type {AuthorityHeld | null} who may command it; null until it is known */
+  /** @type {AuthorityMessage | null} who may command it; null until it is known */
   authority = null;
   /** @type {AssetState | null} mode, command under way, plan; null until it is known */
   status = null;

@@ -4,7 +4,7 @@ import { Asset, UNCERTAINTY } from "./asset.js";
 import { Connection, ask, operator } from "./connection.js";
 import { Topics } from "./observable.js";
 
-/** @import { AlarmStatus, AssetEntry, Message, Present } from "./messages.js" */
+/** @import { AlarmStatus, AssetEntry, Message, OpenPage } from "./messages.js" */
 
 /** What a page hears of that shows neither log nor tree. */
 export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm"];
@@ -25,7 +25,7 @@ export class Session extends Topics {
   assets = new Map();
   /** @type {Map<number, AlarmStatus>} those that stand, of all assets */
   alarms = new Map();
-  /** @type {Present[]} pages that are open */
+  /** @type {OpenPage[]} pages that are open */
   presence = [];
   /** when the dictionary was read for the first time */
   ready = new Promise((resolve) => (this.#becomeReady = resolve));

@@ -5,7 +5,7 @@ import { button, html, keep, say, set } from "../dom.js";
 import { age } from "../words.js";
 
 /** @import { Asset } from "../model/asset.js" */
-/** @import { AuthorityHeld } from "../model/messages.js" */
+/** @import { AuthorityMessage } from "../model/messages.js" */
 
 const ACTS = {
   request: ["request", "ask for the right to command"],
@@ -51,14 +51,14 @@ export class Authority {
   }
 }
 
-/** What may be asked for, and for whom. @param {AuthorityHeld | null | undefined} held */
+/** What may be asked for, and for whom. @param {AuthorityMessage | null | undefined} held */
 function actsOf(held) {
   if (!held) return [];
   if (held.holder !== operator.name) return held.holder ? [["request"], ["take"]] : [["request"]];
   return held.asked_by && held.asked_by !== operator.name ? [["hand_over", held.asked_by], ["release"]] : [["release"]];
 }
 
-/** @param {HTMLElement} element @param {AuthorityHeld} held @param {number} now */
+/** @param {HTMLElement} element @param {AuthorityMessage} held @param {number} now */
 function drawHolder(element, { holder, needed, lease, lease_left, utc, epoch }, now) {
   const mine = holder === operator.name;
   const left = Math.max(0, lease_left - (now - utc));

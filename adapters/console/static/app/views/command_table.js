@@ -8,7 +8,7 @@ import { html, keep, say, set } from "../dom.js";
 import { View } from "./view.js";
 import { clock, number, unitOf } from "../words.js";
 
-/** @import { CommandStatus, Why } from "../model/messages.js" */
+/** @import { CommandStatus, ExplanationBody } from "../model/messages.js" */
 
 const MOST_ROWS = 100;
 /** The way of a command that is carried out, by each link; a recording knows what the rover said. */
@@ -33,7 +33,7 @@ const WORDS = {
 };
 
 export class CommandTable extends View {
-  /** @type {Map<string, Why | null>} what was told of why, by command and whether it had ended */
+  /** @type {Map<string, ExplanationBody | null>} what was told of why, by command and whether it had ended */
   #told = new Map();
 
   #rows = html("div", { className: "commands", role: "list" });

@@ -10,7 +10,7 @@ import { isLate } from "./values.js";
 import { View } from "./view.js";
 import { clock, duration, number, sizeOf } from "../words.js";
 
-/** @import { CommandStatus, Sample, StageReached } from "../model/messages.js" */
+/** @import { CommandStatus, Sample, StageEntry } from "../model/messages.js" */
 /** @typedef {{kind: string, title: string, lines: string[], isOpen?: boolean}} Part `isOpen` is of a link */
 /** @typedef {{key: string, title: string, contacts: [number, number][]}} Strip */
 
@@ -195,7 +195,7 @@ export class RelayView extends View {
     this.#noCommands.hidden = shown.length > 0;
   }
 
-  /** @param {CommandStatus} command @param {StageReached[]} reached */
+  /** @param {CommandStatus} command @param {StageEntry[]} reached */
   #whereIs({ state }, [taken, left, received]) {
     const since = ({ utc }) => duration(this.#figures.now - utc);
     if (state === "given_up") return "given up by the orbiter: the rover may have it";
