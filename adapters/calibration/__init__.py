@@ -13,5 +13,4 @@ from adapters.calibration.fit import Calibration as Calibration
 from adapters.calibration.fit import CalibrationError as CalibrationError
 from adapters.calibration.fit import Fitted as Fitted
 from adapters.calibration.fit import calibrate as calibrate
-from adapters.calibration.pattern import PATTERN as PATTERN
 from adapters.calibration.pattern import plan_xml as plan_xml

@@ -139,29 +139,14 @@ def _rms(residuals: Series) -> float:
     return float(np.sqrt(np.mean(residuals**2)))
 
 
-class _Commanded:
-    """Velocities that are commanded, in ramps as long as a tick, on a grid of time."""
+def _ramps(commands: CommandSeries, tick_s: float) -> tuple[Series, Series, Series]:
+    """Return times, travel and rotation that are commanded, in ramps as long as a tick."""
+    times_s = np.column_stack((commands.time_s - tick_s, commands.time_s)).ravel()
 
-    def __init__(self, commands: CommandSeries, tick_s: float, grid_s: Series) -> None:
-        self._grid_s = grid_s
-        times_s: list[float] = []
-        travel: list[float] = []
-        rotate: list[float] = []
-        rows = zip(commands.time_s, commands.travel_mps, commands.rotate_radps, strict=True)
-        last = (0.0, 0.0)
-        for time_s, *velocity in rows:
-            for at_s, (travel_mps, rotate_radps) in ((time_s - tick_s, last), (time_s, velocity)):
-                times_s.append(max(at_s, times_s[-1]) if times_s else at_s)
-                travel.append(travel_mps)
-                rotate.append(rotate_radps)
-            last = (velocity[0], velocity[1])
-        self._knots = np.array(times_s), np.array(travel), np.array(rotate)
+    def knots(values: Series) -> Series:
+        return np.column_stack((np.append(0.0, values[:-1]), values)).ravel()
 
-    def after(self, delay_s: float) -> tuple[Series, Series]:
-        """Return travel and rotation that are in effect with a delay."""
-        times_s, travel, rotate = self._knots
-        at_s = self._grid_s - delay_s
-        return np.interp(at_s, times_s, travel), np.interp(at_s, times_s, rotate)
+    return np.maximum.accumulate(times_s), knots(commands.travel_mps), knots(commands.rotate_radps)
 
 
 def _lagging(signal: Series, step_s: float, lag_s: float) -> Series:
@@ -200,7 +185,7 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
     """Return when and how the rover answers to velocities."""
     settings, odometry = log.settings, log.odometry
     grid_s = np.arange(odometry.time_s[0], odometry.time_s[-1] + GRID_S, GRID_S)
-    commanded = _Commanded(log.commands, settings.tick_s, grid_s)
+    times_s, travel_mps, rotate_radps = _ramps(log.commands, settings.tick_s)
     passed_s = np.diff(odometry.time_s)
     turned = np.diff(odometry.heading_rad) / passed_s
     midway = (odometry.heading_rad[1:] + odometry.heading_rad[:-1]) / 2
@@ -214,7 +199,8 @@ def _answer(log: DriveLog) -> tuple[list[Fitted], list[Residual]]:
         return means
 
     def apart(delay_s: float, yaw: YawResponse) -> tuple[Series, Series]:
-        travel, rotate = commanded.after(delay_s)
+        at_s = grid_s - delay_s
+        travel, rotate = (np.interp(at_s, times_s, each) for each in (travel_mps, rotate_radps))
         rotation = _true_rotation(yaw, travel, rotate)
         return turned - mean(rotation), driven / passed_s - mean(travel)
 
@@ -260,11 +246,7 @@ def _slip(
 ) -> tuple[SlipSettings, Residual, float]:
     """Return how a rover slips by a reference, and how many metres each of its odometry is.
 
-    Args:
-        log: of the drive.
-        reference: where it was.
-        before: what the settings say.
-        settled: whether the reference is that of a law without acceleration and lag.
+    A reference is settled that follows a law without acceleration and lag.
     """
     columns = _Columns(log, reference)
     old = np.array([1.0, before.offset_m, before.gain_m, before.acceleration_s2, before.creep_s2])

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
-from adapters.explanation.log import names
+from adapters.explanation.log import names, situation_at
 from executive.commands import Family, Mode, declared
 from executive.faults import DECLARED
 from executive.history import CommandHistory, LeafRun, RunHistory, Situation
@@ -203,18 +203,13 @@ class _CommandExplainer:
         started = self._life.at(Stage.STARTED)
         if started is not None:
             return started.utc_s
-        under_way = [
-            each.utc_s for each in self._history.situations if each.active == self._life.identity
-        ]
-        if under_way:
-            return under_way[0]
-        later = self._life.at(Stage.PROGRESS)
-        end = self._life.end
-        if later is not None:
-            return later.utc_s
-        executed = end is not None and end.stage in {Stage.EXECUTED, Stage.FAILED}
-        accepted = self._life.at(Stage.ACCEPTED)
-        return accepted.utc_s if executed and accepted is not None else None
+        for each in self._history.situations:
+            if each.active == self._life.identity:
+                return each.utc_s
+        later, end = self._life.at(Stage.PROGRESS), self._life.end
+        if later is None and end is not None and end.stage in {Stage.EXECUTED, Stage.FAILED}:
+            later = self._life.at(Stage.ACCEPTED)
+        return None if later is None else later.utc_s
 
     def _waited(self) -> Iterator[ExplanationStep]:
         accepted = self._life.at(Stage.ACCEPTED)
@@ -227,7 +222,7 @@ class _CommandExplainer:
         blockers = [
             f"{each.identity} {each.name}"
             for each in self._lives.values()
-            if each is not self._life and self._in_front(each, began_s, until_s)
+            if each is not self._life and self._in_front(each, began_s)
         ]
         held = [
             each
@@ -241,7 +236,7 @@ class _CommandExplainer:
         why = "; ".join([*for_what, *list(whys)[-1:]]) or "for its turn"
         yield ExplanationStep(until_s, f"{verb} {until_s - began_s:.2f} s {why}")
 
-    def _in_front(self, other: CommandHistory, began_s: float, until_s: float) -> bool:
+    def _in_front(self, other: CommandHistory, began_s: float) -> bool:
         """Whether another command of the same queue was there before, and under way meanwhile."""
         if _FAMILIES.get(other.request) is not self._family:
             return False
@@ -323,12 +318,9 @@ class _CommandExplainer:
         for other in self._lives.values():
             if other is not self._life and mentions(end.text, other.identity):
                 yield from _asked(other)
-        if end.reason is Reason.WRONG_MODE:
-            then = [each for each in self._history.situations if each.utc_s <= end.utc_s]
-            if then:
-                yield ExplanationStep(
-                    then[-1].utc_s, f"the rover was {then[-1].mode.name}: {then[-1].why}"
-                )
+        then = situation_at(self._history, end.utc_s)
+        if end.reason is Reason.WRONG_MODE and then is not None:
+            yield ExplanationStep(then.utc_s, f"the rover was {then.mode.name}: {then.why}")
         if end.reason is Reason.POSE_UNCERTAIN:
             yield from _uncertain_since(self._history, end.utc_s)
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from executive.commands import Mode
-from executive.history import CommandHistory, RunHistory
+from executive.history import CommandHistory, RunHistory, Situation
 from executive.values.reports import Identity, Report, Severity
 
 
@@ -49,12 +49,7 @@ Entry = CommandHistory | Report
 def entries(history: RunHistory, wanted: LogFilter, unfold: bool = False) -> Iterator[Entry]:
     """Yield the lives of commands and the events that are wanted, in the order of their beginning.
 
-    A life is wanted if one of its reports is.
-
-    Args:
-        history: of what time.
-        wanted: what of it.
-        unfold: whether to yield each report of a command apart.
+    A life is wanted if one of its reports is; unfolded, these are yielded in its place.
     """
     lives = history.lives()
     chosen = [
@@ -70,11 +65,11 @@ def entries(history: RunHistory, wanted: LogFilter, unfold: bool = False) -> Ite
 
 
 def _in_mode(report: Report, history: RunHistory, wanted: LogFilter) -> bool:
-    if wanted.mode is None:
-        return True
-    mode = None
-    for each in history.situations:
-        if each.utc_s > report.utc_s:
-            break
-        mode = each.mode
-    return mode is wanted.mode
+    then = situation_at(history, report.utc_s)
+    return wanted.mode is None or (then is not None and then.mode is wanted.mode)
+
+
+def situation_at(history: RunHistory, utc_s: float) -> Situation | None:
+    """Return what the rover was about at a time; None before the first that is known."""
+    then = [each for each in history.situations if each.utc_s <= utc_s]
+    return then[-1] if then else None

@@ -5,7 +5,7 @@ https://docs.foxglove.dev/docs/visualization/message-schemas
 
 import base64
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from executive.values.geometry import Point, Pose
@@ -203,10 +203,6 @@ class Color:
     a: float = 1.0
 
 
-def _color(color: Color) -> Plain:
-    return {"r": color.r, "g": color.g, "b": color.b, "a": color.a}
-
-
 def line(places: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
     """Return a line in the plane for `entity`."""
     return {
@@ -215,7 +211,7 @@ def line(places: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
         "thickness": width_m,
         "scale_invariant": False,
         "points": [_vector(place.x_m, place.y_m) for place in places],
-        "color": _color(color),
+        "color": asdict(color),
         "colors": [],
         "indices": [],
     }
@@ -223,7 +219,7 @@ def line(places: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
 
 def cube(pose: Pose, size_m: tuple[float, float, float], color: Color) -> Plain:
     """Return a cube about a place for `entity`: its size along its axes."""
-    return {"pose": _pose(pose), "size": _vector(*size_m), "color": _color(color)}
+    return {"pose": _pose(pose), "size": _vector(*size_m), "color": asdict(color)}
 
 
 def cylinder(pose: Pose, radius_m: float, height_m: float, color: Color) -> Plain:
@@ -241,16 +237,7 @@ def entity(
     cubes: Iterable[Plain] = (),
     cylinders: Iterable[Plain] = (),
 ) -> Plain:
-    """Return what stays in a scene until it is replaced by what has the same name.
-
-    Args:
-        utc_s: since when.
-        frame: that its places are in, and with which it moves.
-        name: what it is.
-        lines: it is drawn with.
-        cubes: the same.
-        cylinders: the same.
-    """
+    """Return what moves with a frame until it is replaced by what has the same name."""
     parts: Plain = {kind: [] for kind in _KINDS}
     parts |= {"lines": list(lines), "cubes": list(cubes), "cylinders": list(cylinders)}
     return {

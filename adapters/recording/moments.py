@@ -47,9 +47,6 @@ class Moment:
 class RecordedMoments:
     """All moments of a recording.
 
-    Args:
-        path: of the recording.
-
     Attributes:
         asset: whose run it is.
 
@@ -68,11 +65,7 @@ class RecordedMoments:
         return max(0, bisect_right(self._times_s, time_s + 1e-6) - 1)
 
     def index_of(self, name: str) -> int | None:
-        """Return the first moment that reports a reason, or the last report of a command.
-
-        Args:
-            name: of the reason, or of the command as `SOURCE:NUMBER`; None where there is none.
-        """
+        """Return the first moment that reports a reason, or the last report of `SOURCE:NUMBER`."""
         found = None
         for index, moment in enumerate(self.moments):
             for report in moment.told:
@@ -105,33 +98,22 @@ class RecordedMoments:
             if current is not None:
                 nodes = () if tree is None else tree.nodes()
                 snapshot = TreeSnapshot(ticks, current[1], mode, why, nodes)
-                self.moments.append(
-                    Moment(
-                        current[0],
-                        snapshot,
-                        since_s,
-                        pose,
-                        lasts,
-                        tuple(told),
-                    )
-                )
+                self.moments.append(Moment(current[0], snapshot, since_s, pose, lasts, tuple(told)))
                 told = []
             current = None
 
         for timed in read_timed(RunReader(path), {Odometry, ModeChanged, TreeChanged, Reported}):
+            if isinstance(timed.item, Life | Called | Observed):
+                end()
             match timed.item:
                 case Life(settings=settings):
-                    end()
                     self.asset, tree = settings.asset, RecordedTree(settings)
                     ticks = 0
                 case Called(call=Call.TICK):
-                    end()
                     current = timed.time_s, timed.utc_s
                     ticks += 1
-                case Called() | Observed():
-                    end()
-                    if isinstance(timed.item, Observed) and isinstance(timed.item.fact, Odometry):
-                        pose = timed.item.fact.pose
+                case Observed(fact=Odometry() as odometry):
+                    pose = odometry.pose
                 case TreeChanged() if tree is not None:
                     changed = dict.fromkeys(tree.put(timed.item), timed.time_s)
                     since_s = {**since_s, **changed} if changed else since_s

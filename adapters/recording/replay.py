@@ -20,6 +20,7 @@ from adapters.recording.scripted import (
     ReplayInbox,
     ReplayLedger,
     ReplaySolver,
+    notice,
 )
 from executive.core.recording import (
     Call,
@@ -273,9 +274,8 @@ class _ReplayedCore:
         self._clock = RecordedClock()
         self._tape = Decisions()
         self._inbox = ReplayInbox()
-        self._solver: ReplaySolver | None = None
-        if life.solver_lead_ticks is not None:
-            self._solver = ReplaySolver(life.solver_lead_ticks)
+        lead_ticks = life.solver_lead_ticks
+        self._solver = None if lead_ticks is None else ReplaySolver(lead_ticks)
         self._ledger: ReplayLedger | None = None
         self._executive: Executive | None = None
         self._states: dict[str, NodeState] = {}
@@ -299,11 +299,9 @@ class _ReplayedCore:
         """Run an entry."""
         self._clock.entry = recorded.entry
         self._tape.decisions = []
-        self._inbox.load(recorded.inputs)
-        if self._ledger is not None:
-            self._ledger.load(recorded.inputs)
-        if self._solver is not None:
-            self._solver.load(recorded.inputs)
+        for scripted in (self._inbox, self._ledger, self._solver):
+            if scripted is not None:
+                scripted.load(recorded.inputs)
         try:
             self._enter(recorded)
         except RecordingError:
@@ -359,10 +357,8 @@ class _ReplayedCore:
         match entry:
             case Observed(fact=fact):
                 executive.observe(fact)
-            case Noticed(severity=severity, text=text, figures=figures, kind=kind):
-                executive.event(severity, text, figures, kind)
-            case MadeSafe(danger=danger):
-                executive.make_safe(danger)
+            case Noticed() | MadeSafe():
+                notice(executive, entry)
             case Called(call=Call.TURN):
                 executive.turn()
             case Called(call=Call.TICK):

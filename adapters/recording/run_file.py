@@ -56,12 +56,12 @@ def first_parts(folder: Path) -> list[Path]:
 
 
 class RunFile:
-    """The file that a run is recorded in, complete once it is closed.
+    """The file that a run is recorded in, made anew, and complete once it is closed.
 
     Where it can no longer be written, as on a full disk, the recording ends and the run goes on.
 
-    Args:
-        path: the file, which is made anew.
+    Attributes:
+        ended: whether it can no longer be written.
 
     Raises:
         OSError: it cannot be made.
@@ -79,17 +79,11 @@ class RunFile:
         self._channels: dict[str, int] = {}
         self._entries = 0
         self._time_ns = self._batch_ns = 0
-        self._ended = False
+        self.ended = False
 
     def put(self, item: Item) -> None:
         """Write the next item."""
-        if not self._ended:
-            self._or_end(lambda: self._write(item))
-
-    @property
-    def ended(self) -> bool:
-        """Whether it can no longer be written."""
-        return self._ended
+        self._or_end(lambda: self._write(item))
 
     @property
     def size_octets(self) -> int:
@@ -98,8 +92,7 @@ class RunFile:
 
     def flush(self) -> None:
         """Hand what was put to the system, so that the end of this process does not lose it."""
-        if not self._ended:
-            self._or_end(self._flush)
+        self._or_end(self._flush)
 
     def continued(self, path: Path) -> "RunFile":
         """Close it, and return the file in which the recording goes on.
@@ -110,7 +103,7 @@ class RunFile:
         try:
             following = RunFile(path)
         except OSError as error:
-            self._ended = True
+            self.ended = True
             _LOG.warning("recording %s ends: %s", path, error.strerror)
             return self
         following._entries, following._time_ns = self._entries, self._time_ns
@@ -120,17 +113,18 @@ class RunFile:
 
     def close(self) -> None:
         """Write what is left, and the index."""
-        if not self._ended:
-            self._or_end(self._finish)
+        self._or_end(self._finish)
         with suppress(OSError):  # of what is left in its buffer once the recording has ended
             self._file.close()
 
     def _or_end(self, step: Callable[[], object]) -> None:
-        """Take a step; end the recording if the file cannot be written."""
+        """Take a step unless the recording has ended; end it if the file cannot be written."""
+        if self.ended:
+            return
         try:
             step()
         except OSError as error:
-            self._ended = True
+            self.ended = True
             _LOG.warning("recording %s ends: %s", self._file.name, error.strerror)
 
     def _flush(self) -> None:
@@ -184,11 +178,7 @@ class RunFile:
 
 @dataclass(frozen=True, slots=True)
 class RecordedMessage:
-    """A message of a recording.
-
-    Attributes:
-        data: JSON.
-    """
+    """A message of a recording; its data are JSON."""
 
     topic: RecordingTopic
     data: bytes
@@ -200,7 +190,6 @@ class RunReader:
     What is behind a damaged part builds on what is lost with it.
 
     Args:
-        path: of the first file.
         is_wanted: whether to go on; asked before each chunk, on the thread that reads.
 
     Attributes:

@@ -123,10 +123,8 @@ class ReplayInbox(Inbox):
         match item:
             case AuthorityRequest():
                 core.ask_authority(item)
-            case Noticed(severity=severity, text=text, figures=figures, kind=kind):
-                core.event(severity, text, figures, kind)
-            case MadeSafe(danger=danger):
-                core.make_safe(danger)
+            case Noticed() | MadeSafe():
+                notice(core, item)
             case Served():
                 raise AssertionError(item)
             case _:
@@ -138,6 +136,14 @@ class ReplayInbox(Inbox):
         if served.overtaken:
             self._overtaken.add(self._taken)
         return Submission(self._taken, served.command, lambda _: None, lambda: None)
+
+
+def notice(core: Executive, item: Noticed | MadeSafe) -> None:
+    """Have the core do what another thread asked of it."""
+    if isinstance(item, Noticed):
+        core.event(item.severity, item.text, item.figures, item.kind)
+    else:
+        core.make_safe(item.danger)
 
 
 class ReplayLedger(Ledger):

@@ -22,10 +22,6 @@ def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, Dat
     the messages, as `pose.x_m`; of a list of numbers each has its own, as `left_radps.0`. Other
     lists are left as they are. `attrs["began_utc_s"]` says when it began.
 
-    Args:
-        path: of the recording.
-        topics: those that are wanted.
-
     Raises:
         RecordingError: the file cannot be used as a recording, or holds no run.
     """

@@ -66,9 +66,7 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem
 def read_history(path: Path, until_s: float | None = None) -> tuple[RunHistory, float]:
     """Return what a recording knows, and when it began, seconds since 1970-01-01 UTC.
 
-    Args:
-        path: of the recording.
-        until_s: leave out what came later, in seconds since its beginning.
+    What came later than `until_s` after its beginning is left out.
 
     Raises:
         RecordingError: the file cannot be used as a recording, or holds no run.

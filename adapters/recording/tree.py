@@ -1,5 +1,6 @@
 """The behaviour tree of a recorded run, as the recording tells it."""
 
+from dataclasses import replace
 from typing import Final
 
 from executive.commands.intake import SOURCE_PREFIX
@@ -12,11 +13,7 @@ _GUARDS: Final = {NodeKind.CONDITION, NodeKind.TAKE}
 
 
 class RecordedTree:
-    """The tree of one life of an executive, kept up to date by what was recorded of it.
-
-    Args:
-        settings: of its asset.
-    """
+    """The tree of one life of an executive, kept up to date by what was recorded of it."""
 
     def __init__(self, settings: Settings) -> None:
         self._static = preview(settings)
@@ -69,5 +66,4 @@ class RecordedTree:
 def _with(node: TreeNodeSnapshot, state: NodeState | None) -> TreeNodeSnapshot:
     if state is None:
         return node
-    status = NodeStatus[state.status]
-    return TreeNodeSnapshot(node.path, node.name, node.depth, node.kind, status, state.message)
+    return replace(node, status=NodeStatus[state.status], message=state.message)

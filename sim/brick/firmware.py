@@ -37,9 +37,6 @@ class Firmware:
     """One brick.
 
     Args:
-        dictionary: how messages are spelled.
-        settings: how it is built.
-        start: where it is put down.
         random: latencies, and by how much it misjudges its track.
 
     Attributes:

@@ -19,7 +19,13 @@ from executive.values.geometry import Point, Pose
 from sim.brick.motion import Motion, SegmentSequence, course
 from sim.brick.odometry import CountOdometry, Rims
 from sim.brick.settings import BrickSettings
-from sim.pan_tilt import HeadController, HeadLimits
+from sim.pan_tilt import (
+    MAX_PAN_RAD,
+    MAX_SPEED_RADPS,
+    MAX_TILT_RAD,
+    MIN_TILT_RAD,
+    HeadController,
+)
 
 Work = (
     Motion
@@ -72,8 +78,7 @@ class Machine:
     def __init__(self, settings: BrickSettings, track_m: float, start: Pose) -> None:
         self._settings = settings
         self.track_m = track_m
-        self._limits = HeadLimits()
-        self._head = HeadController(self._limits)
+        self._head = HeadController()
         self._course: SegmentSequence | None = None
         self.odometry = CountOdometry(settings.wheel_radius_m, track_m, start)
         self.senses = SensorReadings(0, 0, 0.0, 0.0, 0.0)
@@ -100,7 +105,7 @@ class Machine:
             case SetRotateSpeed(speed_radps):
                 return _bound("speed", speed_radps, _SLOWEST, fastest.rotate_radps)
             case SetCameraRotateSpeed(speed_radps):
-                return _bound("speed", speed_radps, _SLOWEST, self._limits.speed_radps)
+                return _bound("speed", speed_radps, _SLOWEST, MAX_SPEED_RADPS)
             case MoveForward(distance_m):
                 return _bound("distance", distance_m, -_FARTHEST_M, _FARTHEST_M)
             case MoveTo(target):
@@ -115,9 +120,8 @@ class Machine:
                     or _bound("duration", duration_s, 0.0, fastest.hold_s)
                 )
             case SetCameraAngles(pan_rad, tilt_rad):
-                reach = self._limits
-                return _bound("pan", pan_rad or 0.0, -reach.pan_rad, reach.pan_rad) or _bound(
-                    "tilt", tilt_rad or 0.0, reach.tilt_low_rad, reach.tilt_high_rad
+                return _bound("pan", pan_rad or 0.0, -MAX_PAN_RAD, MAX_PAN_RAD) or _bound(
+                    "tilt", tilt_rad or 0.0, MIN_TILT_RAD, MAX_TILT_RAD
                 )
             case MoveCameraAngles():
                 return ""

@@ -15,19 +15,18 @@ Rims = tuple[float, float]
 
 
 class CountOdometry:
-    """Pose, speed and rims by counts."""
+    """Pose, speed and rims by counts.
+
+    Attributes:
+        rims_m: how far each rim has rolled since the start.
+    """
 
     def __init__(self, radius_m: float, track_m: float, start: Pose) -> None:
         self._count_m = radius_m * radians(1.0)
         self._track_m = track_m
-        self._last = (0.0, 0.0)
-        self._recent: deque[tuple[float, Rims]] = deque([(0.0, self._last)], WINDOW + 1)
+        self.rims_m = (0.0, 0.0)
+        self._recent: deque[tuple[float, Rims]] = deque([(0.0, self.rims_m)], WINDOW + 1)
         self.pose = start
-
-    @property
-    def rims_m(self) -> Rims:
-        """How far each rim has rolled since the start."""
-        return self._last
 
     @property
     def velocity(self) -> Velocity:
@@ -45,12 +44,12 @@ class CountOdometry:
     @property
     def standing(self) -> bool:
         """Whether no count has changed for a whole window."""
-        return all(rims_m == self._last for _, rims_m in self._recent)
+        return all(rims_m == self.rims_m for _, rims_m in self._recent)
 
     def advance(self, now_s: float, left_deg: int, right_deg: int) -> None:
         """Take the counts of a period."""
         rims_m = (left_deg * self._count_m, right_deg * self._count_m)
-        left_m, right_m = rims_m[0] - self._last[0], rims_m[1] - self._last[1]
+        left_m, right_m = rims_m[0] - self.rims_m[0], rims_m[1] - self.rims_m[1]
         turn_rad = (right_m - left_m) / self._track_m
         ahead_m, midway_rad = (left_m + right_m) / 2, self.pose.heading_rad + turn_rad / 2
         self.pose = replace(
@@ -59,5 +58,5 @@ class CountOdometry:
             y_m=self.pose.y_m + ahead_m * sin(midway_rad),
             heading_rad=wrap_rad(self.pose.heading_rad + turn_rad),
         )
-        self._last = rims_m
+        self.rims_m = rims_m
         self._recent.append((now_s, rims_m))

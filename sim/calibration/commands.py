@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from adapters.process import asset_option
+
 if TYPE_CHECKING:
     from adapters.calibration import Calibration
     from executive.settings import Settings
@@ -15,12 +17,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("recording", required=False, metavar="[RUN.mcap]", type=click.Path(path_type=Path))
-@click.option(
-    "--asset",
-    default="jackal",
-    show_default=True,
-    help="Which rover, or the path of its YAML file.",
-)
+@asset_option("Which rover, or the path of its YAML file.")
 @click.option(
     "--cargo", "cargo_kg", type=click.FloatRange(0.0), default=0.0, help="In simulation: kg aboard."
 )

@@ -2,7 +2,6 @@
 
 import os
 import re
-import socket
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -11,7 +10,7 @@ from typing import Final
 
 from adapters.console import PORT, PORT_VARIABLE
 from sim.processes.children import ChildProcess, ProcessGroup
-from sim.processes.place import ANY_PORT, HOST
+from sim.processes.place import ANY_PORT, is_free
 
 SERVES: Final = re.compile(r"^(http://\S+)$", re.MULTILINE)
 
@@ -34,31 +33,19 @@ class OperationsConsole(ProcessGroup):
 
 @contextmanager
 def operations_console(folder: Path, uris: Sequence[str]) -> Iterator[OperationsConsole | None]:
-    """Yield a console of rovers that starts; None where its extra is not installed.
+    """Yield a console of rovers that starts, its log and archive in a folder.
 
-    Args:
-        folder: gets its log, and its archive.
-        uris: of the rovers.
+    It is None where its extra is not installed.
     """
     if find_spec("aiohttp") is None:
         yield None
         return
     to = [word for uri in uris for word in ("--to", uri)]
     arguments = [*to, "--data", str(folder / "console")]
-    if PORT_VARIABLE not in os.environ and not _is_free(PORT):
+    if PORT_VARIABLE not in os.environ and not is_free(PORT):
         arguments += ["--port", str(ANY_PORT)]
     child = ChildProcess("console", "adapters.console.process", arguments, folder, {})
     try:
         yield OperationsConsole(child)
     finally:
         child.end()
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError:
-            return False
-    return True

@@ -58,15 +58,11 @@ def known_place() -> RoverAddress:
     if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
         raise AddressError(f"ROS_DOMAIN_ID is {domain!r}: a domain is 0 to {LAST_DOMAIN}")
     port = _known_port()
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError as error:
-            raise AddressError(
-                f"port {port} of {HOST} is taken, probably by another rover. End that one, or play"
-                " without --stay, which takes a port of its own."
-            ) from error
+    if not is_free(port):
+        raise AddressError(
+            f"port {port} of {HOST} is taken, probably by another rover. End that one, or play"
+            " without --stay, which takes a port of its own."
+        )
     return RoverAddress(int(domain), port, shared=not _is_empty(int(domain)))
 
 
@@ -106,6 +102,17 @@ def free_place() -> Iterator[RoverAddress]:
                 yield RoverAddress(domain, ANY_PORT, shared=False)
                 return
     raise AddressError("every ROS domain from 1 to 101 is in use on this machine")
+
+
+def is_free(port: int) -> bool:
+    """Return whether nobody listens at a TCP port of this computer."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError:
+            return False
+    return True
 
 
 def free_udp_ports(count: int) -> list[int]:

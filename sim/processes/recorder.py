@@ -7,6 +7,7 @@ from bisect import bisect
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -76,8 +77,8 @@ class RoverRecorder:
         self._node = node
         self._odometry = node.resolve_topic_name(topics.odometry.name)
         for kind, topic, callback in (
-            (Odometry, topics.odometry, self._on_odometry),
-            (Odometry, topics.ground_truth, self._on_truth),
+            (Odometry, topics.odometry, partial(self._see, self.driven)),
+            (Odometry, topics.ground_truth, partial(self._see, self.true)),
             (Twist, topics.cmd_vel, self._on_velocity),
             (Float64, topics.camera_pan_state, self._on_pan),
         ):
@@ -104,15 +105,9 @@ class RoverRecorder:
         """Return how many publish the rover's odometry."""
         return self._node.count_publishers(self._odometry)
 
-    def _on_odometry(self, message: Odometry) -> None:
-        self.driven.append(self._sighting(message))
-
-    def _on_truth(self, message: Odometry) -> None:
-        self.true.append(self._sighting(message))
-
-    def _sighting(self, message: Odometry) -> PoseSample:
+    def _see(self, sightings: list[PoseSample], message: Odometry) -> None:
         seen = odometry_fact(message)
-        return PoseSample(time.time(), seen.stamp_s, seen.pose, self._pan_rad)
+        sightings.append(PoseSample(time.time(), seen.stamp_s, seen.pose, self._pan_rad))
 
     def _on_pan(self, message: Float64) -> None:
         self._pan_rad = message.data

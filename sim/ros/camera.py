@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import mujoco
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
@@ -19,11 +18,6 @@ from sim.ros.video_stream import VideoStream
 from sim.rover import Image as Pixels
 from sim.rover.body import CameraView, SimulatedBody
 from sim.rover.camera import Camera, PictureSettings, encode_jpeg, focal_px
-
-
-def clock_message(time_s: float) -> Clock:
-    """Return simulated time for /clock."""
-    return Clock(clock=time_message(time_s))
 
 
 def compressed_message(jpeg: bytes, time_s: float) -> CompressedImage:
@@ -67,6 +61,9 @@ class CameraNode:
     """Publishes pictures, raw and compressed, each only to who subscribed, and streams them.
 
     `offer` and `close` are for the thread that runs physics.
+
+    Attributes:
+        backend: how pictures are made.
     """
 
     def __init__(
@@ -85,7 +82,7 @@ class CameraNode:
         self._video = video
         self._rover = rover
         self._settings = settings
-        self._camera = Camera(rover.model, settings)
+        self.backend = settings.backend
         self._state = mujoco.MjData(rover.model)
         mujoco.mj_copyData(self._state, rover.model, rover.data)
         self._seen = CameraView(self._state, 0.0)
@@ -94,11 +91,6 @@ class CameraNode:
         self._thread = threading.Thread(target=self._work, name="camera")
         self._thread.start()
         self._ready.wait()
-
-    @property
-    def backend(self) -> str:
-        """How pictures are made."""
-        return self._camera.backend.value
 
     def offer(self) -> None:
         """Have what the camera sees rendered, if somebody looks and the last picture is done."""
@@ -122,25 +114,27 @@ class CameraNode:
         return subscribed or self._streaming
 
     def _work(self) -> None:
-        self._camera.image(self._state)
+        camera = Camera(self._rover.model, self._settings)  # OpenGL is freed on its own thread
+        camera.image(self._state)
+        self.backend = camera.backend
         self._ready.set()
         while True:
             self._offered.wait()
             if self._closing:
                 return
-            self._publish()
+            self._publish(camera)
             self._offered.clear()
 
-    def _publish(self) -> None:
+    def _publish(self, camera: Camera) -> None:
         seen = self._seen
         if self._info.get_subscription_count():
             width, height = self._settings.width, self._settings.height
             f_px = focal_px(self._rover.model, height)
             self._info.publish(info_message(width, height, f_px, seen.time_s))
-        pixels = self._camera.image(seen.data)
+        pixels = camera.image(seen.data)
         subscribed = self._compressed.get_subscription_count()
         if subscribed or self._streaming:
-            jpeg = encode_jpeg(pixels, self._settings.quality)[: seen.octets]
+            jpeg = encode_jpeg(pixels)[: seen.octets]
             if subscribed:
                 self._compressed.publish(compressed_message(jpeg, seen.time_s))
             if self._video is not None and self._streaming and seen.octets is None:

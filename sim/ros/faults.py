@@ -132,16 +132,10 @@ class FaultClient:
 def fault_client(
     asset: str, domain: int | None, parameters: Path, limit_s: float
 ) -> Iterator[FaultClient]:
-    """Yield what speaks to the simulation of an asset.
-
-    Args:
-        asset: its name.
-        domain: ROS domain; None takes ROS_DOMAIN_ID.
-        parameters: the asset's ROS parameter file.
-        limit_s: how long a simulation may take to be found.
+    """Yield what speaks to the simulation of an asset; domain None takes ROS_DOMAIN_ID.
 
     Raises:
-        TimeoutError: there is none.
+        TimeoutError: none is found within the limit.
     """
     with (
         ros_node("faults", asset, parameters=parameters, domain_id=domain) as node,

@@ -39,6 +39,7 @@ from adapters.ros import (
     ros_node,
     second_odometry_message,
     single_threaded,
+    time_message,
 )
 from executive.settings import LocomotionKind, Sensor, Settings, SettingsError
 from executive.values.facts import (
@@ -54,7 +55,7 @@ from executive.values.facts import (
 from executive.values.geometry import Velocity
 from executive.values.ports import CameraIntent
 from sim.brick import BrickSettings, UsbPlug
-from sim.ros.camera import CameraNode, clock_message
+from sim.ros.camera import CameraNode
 from sim.ros.cargo import serve_cargo
 from sim.ros.faults import serve_faults
 from sim.ros.video_stream import VideoStream
@@ -110,12 +111,12 @@ class JackalOnRos:
                 hear(Twist, entry.topic, partial(self._on_velocity, name), topics.cmd_vel.qos)
             for name, entry in mux.locks.items():
                 hear(Bool, entry.topic, partial(self._on_lock, name), LOCK_QOS)
-        for kind, topic, callback in (
-            (Float64, topics.camera_pan, partial(self._point, "pan_rad")),
-            (Float64, topics.camera_tilt, partial(self._point, "tilt_rad")),
-            (Float64, topics.camera_speed, partial(self._point, "speed_radps")),
+        for part, topic in (
+            ("pan_rad", topics.camera_pan),
+            ("tilt_rad", topics.camera_tilt),
+            ("speed_radps", topics.camera_speed),
         ):
-            hear(kind, topic.name, callback, topic.qos)
+            hear(Float64, topic.name, partial(self._point, part), topic.qos)
 
     def exchange(self) -> None:
         """Publish what was measured since the last call."""
@@ -171,11 +172,15 @@ class BrickOnUsb:
         """Plug in.
 
         Raises:
-            OSError: the socket cannot be made.
+            SettingsError: the socket cannot be made.
         """
         self._rover = rover
-        self._plug = UsbPlug(path)
+        try:
+            self._plug = UsbPlug(path)
+        except OSError as error:
+            raise SettingsError(f"--usb-socket {path}: {error.strerror or error}") from error
         self._connected = False
+        _LOG.info("the brick is plugged in at %s", path)
 
     def exchange(self) -> None:
         """Carry what waits, both ways. Never blocks; called once a period."""
@@ -238,7 +243,7 @@ class SimulationNode:
     def _advance(self) -> None:
         self._rover.advance(PERIOD_S)
         self._periods += 1
-        self._clock.publish(clock_message(self._rover.time_s))
+        self._clock.publish(Clock(clock=time_message(self._rover.time_s)))
         self._exchange.exchange()
         if self._truth.get_subscription_count():
             rover = self._rover
@@ -247,10 +252,6 @@ class SimulationNode:
             )
         if self._camera is not None and self._periods % self._frame_every == 0:
             self._camera.offer()
-
-
-class UsbError(SettingsError):
-    """The brick cannot be plugged in; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,8 +283,7 @@ def serve(options: SimulationOptions) -> None:
 
     Raises:
         adapters.ros.parameters.ParameterError: a ROS parameter is missing or wrong.
-        VideoError: the camera cannot be streamed as asked.
-        UsbError: the brick cannot be plugged in there.
+        SettingsError: the camera cannot be streamed, or the brick plugged in, as asked.
     """
     logging.getLogger("OpenGL").setLevel(logging.WARNING)
     asked = Termination()
@@ -304,7 +304,7 @@ def serve(options: SimulationOptions) -> None:
             SimulationNode(node, topics, rover, exchange, camera, options.speed)
             print(
                 f"{options.settings.asset} stands in world {options.world.name},"
-                f" camera: {options.camera if camera is None else camera.backend}",
+                f" camera: {options.camera if camera is None else camera.backend.value}",
                 flush=True,
             )
             while not asked.requested:
@@ -325,18 +325,9 @@ def _rover(
         case LocomotionKind.WHOLE_MOTION:
             brick = BrickSettings(name=settings.asset.upper(), host_rate=options.speed)
             mocup = SimulatedMocup(world, seed, brick=brick)
-            return mocup, _plugged_in(mocup, options.usb)
+            return mocup, BrickOnUsb(mocup, options.usb)
         case _:
             assert_never(settings.locomotion)
-
-
-def _plugged_in(mocup: SimulatedMocup, usb: Path) -> BrickOnUsb:
-    try:
-        brick = BrickOnUsb(mocup, usb)
-    except OSError as error:
-        raise UsbError(f"--usb-socket {usb}: {error.strerror or error}") from error
-    _LOG.info("the brick is plugged in at %s", usb)
-    return brick
 
 
 @contextmanager

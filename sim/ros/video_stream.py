@@ -112,10 +112,6 @@ def _header(picture: Jpeg, offset: int) -> bytes:
     return head + size + b"\0\0" + len(picture.tables).to_bytes(2) + picture.tables
 
 
-class VideoError(SettingsError):
-    """There can be no such stream; the text says why."""
-
-
 class VideoStream:
     """Sends pictures to one address.
 
@@ -127,16 +123,16 @@ class VideoStream:
         """Begin; the first question whether somebody listens comes with the first picture.
 
         Raises:
-            VideoError: there is no such host, or RTP carries no pictures of this size.
+            SettingsError: there is no such host, or RTP carries no pictures of this size.
         """
         if not carries(width, height):
-            raise VideoError(
+            raise SettingsError(
                 f"RTP carries no JPEG of {width} x {height}: multiples of 8 up to {LARGEST} it does"
             )
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
         except OSError as error:
-            raise VideoError(f"no video to {host}: {error.strerror}") from error
+            raise SettingsError(f"no video to {host}: {error.strerror}") from error
         family, kind, *_, address = min(found, key=lambda entry: entry[0] != socket.AF_INET)
         self._socket = socket.socket(family, kind)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)

@@ -181,11 +181,10 @@ class Backend(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PictureSettings:
-    """Size and quality of pictures."""
+    """Size of pictures, and how they are made."""
 
     width: int = 320
     height: int = 240
-    quality: int = 85
     backend: Backend = Backend.RAYS
 
 
@@ -217,7 +216,7 @@ class Camera:
 
     def jpeg(self, data: mujoco.MjData) -> bytes:
         """Return the picture of a state."""
-        return encode_jpeg(self.image(data), self._settings.quality)
+        return encode_jpeg(self.image(data))
 
     def image(self, data: mujoco.MjData) -> Image:
         """Return the picture of a state: shape (height, width, 3)."""
@@ -238,8 +237,8 @@ class Camera:
         return RayRenderer(self._model, *size)
 
 
-def encode_jpeg(image: Image, quality: int) -> bytes:
+def encode_jpeg(image: Image) -> bytes:
     """Return a picture of shape (height, width, 3) as JPEG."""
     buffer = io.BytesIO()
-    Pillow.fromarray(image).save(buffer, "JPEG", quality=quality)
+    Pillow.fromarray(image).save(buffer, "JPEG", quality=85)
     return buffer.getvalue()

@@ -83,11 +83,7 @@ class Disturbance:
         qpos[:2] = there.x_m, there.y_m
 
     def tip(self, angle_rad: float) -> None:
-        """Turn the rover about its x axis at once, clear of the ground; it falls back from there.
-
-        Args:
-            angle_rad: to the right positive.
-        """
+        """Turn the rover to the right at once, clear of the ground; it falls back from there."""
         reach_m = self._chassis.reach_m
         lift_m = reach_m * (sin(abs(angle_rad)) if abs(angle_rad) < pi / 2 else 1.0)
         turned, about_x = np.empty(4), np.array((cos(angle_rad / 2), sin(angle_rad / 2), 0.0, 0.0))

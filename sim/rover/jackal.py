@@ -15,7 +15,7 @@ from executive.settings import MuxEntry, MuxSettings, Sensors
 from executive.values.facts import VELOCITY_TOPIC, Battery, Odometry, OtherInput
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 from executive.values.ports import CameraIntent
-from sim.pan_tilt import HeadController, HeadLimits
+from sim.pan_tilt import HeadController
 from sim.rover import faults
 from sim.rover.body import (
     PERIOD_S,
@@ -37,7 +37,6 @@ TRACK_M: Final = 0.37559
 WHEEL_RADIUS_M: Final = 0.098
 TRACK_MULTIPLIER: Final = 1.5
 """Skid steering turns less than its track says; Clearpath commands this much more."""
-
 
 _BASE_MPS: Final = 2.0
 _BASE_MPS2: Final = 20.0
@@ -184,7 +183,7 @@ class SimulatedJackal(SimulatedBody):
             world: where it drives.
             seed: of all sensor noise; the same seed and calls repeat bit for bit.
             odometry: how good the odometry is.
-            picture: size, quality and backend of camera pictures.
+            picture: size and backend of camera pictures.
             sensors: what it senses with beside its odometry; nothing unless given.
             mux: who may drive it; None for everybody.
         """
@@ -194,7 +193,7 @@ class SimulatedJackal(SimulatedBody):
         self.odometry = WheelOdometry(odometry or OdometrySettings(), self._pose, random)
         self._base = BaseController()
         self._mux = None if mux is None else Mux(mux)
-        self._servos = HeadController(HeadLimits())
+        self._servos = HeadController()
         self._in_transit: deque[tuple[float, Odometry]] = deque()
         self._delays = np.random.default_rng([seed, crc32(b"odometry_jitter")])
         self._published: Odometry | None = None

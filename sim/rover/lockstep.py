@@ -188,11 +188,6 @@ class LockStep:
         self.executive = self._start()
         self.alive = True
 
-    def restart(self) -> None:
-        """Lose the executive as by kill -9, and start another at once."""
-        self.kill()
-        self.start()
-
     def _start(self) -> Executive:
         self._seen = self._seen_by_executive()
         ledger = Ledger(self._folder / "ledger.sqlite", Synchronous.NORMAL)

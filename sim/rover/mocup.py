@@ -32,6 +32,9 @@ PACK: Final = BatteryPack(
 class SimulatedMocup(SimulatedBody):
     """MOCUP in a world. Its brick starts with the true pose.
 
+    Args:
+        seed: of latencies and of the brick's errors; the same repeats bit for bit.
+
     Attributes:
         brick: hears and says MOPS strings.
     """
@@ -43,14 +46,6 @@ class SimulatedMocup(SimulatedBody):
         brick: BrickSettings | None = None,
         picture: PictureSettings | None = None,
     ) -> None:
-        """Put the rover on the ground at the world's start and let it settle.
-
-        Args:
-            world: where it drives.
-            seed: of latencies and of the brick's errors; the same repeats bit for bit.
-            brick: how the brick is built.
-            picture: size, quality and backend of camera pictures.
-        """
         super().__init__(MOCUP, PACK, world, picture, MOCUP_PARTS)
         start = replace(self._pose, z_m=0.0, roll_rad=0.0, pitch_rad=0.0)
         self.brick = Firmware(load_dictionary(), brick or BrickSettings(), start, Random(seed))

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.rover import scenery
-from sim.rover.features import Rectangle
 from sim.rover.world import Terrain, World
 
 PICTURE_LIMIT = (1280, 960)
@@ -49,7 +48,18 @@ comes out right at every friction with it."""
 MOCUP = Chassis("mocup.xml", wheels=2, base_height_m=0.041, reach_m=0.13, yield_m=0.001)
 
 
-def build_model(world: World, step_s: float, chassis: Chassis = JACKAL) -> mujoco.MjModel:
+@dataclass(frozen=True, slots=True)
+class _Scene:
+    """A world on its way into a model; contact is how its ground meets the rover."""
+
+    spec: mujoco.MjSpec
+    soil: mujoco.MjsBody
+    world: World
+    terrain: Terrain
+    contact: dict[str, Any]
+
+
+def build_model(world: World, step_s: float, chassis: Chassis) -> mujoco.MjModel:
     """Return the compiled model of the rover in a world, standing at its start.
 
     Raises:
@@ -57,26 +67,23 @@ def build_model(world: World, step_s: float, chassis: Chassis = JACKAL) -> mujoc
     """
     spec = mujoco.MjSpec.from_string(files("sim.rover").joinpath(chassis.file).read_text("utf-8"))
     spec.option.timestep = step_s
-    terrain = world.terrain
     _add_looks(spec)
     soil = spec.worldbody.add_body(name="terrain", quat=_rise(world.slope_rad))
-    contact = _contact(world, chassis)
-    _add_ground(spec, soil, terrain, contact)
-    add_rocks(spec, soil, world, terrain, contact)
-    _add_features(spec, soil, world, terrain, contact)
+    scene = _Scene(spec, soil, world, world.terrain, _contact(world, chassis))
+    _add_soil(scene)
+    _add_rocks(scene)
+    _add_features(scene)
     _add_hills(soil)
-    _stand(spec.body("base_link"), soil, world, terrain, chassis)
+    _stand(spec.body("base_link"), scene, chassis)
     return spec.compile()
 
 
-def _stand(
-    base: mujoco.MjsBody, soil: mujoco.MjsBody, world: World, terrain: Terrain, chassis: Chassis
-) -> None:
+def _stand(base: mujoco.MjsBody, scene: _Scene, chassis: Chassis) -> None:
     """Put the rover at its start, as the ground leans, and so high that no wheel is in it."""
-    start = world.start
+    start, soil = scene.world.start, scene.soil
     reach_m = (-chassis.reach_m, 0.0, chassis.reach_m)
     height_m = chassis.base_height_m + max(
-        terrain.height_m(start.x_m + along, start.y_m + across)
+        scene.terrain.height_m(start.x_m + along, start.y_m + across)
         for along in reach_m
         for across in reach_m
     )
@@ -159,18 +166,17 @@ def _contact(world: World, chassis: Chassis) -> dict[str, Any]:
     }
 
 
-def _add_ground(
-    spec: mujoco.MjSpec, soil: mujoco.MjsBody, terrain: Terrain, contact: dict[str, Any]
-) -> None:
+def _add_soil(scene: _Scene) -> None:
     """Add the plane without end, and the uneven square a little above it.
 
     Where the square goes down below level ground, the plane is below all of it, and level ground
     stands around.
     """
+    soil, terrain = scene.soil, scene.terrain
     heights_m = terrain.heights_m
     lowest_m, highest_m = heights_m.min(), heights_m.max()
     uneven = bool(highest_m > lowest_m)
-    common = {**contact, "material": "soil"}
+    common = {**scene.contact, "material": "soil"}
     soil.add_geom(
         name="plain",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -181,7 +187,7 @@ def _add_ground(
     if uneven:
         rows, columns = heights_m.shape
         span_m = highest_m - lowest_m
-        spec.add_hfield(
+        scene.spec.add_hfield(
             name="hills",
             nrow=rows,
             ncol=columns,
@@ -220,18 +226,16 @@ def _add_level_ground(soil: mujoco.MjsBody, inner_m: float, common: dict[str, An
         )
 
 
-def _add_features(
-    spec: mujoco.MjSpec,
-    soil: mujoco.MjsBody,
-    world: World,
-    terrain: Terrain,
-    contact: dict[str, Any],
-) -> None:
-    """Add walls and steps, and what shows where a patch of other friction lies."""
+def _add_features(scene: _Scene) -> None:
+    """Add walls and steps, and what shows where a patch of other friction lies.
+
+    All are upright blocks, as high over the ground in their middle, that reach into it.
+    """
+    world, contact = scene.world, scene.contact
     if not (world.walls or world.steps or world.patches):
         return
-    spec.add_material(name="wall", rgba=(*scenery.WALL, 1), specular=0)
-    spec.add_material(name="patch", rgba=(*scenery.PATCH, 1), specular=0.2)
+    scene.spec.add_material(name="wall", rgba=(*scenery.WALL, 1), specular=0)
+    scene.spec.add_material(name="patch", rgba=(*scenery.PATCH, 1), specular=0.2)
     above = {**contact, "priority": contact["priority"] + 2}
     blocks = [
         (wall.area, wall.height_m, "wall", {**above, "friction": (wall.friction, 0, 0)})
@@ -241,29 +245,16 @@ def _add_features(
     unfelt = {"contype": 0, "conaffinity": 0}
     blocks += [(patch, _FILM_M, "patch", unfelt) for patch in world.patches]
     for number, (area, height_m, material, touch) in enumerate(blocks):
-        _add_block(soil, f"feature{number}", area, height_m, terrain, material, touch)
-
-
-def _add_block(
-    soil: mujoco.MjsBody,
-    name: str,
-    area: Rectangle,
-    height_m: float,
-    terrain: Terrain,
-    material: str,
-    contact: dict[str, Any],
-) -> None:
-    """Add an upright block, as high over the ground in its middle, that reaches into it."""
-    ground_m = terrain.height_m(area.x_m, area.y_m)
-    soil.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=(area.length_m / 2, area.width_m / 2, (height_m + _BELOW_M) / 2),
-        pos=(area.x_m, area.y_m, ground_m + (height_m - _BELOW_M) / 2),
-        quat=(cos(area.heading_rad / 2), 0, 0, sin(area.heading_rad / 2)),
-        material=material,
-        **contact,
-    )
+        ground_m = scene.terrain.height_m(area.x_m, area.y_m)
+        scene.soil.add_geom(
+            name=f"feature{number}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=(area.length_m / 2, area.width_m / 2, (height_m + _BELOW_M) / 2),
+            pos=(area.x_m, area.y_m, ground_m + (height_m - _BELOW_M) / 2),
+            quat=(cos(area.heading_rad / 2), 0, 0, sin(area.heading_rad / 2)),
+            material=material,
+            **touch,
+        )
 
 
 def _add_hills(soil: mujoco.MjsBody) -> None:
@@ -290,21 +281,16 @@ _CHIPS = 14
 _CORNERS = 160
 
 
-def add_rocks(
-    spec: mujoco.MjSpec,
-    soil: mujoco.MjsBody,
-    world: World,
-    terrain: Terrain,
-    contact: dict[str, Any],
-) -> None:
+def _add_rocks(scene: _Scene) -> None:
     """Add the rocks of a world to its soil."""
-    random = np.random.default_rng(len(world.all_rocks))
+    soil, rocks = scene.soil, scene.world.all_rocks
+    random = np.random.default_rng(len(rocks))
     ball = _ball()
-    for number, rock in enumerate(world.all_rocks):
+    for number, rock in enumerate(rocks):
         half_m = rock.height_m / (2 * (1 - _SUNK))
         axes_m = np.array((rock.radius_m, rock.radius_m * random.uniform(0.7, 1.0), half_m))
         turn_rad = random.uniform(0, pi)
-        ground_m = terrain.height_m(rock.x_m, rock.y_m)
+        ground_m = scene.terrain.height_m(rock.x_m, rock.y_m)
         place = {
             "pos": (rock.x_m, rock.y_m, ground_m + rock.height_m - half_m),
             "quat": (cos(turn_rad / 2), 0, 0, sin(turn_rad / 2)),
@@ -315,10 +301,10 @@ def add_rocks(
             type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
             size=axes_m,
             group=3,
-            **contact,
+            **scene.contact,
             **place,
         )
-        mesh = spec.add_mesh(name=f"stone{number}")
+        mesh = scene.spec.add_mesh(name=f"stone{number}")
         mesh.uservert = (_chipped(ball, random) * axes_m).ravel()
         soil.add_geom(
             name=f"stone{number}",

@@ -1,7 +1,6 @@
 """The sensors that an asset's settings name, read as the physics of a Jackal goes on."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import gcd
 from typing import Final
 
@@ -21,12 +20,6 @@ _KINDS: Final[Mapping[Sensor, type[Instrument]]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _DelayedFact:
-    due_s: float
-    fact: Fact
-
-
 class SensorSuite:
     """Reads each instrument at its rate, and holds back what is not published at once.
 
@@ -43,13 +36,13 @@ class SensorSuite:
             if each in sensors.present
         )
         self._due_s = dict.fromkeys(self._instruments, 0.0)
-        self._on_their_way: list[_DelayedFact] = []
+        self._on_their_way: list[tuple[float, Fact]] = []
         self.every = gcd(STEPS_PER_PERIOD, *(each.every for each in self._instruments))
 
     def read(self, steps: int) -> list[Fact]:
         """Return what is published after so many steps of physics."""
         time_s = steps * STEP_S
-        published = self._arrived(time_s) if self._on_their_way else []
+        published = self._arrived(time_s)
         for instrument in self._instruments:
             if steps % instrument.every:
                 continue
@@ -61,11 +54,10 @@ class SensorSuite:
                 continue
             due_s = max(time_s + instrument.latency_s, self._due_s[instrument])
             self._due_s[instrument] = due_s
-            self._on_their_way.append(_DelayedFact(due_s, fact))
+            self._on_their_way.append((due_s, fact))
         return published
 
     def _arrived(self, time_s: float) -> list[Fact]:
-        arrived = [each for each in self._on_their_way if each.due_s <= time_s + SOON_S]
-        if arrived:
-            self._on_their_way = [each for each in self._on_their_way if each not in arrived]
-        return [each.fact for each in arrived]
+        under_way, until_s = self._on_their_way, time_s + SOON_S
+        self._on_their_way = [each for each in under_way if each[0] > until_s]
+        return [fact for due_s, fact in under_way if due_s <= until_s]

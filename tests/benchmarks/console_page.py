@@ -33,7 +33,6 @@ VALUE = Goal(150.0)
 PICTURE = Goal(20.0)
 PICTURES_HZ = 15.0
 WIDTH, HEIGHT = 640, 480
-QUALITY = 85
 BITS, SQUARE = 16, 16
 SETTLE_S = 1.0
 """After which a page that can be used has loaded all."""
@@ -147,7 +146,7 @@ def _pictures(port: int) -> Iterator[list[float]]:
             for bit in range(BITS):
                 lit = number >> bit & 1
                 soil[:SQUARE, bit * SQUARE : (bit + 1) * SQUARE] = 255 * lit
-            stream.send(encode_jpeg(soil, QUALITY), number / PICTURES_HZ)
+            stream.send(encode_jpeg(soil), number / PICTURES_HZ)
         stream.close()
 
     thread = threading.Thread(target=work)

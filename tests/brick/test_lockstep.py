@@ -188,7 +188,8 @@ def test_lost_telemetry_makes_it_stand(mocup: Mocup) -> None:
 def test_an_executive_that_comes_back_commands_the_brick_again(mocup: Mocup) -> None:
     mocup.ask(MoveForward(5.0))
     mocup.lock.run(2.0)
-    mocup.lock.restart()
+    mocup.lock.kill()
+    mocup.lock.start()
     mocup.lock.run(1.0)
     assert mocup.rover.true_velocity.travel_mps == pytest.approx(0.0, abs=0.005)
     mocup.do(Resume())

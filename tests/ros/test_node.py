@@ -36,6 +36,7 @@ from adapters.ros import (
     ros_node,
     second_odometry_message,
     single_threaded,
+    time_message,
 )
 from adapters.ros.conversions import BatteryReader
 from adapters.ros.robot_model import ROBOT_DESCRIPTION, kept_for_late_joiners
@@ -64,7 +65,6 @@ from executive.values.facts import (
 from executive.values.facts import Imu as ImuFact
 from executive.values.geometry import Pose, Velocity
 from executive.values.reports import Identity
-from sim.ros.camera import clock_message
 from trees.rover import RoverTree
 
 pytestmark = pytest.mark.ros
@@ -455,7 +455,7 @@ def test_simulated_time_drives_the_tick(ros_domain: int, tmp_path: Path) -> None
         assert tree.ticks == 0
         for second in range(1, 4):
             ticks = tree.ticks
-            clock.publish(clock_message(float(second)))
+            clock.publish(Clock(clock=time_message(float(second))))
             bench.until(lambda: tree.ticks > ticks, "a tick")  # noqa: B023
 
 

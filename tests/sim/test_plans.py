@@ -46,7 +46,8 @@ def test_each_plan_is_carried_out(tmp_path: Path, file: Path, killed: bool) -> N
     flight.send(ActivatePlan(file.stem))
     if killed:
         flight.lock.run(6.0)
-        flight.lock.restart()
+        flight.lock.kill()
+        flight.lock.start()
         flight.lock.run(2.0)
         assert flight.until(PlanStatus.SUSPENDED) is PlanStatus.SUSPENDED
         flight.send(ResumePlan(file.stem))

@@ -85,7 +85,8 @@ class Storm:
     def crash(self) -> None:
         """Lose the executive as by kill -9, and start another on its ledger."""
         self.crashes += 1
-        self.lockstep.restart()
+        self.lockstep.kill()
+        self.lockstep.start()
         if self.lockstep.executive.velocity != STANDING:
             self.findings.add(StormFault.MOVED, "at the start")
 

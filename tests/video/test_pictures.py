@@ -15,7 +15,8 @@ from PIL import Image
 
 from adapters.cli.main import main
 from adapters.video import JpegStream
-from sim.ros.video_stream import MOST_SCAN, RtpJpegSender, VideoError, VideoStream
+from executive.settings import SettingsError
+from sim.ros.video_stream import MOST_SCAN, RtpJpegSender, VideoStream
 from tests.support.ports import free_udp_ports
 from tests.video.test_forwarder import HOST, udp_socket
 
@@ -166,7 +167,7 @@ def test_sends_only_while_somebody_listens(stream: VideoStream, port: int) -> No
     ],
 )
 def test_a_stream_that_cannot_be(host: str, size: tuple[int, int], why: str) -> None:
-    with pytest.raises(VideoError, match=why):
+    with pytest.raises(SettingsError, match=why):
         VideoStream(host, 5004, *size)
 
 
