@@ -22,11 +22,7 @@ _LONGEST: Final = 6
 
 
 def show_moment(path: Path, at: str) -> None:
-    """Print a moment.
-
-    Args:
-        path: of the recording.
-        at: seconds since its beginning, a command as `SOURCE:NUMBER`, or the name of a reason.
+    """Print a moment of a recording, as `at` names it: see `rover watch --at`.
 
     Raises:
         RecordingError: the file cannot be used as a recording.

@@ -188,11 +188,10 @@ class MrsLink:
         tls = self._terms.for_provider()
         served = ServedOperations(self._terms.encoding, executive.ground.hear, self._system)
         gateway = CoreGateway(executive, asyncio.get_running_loop())
-        fleet = FleetService(served, gateway, settings, self._terms, self._system)
         housekeeping = self._housekeeping
         parameters = () if housekeeping is None else housekeeping.parameters
         asset = AssetServices(served, gateway, settings, parameters)
-        fleet.housekeeping = lambda: asset.housekeeping
+        fleet = FleetService(served, gateway, asset, settings, self._terms, self._system)
         PreviewService(served, gateway)
         TreeService(served, gateway, settings)
         if self._history is not None:
@@ -205,7 +204,7 @@ class MrsLink:
         self._serving = _Serving(gateway, asset, files, over.set)
         listening.set_result(served.provider.uri)
         if self._service_layer is not None:
-            asset.above = fleet.join(self._service_layer)
+            fleet.join(self._service_layer)
         keeping = None
         if housekeeping is not None:
             keeping = asyncio.create_task(_keep_house(gateway, asset, housekeeping))

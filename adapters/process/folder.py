@@ -19,11 +19,8 @@ def default_folder(name: str) -> Path:
 def exclusive(folder: Path, lock: str) -> Iterator[None]:
     """Make a folder and lock it; the kernel releases the lock however this process ends.
 
-    The lock file holds this process's id while it runs, and nothing afterwards (unless killed).
-
-    Args:
-        folder: what is to be held.
-        lock: name of the file in it that is locked.
+    The file `lock` in it holds this process's id while it runs, and nothing afterwards (unless
+    killed).
 
     Raises:
         StartError: another process holds it, or it cannot be made.

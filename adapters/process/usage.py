@@ -29,12 +29,7 @@ class ResourceUsage:
 
 
 class ResourceMonitor:
-    """Looks at what this process takes.
-
-    Args:
-        data: a folder on the disk that it writes to.
-        system: the computer that measures.
-    """
+    """Looks at what this process takes, of the disk with the folder `data`, too."""
 
     def __init__(self, data: Path, system: System = OPERATING_SYSTEM) -> None:
         self._data, self._system = data, system

@@ -20,12 +20,7 @@ _DATAGRAM: Final = socket.SOCK_DGRAM
 
 
 class Destination:
-    """A host and a port. A name is looked up on a thread of its own; IPv4 is preferred.
-
-    Args:
-        host: an address, or a name.
-        port: the UDP port.
-    """
+    """A host and a UDP port. A name is looked up on a thread of its own; IPv4 is preferred."""
 
     def __init__(self, host: str, port: int) -> None:
         self.host, self.port = host, port

@@ -91,6 +91,7 @@ _STAGES: Final = {
 
 
 _CODEC: Final = Codec(mrs_specification())
+_TYPE_NAMES: Final = {cls: name for name, cls in mrs_specification().classes.items()}
 
 
 def interface_page() -> str:
@@ -406,7 +407,7 @@ def source(value: Any) -> str:
     """Return a value as Python that makes it, over several lines where one would be too long."""
     match value:
         case Enum():
-            return f"{type(value).__name__}.{value.name}"
+            return f"{_TYPE_NAMES.get(type(value), type(value).__name__)}.{value.name}"
         case TypedAttribute(kind, content):
             return f"TypedAttribute({source(kind)}, {source(content)})"
         case tuple():

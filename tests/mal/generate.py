@@ -1,13 +1,16 @@
 """Writes the typed Python module of a service specification.
 
-Usage, in a checkout: python -m tests.mal.generate SPECIFICATION.xml > module.py
+Usage, in a checkout: python -m tests.mal.generate SPECIFICATION.xml [ENUM=CLASS ...] > module.py
+
+ENUM=CLASS takes an enumeration from elsewhere, such as Stage=executive.values.reports.Stage.
 """
 
 import re
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from adapters.mal import values
@@ -42,17 +45,26 @@ _MAL: Final = {
 """The types of the MAL that have a class in `adapters.mal`."""
 
 
-def generate(areas: tuple[Area, ...], source: str) -> str:
+def generate(
+    areas: tuple[Area, ...], source: str, known: Mapping[str, str] = MappingProxyType({})
+) -> str:
     """Write a module with an enum for every enumeration and a dataclass for every composite.
 
     Args:
         areas: The areas of one file, as `specification_xml.read_areas` gives them.
         source: The name of that file, for the module's docstring.
+        known: Enums that are there already: the full names of the classes, by type name.
 
     Returns:
         The module's text; `load_specification(path, classes=module)` takes the module.
     """
-    body = "\n".join(line for area in areas for line in _area(area))
+    body = "\n".join(
+        (
+            *([""] if known else []),
+            *(f"{name} = {cls}" for name, cls in known.items()),
+            *(line for area in areas for line in _area(area, known)),
+        )
+    )
     imports = [
         ["from __future__ import annotations"],
         [
@@ -60,7 +72,10 @@ def generate(areas: tuple[Area, ...], source: str) -> str:
             *_import("enum", ["Enum"], body),
             *_import("typing", ["Any"], body),
         ],
-        [*_import("adapters.mal", sorted(_MAL), body)],
+        [
+            *sorted({f"import {cls.rpartition('.')[0]}" for cls in known.values()}),
+            *_import("adapters.mal", sorted(_MAL), body),
+        ],
     ]
     names = ", ".join(area.name for area in areas)
     head = f'"""Types of area {names}, generated from {source}."""\n\n'
@@ -78,9 +93,9 @@ def _import(module: str, names: list[str], body: str) -> Iterator[str]:
         yield f"from {module} import {', '.join(used)}"
 
 
-def _area(area: Area) -> Iterator[str]:
+def _area(area: Area, known: Mapping[str, str]) -> Iterator[str]:
     for definition in area.types:
-        if isinstance(definition, EnumerationType):
+        if isinstance(definition, EnumerationType) and definition.name not in known:
             yield from _enumeration(definition)
     waiting = [definition for definition in area.types if isinstance(definition, CompositeType)]
     while waiting:
@@ -159,4 +174,5 @@ def _docstring(name: str, comment: str, notes: list[tuple[str, str]]) -> Iterato
 
 if __name__ == "__main__":
     path = Path(sys.argv[1])
-    print(generate(read_areas(path), path.name), end="")
+    known = dict(each.split("=") for each in sys.argv[2:])
+    print(generate(read_areas(path), path.name, known), end="")

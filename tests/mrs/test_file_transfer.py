@@ -13,7 +13,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from adapters.mal import Consumer, MalError, ProgressStream, Subscription
-from adapters.mrs.aboard import FileServices
 from adapters.mrs.spec import FileEventType, FileReport, mrs_specification
 from executive.values.reports import Stage
 from tests.mrs.aboard import HEADER, Aboard, raises
@@ -190,11 +189,8 @@ def test_who_takes_nothing_holds_up_nobody(aboard: Aboard) -> None:
 def test_who_takes_nothing_for_too_long_is_given_up(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    aboard.hang_up()
-    impatient = partial(FileServices, stalled_s=0.2)
-    monkeypatch.setattr("adapters.mrs.link.FileServices", impatient)
+    monkeypatch.setattr("adapters.mrs.aboard.file_services.STALLED_S", 0.2)
     monkeypatch.setattr("adapters.mrs.aboard.file_services.MOST_TRANSFERS", 1)
-    aboard.listen()
     aboard.put("film.avi", BIG)
 
     async def ended(consumer: Consumer) -> None:

@@ -4,7 +4,6 @@ import asyncio
 import os
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from zlib import crc32
 
@@ -20,7 +19,6 @@ from adapters.mal import (
     SubscriptionFilter,
     TypedAttribute,
 )
-from adapters.mrs.aboard import FileServices
 from adapters.mrs.aboard.file_access import FolderWatcher
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import FileEventType, FileInfo, mrs_specification
@@ -158,8 +156,7 @@ def test_what_a_camera_program_writes_shows_up(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     aboard.hang_up()
-    quick = partial(FileServices, period_s=0.02)
-    monkeypatch.setattr("adapters.mrs.link.FileServices", quick)
+    monkeypatch.setattr("adapters.mrs.aboard.file_access.PERIOD_S", 0.02)
     aboard.listen()
     root = root_of(aboard)
 
@@ -192,10 +189,12 @@ def _watching(
         told: Told = asyncio.Queue()
 
         folder = FileFolder(root, lambda _: None)
-        watch = FolderWatcher(folder, lambda kind, path, *_: told.put_nowait((kind, path)), 0.01)
+        watch = FolderWatcher(folder, lambda kind, path, *_: told.put_nowait((kind, path)))
         await act(folder, watch, told)
 
-    asyncio.run(hold())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("adapters.mrs.aboard.file_access.PERIOD_S", 0.01)
+        asyncio.run(hold())
 
 
 def test_a_change_is_told_once_by_whoever_is_first(tmp_path: Path) -> None:

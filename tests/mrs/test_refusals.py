@@ -2,7 +2,6 @@
 
 import asyncio
 from dataclasses import replace
-from functools import partial
 
 import pytest
 
@@ -15,7 +14,6 @@ from adapters.mal import (
     TypedAttribute,
     TypedList,
 )
-from adapters.mrs.aboard import CoreGateway
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.spec import Stage
 from executive.commands import (
@@ -162,9 +160,7 @@ async def test_an_unknown_arrival_never_reaches_the_core(
 
 
 def test_a_silent_core_is_told_of(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
-    aboard.hang_up()
-    monkeypatch.setattr("adapters.mrs.link.Gateway", partial(CoreGateway, answer_timeout_s=0.05))
-    aboard.listen()
+    monkeypatch.setattr("adapters.mrs.aboard.gateway.ANSWER_TIMEOUT_S", 0.05)
     aboard.do(lambda bench: setattr(bench.executive, "wake", lambda: None))
 
     async def session(client: MrsClient) -> None:

@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from math import isfinite
@@ -100,10 +99,7 @@ def serve_commands(
     This is the stop path. Between the octets and the core's inbox lie the decoding of the message,
     the making of one command and one future, and nothing else.
 
-    Args:
-        served: where.
-        intake: what takes commands.
-        known: whether an operation of a service is served, too; all are, unless this is given.
+    All are served, unless `known` leaves some out.
     """
     for (service, operation), make in REQUESTS.items():
         if known(service, operation):
@@ -121,22 +117,12 @@ def _submit(
     command = command_of(header, call.supplements, make(*parts), call.peer_name)
     answer = intake.submit(command)
     if command.authority is not None and isinstance(answer, asyncio.Future):
-
-        def recognise(answered: "asyncio.Future[None]") -> None:
-            if not answered.cancelled() and answered.exception() is None:
-                served.recognise(call.connection)
-
-        answer.add_done_callback(recognise)
+        served.recognise(call.connection, answer)
     return answer
 
 
 class AssetServices:
     """Serves an executive; its methods broadcast, and are called on the provider's loop.
-
-    Args:
-        served: where.
-        gateway: the way to the executive.
-        settings: of the asset.
 
     Attributes:
         above: publishes at the service layer that the asset joined; None if it joined none.
@@ -211,8 +197,15 @@ class AssetServices:
         return present_values(executive, names, self._housekeeping_now(executive))
 
     def _status(self, executive: Executive) -> wire.AssetStatus:
-        status = _asset_status(executive)
-        return replace(status, values=(*status.values, *self._housekeeping_now(executive)))
+        values, active = executive.parameters(), executive.active_command
+        return wire.AssetStatus(
+            timestamp=to_ns(values[0].utc_s),
+            mode=wire.AssetMode(executive.mode.value),
+            activeCommandId=active.command_id if active else None,
+            queuedCommands=executive.goals_waiting,
+            activePlan=executive.active_plan,
+            values=(*map(parameter_value, values), *self._housekeeping_now(executive)),
+        )
 
     def _housekeeping_now(self, executive: Executive) -> tuple[wire.ParameterValue, ...]:
         """Return the housekeeping as kept, but how uncertain the pose is at present."""
@@ -236,8 +229,7 @@ class AssetServices:
         peer = call.peer_name or call.connection.peer_host
         self._of_peer.admit(peer)
         self._of_all.admit("all peers together")
-        severity = Severity(notification.severity.value)
-        said = f"{peer}: {text}"
+        said, severity = f"{peer}: {text}", notification.severity
         return self._gateway.ask(lambda executive: _report(executive, severity, said, figures))
 
 
@@ -246,12 +238,7 @@ def present_values(
     names: Sequence[str],
     housekeeping: Sequence[wire.ParameterValue] = (),
 ) -> tuple[wire.ParameterValue, ...]:
-    """Return the asset's present values, all if none is named.
-
-    Args:
-        executive: whose.
-        names: of the parameters.
-        housekeeping: the values of those that are not the rover's.
+    """Return the asset's present values, those of housekeeping too; all if none is named.
 
     Raises:
         MalError: NotFound, there is no such parameter; TOO_MANY.
@@ -265,13 +252,9 @@ def present_values(
 def past_notifications(
     executive: Executive, since: int | None, command_id: int | None, most: int
 ) -> tuple[Notification, ...]:
-    """Return notifications of the asset's ledger, oldest first.
+    """Return so many notifications of the asset's ledger at most, 0 for a page; oldest first.
 
-    Args:
-        executive: whose ledger.
-        since: the first cursor, which is the sequence number here.
-        command_id: only of commands of this number.
-        most: how many at most; 0 for as many as are returned at once.
+    `since` is the first cursor, which is the sequence number here.
     """
     first = min(since or 0, LAST_SEQUENCE)
     return tuple(map(notification_of, executive.reports(first, command_id, page_size(most))))
@@ -318,20 +301,6 @@ def _actions(executive: Executive) -> tuple[NamedValue, ...]:
     )
 
 
-def _asset_status(executive: Executive) -> wire.AssetStatus:
-    """Return mode, work and all parameters."""
-    values = executive.parameters()
-    active = executive.active_command
-    return wire.AssetStatus(
-        timestamp=to_ns(values[0].utc_s),
-        mode=wire.AssetMode(executive.mode.value),
-        activeCommandId=active.command_id if active else None,
-        queuedCommands=executive.goals_waiting,
-        activePlan=executive.active_plan,
-        values=tuple(map(parameter_value, values)),
-    )
-
-
 def _fault_status(executive: Executive) -> wire.FaultStatus:
     """Return why the asset stands, its active faults, and what it does not monitor."""
     return wire.FaultStatus(
@@ -350,7 +319,7 @@ def _active_fault(fault: Fault) -> wire.ActiveFault:
     return wire.ActiveFault(
         name=fault.name,
         began=to_ns(fault.begun_utc_s),
-        severity=wire.Severity(fault.severity.value),
+        severity=fault.severity,
         reaction=wire.FaultReaction[fault.row.then.name],
         onResume=fault.row.clears is ClearPolicy.ON_RESUME,
         code=why.reason.value,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-from adapters.mal import CallContext, Connection
+from adapters.mal import CallContext
 from adapters.mrs.aboard.gateway import CoreGateway
 from adapters.mrs.aboard.peer_rate import PeerRateLimiter
 from adapters.mrs.aboard.served_operations import ServedOperations
@@ -25,16 +25,6 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
     """Serve the authority of an executive; all but the question who has it name who asks."""
     rate = PeerRateLimiter(REQUESTS_HZ, asyncio.get_running_loop().time)
 
-    def recognise(
-        connection: Connection,
-        asked_as: tuple[str, ...],
-        answer: "asyncio.Future[tuple[AuthorityStatus]]",
-    ) -> None:
-        if asked_as and not answer.cancelled() and answer.exception() is None:
-            (status,) = answer.result()
-            if status.holder == asked_as[0]:
-                served.recognise(connection)
-
     def serve(operation: str, act: Callable[..., Act]) -> None:
         def handler(call: CallContext, *parts: Any) -> Any:
             if parts:
@@ -43,7 +33,8 @@ def serve_authority(served: ServedOperations, gateway: CoreGateway) -> None:
             answer = gateway.ask(
                 lambda executive: (_status(act(*parts)(executive), call.peer_name),)
             )
-            answer.add_done_callback(partial(recognise, call.connection, parts[:1]))
+            if parts:
+                served.recognise(call.connection, answer, lambda told: told[0].holder == parts[0])
             return answer
 
         served.serve("Authority", operation, handler)

@@ -7,7 +7,8 @@ sure that it is still the same, and reads one slice: no file stays open when a t
 import asyncio
 import logging
 import os
-from typing import Final, Protocol
+from collections.abc import Callable
+from typing import Final
 from zlib import crc32
 
 from adapters.mal import AttributeType, MalError, NamedValue, TypedAttribute
@@ -99,14 +100,7 @@ def not_found(path: str) -> MalError:
 
 
 def read(folder: FileFolder, path: str, stamp: FileStamp, offset: int, octets: int) -> bytes:
-    """Return octets of a file.
-
-    Args:
-        folder: where it lies.
-        path: the file.
-        stamp: of the file that `FileFolder` found there, which it must still be.
-        offset: where to begin.
-        octets: how many, all of them within the file.
+    """Return octets of a file, all of them within it, which must still have its stamp.
 
     Raises:
         MalError: NotFound, it is gone; Rejected, it was changed or cannot be read.
@@ -204,32 +198,23 @@ UNKNOWN_STAMP: Final = FileStamp(0, 0, 0)
 MetaData = tuple[NamedValue, ...] | None
 
 
-class OnFileChange(Protocol):
-    """Is called on the loop with what happened to a file."""
-
-    def __call__(
-        self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData = None
-    ) -> None:
-        """Take a change, with the stamp of the file, the last one known if it is deleted."""
-        ...
-
-
 class FolderWatcher:
     """Reports each change of the folder once: files that are stored, changed or deleted.
 
     The core reports its own changes by `notify`; those of other programs are found by looking at
     the folder. A file that is being written is reported when it did not change between two looks.
 
-    Args:
-        folder: what to watch.
-        tell: called with each change, on the loop.
-        period_s: between two looks.
+    `tell` is called with each change, on the loop: what happened to which file, its stamp (the last
+    one known if it is deleted), and what else is known about it.
     """
 
-    def __init__(self, folder: FileFolder, tell: OnFileChange, period_s: float = PERIOD_S) -> None:
+    def __init__(
+        self,
+        folder: FileFolder,
+        tell: Callable[[FileEventKind, str, FileStamp, MetaData], None],
+    ) -> None:
         self._folder = folder
         self._tell = tell
-        self._period_s = period_s
         self._known = dict(folder.entries())
         self._unsettled: dict[str, FileStamp] = {}
         self._notified: set[str] = set()
@@ -238,14 +223,7 @@ class FolderWatcher:
     def notify(
         self, kind: FileEventKind, path: str, stamp: FileStamp | None, about: MetaData = None
     ) -> None:
-        """Take a change that another part reports, and report it unless it is known already.
-
-        Args:
-            kind: what happened.
-            path: to which file.
-            stamp: of the file, if it is there.
-            about: what else is known about it.
-        """
+        """Take a change that another part reports, and report it unless it is known already."""
         self._notified.add(path)
         match kind:
             case FileEventKind.DELETED:
@@ -257,7 +235,7 @@ class FolderWatcher:
                     self._found(path, stamp, about)
 
     async def _watch(self) -> None:
-        loop, pause_s = asyncio.get_running_loop(), self._period_s
+        loop, pause_s = asyncio.get_running_loop(), PERIOD_S
         while True:
             await asyncio.sleep(pause_s)
             begin_s = loop.time()
@@ -267,7 +245,7 @@ class FolderWatcher:
                 await self._compare(new, gone)
             except Exception:
                 _LOG.exception("the folder of files cannot be looked at")
-            pause_s = max(self._period_s, SHARE * (loop.time() - begin_s))
+            pause_s = max(PERIOD_S, SHARE * (loop.time() - begin_s))
 
     def _look(self) -> tuple[dict[str, FileStamp], list[str]]:
         """Return what is not as known, and what is not there; called in a thread."""
@@ -298,4 +276,4 @@ class FolderWatcher:
     def _lost(self, path: str) -> None:
         stamp = self._known.pop(path, None)
         if stamp is not None:
-            self._tell(FileEventKind.DELETED, path, stamp)
+            self._tell(FileEventKind.DELETED, path, stamp, None)

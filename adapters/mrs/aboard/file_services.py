@@ -11,7 +11,6 @@ from zlib import crc32
 
 from adapters.mal import CallContext, Interaction, MalError
 from adapters.mrs.aboard.file_access import (
-    PERIOD_S,
     READ_OCTETS,
     Checksums,
     FolderWatcher,
@@ -27,7 +26,6 @@ from adapters.mrs.aboard.served_operations import ServedOperations
 from adapters.mrs.spec import (
     AreaError,
     FileChunk,
-    FileEventType,
     FileInfo,
     FileReport,
     with_text,
@@ -80,12 +78,7 @@ class FileServices:
     """Serves both services; what blocks has `READERS` threads of the running loop from now on.
 
     Args:
-        served: where.
-        folder: where the files lie.
-        settings: of the asset.
         holder: returns who holds the authority, who may cancel transfers of others.
-        stalled_s: see `STALLED_S`.
-        period_s: between two looks at the folder.
         system: whose time decides whether a file is at rest.
 
     Attributes:
@@ -98,21 +91,18 @@ class FileServices:
         folder: FileFolder,
         settings: Settings,
         holder: Callable[[], Awaitable[str | None]],
-        stalled_s: float = STALLED_S,
-        period_s: float = PERIOD_S,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(READERS, "files"))
         self._folder = folder
         self._asset = settings.asset
         self._holder = holder
-        self._stalled_s = stalled_s
         self._checksums = Checksums(folder, system)
         self._transfers: set[_Transfer] = set()
         self._tell = served.broadcast(
             "FileManagement", "monitorFiles", settings.asset, settings.domain
         )
-        self.watch = FolderWatcher(folder, self._publish, period_s)
+        self.watch = FolderWatcher(folder, self._publish)
         served.serve("FileManagement", "fileStored", self._stored)
         served.serve("FileManagement", "getAttributes", self._attributes)
         served.serve("FileTransfer", "listFiles", self._list)
@@ -123,11 +113,9 @@ class FileServices:
         """Return what a file is like, None if there is none; may be called from any thread."""
         return self._folder.stamp(path), meta_data(self._folder, path)
 
-    def _publish(
-        self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData = None
-    ) -> None:
+    def _publish(self, kind: FileEventKind, path: str, stamp: FileStamp, about: MetaData) -> None:
         self._tell(
-            FileEventType(kind.value),
+            kind,
             file_info(path, stamp, self._checksums.known(stamp), about),
             keys=(self._asset, kind.value, mime_type(path)),
         )
@@ -296,7 +284,7 @@ class FileServices:
 
     async def _update(self, interaction: Interaction, part: FileChunk) -> None:
         try:
-            await interaction.update(part, patience_s=self._stalled_s)
+            await interaction.update(part, patience_s=STALLED_S)
         except TimeoutError:
-            text = f"nothing was taken for {self._stalled_s:g} s"
+            text = f"nothing was taken for {STALLED_S:g} s"
             raise with_text(AreaError.REJECTED, text) from None

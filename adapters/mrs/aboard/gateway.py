@@ -15,6 +15,7 @@ from executive.core.runner import Executive
 T = TypeVar("T")
 
 ANSWER_TIMEOUT_S: Final = 5.0
+"""After which a question or command that was not answered fails with INTERNAL."""
 MOST_PENDING: Final = 256
 """Commands and questions that may wait for the core: what a stop, which is always taken, may find
 before it."""
@@ -29,22 +30,11 @@ class CoreGateway:
 
     `submit` and `ask` are called on the loop. What they hand over runs on the core's thread, which
     owns what it touches; the future completes on the loop.
-
-    Args:
-        executive: whom to serve.
-        loop: the link's loop.
-        answer_timeout_s: seconds without an answer after which a future fails with INTERNAL.
     """
 
-    def __init__(
-        self,
-        executive: Executive,
-        loop: asyncio.AbstractEventLoop,
-        answer_timeout_s: float = ANSWER_TIMEOUT_S,
-    ) -> None:
+    def __init__(self, executive: Executive, loop: asyncio.AbstractEventLoop) -> None:
         self._executive = executive
         self._loop = loop
-        self._answer_timeout_s = answer_timeout_s
         self._pending = 0
 
     def submit(self, command: Command) -> asyncio.Future[None]:
@@ -76,12 +66,8 @@ class CoreGateway:
 
     def _limit(self, answer: asyncio.Future[T]) -> asyncio.Future[T]:
         """Count a future as pending, and let it fail when the core does not answer in time."""
-
-        def fail() -> None:
-            text = SILENT.format(self._answer_timeout_s)
-            _fail(answer, with_text(StandardError.INTERNAL, text))
-
-        timer = self._loop.call_later(self._answer_timeout_s, fail)
+        silent = with_text(StandardError.INTERNAL, SILENT.format(ANSWER_TIMEOUT_S))
+        timer = self._loop.call_later(ANSWER_TIMEOUT_S, _fail, answer, silent)
         self._pending += 1
 
         def over(_: asyncio.Future[T]) -> None:

@@ -25,13 +25,8 @@ AFTER: Final = 8
 class HistoryService:
     """Serves `Notification.getHistory`.
 
-    On the core's thread values are only copied; what of them is sent is chosen on a thread of its
-    own, as a stop may come meanwhile.
-
-    Args:
-        served: where.
-        gateway: the way to the executive.
-        history: what the executive recorded, on the core's thread.
+    On the core's thread, that of `history`, values are only copied; what of them is sent is chosen
+    on a thread of its own, as a stop may come meanwhile.
     """
 
     def __init__(

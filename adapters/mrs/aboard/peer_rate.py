@@ -24,11 +24,7 @@ class PeerRateLimiter:
         self._spent_until_s: dict[str, float] = {}
 
     def admit(self, peer: str) -> None:
-        """Count an event of a peer.
-
-        Raises:
-            MalError: TOO_MANY.
-        """
+        """Count an event of a peer; raises TOO_MANY."""
         now_s = self._now_s()
         at_s = max(now_s, self._spent_until_s.pop(peer, now_s))
         full = at_s - now_s > 1.0 - 0.5 / self._most_hz

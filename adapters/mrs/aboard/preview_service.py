@@ -24,12 +24,7 @@ LONGEST_S: Final = 60.0
 
 
 class PreviewService:
-    """Serves `MotionControl.preview` and `Plan.previewPlan`, `MOST_AT_ONCE` at the same time.
-
-    Args:
-        served: where.
-        gateway: the way to the executive, which is asked for values once.
-    """
+    """Serves `MotionControl.preview` and `Plan.previewPlan`, `MOST_AT_ONCE` at the same time."""
 
     def __init__(self, served: ServedOperations, gateway: CoreGateway) -> None:
         self._gateway = gateway
@@ -81,11 +76,9 @@ async def _slice_by_slice(run: PreviewRun) -> Preview | Refusal:
 def _refused(refusal: Refusal) -> MalError:
     """Return the error by which a refusal travels, in words: no report follows that says more."""
     reason = refusal.reason
-    match reason.value // 100:
-        case 1:
-            error = AreaError.INVALID
-        case 4:
-            error = AreaError.NOT_SUPPORTED
-        case _:
-            error = AreaError.REJECTED
+    error = _ERRORS.get(reason.value // 100, AreaError.REJECTED)
     return with_text(error, f"{refusal.text} ({reason.value} {reason.name})")
+
+
+_ERRORS: Final = {1: AreaError.INVALID, 4: AreaError.NOT_SUPPORTED}
+"""By the block of the reason."""

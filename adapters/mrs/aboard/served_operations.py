@@ -1,9 +1,10 @@
 """What a provider of the MRS serves: registered here, so that the directory lists what works."""
 
+import asyncio
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from adapters.mal import (
     CallContext,
@@ -27,6 +28,8 @@ from adapters.mrs.spec import (
     with_text,
 )
 from adapters.system import OPERATING_SYSTEM, System
+
+T = TypeVar("T")
 
 MESSAGE_CAP: Final = 1 << 20
 """Octets of the longest message taken aboard.
@@ -97,10 +100,20 @@ class ServedOperations:
         self.provider.serve(service, operation, handler if between_assets else heard)
         self._working.add((service, operation))
 
-    def recognise(self, connection: Connection) -> None:
-        """Keep a connection of who holds the authority, however many others want one."""
-        if connection not in self._recognised:
-            self._recognised.append(connection)
+    def recognise(
+        self,
+        connection: Connection,
+        answer: "asyncio.Future[T]",
+        holds: Callable[[T], bool] = lambda _: True,
+    ) -> None:
+        """Keep a connection, however many others want one, once an answer shows the authority."""
+
+        def answered(_: "asyncio.Future[T]") -> None:
+            refused = answer.cancelled() or answer.exception() is not None
+            if not refused and holds(answer.result()) and connection not in self._recognised:
+                self._recognised.append(connection)
+
+        answer.add_done_callback(answered)
 
     def ask(
         self, service: str, operation: str, gateway: CoreGateway, question: Callable[..., Any]

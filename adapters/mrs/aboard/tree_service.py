@@ -33,13 +33,7 @@ class _LastBroadcast:
 
 
 class TreeService:
-    """Serves `Status.monitorTree`.
-
-    Args:
-        served: where.
-        gateway: the way to the executive.
-        settings: of the asset.
-    """
+    """Serves `Status.monitorTree`."""
 
     def __init__(self, served: ServedOperations, gateway: CoreGateway, settings: Settings) -> None:
         self._gateway = gateway

@@ -47,12 +47,7 @@ class RoverTarget:
 
 def to_option(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say where a rover is, which the function gets as `to: RoverTarget`."""
-
-    @wraps(function)
-    def with_target(*arguments: Any, to: str, terms: TransportSettings, **others: Any) -> Any:
-        return function(*arguments, to=RoverTarget(to, terms), **others)
-
-    return _add_address(with_target, multiple=False)
+    return _add_address(function, multiple=False)
 
 
 def to_options(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -60,17 +55,15 @@ def to_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
     All are spoken to on the same terms.
     """
-
-    @wraps(function)
-    def with_targets(
-        *arguments: Any, to: tuple[str, ...], terms: TransportSettings, **others: Any
-    ) -> Any:
-        return function(*arguments, to=tuple(RoverTarget(uri, terms) for uri in to), **others)
-
-    return _add_address(with_targets, multiple=True)
+    return _add_address(function, multiple=True)
 
 
 def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..., Any]:
+    @wraps(function)
+    def with_target(*arguments: Any, to: Any, terms: TransportSettings, **others: Any) -> Any:
+        found = tuple(RoverTarget(uri, terms) for uri in to) if multiple else RoverTarget(to, terms)
+        return function(*arguments, to=found, **others)
+
     add_terms = _terms_options(
         {
             "certificate": "PEM file with your certificate",
@@ -92,7 +85,7 @@ def _add_address(function: Callable[..., Any], *, multiple: bool) -> Callable[..
         metavar="URI",
         help=f"{where} Once for each rover." if multiple else where,
     )
-    return add_address(add_terms(function))
+    return add_address(add_terms(with_target))
 
 
 def add_terms_options(whom: str) -> Decorator:

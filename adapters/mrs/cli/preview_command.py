@@ -1,6 +1,7 @@
 """`rover preview`: what a motion or a plan would come to, without commanding it."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine
+from functools import partial
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -22,28 +23,17 @@ from executive.commands import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class PreviewPrinter:
-    """Whom to ask, and how to print what is told."""
-
-    to: RoverTarget
-    as_json: bool
-
-    def ask(self, asked: Motion | PlanDefinition) -> None:
-        """Ask for a preview, and print it."""
-        run(self._ask(asked))
-
-    async def _ask(self, asked: Motion | PlanDefinition) -> None:
-        async with await connect(self.to) as client:
-            if isinstance(asked, PlanDefinition):
-                found = await client.preview_plan(asked)
-            else:
-                found = await client.preview(asked)
-        if self.as_json:
-            echo_json(found)
+async def _show(to: RoverTarget, as_json: bool, asked: Motion | PlanDefinition) -> None:
+    async with await connect(to) as client:
+        if isinstance(asked, PlanDefinition):
+            found = await client.preview_plan(asked)
         else:
-            for line in preview_lines(found):
-                say(line)
+            found = await client.preview(asked)
+    if as_json:
+        echo_json(found)
+    else:
+        for line in preview_lines(found):
+            say(line)
 
 
 @click.group(invoke_without_command=True)
@@ -80,13 +70,13 @@ def preview(
     \b
     Exit status: 0 told, 1 it would be refused or fail, 2 makes no sense, 3 cannot be reached.
     """
-    ctx.obj = PreviewPrinter(to, as_json)
+    ctx.obj = partial(_show, to, as_json)
     if ctx.invoked_subcommand is None and file is None:
         raise click.UsageError("give an operation, or --plan FILE", ctx)
     if ctx.invoked_subcommand is not None and (file is not None or arguments):
         raise click.UsageError("either an operation, or --plan FILE with --arg", ctx)
     if file is not None:
-        ctx.obj.ask(definition_of(file, None, arguments))
+        run(ctx.obj(definition_of(file, None, arguments)))
 
 
 def preview_lines(found: Preview) -> list[str]:
@@ -108,8 +98,8 @@ def _operation(declaration: CommandDeclaration) -> click.Command:
     parameters = parameters_of(declaration)
 
     @click.pass_obj
-    def ask(asking: PreviewPrinter, /, **given: Any) -> None:
-        asking.ask(declaration.make(*(given[each.field] for each in declaration.written)))
+    def ask(show: Callable[[Motion], Coroutine[Any, Any, None]], /, **given: Any) -> None:
+        run(show(declaration.make(*(given[each.field] for each in declaration.written))))
 
     typed = [each for each in declaration.examples if "--replace" not in each]
     return OperationCommand(

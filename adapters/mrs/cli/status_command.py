@@ -2,10 +2,10 @@
 
 import asyncio
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable
 from dataclasses import dataclass
 from math import degrees
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
@@ -48,6 +48,8 @@ from executive.values.reports import printable
 
 if TYPE_CHECKING:
     from rich.console import Group
+
+T = TypeVar("T")
 
 EVERY_S: Final = 0.5
 _RESUME: Final = "rover command resume"
@@ -177,36 +179,26 @@ async def _looks(client: MrsClient) -> AsyncIterator[_StatusSnapshot]:
     asset, definitions = await client.get_asset(), await client.list_definition()
     while True:
         camera, status = await client.get_camera_state(), await client.get_status()
-        faults, suspended = await _faults(client), await _suspended_plans(client, status.mode)
-        authority = await _authority(client)
+        faults = await _served(client.get_faults(), None)
+        suspended = await _suspended_plans(client, status.mode)
+        authority = await _served(client.authority.status(), None)
         yield _StatusSnapshot(asset, definitions, camera, status, faults, suspended, authority)
         await asyncio.sleep(EVERY_S)
 
 
-async def _faults(client: MrsClient) -> FaultStatus | None:
-    """Return what the rover's monitors know; None where it is not served, as at an orbiter."""
+async def _served(answer: Awaitable[T], instead: T) -> T:
+    """Return an answer, or something instead where it is not served, as at an orbiter."""
     try:
-        return await client.get_faults()
+        return await answer
     except MalError:
-        return None
-
-
-async def _authority(client: MrsClient) -> AuthorityStatus | None:
-    """Return who may command; None where the rover serves no such thing."""
-    try:
-        return await client.authority.status()
-    except MalError:
-        return None
+        return instead
 
 
 async def _suspended_plans(client: MrsClient, mode: AssetMode) -> tuple[PlanUpdate, ...]:
     """Return the plans that wait to be resumed, if the rover stands; none where none are told."""
     if mode not in {AssetMode.PAUSED, AssetMode.SAFE, AssetMode.STOPPED}:
         return ()
-    try:
-        plans = await client.get_plan_status()
-    except MalError:  # of a rover that serves no plans; the rest of its status stands
-        return ()
+    plans = await _served(client.get_plan_status(), ())
     return tuple(plan for plan in plans if plan.status is PlanStatus.SUSPENDED)
 
 

@@ -94,11 +94,7 @@ def run(session: Coroutine[Any, Any, None]) -> None:
 def say(line: str, *, word: str = "", fg: str | None = None, err: bool = False) -> None:
     """Print one line, whoever its words are of: what is not printable is escaped.
 
-    Args:
-        line: what to say.
-        word: what of it is coloured, if anything.
-        fg: the colour.
-        err: whether it goes to standard error.
+    A word of it may be coloured; with `err` it goes to standard error.
     """
     line = printable(line)
     coloured = line.replace(word, click.style(word, fg=fg), 1) if word and fg else line

@@ -110,11 +110,7 @@ class ServiceRegistry:
         return tuple(held.descriptor for held in self._held.values())
 
     def find(self, name: str) -> ServiceDescriptor:
-        """Return a service.
-
-        Raises:
-            MalError: NotFound.
-        """
+        """Return a service; raises NotFound."""
         return look_up(self._held, name).descriptor
 
     def register(self, descriptor: ServiceDescriptor, connection: Connection) -> None:

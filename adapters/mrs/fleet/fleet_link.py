@@ -10,7 +10,7 @@ from typing import Any, Final
 from adapters.mal import Consumer, MalError, MalUri, Publication, StandardError
 from adapters.mrs.aboard import PAGE, CoreGateway, past_notifications, present_values
 from adapters.mrs.fleet.directory_service import SERVICE
-from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber
+from adapters.mrs.fleet.fleet_subscriber import FleetSubscriber, past_page
 from adapters.mrs.ground import Dialer
 from adapters.mrs.spec import (
     AreaError,
@@ -135,12 +135,8 @@ class FleetPublisher:
         If it remembers nothing of this ledger, it hears again what was told since the beginning.
         """
         assert self._first is not None
-        known: tuple[Notification, ...]
-        since = max(1, self._next - PAGE)
         try:
-            (known,) = await consumer.request(
-                "NotificationClient", "getNotifications", self._asset, since, 0
-            )
+            known = await past_page(consumer, self._asset, max(1, self._next - PAGE), 0)
         except MalError as error:
             if error.number != AreaError.NOT_FOUND.value:
                 raise
@@ -167,13 +163,8 @@ class FleetLink:
     That the service layer is lost, and that it is back, is reported as of the kind LINK.
 
     Args:
-        uri: where the service layer is.
-        gateway: the way to the executive.
-        dialer: connects.
         registration: makes the descriptor to register, given this end's address of a connection.
         on_above: called with the Service Layer that this asset is registered at.
-        publisher: publishes what this asset tells.
-        subscriber: hears what others tell.
     """
 
     def __init__(

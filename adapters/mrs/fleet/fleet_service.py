@@ -5,12 +5,12 @@ It asks each asset at its own address what it is, and caches the answer.
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from adapters.mal import CallContext, Connection, Keys, MalError, MalUri, UpdateHeader
 from adapters.mrs.aboard import (
+    AssetServices,
     CoreGateway,
     ServedOperations,
     own_info,
@@ -64,29 +64,20 @@ class FleetService:
     Every executive is a service layer with a broker, where others may register and publish as
     themselves. Told to `join` one, it does so too. What an asset says itself carries its name as
     source; what is passed on, that of who does.
-
-    Args:
-        served: where.
-        gateway: the way to the executive.
-        settings: of the asset.
-        terms: on which others are spoken to.
-        system: the time of messages.
-
-    Attributes:
-        housekeeping: returns the last values of this asset that are not the rover's.
     """
 
     def __init__(
         self,
         served: ServedOperations,
         gateway: CoreGateway,
+        own: AssetServices,
         settings: Settings,
         terms: TransportSettings,
         system: System = OPERATING_SYSTEM,
     ) -> None:
-        self.housekeeping: Callable[[], Sequence[ParameterValue]] = tuple
         self._served = served
         self._gateway = gateway
+        self._own = own
         self._asset = settings.asset
         self._domain = settings.domain
         self._terms, self._system = terms, system
@@ -105,12 +96,8 @@ class FleetService:
         served.serve(NOTIFICATION, "getNotifications", self._get_notifications)
         served.serve("Monitoring", "publishParameters", self._publish_parameters)
 
-    def join(self, uri: MalUri) -> FleetPublisher:
-        """Register at another service layer and subscribe there, until told to leave.
-
-        Returns:
-            What publishes there what this asset says.
-        """
+    def join(self, uri: MalUri) -> None:
+        """Register at another service layer, publish and subscribe there, until told to leave."""
         subscriber = FleetSubscriber(
             self._asset, self._known, self._pass_on_value, self._pass_on_notification
         )
@@ -125,7 +112,7 @@ class FleetService:
             subscriber,
         )
         self._link.start()
-        return publisher
+        self._own.above = publisher
 
     async def leave(self) -> None:
         """Publish the rest and deregister, where that can be done."""
@@ -165,7 +152,7 @@ class FleetService:
         fits = given == notification_keys(asset, notification)
         if not fits or not is_valid_notification(notification):
             raise invalid(1)
-        other.take_notification(notification)
+        other.history.take(notification)
 
     def _publish_parameters(self, call: CallContext, values: tuple[ParameterValue, ...]) -> None:
         """Take the values of the asset that registered over this connection: never of this one."""
@@ -189,7 +176,7 @@ class FleetService:
         self, _: CallContext, asset: str, names: tuple[str, ...]
     ) -> tuple[tuple[ParameterValue, ...]]:
         if asset == self._asset:
-            values = self.housekeeping()
+            values = self._own.housekeeping
             return (
                 await self._gateway.ask(lambda executive: present_values(executive, names, values)),
             )
@@ -210,11 +197,7 @@ class FleetService:
 
 
 def _publishing_asset(update: UpdateHeader, keys: Keys) -> str:
-    """Return the asset that an update is of, which must be its source too.
-
-    Raises:
-        MalError: Invalid, it is not.
-    """
+    """Return the asset that an update is of, which must be its source too; raises Invalid."""
     asset = keys["asset"]
     if asset is None or update.source != asset.value:
         raise invalid(0)
@@ -228,13 +211,7 @@ class _Answer:
 
 
 class AssetDiscovery:
-    """Asks each asset at its own address, and caches the answers.
-
-    Args:
-        name: what this end calls itself.
-        terms: on which others are spoken to.
-        system: the time of messages.
-    """
+    """Asks each asset at its own address, and caches the answers."""
 
     def __init__(self, name: str, terms: TransportSettings, system: System) -> None:
         self._dialer = Dialer(name, terms, ANSWER_TIMEOUT_S, system)

@@ -36,8 +36,6 @@ class FleetSubscriber:
     yet another, so that nothing goes in circles, and nothing of an asset that publishes here.
 
     Args:
-        asset: the name of the asset that this is aboard of.
-        known: where what is heard is kept.
         pass_on_value, pass_on_notification: called with what is news, its asset and its domain.
 
     Attributes:
@@ -61,10 +59,7 @@ class FleetSubscriber:
     async def subscribe(self, consumer: Consumer, host: str, uri: str) -> None:
         """Subscribe, ask which assets there are, and catch up with what was missed.
 
-        Args:
-            consumer: connected with the service layer above.
-            host: the asset that this is aboard of.
-            uri: where it is.
+        The service layer above is that of the asset `host`, at `uri`.
 
         Raises:
             MalError: an answer is an error, or the connection is lost.
@@ -147,7 +142,7 @@ class FleetSubscriber:
     def _keep_notification(
         self, other: KnownAsset, told: Notification, domain: tuple[str, ...], aloud: bool = True
     ) -> None:
-        if is_valid_notification(told) and other.take_notification(told) and aloud:
+        if is_valid_notification(told) and other.history.take(told) and aloud:
             self._pass_on_notification(told, other.asset, domain)
 
     def _of(self, update: UpdateHeader) -> KnownAsset | None:
@@ -188,11 +183,6 @@ async def missed_notifications(
 
     Before anything was heard, and when its ledger is another now, that is the last it said.
 
-    Args:
-        consumer: connected with a service layer.
-        asset: its name.
-        last: the last notification heard.
-
     Raises:
         MalError: NotFound, the asset is not known there; any other answer that is an error.
     """
@@ -211,7 +201,7 @@ async def missed_notifications(
 
 async def _since(consumer: Consumer, asset: str, sequence: int) -> AsyncIterator[Notification]:
     since = max(1, sequence)
-    while page := await _page(consumer, asset, since, 0):
+    while page := await past_page(consumer, asset, since, 0):
         for told in page:
             yield told
         if page[-1].sequence < since:
@@ -222,11 +212,11 @@ async def _since(consumer: Consumer, asset: str, sequence: int) -> AsyncIterator
 async def _newest(consumer: Consumer, asset: str) -> int:
     """Return the highest sequence number, 0 for none, by halving the range in which it lies."""
     at_least, below = 0, 1
-    while page := await _page(consumer, asset, below, 1):
+    while page := await past_page(consumer, asset, below, 1):
         at_least, below = page[0].sequence, 2 * page[0].sequence
     while below - at_least > 1:
         middle = (at_least + below) // 2
-        page = await _page(consumer, asset, middle, 1)
+        page = await past_page(consumer, asset, middle, 1)
         if page:
             at_least = page[0].sequence
         else:
@@ -234,7 +224,10 @@ async def _newest(consumer: Consumer, asset: str) -> int:
     return at_least
 
 
-async def _page(consumer: Consumer, asset: str, since: int, most: int) -> tuple[Notification, ...]:
+async def past_page(
+    consumer: Consumer, asset: str, since: int, most: int
+) -> tuple[Notification, ...]:
+    """Ask a service layer for so many notifications of an asset, 0 for a page; oldest first."""
     page: tuple[Notification, ...]
     (page,) = await consumer.request("NotificationClient", "getNotifications", asset, since, most)
     return page

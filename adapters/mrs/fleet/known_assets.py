@@ -93,18 +93,10 @@ class KnownAsset:
         return self.connection is not None and self.connection.is_open
 
     def take_value(self, value: ParameterValue) -> None:
-        """Keep a value.
-
-        Raises:
-            MalError: TOO_MANY, it has more parameters than are kept.
-        """
+        """Keep a value; raises TOO_MANY, it has more parameters than are kept."""
         if value.name not in self.values and len(self.values) == MOST_PARAMETERS:
             raise with_text(StandardError.TOO_MANY, f"{MOST_PARAMETERS} parameters at most")
         self.values[value.name] = value
-
-    def take_notification(self, notification: Notification) -> bool:
-        """Keep a notification; return whether it is news."""
-        return self.history.take(notification)
 
 
 class KnownAssets:
@@ -124,11 +116,7 @@ class KnownAssets:
         return tuple(self._others.values())
 
     def find(self, asset: str) -> KnownAsset:
-        """Return what is known of an asset.
-
-        Raises:
-            MalError: NotFound.
-        """
+        """Return what is known of an asset; raises NotFound."""
         return look_up(self._others, asset)
 
     def knows(self, asset: str) -> bool:
@@ -167,11 +155,7 @@ class KnownAssets:
         return other
 
     def registered_by(self, connection: Connection) -> KnownAsset:
-        """Return the asset that registered over a connection.
-
-        Raises:
-            MalError: Rejected, none did.
-        """
+        """Return the asset that registered over a connection; raises Rejected if none did."""
         for other in self._others.values():
             if other.connection is connection:
                 return other

@@ -27,7 +27,6 @@ from adapters.mrs.spec.housekeeping import ORBITER as ORBITER
 from adapters.mrs.spec.housekeeping import ORBITER_HOUSEKEEPING as ORBITER_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import POSE_HOUSEKEEPING as POSE_HOUSEKEEPING
 from adapters.mrs.spec.housekeeping import HousekeepingParameter as HousekeepingParameter
-from adapters.mrs.spec.housekeeping import figure_value as figure_value
 from adapters.mrs.spec.housekeeping import housekeeping_limits as housekeeping_limits
 from adapters.mrs.spec.housekeeping import housekeeping_values as housekeeping_values
 from adapters.mrs.spec.housekeeping import reported_uncertainty as reported_uncertainty
@@ -44,6 +43,7 @@ from adapters.mrs.spec.mapping import REQUESTS as REQUESTS
 from adapters.mrs.spec.mapping import command_of as command_of
 from adapters.mrs.spec.mapping import cursor_of as cursor_of
 from adapters.mrs.spec.mapping import definition_of as definition_of
+from adapters.mrs.spec.mapping import figure_value as figure_value
 from adapters.mrs.spec.mapping import figure_values as figure_values
 from adapters.mrs.spec.mapping import figures as figures
 from adapters.mrs.spec.mapping import forwarded as forwarded

@@ -8,15 +8,7 @@ from adapters.mrs.spec.mapping import NS_PER_S
 from executive.commands import Mode
 from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reasons import Figure, Reason
-from executive.values.reports import (
-    Identity,
-    PlanStatus,
-    PlanUpdate,
-    Report,
-    ReportKind,
-    Severity,
-    Stage,
-)
+from executive.values.reports import Identity, PlanUpdate, Report
 
 REASONS: Final = {each.value: each for each in Reason}
 _NAMES: Final = {each.value for each in Parameter}
@@ -24,15 +16,14 @@ _NAMES: Final = {each.value for each in Parameter}
 
 def report_of(notification: types.Notification) -> Report:
     """Return a notification as a report, whose figures have no units and whose link is unknown."""
-    stage = notification.stage
     return Report(
         sequence=notification.sequence,
         utc_s=utc_s_of(notification.timestamp),
-        kind=ReportKind(notification.kind.value),
-        severity=Severity(notification.severity.value),
+        kind=notification.kind,
+        severity=notification.severity,
         text=notification.text or "",
         identity=identity_of(notification.source, notification.commandId),
-        stage=None if stage is None else Stage(stage.value),
+        stage=notification.stage,
         step=notification.step,
         step_count=notification.stepCount,
         reason=REASONS.get(notification.code or 0),
@@ -59,7 +50,7 @@ def plan_update_of(update: types.PlanUpdate) -> PlanUpdate:
     """Return how far a plan has come."""
     return PlanUpdate(
         update.planId,
-        PlanStatus(update.status.value),
+        update.status,
         utc_s_of(update.timestamp),
         update.node or "",
         update.done or 0,

@@ -51,11 +51,7 @@ def with_text(error: AreaError | StandardError, text: str) -> MalError:
 
 
 def look_up(known: Mapping[str, T], name: str) -> T:
-    """Return what is known by a name.
-
-    Raises:
-        MalError: NotFound.
-    """
+    """Return what is known by a name; raises NotFound."""
     try:
         return known[name]
     except KeyError:
@@ -63,11 +59,7 @@ def look_up(known: Mapping[str, T], name: str) -> T:
 
 
 def require_few(asked: Sized) -> None:
-    """Check that one message does not ask for too much, or tell it.
-
-    Raises:
-        MalError: TOO_MANY.
-    """
+    """Check that one message does not ask for too much, or tell it; raises TOO_MANY."""
     if len(asked) > MOST_AT_ONCE:
         raise with_text(StandardError.TOO_MANY, f"{len(asked)}: {MOST_AT_ONCE} at once at most")
 

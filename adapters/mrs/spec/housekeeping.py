@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
-from adapters.mal import AttributeType, TypedAttribute
-from adapters.mrs.spec.mapping import to_ns
-from adapters.mrs.spec.types import ParameterDefinition, ParameterValue, Validity
+from adapters.mal import AttributeType
+from adapters.mrs.spec.mapping import figure_value
+from adapters.mrs.spec.types import ParameterDefinition, ParameterValue
 from adapters.process import ResourceUsage
 from executive.commands import Limit
 from executive.settings import Settings
@@ -157,25 +157,12 @@ def housekeeping_values(
     figures: Mapping[str, float | None],
     utc_s: float,
 ) -> tuple[ParameterValue, ...]:
-    """Return values of parameters for the wire, INVALID where there is no figure.
+    """Return values for the wire of figures by name, INVALID where there is no figure.
 
-    Args:
-        parameters: which.
-        figures: by their names.
-        utc_s: when they were measured, seconds since 1970-01-01 UTC.
+    They were measured at `utc_s`, seconds since 1970-01-01 UTC.
     """
     return tuple(
         figure_value(parameter.name, figures.get(parameter.name), utc_s) for parameter in parameters
-    )
-
-
-def figure_value(name: str, figure: float | None, utc_s: float) -> ParameterValue:
-    """Return a value for the wire, INVALID if there is no figure."""
-    return ParameterValue(
-        name=name,
-        timestamp=to_ns(utc_s),
-        validity=Validity.INVALID if figure is None else Validity.VALID,
-        value=None if figure is None else TypedAttribute(AttributeType.DOUBLE, float(figure)),
     )
 
 
@@ -184,8 +171,7 @@ def housekeeping_limits(
 ) -> dict[str, tuple[float | None, float | None]]:
     """Return between which values housekeeping may be, by the names of the parameters.
 
-    Args:
-        settings: of the asset; None where they are not known, nor the limits that they say.
+    Where the settings of the asset are not known, those that they say are not either.
     """
 
     def figure(limit: Limit | None) -> float | None:

@@ -100,12 +100,16 @@ class AssetView(Protocol):
 
 def parameter_value(value: ParameterValue) -> types.ParameterValue:
     """Return a parameter value for the wire."""
-    known = value.value is not None
+    return figure_value(value.parameter.value, value.value, value.utc_s)
+
+
+def figure_value(name: str, figure: float | None, utc_s: float) -> types.ParameterValue:
+    """Return a value for the wire, INVALID if there is no figure."""
     return types.ParameterValue(
-        name=value.parameter.value,
-        timestamp=to_ns(value.utc_s),
-        validity=Validity.VALID if known else Validity.INVALID,
-        value=TypedAttribute(AttributeType.DOUBLE, value.value) if known else None,
+        name=name,
+        timestamp=to_ns(utc_s),
+        validity=Validity.INVALID if figure is None else Validity.VALID,
+        value=None if figure is None else TypedAttribute(AttributeType.DOUBLE, float(figure)),
     )
 
 
@@ -177,7 +181,7 @@ def wire_update(update: PlanUpdate) -> types.PlanUpdate:
     """Return how far a plan has come, to send."""
     return types.PlanUpdate(
         planId=update.plan_id,
-        status=types.PlanStatus(update.status.value),
+        status=update.status,
         timestamp=to_ns(update.utc_s),
         node=update.node or None,
         done=update.done,
@@ -212,13 +216,13 @@ def notification_of(report: Report, cursor: int | None = None) -> Notification:
     named = _name_of(report.identity) if report.kind is ReportKind.LINK else ()
     whose = None if named else report.identity
     return Notification(
-        kind=NotificationKind(report.kind.value),
-        severity=Severity(report.severity.value),
+        kind=report.kind,
+        severity=report.severity,
         timestamp=to_ns(report.utc_s),
         sequence=report.sequence,
         commandId=whose.command_id if whose else None,
         source=whose.source if whose else None,
-        stage=types.Stage(report.stage.value) if report.stage else None,
+        stage=report.stage,
         step=report.step,
         stepCount=report.step_count,
         code=report.reason.value if report.reason else None,
@@ -391,10 +395,6 @@ def carrier_of(declaration: CommandDeclaration) -> RequestMapping:
     _require(where, arguments, parts)
     fields = [argument.field for argument in arguments]
     converters = [_converter(where, *pair) for pair in zip(arguments, parts, strict=True)]
-    if all(converter is _AS_IT_IS for converter in converters):
-        return RequestMapping(
-            declaration, kind, lambda request: tuple(getattr(request, name) for name in fields)
-        )
 
     def request_of(*values: Any) -> Request:
         pairs = zip(converters, values, strict=True)
@@ -501,11 +501,7 @@ def command_of(
 ) -> Command:
     """Return the command that came with a header; nothing of it keeps a stop from the core.
 
-    Args:
-        header: what came first.
-        supplements: what came beside it.
-        request: what the rest means.
-        peer: the name that the connection has proof of; None if it has none.
+    `peer` is the name that the connection has proof of; None if it has none.
 
     Raises:
         MalError: Invalid, the supplement `arrival` is there and neither append nor replace, or

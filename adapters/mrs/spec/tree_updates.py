@@ -50,11 +50,7 @@ def change_update(
 
 
 def snapshot_of_update(update: types.TreeUpdate, whole: TreeSnapshot | None) -> TreeSnapshot:
-    """Return the tree that an update tells.
-
-    Args:
-        update: what came.
-        whole: the one that it differs from; None if it is a whole.
+    """Return the tree that an update tells: a whole, or one that differs from `whole`.
 
     Raises:
         ValueError: it does not fit that whole, or the nodes of a whole are no tree.
@@ -147,12 +143,7 @@ class _Paths:
         return self._open[-1]
 
     def next(self, name: str, depth: int, path: str | None) -> bool:
-        """Take the next node, and return whether its path follows from that of its parent.
-
-        Args:
-            name: its name.
-            depth: steps from the root.
-            path: None for the one that follows.
+        """Take the next node; return whether its path follows from its parent's, as None does.
 
         Raises:
             ValueError: it has no parent.

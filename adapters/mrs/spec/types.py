@@ -7,57 +7,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+import executive.values.reports
 from adapters.mal import AttributeType, NamedValue, ServiceId, TypedAttribute
 
-
-class Stage(Enum):
-    """The stages in the life of a command (thesis 5.1.2, ECSS PUS-C service 1).
-
-    Attributes:
-        RECEIVED: Message decoded and queued by the asset (thesis 'received'; MOPS RECEIVED flag).
-        ACCEPTED: Checks passed, will be executed (thesis 'accepted'; PUS TM[1,1]).
-        REJECTED: Checks failed, will not be executed (PUS TM[1,2]).
-        STARTED: Execution started (PUS TM[1,3]).
-        PROGRESS: Step reached (PUS TM[1,5]).
-        EXECUTED: Completed with success (thesis 'completed'; MOPS EXECUTED flag; PUS TM[1,7]).
-        FAILED: Start, step or completion failed (PUS TM[1,4], [1,6], [1,8]).
-        CANCELLED: Ended by a later command (stop, pre-emption) before completion.
-        EXPIRED: Lifetime over before start.
-    """
-
-    RECEIVED = 1
-    ACCEPTED = 2
-    REJECTED = 3
-    STARTED = 4
-    PROGRESS = 5
-    EXECUTED = 6
-    FAILED = 7
-    CANCELLED = 8
-    EXPIRED = 9
-
-
-class Severity(Enum):
-    """How much a notification should worry the operator."""
-
-    INFORMATIONAL = 1
-    WARNING = 2
-    ALARM = 3
-    SEVERE = 4
-    CRITICAL = 5
-
-
-class NotificationKind(Enum):
-    """What a notification is about.
-
-    Attributes:
-        COMMAND: Life cycle of one command.
-        EVENT: On-board event or issue: of no command, but for the prediction of a command's motion.
-        LINK: Link or service layer state.
-    """
-
-    COMMAND = 1
-    EVENT = 2
-    LINK = 3
+Stage = executive.values.reports.Stage
+Severity = executive.values.reports.Severity
+NotificationKind = executive.values.reports.ReportKind
+PlanStatus = executive.values.reports.PlanStatus
+FileEventType = executive.values.reports.FileEventKind
 
 
 class Validity(Enum):
@@ -89,36 +46,6 @@ class AssetMode(Enum):
     STOPPED = 6
     SAFE = 7
     OFFLINE = 8
-
-
-class FileEventType(Enum):
-    """What happened to a file.
-
-    Attributes:
-        STORED: New file.
-        TRANSFERRED: All octets sent to a consumer.
-    """
-
-    STORED = 1
-    CHANGED = 2
-    DELETED = 3
-    TRANSFERRED = 4
-
-
-class PlanStatus(Enum):
-    """The stages in the life of a plan.
-
-    Attributes:
-        SUBMITTED: Stored and checked.
-    """
-
-    SUBMITTED = 1
-    ACTIVATED = 2
-    EXECUTING = 3
-    SUSPENDED = 4
-    COMPLETED = 5
-    FAILED = 6
-    ABORTED = 7
 
 
 class FaultReaction(Enum):
