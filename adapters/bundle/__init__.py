@@ -1,10 +1,8 @@
 """Bundle Protocol version 7 (RFC 9171): an agent with a durable store; knows nothing of rovers."""
 
 from adapters.bundle.agent import BundleAgent as BundleAgent
-from adapters.bundle.agent import Delivery as Delivery
 from adapters.bundle.agent import Health as Health
 from adapters.bundle.agent import NeighbourHealth as NeighbourHealth
-from adapters.bundle.agent import make_agent as make_agent
 from adapters.bundle.codec.bundle import DTN_EPOCH_UTC_MS as DTN_EPOCH_UTC_MS
 from adapters.bundle.codec.bundle import BundleId as BundleId
 from adapters.bundle.codec.eid import Eid as Eid
@@ -20,6 +18,7 @@ from adapters.bundle.links.contact import ContactPlan as ContactPlan
 from adapters.bundle.links.contact import load_contact_plan as load_contact_plan
 from adapters.bundle.node.reporting import DeliveryNotice as DeliveryNotice
 from adapters.bundle.node.reporting import DeliveryStatus as DeliveryStatus
+from adapters.bundle.node.reporting import Traffic as Traffic
 from adapters.bundle.node.security import KeySettings as KeySettings
 from adapters.bundle.node.security import PolicySettings as PolicySettings
 from adapters.bundle.node.security import Security as Security
@@ -37,5 +36,5 @@ from adapters.bundle.node.settings import NodeSettings as NodeSettings
 from adapters.bundle.node.settings import Peer as Peer
 from adapters.bundle.node.settings import engine_of as engine_of
 from adapters.bundle.node.settings import listen_error as listen_error
+from adapters.bundle.node.store import Delivery as Delivery
 from adapters.bundle.node.store import Queued as Queued
-from adapters.bundle.node.traffic import Traffic as Traffic

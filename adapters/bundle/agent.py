@@ -20,7 +20,7 @@ from adapters.bundle.links.tcpcl import TcpclEndpoint
 from adapters.bundle.links.udp import UdpEndpoint
 from adapters.bundle.node.database import BundleDatabase, Synchronous
 from adapters.bundle.node.node import BundleNode
-from adapters.bundle.node.reporting import DeliveryNotice
+from adapters.bundle.node.reporting import DeliveryNotice, Traffic
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import (
     AnyLink,
@@ -33,8 +33,7 @@ from adapters.bundle.node.settings import (
     TcpclLink,
     UdpLink,
 )
-from adapters.bundle.node.store import Queued
-from adapters.bundle.node.traffic import Traffic
+from adapters.bundle.node.store import Delivery, Queued
 from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
@@ -46,27 +45,6 @@ _MISSING: Final = {
     UdpLink: "UDP: listen for it",
     DaemonLink: "a daemon: attach to one",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Delivery:
-    """Application data that has arrived.
-
-    Attributes:
-        endpoint: to whom it was sent.
-        payload: what was sent.
-        expedited: whether it went before others.
-    """
-
-    identity: BundleId
-    endpoint: Eid
-    payload: bytes
-    expedited: bool = False
-
-    @property
-    def source(self) -> Eid:
-        """Who sent it."""
-        return self.identity.source
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +81,7 @@ class Health:
         expired: how many bundles ended here with their lifetime, ever.
         malformed: how many could not be read since the start.
         room_octets: how much the store still takes.
-        full: whether it refuses more.
-        no_room: why it does; empty where it does not.
+        no_room: why it refuses more; empty where it does not.
         refused: how many were not taken since the start: not rightly signed, or beyond a bound.
     """
 
@@ -114,7 +91,6 @@ class Health:
     expired: int
     malformed: int
     room_octets: int
-    full: bool
     no_room: str
     neighbours: tuple[NeighbourHealth, ...]
     refused: int = 0
@@ -130,7 +106,7 @@ class _Session:
         self.gates: dict[str, ContactGate] = {}
         self._context = context
 
-    async def open(self, listen: Listen, daemon: Callable[[LinkContext], Endpoint] | None) -> None:
+    async def open(self, listen: Listen, daemon: IonSettings | None) -> None:
         """Make the endpoints and the links to all neighbours, and open them."""
         self.endpoints[TcpclLink] = TcpclEndpoint(self._context, listen.tcpcl)
         if listen.udp is not None:
@@ -138,7 +114,9 @@ class _Session:
         if listen.ltp is not None:
             self.endpoints[LtpLink] = LtpEndpoint(self._context, listen.ltp)
         if daemon is not None:
-            self.endpoints[DaemonLink] = daemon(self._context)
+            from adapters.bundle.daemons.ion_client import IonClient
+
+            self.endpoints[DaemonLink] = IonClient(daemon, self._context)
         for neighbour in self.node.settings.neighbours:
             self.links[neighbour.name] = self._link(neighbour)
         for endpoint in self.endpoints.values():
@@ -176,9 +154,12 @@ class BundleAgent:
         listen: where others reach it.
         plan: contacts, by ION's node numbers; None for always.
         synchronous: how far a commit goes.
-        daemon: makes the client of the daemon that sends and receives for it, if one does.
-        security: signs and verifies; None for neither.
+        daemon: the node of ION that sends and receives for it; None for links of its own.
+        security: signs and verifies, see `load_security`; None for neither.
         system: its clock, disk and sockets.
+
+    Raises:
+        BundleError: the daemon cannot do what is asked; the text says what.
     """
 
     def __init__(
@@ -188,10 +169,19 @@ class BundleAgent:
         listen: Listen | None = None,
         plan: ContactPlan | None = None,
         synchronous: Synchronous = Synchronous.FULL,
-        daemon: Callable[[LinkContext], Endpoint] | None = None,
+        daemon: IonSettings | None = None,
         security: Security | None = None,
         system: System = OPERATING_SYSTEM,
     ) -> None:
+        if daemon is not None and security is not None and not daemon.whole:
+            raise BundleError(
+                "ION makes its own bundles of what it is given, so it has to sign them"
+                " (bpsecadmin): remove section security, or set ion: {whole: true} at both ends"
+            )
+        if daemon is not None and settings.receivers != (settings.sender,):
+            raise BundleError(
+                f"a daemon has {settings.sender} receive and send, and no other endpoint"
+            )
         self._settings, self._path = settings, path
         self._listen, self._daemon, self._security = listen or Listen(), daemon, security
         self._plan, self._synchronous, self._system = plan, synchronous, system
@@ -273,7 +263,8 @@ class BundleAgent:
 
     def must_confirm(self, destination: Eid) -> bool:
         """Return whether payloads to a destination may get lost unless sent with `confirm`."""
-        return self._settings.must_confirm(destination)
+        neighbour = self._settings.neighbour_of(destination)
+        return neighbour is not None and not self._settings.acknowledges(neighbour)
 
     async def settle(self) -> None:
         """Return when what was delivered until now is on the disk, and does not come again.
@@ -323,24 +314,21 @@ class BundleAgent:
             await asyncio.sleep(0)
         node = self._opened.node
         fetch = partial(node.fetch, only_expedited=only_expedited)
-        while not (arrivals := list(islice(iter(fetch, None), most))):
+        while not (deliveries := list(islice(iter(fetch, None), most))):
             self._arrived.clear()
             await self._arrived.wait()
             if self._session is None:
                 raise AgentClosed
-        self._read += len(arrivals)
+        self._read += len(deliveries)
         try:
-            yield [
-                Delivery(each.identity, each.endpoint, each.payload, each.expedited)
-                for each in arrivals
-            ]
+            yield deliveries
         except BaseException:
-            for arrival in reversed(arrivals):
-                node.give_back(arrival)
+            for delivery in reversed(deliveries):
+                node.give_back(delivery)
             self._arrived.set()
             raise
-        for arrival in arrivals:
-            node.delivered(arrival)
+        for delivery in deliveries:
+            node.delivered(delivery)
         self._wake()
 
     async def close(self) -> None:
@@ -397,7 +385,6 @@ class BundleAgent:
             malformed=node.receiving.malformed
             + sum(endpoint.malformed for endpoint in session.endpoints.values()),
             room_octets=database.room_octets,
-            full=database.full,
             no_room=str(database.no_room()) if database.full else "",
             neighbours=tuple(
                 self._neighbour_health(neighbour.node) for neighbour in self._settings.neighbours
@@ -476,45 +463,3 @@ class BundleAgent:
         if now_s >= self._next_tick_s:
             self._next_tick_s = now_s + _TICK_S
             session.node.tick()
-
-
-def make_agent(
-    settings: NodeSettings,
-    path: Path,
-    daemon: IonSettings | None = None,
-    listen: Listen | None = None,
-    plan: ContactPlan | None = None,
-    synchronous: Synchronous = Synchronous.FULL,
-    security: Security | None = None,
-    system: System = OPERATING_SYSTEM,
-) -> BundleAgent:
-    """Return an agent with links of its own, or attached to a node of ION.
-
-    Args:
-        settings: its EIDs and neighbours.
-        path: the file of its store.
-        daemon: the node of ION that sends and receives for it; None for its own links.
-        listen: where others reach its own links.
-        plan: contacts, by ION's node numbers; None for always.
-        synchronous: how far a commit goes.
-        security: signs and verifies, see `load_security`; None for neither.
-        system: its clock, disk and sockets.
-
-    Raises:
-        BundleError: the daemon cannot do what is asked; the text says what.
-    """
-    if daemon is None:
-        return BundleAgent(
-            settings, path, listen, plan, synchronous, security=security, system=system
-        )
-    if security is not None and not daemon.whole:
-        raise BundleError(
-            "ION makes its own bundles of what it is given, so it has to sign them (bpsecadmin):"
-            " remove section security, or set ion: {whole: true} at both ends"
-        )
-    if settings.receivers != (settings.sender,):
-        raise BundleError(f"a daemon has {settings.sender} receive and send, and no other endpoint")
-    from adapters.bundle.daemons.ion_client import IonClient
-
-    attach = partial(IonClient, daemon)
-    return BundleAgent(settings, path, listen, plan, synchronous, attach, security, system)

@@ -7,7 +7,7 @@ import resource
 import socket
 import ssl
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from heapq import nsmallest
@@ -152,13 +152,7 @@ class Connections(ConnectionGuard):
     When there are too many, one of whoever has most of them gives way: one that said nothing or
     little before others, then the one that has said nothing for longest.
 
-    Args:
-        limits: What they may take up.
-        on_message: Called with each message.
-        on_refused: Called with the header of a message that there is no room for, and why.
-        on_lost: Called with a connection that is gone.
-        warn: Logs, as `logging.Logger.warning` does.
-        system: Where it listens.
+    `on_refused` is called with the header of a message that there is no room for, and why.
 
     Attributes:
         keeps: Whether a connection is not to give way to others; for the owner to set.
@@ -257,14 +251,6 @@ class Connections(ConnectionGuard):
         """Log what a peer caused, limited in rate."""
         self._log.warn(text, *arguments)
 
-    def __iter__(self) -> Iterator[Connection]:
-        """Those that can be used."""
-        return iter(list(self._open))
-
-    def __len__(self) -> int:
-        """How many can be used."""
-        return len(self._open)
-
     async def _accept(self, listener: Socket) -> None:
         loop = asyncio.get_running_loop()
         while True:
@@ -335,15 +321,12 @@ class Connections(ConnectionGuard):
         while True:
             await asyncio.sleep(min(_SWEEP_S, limits.silence_s, limits.stall_s))
             self._log.tell()
-            silent_s, stalled_s = (
-                loop.time() - patience_s
-                for patience_s in (self._limits.silence_s, self._limits.stall_s)
-            )
+            now_s = loop.time()
             for connection, opened_s in list(self._open.items()):
-                if not connection.heard and opened_s < silent_s:
-                    connection.give_up(f"no message came in {self._limits.silence_s:g} s")
-                elif connection.waits_for_more and connection.arrived_s < stalled_s:
-                    connection.give_up(f"a message rests for {self._limits.stall_s:g} s")
+                if not connection.heard and now_s - opened_s > limits.silence_s:
+                    connection.give_up(f"no message came in {limits.silence_s:g} s")
+                elif connection.waits_for_more and now_s - connection.arrived_s > limits.stall_s:
+                    connection.give_up(f"a message rests for {limits.stall_s:g} s")
             self._bound_unread()
             if self._given_back > _WORTH_TRIMMING:
                 self._given_back = 0

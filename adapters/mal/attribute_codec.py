@@ -6,7 +6,7 @@ from enum import Enum
 from typing import Final, TypeVar
 
 from adapters.mal.errors import DecodeError, EncodeError
-from adapters.mal.values import AttributeType, ObjectRef
+from adapters.mal.values import AttributeType, ObjectRef, TypedAttribute
 
 
 class Encoding(Enum):
@@ -25,6 +25,7 @@ _SHARED: Final = {
 }
 METHODS: Final = {kind: _SHARED.get(kind, kind.name.lower()) for kind in AttributeType}
 """Attribute type to the method of `Reader` and `Writer` that carries it."""
+_BY_SHORT_FORM: Final = {kind.value: (kind, method) for kind, method in METHODS.items()}
 
 EPOCH_DAYS: Final = 4383
 """Days from 1958-01-01, the CCSDS epoch of CDS time codes, to 1970-01-01."""
@@ -48,54 +49,53 @@ def _read_number(code: str, _kind: type[_Number]) -> "Callable[[Reader], _Number
 
     def read(reader: "Reader") -> _Number:
         value: _Number
-        at = reader._at
+        at = reader.at
         try:
             (value,) = unpack_from(reader._octets, at)
         except struct.error:
             reader.take(size)
             raise
-        reader._at = at + size
+        reader.at = at + size
         return value
 
     return read
 
 
 class Reader:
-    """Fixed binary. Every method consumes what it returns, or raises DecodeError."""
+    """Fixed binary. Every method consumes what it returns, or raises DecodeError.
 
-    __slots__ = ("_at", "_depth", "_elements", "_most_elements", "_octets")
+    Attributes:
+        at: The index of the next octet.
+    """
+
+    __slots__ = ("_depth", "_elements", "_most_elements", "_octets", "at")
 
     def __init__(
         self, octets: bytes | memoryview, at: int = 0, elements: int = MAX_ELEMENTS
     ) -> None:
         self._octets = octets
-        self._at = at
+        self.at = at
         self._depth = 0
         self._elements = 0
         self._most_elements = elements
 
-    @property
-    def at(self) -> int:
-        """The index of the next octet."""
-        return self._at
-
     def fail(self, what: str) -> DecodeError:
         """Make the error that says where it happened."""
-        return DecodeError(f"octet {self._at}: {what}")
+        return DecodeError(f"octet {self.at}: {what}")
 
     def take(self, count: int) -> bytes | memoryview:
         """The next `count` octets, not copied from a view."""
-        end = self._at + count
-        taken = self._octets[self._at : end]
+        end = self.at + count
+        taken = self._octets[self.at : end]
         if len(taken) != count:
             raise self.fail(f"{count} octets wanted, {len(taken)} there")
-        self._at = end
+        self.at = end
         return taken
 
     def finish(self) -> None:
         """Raise DecodeError unless everything was consumed."""
-        if self._at != len(self._octets):
-            raise self.fail(f"{len(self._octets) - self._at} octets left over")
+        if self.at != len(self._octets):
+            raise self.fail(f"{len(self._octets) - self.at} octets left over")
 
     def enter(self) -> None:
         """Go one composite deeper."""
@@ -165,6 +165,14 @@ class Reader:
         """An ObjectRef."""
         domain = tuple([self.string() for _ in range(self.elements())])
         return ObjectRef(domain, self.long(), self.string(), self.long())
+
+    def attribute(self) -> TypedAttribute:
+        """An attribute that says its type: the short form in one octet, then the value."""
+        number = self.uoctet()
+        if number not in _BY_SHORT_FORM:
+            raise self.fail(f"no attribute type has short form {number}")
+        kind, method = _BY_SHORT_FORM[number]
+        return TypedAttribute(kind, getattr(self, method)())
 
 
 def _read_unsigned(bits: int) -> "Callable[[Reader], int]":
@@ -341,6 +349,13 @@ class Writer:
         self.long(value.type)
         self.string(value.key)
         self.long(value.version)
+
+    def attribute(self, value: TypedAttribute) -> None:
+        """An attribute that says its type."""
+        if not isinstance(value, TypedAttribute):
+            raise EncodeError(f"a Typed wanted, not {value!r}")
+        self.uoctet(value.type.value)
+        getattr(self, METHODS[value.type])(value.value)
 
 
 def _write_unsigned(bits: int) -> "Callable[[Writer, int], None]":

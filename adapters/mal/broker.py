@@ -9,7 +9,7 @@ from adapters.mal.admission import Quota
 from adapters.mal.codec import Codec, Header, encode_message, encode_timestamp, restamped
 from adapters.mal.connection import Connection
 from adapters.mal.errors import MalError, StandardError, too_many
-from adapters.mal.specification import ATTRIBUTES, InteractionStage, Operation
+from adapters.mal.specification import ATTRIBUTES, InteractionStage, Names, Operation
 from adapters.mal.values import (
     AttributeType,
     NullableAttribute,
@@ -90,10 +90,6 @@ with each update, so that without a bound one consumer could keep the loop."""
 _EACH: Final = 16
 
 
-_Names = tuple[str, str]
-"""Of a service and an operation."""
-
-
 @dataclass(slots=True, eq=False)
 class _Subscriber:
     """A consumer with its subscriptions, by the names of service and operation, and their own id.
@@ -106,12 +102,12 @@ class _Subscriber:
     uri: str | None
     broker_uri: str | None
     transaction_id: int
-    subscriptions: dict[_Names, dict[str, Subscription]] = field(default_factory=dict)
-    _heads: dict[_Names, bytes] = field(default_factory=dict)
+    subscriptions: dict[Names, dict[str, Subscription]] = field(default_factory=dict)
+    _heads: dict[Names, bytes] = field(default_factory=dict)
 
     def head(self, operation: Operation) -> bytes:
         """The header of its notifications, as a message without a body."""
-        names = (operation.service_name, operation.name)
+        names = operation.names
         if names not in self._heads:
             header = Header.of(
                 operation,
@@ -163,7 +159,7 @@ class _Update:
         parts: tuple[Any, ...],
         timestamp_ns: int,
     ) -> None:
-        self.names = (operation.service_name, operation.name)
+        self.names = operation.names
         self._codec = codec
         self._operation = operation
         self._header = header
@@ -210,12 +206,6 @@ class Broker:
 
     An update is made into messages for a connection when its peer takes them, in its turn: who
     registered much, or never reads, does not make others wait.
-
-    Args:
-        codec: Encodes updates.
-        subscriptions: How many there may be.
-        publishers: How many registrations of publishers there may be.
-        system: The time of updates.
     """
 
     def __init__(
@@ -227,7 +217,7 @@ class Broker:
         self._publications = publishers
         self._subscribers: dict[Connection, dict[str | None, _Subscriber]] = {}
         self._publishers: dict[_Registration, dict[str, AttributeType]] = {}
-        self._on_subscribed: dict[_Names, Callable[[], None]] = {}
+        self._on_subscribed: dict[Names, Callable[[], None]] = {}
 
     def watch(self, operation: Operation, on_subscribed: Callable[[], None]) -> None:
         """Call back when somebody has subscribed to an operation."""
@@ -235,7 +225,7 @@ class Broker:
 
     def has_subscribers(self, operation: Operation) -> bool:
         """Whether anybody is subscribed to an operation."""
-        names = (operation.service_name, operation.name)
+        names = operation.names
         return any(
             names in subscriber.subscriptions
             for behind in self._subscribers.values()
@@ -256,7 +246,7 @@ class Broker:
         """
         if _size(subscription) > SUBSCRIPTION_SIZE:
             raise too_many(f"at most {SUBSCRIPTION_SIZE} characters in a subscription")
-        names = (operation.service_name, operation.name)
+        names = operation.names
         subscriber = self._subscribers.get(connection, {}).get(header.from_uri) or _Subscriber(
             connection, header.from_uri, header.to_uri, header.transaction_id
         )
@@ -276,7 +266,7 @@ class Broker:
         subscriber = subscribers.get(header.from_uri)
         if subscriber is None:
             return
-        names = (operation.service_name, operation.name)
+        names = operation.names
         own = subscriber.subscriptions.get(names, {})
         for subscription_id in ids:
             if own.pop(subscription_id, None) is not None:
@@ -311,7 +301,7 @@ class Broker:
         """
         if not self._subscribers:
             return
-        names, event = (operation.service_name, operation.name), None
+        names, event = operation.names, None
         for connection, subscribers in list(self._subscribers.items()):
             for subscriber in subscribers.values():
                 if own := subscriber.subscriptions.get(names):
@@ -331,13 +321,6 @@ class Broker:
         types: tuple[Any, ...],
     ) -> None:
         """Let a publisher in another process publish an operation with these keys, in this order.
-
-        Args:
-            connection: Where the publisher is.
-            header: The header of its message.
-            operation: What it will publish.
-            names: The names of the keys.
-            types: The MAL's AttributeType of each.
 
         Raises:
             MalError: UNKNOWN, these are not the keys of the operation; TOO_MANY publishers.
@@ -448,4 +431,4 @@ def _keys(kinds: dict[str, AttributeType], values: tuple[NullableAttribute, ...]
 
 
 def _unknown(why: str) -> MalError:
-    return MalError(StandardError.UNKNOWN, TypedAttribute(AttributeType.STRING, why))
+    return MalError(StandardError.UNKNOWN, why)

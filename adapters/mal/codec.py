@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 from adapters.mal.attribute_codec import (
@@ -71,21 +72,33 @@ def write_named(name: str, write: Write, writer: Writer, value: Any) -> None:
 
 
 class TypeCodec:
-    """The codes of every type of a specification, for one pair of reader and writer."""
+    """The codes of every type of a specification in one encoding.
 
-    def __init__(
-        self, specification: Specification, reader: type[Reader], writer: type[Writer]
-    ) -> None:
-        self._specification = specification
-        self._primitive = {
+    Those of composites, which refer to each other, are made at once: threads share them.
+    """
+
+    def __init__(self, specification: Specification, encoding: Encoding) -> None:
+        reader, writer = READERS[encoding], WRITERS[encoding]
+        self._types = specification.types
+        self._attribute = Codes(reader.attribute, writer.attribute)
+        self._codes = {
             ref: Codes(getattr(reader, METHODS[kind]), getattr(writer, METHODS[kind]))
             for ref, kind in ATTRIBUTES.items()
         }
-        self._concrete: dict[TypeRef, Codes] = dict(self._primitive)
         self._announced = {known.type_id: known for known in _announced(specification)}
         self._by_kind = {
             (known.kind, known.ref.is_list): known for known in self._announced.values()
         }
+        self._parts: dict[int, tuple[tuple[Field, ...], tuple[Codes, ...]]] = {}
+        for ref in self._types:
+            self._of(ref)
+
+    def parts(self, parts: tuple[Field, ...]) -> tuple[Codes, ...]:
+        """The codes of parts, known by identity: hashing them takes as long as reading values."""
+        known = self._parts.get(id(parts))
+        if known is None:
+            known = self._parts[id(parts)] = parts, tuple(map(self.part, parts))
+        return known[1]
 
     def part(self, part: Field) -> Codes:
         """The codes of a message part."""
@@ -94,29 +107,31 @@ class TypeCodec:
         return _nullable(_mixed_part(codes) if mixed else codes, part.nullable)
 
     def _field(self, field: Field) -> Codes:
-        codes = self._attribute() if field.type == ATTRIBUTE else self._of(field.type)
+        codes = self._attribute if field.type == ATTRIBUTE else self._of(field.type)
         return _nullable(codes, field.nullable)
 
     def _is_abstract(self, ref: TypeRef) -> bool:
-        bound = self._specification.types.get(replace(ref, is_list=False))
-        return (
-            bound.type_id is None if bound else replace(ref, is_list=False) not in self._primitive
-        )
+        plain = replace(ref, is_list=False)
+        bound = self._types.get(plain)
+        return bound.type_id is None if bound else plain not in ATTRIBUTES
 
     def _of(self, ref: TypeRef) -> Codes:
+        if ref not in self._codes:
+            self._codes[ref] = self._made(ref)
+        return self._codes[ref]
+
+    def _made(self, ref: TypeRef) -> Codes:
         if ref.is_list:
             element = self._of(replace(ref, is_list=False))
             return _list(_nullable(element, self._is_abstract(ref)))
         if self._is_abstract(ref):
             return self._by_type_id(ref)
-        if ref not in self._concrete:
-            bound = self._specification.types[ref]
-            match bound.definition:
-                case EnumerationType():
-                    self._concrete[ref] = self._enumeration(bound)
-                case CompositeType():
-                    self._concrete[ref] = self._composite(ref, bound)
-        return self._concrete[ref]
+        bound = self._types[ref]
+        match bound.definition:
+            case EnumerationType():
+                return self._enumeration(bound)
+            case CompositeType():
+                return self._composite(ref, bound)
 
     def _enumeration(self, bound: BoundType) -> Codes:
         members: dict[int, Any] = {member.value: member for member in bound.cls}
@@ -127,7 +142,7 @@ class TypeCodec:
             if len(members) < 1 << 16
             else "UInteger"
         )
-        read_number, write_number = self._primitive[TypeRef("MAL", width)]
+        read_number, write_number = self._codes[TypeRef("MAL", width)]
 
         def read(reader: Reader) -> Any:
             number = read_number(reader)
@@ -157,30 +172,10 @@ class TypeCodec:
             for name, _, write_field in plan:
                 write_named(name, write_field, writer, getattr(value, name))
 
-        self._concrete[ref] = codes = Codes(read, write)
+        self._codes[ref] = codes = Codes(read, write)
         for field in bound.fields:
             plan.append((python_name(field.name), *self._field(field)))
         return codes
-
-    def _attribute(self) -> Codes:
-        """An attribute inside a composite: its short form in one octet, then its value."""
-        kinds = {kind.value: (kind, self._primitive[ref]) for ref, kind in ATTRIBUTES.items()}
-        codes_of = dict(kinds.values())
-
-        def read(reader: Reader) -> TypedAttribute:
-            number = reader.uoctet()
-            if number not in kinds:
-                raise reader.fail(f"no attribute type has short form {number}")
-            kind, codes = kinds[number]
-            return TypedAttribute(kind, codes.read(reader))
-
-        def write(writer: Writer, value: Any) -> None:
-            if not isinstance(value, TypedAttribute):
-                raise EncodeError(f"a Typed wanted, not {value!r}")
-            writer.uoctet(value.type.value)
-            codes_of[value.type].write(writer, value.value)
-
-        return Codes(read, write)
 
     def _by_type_id(self, base: TypeRef) -> Codes:
         """An element that its type id announces, of a type that may stand in for `base`."""
@@ -287,6 +282,9 @@ def _mixed_part(codes: Codes) -> Codes:
     return Codes(read, write)
 
 
+_type_codec = lru_cache(maxsize=8)(TypeCodec)
+"""Made once for all connections: a process has one specification or two."""
+
 ERROR_PARTS: Final = (
     Field("number", TypeRef("MAL", "UInteger")),
     Field("extraInformation", TypeRef("MAL", "Element"), nullable=True),
@@ -295,13 +293,7 @@ ERROR_PARTS: Final = (
 
 
 class Codec:
-    """Encodes and decodes bodies of one specification in one encoding.
-
-    Args:
-        specification: What the types of the parts are.
-        encoding: The body encoding.
-        elements: List elements in one body, at most.
-    """
+    """Encodes and decodes bodies of one specification, with so many list elements at most."""
 
     def __init__(
         self,
@@ -312,8 +304,7 @@ class Codec:
         self._elements = elements
         self._reader = READERS[encoding]
         self._writer = WRITERS[encoding]
-        self._types = TypeCodec(specification, self._reader, self._writer)
-        self._codes: dict[int, tuple[tuple[Field, ...], tuple[Codes, ...]]] = {}
+        self._types = _type_codec(specification, encoding)
 
     def decode(self, parts: tuple[Field, ...], body: bytes) -> tuple[Any, ...]:
         """Read the parts of a message.
@@ -327,7 +318,7 @@ class Codec:
             return ()
         reader = self._reader(body, elements=self._elements)
         values = []
-        for codes, part in zip(self._codes_of(parts), parts, strict=True):
+        for codes, part in zip(self._types.parts(parts), parts, strict=True):
             try:
                 values.append(codes.read(reader))
             except DecodeError as fault:
@@ -346,7 +337,7 @@ class Codec:
         if not parts:
             return b""
         writer = self._writer()
-        for codes, part, value in zip(self._codes_of(parts), parts, values, strict=True):
+        for codes, part, value in zip(self._types.parts(parts), parts, values, strict=True):
             write_named(part.name, codes.write, writer, value)
         return writer.finish()
 
@@ -365,13 +356,6 @@ class Codec:
             EncodeError: The number or the extra information does not fit.
         """
         return self.encode(ERROR_PARTS, (error.number, error.extra))
-
-    def _codes_of(self, parts: tuple[Field, ...]) -> tuple[Codes, ...]:
-        """The codes of parts, known by identity: hashing them takes as long as reading values."""
-        known = self._codes.get(id(parts))
-        if known is None:
-            known = self._codes[id(parts)] = parts, tuple(map(self._types.part, parts))
-        return known[1]
 
 
 VERSION: Final = 1
@@ -487,8 +471,7 @@ def encode_message(header: Header, body: bytes) -> bytes:
             writer.string(supplement.name)
             writer.boolean(supplement.value is not None)
             if supplement.value is not None:
-                writer.uoctet(supplement.value.type.value)
-                getattr(writer, METHODS[supplement.value.type])(supplement.value.value)
+                writer.attribute(supplement.value)
         if header.from_uri is not None:
             writer.string(header.from_uri)
         if header.to_uri is not None:
@@ -591,10 +574,4 @@ def _read_header(reader: Reader) -> tuple[Header, int]:
 
 def _supplement(reader: Reader) -> NamedValue:
     name = reader.string()
-    if not reader.boolean():
-        return NamedValue(name=name)
-    number = reader.uoctet()
-    if not 1 <= number <= len(AttributeType):
-        raise reader.fail(f"no attribute type has short form {number}")
-    kind = AttributeType(number)
-    return NamedValue(name=name, value=TypedAttribute(kind, getattr(reader, METHODS[kind])()))
+    return NamedValue(name=name, value=reader.attribute() if reader.boolean() else None)

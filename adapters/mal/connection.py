@@ -6,6 +6,7 @@ import socket
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, cast
 from urllib.parse import urlsplit
 
@@ -245,10 +246,6 @@ class Connection(asyncio.BufferedProtocol):
     that does not read its replies. Reading never waits for writing, so that a command gets in
     however slow the way back is.
 
-    Args:
-        on_message: Called with each message.
-        guard: Whom to ask for room and time.
-
     Attributes:
         lost: Done when the connection is gone, whichever end closed it.
         peer: The other end, for logs.
@@ -263,7 +260,7 @@ class Connection(asyncio.BufferedProtocol):
     def __init__(self, on_message: OnMessage, guard: ConnectionGuard | None = None) -> None:
         self._on_message = on_message
         self._guard = guard = ConnectionGuard() if guard is None else guard
-        self._framer = Framer(guard.message_cap, self._reserve, guard.room)
+        self._framer = Framer(guard.message_cap, partial(guard.reserve, self), guard.room)
         self._transport: asyncio.Transport | None = None
         self._notifications = NotificationQueue(self._gather, self.give_up)
         self._gathered: list[bytes] = []
@@ -388,7 +385,7 @@ class Connection(asyncio.BufferedProtocol):
 
     def give_up(self, reason: str) -> None:
         """End the connection at once, which the log will say; what was not taken yet is lost."""
-        if self._transport is not None and not self._transport.is_closing():
+        if self.is_open:
             self._guard.warn("connection with %s given up: %s", self.peer, reason)
         if self._transport is not None:
             self._transport.abort()
@@ -460,9 +457,6 @@ class Connection(asyncio.BufferedProtocol):
             return False
         self._guard.refused(self, header, error)
         return self.is_open
-
-    def _reserve(self, octets: int) -> None:
-        self._guard.reserve(self, octets)
 
     def pause_writing(self) -> None:
         """Called by asyncio when the peer does not take what is written."""

@@ -30,7 +30,6 @@ from adapters.mal.transactions import (
     transaction_ids,
 )
 from adapters.mal.values import (
-    AttributeType,
     NamedValue,
     NullableAttribute,
     Subscription,
@@ -67,7 +66,7 @@ class Publication:
     def __init__(self, consumer: "Consumer", operation: Operation) -> None:
         """Not to be called; see `Consumer.publication`."""
         self._consumer = consumer
-        self._names = (operation.service_name, operation.name)
+        self._names = operation.names
         self._kinds = {key.name: ATTRIBUTES[key.type] for key in operation.keys}
         self._number = next(consumer._numbers)
         self._refusals = _Refusals(
@@ -102,10 +101,9 @@ class Publication:
                 for kind, value in zip(self._kinds.values(), keys, strict=True)
             ),
         )
-        _, _, message = self._consumer._message(
+        self._consumer._send(
             *self._names, InteractionStage.PUBLISH, (update, *parts), number=self._number
         )
-        self._consumer._connection.send(message)
         await self._consumer._connection.drain()
 
     async def register(self) -> None:
@@ -196,8 +194,7 @@ class Consumer:
             number = StandardError.DESTINATION_TRANSIENT
             if isinstance(fault, SSLError):
                 number = StandardError.AUTHENTICATION_FAILED
-            text = f"{target}: {str(fault) or 'no answer'}"
-            raise MalError(number, TypedAttribute(AttributeType.STRING, text)) from fault
+            raise MalError(number, f"{target}: {str(fault) or 'no answer'}") from fault
         consumer._own_uri = str(MalUri(*consumer.local_address, name))
         return consumer
 
@@ -211,8 +208,7 @@ class Consumer:
             KeyError: There is no such operation.
             MalError: DESTINATION_LOST.
         """
-        _, _, message = self._message(service, operation, InteractionStage.SEND, parts, supplements)
-        self._connection.send(message)
+        self._send(service, operation, InteractionStage.SEND, parts, supplements)
         await self._connection.drain()
 
     async def submit(
@@ -243,12 +239,7 @@ class Consumer:
     ) -> Invocation:
         """Do an INVOKE, and return when it is acknowledged; raises as `submit` does.
 
-        Args:
-            service: Name of the service.
-            operation: Name of the operation.
-            parts: The parts of the message.
-            supplements: Named attributes for the header.
-            timeout_s: How long to wait for the response; None for as long as for any reply.
+        The response is waited for for `timeout_s`; None for as long as any reply.
         """
         transaction = self._begin(service, operation, InteractionStage.INVOKE, parts, supplements)
         invocation = Invocation(transaction, self._timeout_s if timeout_s is None else timeout_s)
@@ -266,16 +257,9 @@ class Consumer:
     ) -> AsyncIterator[ProgressStream]:
         """Do a PROGRESS, which is entered when it is acknowledged; raises as `submit` does.
 
+        Each update and the response are waited for for `timeout_s`; None for as long as any reply.
         What still comes after it is left goes nowhere. The MAL has no message that stops the
         provider; closing the connection does.
-
-        Args:
-            service: Name of the service.
-            operation: Name of the operation.
-            parts: The parts of the message.
-            supplements: Named attributes for the header.
-            timeout_s: How long to wait for each update and the response; None for as long as for
-                any reply.
         """
         transaction = self._begin(service, operation, InteractionStage.PROGRESS, parts, supplements)
         progress = ProgressStream(transaction, self._timeout_s if timeout_s is None else timeout_s)
@@ -335,7 +319,7 @@ class Consumer:
         finally:
             await self._connection.close()
 
-    def _message(
+    def _send(
         self,
         service: str,
         name: str,
@@ -343,8 +327,8 @@ class Consumer:
         parts: Parts,
         supplements: Supplements = (),
         number: int | None = None,
-    ) -> tuple[Operation, int, bytes]:
-        """The operation, the transaction id, and the message that begins the transaction."""
+    ) -> tuple[Operation, int]:
+        """Send what begins a transaction; return the operation and the transaction id."""
         operation = self._specification.operation(service, name)
         if stage not in operation.parts:
             raise ValueError(f"{service}.{name} is a {operation.pattern.name}, not a {stage.name}")
@@ -362,7 +346,8 @@ class Consumer:
             timestamp_ns=utc_ns(self._system),
             supplements=supplements,
         )
-        return operation, number, encode_message(header, body)
+        self._connection.send(encode_message(header, body))
+        return operation, number
 
     def _begin(
         self,
@@ -373,11 +358,10 @@ class Consumer:
         supplements: Supplements = (),
         number: int | None = None,
     ) -> Transaction:
-        operation, number, message = self._message(service, name, stage, parts, supplements, number)
+        operation, number = self._send(service, name, stage, parts, supplements, number)
         forget = partial(self._pending.pop, number, None)
         transaction = Transaction(operation, REPLY[stage], self._connection, forget)
         self._pending[number] = transaction
-        self._connection.send(message)
         return transaction
 
     async def _single(
@@ -416,5 +400,4 @@ class Consumer:
                 parts = self._codec.decode(transaction.operation.parts[header.stage], body)
                 transaction.take(header.stage, parts, len(body))
         except DecodeError as fault:
-            text = TypedAttribute(AttributeType.STRING, f"reply: {fault}")
-            transaction.fail(MalError(StandardError.BAD_ENCODING, text))
+            transaction.fail(MalError(StandardError.BAD_ENCODING, f"reply: {fault}"))

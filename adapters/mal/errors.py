@@ -31,33 +31,32 @@ class StandardError(Enum):
     TRANSACTION_TIMEOUT = 65555
 
 
-_STANDARD_NAMES = {error.value: error.name for error in StandardError}
-
-
 class MalError(Exception):
     """An interaction ends with an error; a handler raises it, and so does the consumer's call.
 
     Attributes:
         number: A `StandardError` value, or a number of the service's own area.
-        extra: The extra information: None or any Element (attributes as `TypedAttribute`, lists as
-            `TypedList`).
+        extra: The extra information: None, or any Element (attributes as `TypedAttribute`, lists as
+            `TypedList`); a text that was given is a `TypedAttribute` String.
     """
 
     def __init__(self, number: int | StandardError, extra: Any = None) -> None:
         self.number = number.value if isinstance(number, StandardError) else number
-        self.extra = extra
-        super().__init__(self.number, extra)
+        self.extra = (
+            TypedAttribute(AttributeType.STRING, extra) if isinstance(extra, str) else extra
+        )
+        super().__init__(self.number, self.extra)
 
     def __str__(self) -> str:
         """Name the number where it is a standard one, then the extra information."""
-        name = _STANDARD_NAMES.get(self.number)
-        head = f"MAL error {self.number}" + (f" {name}" if name else "")
+        names = [f" {error.name}" for error in StandardError if error.value == self.number]
+        head = f"MAL error {self.number}{''.join(names)}"
         return head if self.extra is None else f"{head}: {getattr(self.extra, 'value', self.extra)}"
 
 
 def too_many(text: str) -> MalError:
     """Make the error that names the bound that was reached."""
-    return MalError(StandardError.TOO_MANY, TypedAttribute(AttributeType.STRING, text))
+    return MalError(StandardError.TOO_MANY, text)
 
 
 class DecodeError(ValueError):

@@ -15,9 +15,16 @@ from adapters.mal.broker import Admit, Broker, Publisher, PublishPolicy
 from adapters.mal.codec import Codec, Header, encode_message
 from adapters.mal.connection import Connection, MalUri
 from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
-from adapters.mal.specification import REPLY, InteractionStage, Operation, Pattern, Specification
+from adapters.mal.specification import (
+    REPLY,
+    InteractionStage,
+    Names,
+    Operation,
+    Pattern,
+    Specification,
+)
 from adapters.mal.tls import address_to_listen, is_loopback
-from adapters.mal.values import AttributeType, NamedValue, TypedAttribute
+from adapters.mal.values import NamedValue
 from adapters.system import OPERATING_SYSTEM, System, utc_ns
 
 _LOG: Final = logging.getLogger(__name__)
@@ -250,9 +257,9 @@ class Provider:
             system,
         )
         self._system = system
-        self._handlers: dict[tuple[str, str], Handler] = {}
-        self._published: set[tuple[str, str]] = set()
-        self._opened: dict[tuple[str, str], PublishPolicy] = {}
+        self._handlers: dict[Names, Handler] = {}
+        self._published: set[Names] = set()
+        self._opened: dict[Names, PublishPolicy] = {}
         self._running: set[asyncio.Future[Any]] = set()
         self._uri = MalUri("", 0, name)
         self._names = (self._uri.name, self._uri.broker.name)
@@ -276,11 +283,6 @@ class Provider:
     ) -> Publisher:
         """Open a PUBSUB operation for subscribers, and give what publishes its updates.
 
-        Args:
-            service: Name of the service.
-            operation: Name of the operation.
-            on_subscribed: Called when somebody has subscribed.
-
         Raises:
             KeyError: There is no such operation.
             ValueError: It is of another pattern.
@@ -295,13 +297,7 @@ class Provider:
     ) -> None:
         """Let publishers in other processes publish a PUBSUB operation through this broker.
 
-        Args:
-            service: Name of the service.
-            operation: Name of the operation.
-            droppable: Whether its updates may be dropped, the oldest first, for a subscriber that
-                is too slow; see `Publisher.publish`.
-            admit: Called as `admit(connection, update_header, keys, *parts)` with each update
-                before it is sent on; raises MalError to refuse it.
+        Its updates may be `droppable`, see `Publisher.publish`; `admit` may refuse each of them.
 
         Raises:
             KeyError: There is no such operation.
@@ -394,8 +390,7 @@ class Provider:
             self._warn_of(back, error)
             back.refuse(error)
         except DecodeError as fault:
-            text = TypedAttribute(AttributeType.STRING, str(fault))
-            unread = MalError(StandardError.BAD_ENCODING, text)
+            unread = MalError(StandardError.BAD_ENCODING, str(fault))
             self._warn_of(back, unread)
             back.refuse(unread)
         except Exception:
@@ -421,9 +416,7 @@ class Provider:
     def _addressed(self, header: Header) -> Operation:
         if header.to_uri is None or header.to_uri.rpartition("/")[2] not in self._names:
             text = f"{header.to_uri} is not here"
-            raise MalError(
-                StandardError.DESTINATION_UNKNOWN, TypedAttribute(AttributeType.STRING, text)
-            )
+            raise MalError(StandardError.DESTINATION_UNKNOWN, text)
         operation = self._specification.resolve(
             header.area, header.area_version, header.service, header.operation
         )
@@ -434,7 +427,7 @@ class Provider:
     def _act(
         self, back: ReplyPath, operation: Operation, body: bytes
     ) -> Awaitable[Parts | None] | Parts | None:
-        name, header = (operation.service_name, operation.name), back.header
+        name, header = operation.names, back.header
         parts, client = operation.parts[header.stage], (back.connection, header, operation)
         match header.stage:
             case _ if name in self._handlers:

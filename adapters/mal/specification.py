@@ -114,6 +114,10 @@ class ErrorDefinition:
     comment: str = ""
 
 
+Names = tuple[str, str]
+"""Of a service and an operation."""
+
+
 @dataclass(frozen=True, slots=True)
 class Operation:
     """An operation and everything a message header says to address it.
@@ -135,6 +139,11 @@ class Operation:
     keys: tuple[Field, ...] = ()
     errors: tuple[str, ...] = ()
     comment: str = ""
+
+    @property
+    def names(self) -> Names:
+        """Of its service and its own."""
+        return self.service_name, self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,24 +200,16 @@ class Specification:
     """
 
     def __init__(self, areas: tuple[Area, ...], types: Mapping[TypeRef, BoundType]) -> None:
-        """Index what is looked up.
-
-        Args:
-            areas: The areas.
-            types: Every composite and enumeration of the areas.
-
-        Raises:
-            SpecificationError: Two operations have the same name or number.
-        """
+        """Index what is looked up; raises SpecificationError if two operations are the same."""
         self.areas = areas
         self.types = MappingProxyType(dict(types))
         self.classes = MappingProxyType({ref.name: bound.cls for ref, bound in types.items()})
-        self._by_name: dict[tuple[str, str], Operation] = {}
+        self._by_name: dict[Names, Operation] = {}
         self._by_number: dict[tuple[int, int, int, int], Operation] = {}
         for operation in (
             o for area in areas for service in area.services for o in service.operations
         ):
-            name = (operation.service_name, operation.name)
+            name = operation.names
             address = (operation.area, operation.area_version, operation.service, operation.number)
             if name in self._by_name or address in self._by_number:
                 raise SpecificationError(f"operation {name[0]}.{name[1]} {address} is there twice")
@@ -280,14 +281,9 @@ REPLY: Final = {
 def stage_parts(
     pattern: Pattern, messages: Mapping[str, tuple[Field, ...]]
 ) -> Mapping[InteractionStage, tuple[Field, ...]]:
-    """The parts of every message of a pattern.
+    """Return the parts of every message of a pattern, in the order in which they are sent.
 
-    Args:
-        pattern: The interaction pattern.
-        messages: The parts of the messages that the specification defines, by their names there.
-
-    Returns:
-        Stage to parts, in the order in which they are sent.
+    `messages` holds those that the specification defines, by their names there.
     """
     parts = {stage: messages.get(name, ()) for name, stage in _MESSAGES[pattern].items()}
     match pattern:
@@ -368,9 +364,7 @@ def python_name(name: str) -> str:
 def bind(areas: tuple[Area, ...], classes: Mapping[str, Any]) -> Specification:
     """Resolve every type of the areas, which must include the MAL's.
 
-    Args:
-        areas: The areas.
-        classes: Dataclasses and enums to use, by type name; a type without one gets one made.
+    Values of a type are of the dataclass or enum of its name; a type without one gets one made.
 
     Raises:
         SpecificationError: A type is unknown or there twice, or a class does not fit its type.

@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element
 
 from adapters.mal.errors import SpecificationError
 from adapters.mal.specification import (
+    COMPOSITE,
     Area,
     CompositeType,
     EnumerationItem,
@@ -24,7 +25,6 @@ from adapters.mal.specification import (
 )
 
 MAL_XML: Final = Path(__file__).with_name("mal.xml")
-_COMPOSITE: Final = TypeRef("MAL", "Composite")
 
 
 def load_specification(path: Path | str, classes: ModuleType | None = None) -> Specification:
@@ -118,7 +118,7 @@ def _type(node: Element, service: int) -> CompositeType | EnumerationType | None
             return CompositeType(
                 _text(node, "name"),
                 _number(node, "shortFormPart") if "shortFormPart" in node.attrib else None,
-                _COMPOSITE if parent is None else _type_ref(parent),
+                COMPOSITE if parent is None else _type_ref(parent),
                 tuple(_field(part, index) for index, part in enumerate(node.iterfind("field"))),
                 service,
                 _comment(node),

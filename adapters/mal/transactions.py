@@ -261,7 +261,7 @@ class Subscriptions:
         except (DecodeError, MalError) as fault:
             _LOG.warning("notification from %s dropped: %s", header.from_uri, fault)
             return
-        key = (operation.service_name, operation.name, subscription_id)
+        key = (*operation.names, subscription_id)
         on_update = self._on_update.get(key)
         if on_update is None:
             return

@@ -2,6 +2,7 @@
 
 from hypothesis import strategies as st
 
+from adapters.bundle.codec import cbor
 from adapters.bundle.codec.bundle import (
     Block,
     BlockType,
@@ -12,11 +13,10 @@ from adapters.bundle.codec.bundle import (
     FragmentRange,
     HopCount,
     Primary,
-    encode_age,
     encode_hop_count,
 )
 from adapters.bundle.codec.eid import Dtn, Eid, Ipn
-from adapters.bundle.codec.report import Asserted, Assertion, StatusReport
+from adapters.bundle.codec.report import Assertion, StatusReport
 from adapters.bundle.links.ltp_segment import (
     Cancel,
     CancelAck,
@@ -65,7 +65,7 @@ def bundles(draw: st.DrawFn) -> Bundle:
         part=part,
     )  # fmt: skip
     known = [
-        (BlockType.BUNDLE_AGE, encode_age(draw(NUMBERS))),
+        (BlockType.BUNDLE_AGE, cbor.unsigned(draw(NUMBERS))),
         (BlockType.HOP_COUNT, encode_hop_count(HopCount(draw(st.integers(1, 255)), draw(SMALL)))),
         (193, draw(st.binary(max_size=20))),
     ]
@@ -79,10 +79,7 @@ def bundles(draw: st.DrawFn) -> Bundle:
 
 REPORTS = st.builds(
     StatusReport,
-    st.lists(
-        st.builds(Asserted, st.sampled_from(Assertion), st.none() | NUMBERS),
-        unique_by=lambda asserted: asserted.assertion,
-    ).map(lambda told: tuple(sorted(told, key=lambda asserted: asserted.assertion.value))),
+    st.dictionaries(st.sampled_from(Assertion), st.none() | NUMBERS),
     SMALL,
     NODES,
     CREATIONS,

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from adapters.bundle.codec import cbor
 from adapters.bundle.codec.bundle import (
     Block,
     BlockFlag,
@@ -23,7 +24,6 @@ from adapters.bundle.codec.bundle import (
     crc32c,
     decode_bundle,
     decode_bundles,
-    encode_age,
     encode_bundle,
 )
 from adapters.bundle.codec.eid import (
@@ -80,7 +80,7 @@ ANONYMOUS = replace(PRIMARY, source=NONE, flags=int(Flag.MUST_NOT_FRAGMENT))
 RECORD = replace(PRIMARY, flags=int(Flag.ADMINISTRATIVE))
 UNSEALED = replace(PRIMARY, crc=Crc.NONE)
 PAYLOAD = Block(BlockType.PAYLOAD, 1, b"hello rover")
-AGE = Block(BlockType.BUNDLE_AGE, 2, encode_age(52))
+AGE = Block(BlockType.BUNDLE_AGE, 2, cbor.unsigned(52))
 HEADER = encode_message(ContactHeader(0, 0, ""))
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adapters.bundle.agent import make_agent
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Dtn, Ipn
 from adapters.bundle.codec.errors import BundleError, DecodeError
 from adapters.bundle.daemons.ion_bridge import Spool
@@ -139,7 +139,7 @@ async def test_ion_has_numbers_for_nodes(tmp_path: Path) -> None:
     own, other = Dtn("//rover/relay"), Dtn("//orbiter/relay")
     neighbour = Neighbour(Dtn("//orbiter/"), DaemonLink(other))
     settings = NodeSettings(own, (own,), (neighbour,))
-    agent = make_agent(settings, tmp_path / "1.db", PATIENT)
+    agent = BundleAgent(settings, tmp_path / "1.db", daemon=PATIENT)
     with pytest.raises(BundleError, match=r"ipn endpoints, not dtn://rover"):
         await agent.open(lambda _: None)
 
@@ -147,7 +147,7 @@ async def test_ion_has_numbers_for_nodes(tmp_path: Path) -> None:
 def test_a_daemon_has_one_endpoint(tmp_path: Path) -> None:
     settings = NodeSettings(ONE, (ONE, Ipn(1, 2)), (Neighbour(Ipn(2, 0), DaemonLink(TWO)),))
     with pytest.raises(BundleError, match="no other endpoint"):
-        make_agent(settings, tmp_path / "1.db", PATIENT)
+        BundleAgent(settings, tmp_path / "1.db", daemon=PATIENT)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

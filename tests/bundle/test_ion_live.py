@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from adapters.bundle.agent import make_agent
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.integrity import IntegrityVariant, Key
 from adapters.bundle.node.reporting import DeliveryStatus
@@ -51,7 +51,7 @@ async def beside_ion(
     link = LtpLink(Address(HERE, ports[0]), answer_s=2.0, confirm_after_s=10.0)
     settings = NodeSettings(OURS, (OURS,), (Neighbour(Ipn(1, 0), link),))
     listen = Listen(ltp=Address(HERE, ports[1]))
-    agent = make_agent(settings, folder / "ours.db", listen=listen, security=security)
+    agent = BundleAgent(settings, folder / "ours.db", listen=listen, security=security)
     async with (
         ion_node(folder / "nodes", 1, ports[0], {2: ports[1]}, most_octets) as node,
         opened(agent) as ours,
@@ -64,7 +64,7 @@ async def attached(folder: Path, node: IonNode) -> AsyncIterator[Running]:
     """An agent of ours attached to the node of ION."""
     settings = NodeSettings(ION, (ION,), (Neighbour(Ipn(2, 0), DaemonLink(OURS)),))
     ion = IonSettings(python=PYTHON, node_list=str(node.list))
-    async with opened(make_agent(settings, folder / "attached.db", ion)) as running:
+    async with opened(BundleAgent(settings, folder / "attached.db", daemon=ion)) as running:
         yield running
 
 

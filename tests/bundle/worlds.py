@@ -9,7 +9,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from adapters.bundle.agent import BundleAgent, Delivery, make_agent
+from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.node.database import StoreLimits, Synchronous
 from adapters.bundle.node.reporting import DeliveryNotice
@@ -23,6 +23,7 @@ from adapters.bundle.node.settings import (
     Neighbour,
     NodeSettings,
 )
+from adapters.bundle.node.store import Delivery
 from tests.bundle.ion_node import IonNodes, ion_nodes
 from tests.support.ports import free_udp_ports
 
@@ -155,7 +156,7 @@ class World(ABC):
         limits = self._limits.get(number, StoreLimits())
         settings = settings_of(number, 3 - number, link, limits=limits)
         path = self._folder / f"{number}.db"
-        return opened(make_agent(settings, path, synchronous=Synchronous.OFF, **others))
+        return opened(BundleAgent(settings, path, synchronous=Synchronous.OFF, **others))
 
     @asynccontextmanager
     async def both(self) -> AsyncIterator[tuple[Running, Running]]:
@@ -248,7 +249,7 @@ def attached(
 ) -> AbstractAsyncContextManager[Running]:
     """Have an agent attached to a node of ION for the time of a with."""
     node = settings_of(number, 3 - number, DaemonLink(Ipn(3 - number, 1), settings.whole))
-    return opened(make_agent(node, folder / f"{number}.db", settings))
+    return opened(BundleAgent(node, folder / f"{number}.db", daemon=settings))
 
 
 def bridge_of(nodes: IonNodes, eid: str) -> int:

@@ -185,7 +185,7 @@ def _known(bundle: Bundle) -> dict[str, Any]:
 
 
 def _report(report: StatusReport) -> list[Any]:
-    times = {asserted.assertion: asserted.time_ms for asserted in report.asserted}
+    times = report.asserted
     asserted = [
         [True, *(() if times[kind] is None else (times[kind],))] if kind in times else [False]
         for kind in Assertion

@@ -103,9 +103,9 @@ async def test_notifications_of_one_turn_travel_together_and_in_order_with_repli
 
     async with provided() as provider, connected(provider):
         await asyncio.sleep(0)
-        while not provider._connections:
+        while not provider._connections._open:
             await asyncio.sleep(0)
-        (connection,) = provider._connections
+        (connection,) = provider._connections._open
         connection._transport.write = written.append  # type: ignore[union-attr,method-assign]
         connection.notify(lambda: [b"one"], droppable=True)
         connection.notify(lambda: [b"two"], droppable=False)
@@ -126,9 +126,9 @@ async def test_answers_to_what_came_together_are_written_together_and_before_a_r
     written: list[bytes] = []
     async with provided() as provider, connected(provider):
         provider.serve(SERVICE, "doRequest", lambda *_: ("text",))
-        while not provider._connections:
+        while not provider._connections._open:
             await asyncio.sleep(0)
-        (served,) = provider._connections
+        (served,) = provider._connections._open
         served._transport.write = written.append  # type: ignore[union-attr,method-assign]
         octets = b"".join(request(provider, number) for number in range(5)) + bytes(4)
         served.get_buffer(-1)[: len(octets)] = octets

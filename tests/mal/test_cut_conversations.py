@@ -158,7 +158,7 @@ class Conversations(RuleBasedStateMachine):
             assert talk.seen == talk.told
         running = [talk for talk in self.known.values() if not talk.over]
         assert len(self.tasks) == len(running)
-        assert len(self.provider._connections) == len(self.open)
+        assert len(self.provider._connections._open) == len(self.open)
         assert len(self.provider._running) == sum(talk.served for talk in self.known.values())
         for consumer in self.open:
             mine = sum(talk.consumer is consumer for talk in running)
@@ -184,7 +184,7 @@ class Conversations(RuleBasedStateMachine):
     def _cut(self, consumer: Consumer, by: str) -> None:
         port = consumer.local_address[1]
         ours = consumer._connection
-        (theirs,) = [c for c in self.provider._connections if c.peer.endswith(f":{port}")]
+        (theirs,) = [c for c in self.provider._connections._open if c.peer.endswith(f":{port}")]
         concerned = [talk for talk in self.known.values() if talk.consumer is consumer]
 
         async def cut() -> None:

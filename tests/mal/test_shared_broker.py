@@ -205,10 +205,9 @@ async def test_key_values_that_do_not_fit_are_refused(values: Any) -> None:
             None, Rec(name="r", ok=True), keys=(None, None), domain=("esa",)
         )
         update = (UpdateHeader(keyValues=values), None, Rec(name="r", ok=True))
-        _, _, message = publisher._message(
+        publisher._send(
             SERVICE, MONITOR, InteractionStage.PUBLISH, update, number=publication._number
         )
-        publisher._connection.send(message)
         assert await refused(publication) == StandardError.UNKNOWN.value
 
 

@@ -126,7 +126,7 @@ async def test_a_consumer_refuses_a_provider_it_cannot_believe(
             async with connected(provider, tls=ends[consumer_end].for_consumer()):
                 pass
         assert raised.value.number == StandardError.AUTHENTICATION_FAILED.value
-        assert not provider._connections
+        assert not provider._connections._open
 
 
 async def test_a_provider_refuses_who_shows_no_certificate_that_it_believes(

@@ -94,10 +94,8 @@ async def test_a_peer_that_never_reads_makes_only_itself_wait() -> None:
     provider, consumer = await provided(source)
     deaf = await Consumer.connect(SPECIFICATION, provider.uri)
     provider.serve("Transfer", "fetch", other.fetch)
-    operation = SPECIFICATION.operation("Transfer", "fetch")
-    _, _, message = deaf._message("Transfer", operation.name, InteractionStage.PROGRESS, (COUNT,))
     deaf._connection.pause_reading(deaf)
-    deaf._connection.send(message)
+    deaf._send("Transfer", "fetch", InteractionStage.PROGRESS, (COUNT,))
     assert await settled(other) < COUNT
     provider.serve("Transfer", "fetch", source.fetch)
     async with consumer.progress("Transfer", "fetch", 100) as progress:
@@ -122,9 +120,8 @@ async def test_a_provider_waits_for_a_consumer_only_as_long_as_it_says() -> None
 
     provider, deaf = await provided(Source())
     provider.serve("Transfer", "fetch", fetch)
-    _, _, message = deaf._message("Transfer", "fetch", InteractionStage.PROGRESS, (COUNT,))
     deaf._connection.pause_reading(deaf)
-    deaf._connection.send(message)
+    deaf._send("Transfer", "fetch", InteractionStage.PROGRESS, (COUNT,))
     await given_up.wait()
     await deaf.close()
     await provider.close()

@@ -21,7 +21,7 @@ from adapters.bundle.codec.bundle import (
 )
 from adapters.bundle.codec.eid import Ipn
 from adapters.bundle.codec.integrity import IntegrityVariant, Key, sign
-from adapters.bundle.codec.report import Asserted, Assertion, StatusReport, encode_report
+from adapters.bundle.codec.report import Assertion, StatusReport, encode_report
 from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.security import (
     KeySettings,
@@ -154,7 +154,7 @@ def test_a_forged_report_confirms_nothing(orbiter: TestedNode) -> None:
     orbiter.put(ROVER, b"drive", confirm=True)
     (sent,) = orbiter.node.sending.outgoing("ipn:2.0", 1000, 1000)
     told = decode_bundle(sent.octets).primary.creation
-    report = encode_report(StatusReport((Asserted(Assertion.DELIVERED),), 0, ORBITER, told))
+    report = encode_report(StatusReport({Assertion.DELIVERED: None}, 0, ORBITER, told))
     bundle = forged(report, source=Ipn(2, 0), flags=int(Flag.ADMINISTRATIVE))
     attack(orbiter, replace(bundle, primary=replace(bundle.primary, destination=Ipn(1, 0))))
     assert (orbiter.node.outbox.depth(), orbiter.node.refusals.count) == (1, 1)

@@ -24,7 +24,6 @@ from adapters.bundle import (
     LtpLink,
     Neighbour,
     NodeSettings,
-    make_agent,
 )
 from adapters.bundle.node.settings import DaemonLink
 from sim.processes import HOST
@@ -140,7 +139,7 @@ def agent_of(role: str, folder: Path, carrier: str) -> BundleAgent:
         listen = Listen(ltp=Address(HOST, port))
     neighbour = Neighbour(Ipn(other, 0), link)
     settings = NodeSettings(Ipn(own, 1), (Ipn(own, 1),), (neighbour,))
-    return make_agent(settings, folder / f"{role}.db", daemon, listen=listen)
+    return BundleAgent(settings, folder / f"{role}.db", listen, daemon=daemon)
 
 
 async def run(role: str, folder: Path, carrier: str) -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from adapters.bundle import Address, Ipn, Listen, LtpLink, Neighbour, NodeSettings, make_agent
+from adapters.bundle import Address, BundleAgent, Ipn, Listen, LtpLink, Neighbour, NodeSettings
 from adapters.bundle.node.settings import DaemonLink, IonSettings
 from tests.bundle.ion_live import PYTHON, IonNode, missing
 from tests.bundle.worlds import HERE, Running, opened
@@ -103,7 +103,7 @@ async def embedded(folder: Path, port: int, ion_port: int) -> AsyncIterator[Runn
     """Have our agent, node 2, with LTP to ION."""
     link = LtpLink(Address(HERE, ion_port), answer_s=1.0, confirm_after_s=5.0)
     settings = NodeSettings(OURS, (OURS,), (Neighbour(Ipn(1, 0), link),))
-    agent = make_agent(settings, folder / "ours.db", listen=Listen(ltp=Address(HERE, port)))
+    agent = BundleAgent(settings, folder / "ours.db", listen=Listen(ltp=Address(HERE, port)))
     async with opened(agent) as running:
         yield running
 
@@ -112,7 +112,7 @@ def attached(folder: Path, node: IonNode) -> contextlib.AbstractAsyncContextMana
     """Have an agent attached to ION."""
     settings = NodeSettings(ION, (ION,), (Neighbour(Ipn(2, 0), DaemonLink(OURS)),))
     ion = IonSettings(python=PYTHON, node_list=str(node.list))
-    return opened(make_agent(settings, folder / "attached.db", ion))
+    return opened(BundleAgent(settings, folder / "attached.db", daemon=ion))
 
 
 async def end(node: IonNode, durable: bool) -> None:

@@ -25,7 +25,7 @@ from adapters.mal import (
     TypedAttribute,
     encode_message,
 )
-from adapters.mal.attribute_codec import READERS, WRITERS, Writer
+from adapters.mal.attribute_codec import WRITERS, Writer
 from adapters.mal.codec import SHORTEST, TypeCodec
 from adapters.mal.specification import REPLY
 from adapters.mrs.spec import CommandHeader
@@ -178,7 +178,7 @@ class Messages:
         self._specification, self._words, self._seed = specification, words, seed
         self._uris = (uri, uri + "Broker", uri.replace("MRS", "mrs"), "", "maltcp://", "x" * 5000)
         self._codec = Codec(specification, encoding)
-        self._types = TypeCodec(specification, READERS[encoding], WRITERS[encoding])
+        self._types = TypeCodec(specification, encoding)
         self._writer = FAULTY_WRITERS[encoding]
         self._type_ids = tuple(
             number

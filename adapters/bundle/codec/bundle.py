@@ -230,11 +230,6 @@ class HopCount:
     count: int
 
 
-def encode_age(age_ms: int) -> bytes:
-    """Encode the age of a bundle, in milliseconds."""
-    return cbor.unsigned(age_ms)
-
-
 def decode_age(data: bytes) -> int:
     """Return the age of a bundle, in milliseconds.
 

@@ -1,5 +1,6 @@
 """Administrative records: the bundle status report (RFC 9171, 6.1)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
@@ -38,36 +39,24 @@ class ReportReason(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Asserted:
-    """One assertion, with the time in milliseconds since 2000 where the bundle asked for it."""
-
-    assertion: Assertion
-    time_ms: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class StatusReport:
     """What has happened to a bundle.
 
     Attributes:
+        asserted: each with the time in milliseconds since 2000 where the bundle asked for it.
         reason: a `ReportReason`, or a code that is not known here.
         part: offset and length of the payload, if the bundle was a fragment.
     """
 
-    asserted: tuple[Asserted, ...]
+    asserted: Mapping[Assertion, int | None]
     reason: int
     source: Eid
     creation: Creation
     part: FragmentRange | None = None
 
-    def says(self, assertion: Assertion) -> bool:
-        """Return whether the report asserts this."""
-        return any(asserted.assertion is assertion for asserted in self.asserted)
-
 
 def encode_report(report: StatusReport) -> bytes:
     """Encode an administrative record that is a status report."""
-    told = {asserted.assertion: asserted.time_ms for asserted in report.asserted}
     part = report.part
     return b"".join(
         (
@@ -75,7 +64,7 @@ def encode_report(report: StatusReport) -> bytes:
             cbor.unsigned(_STATUS_REPORT),
             cbor.array(6 if part else 4),
             cbor.array(len(Assertion)),
-            *(_encode_asserted(told, assertion) for assertion in Assertion),
+            *(_encode_asserted(report.asserted, assertion) for assertion in Assertion),
             cbor.unsigned(report.reason),
             encode_eid(report.source),
             cbor.array(2),
@@ -98,29 +87,33 @@ def decode_report(record: bytes) -> StatusReport | None:
         return None
     length = reader.array_of(4, 6)
     reader.array_of(len(Assertion))
-    asserted = [_read_asserted(reader, assertion) for assertion in Assertion]
+    asserted = _read_asserted(reader)
     reason = reader.unsigned()
     source = read_eid(reader)
     reader.array_of(2)
     creation = Creation(reader.unsigned(), reader.unsigned())
     part = FragmentRange(reader.unsigned(), reader.unsigned()) if length == 6 else None
     reader.finish()
-    return StatusReport(tuple(filter(None, asserted)), reason, source, creation, part)
+    return StatusReport(asserted, reason, source, creation, part)
 
 
-def _encode_asserted(told: dict[Assertion, int | None], assertion: Assertion) -> bytes:
-    if assertion not in told:
+def _encode_asserted(asserted: Mapping[Assertion, int | None], assertion: Assertion) -> bytes:
+    if assertion not in asserted:
         return cbor.array(1) + cbor.FALSE
-    time_ms = told[assertion]
+    time_ms = asserted[assertion]
     if time_ms is None:
         return cbor.array(1) + cbor.TRUE
     return cbor.array(2) + cbor.TRUE + cbor.unsigned(time_ms)
 
 
-def _read_asserted(reader: cbor.Reader, assertion: Assertion) -> Asserted | None:
-    length = reader.array_of(1, 2)
-    said = reader.boolean()
-    time_ms = reader.unsigned() if length == 2 else None
-    if not said and length == 2:
-        raise reader.fail("a time for what has not happened")
-    return Asserted(assertion, time_ms) if said else None
+def _read_asserted(reader: cbor.Reader) -> dict[Assertion, int | None]:
+    asserted: dict[Assertion, int | None] = {}
+    for assertion in Assertion:
+        timed = reader.array_of(1, 2) == 2
+        said = reader.boolean()
+        time_ms = reader.unsigned() if timed else None
+        if said:
+            asserted[assertion] = time_ms
+        elif timed:
+            raise reader.fail("a time for what has not happened")
+    return asserted

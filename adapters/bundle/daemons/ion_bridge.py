@@ -55,9 +55,6 @@ class IonFault(Exception):  # noqa: N818 - the word of the house
 class IonEndpoint:
     """One endpoint, open to send by one thread and to receive by another.
 
-    Args:
-        own: which one.
-
     Raises:
         IonFault: pyion is missing or too old, ION does not run, or has no such endpoint.
     """
@@ -242,11 +239,7 @@ class Probe:
 
 
 class Spool:
-    """Keeps one received unit in a file until the agent has it.
-
-    Args:
-        path: the file.
-    """
+    """Keeps one received unit in a file until the agent has it."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -287,15 +280,7 @@ class Spool:
 
 
 class Bridge:
-    """Frames on the one side, an endpoint of ION on the other, a thread for each way.
-
-    Args:
-        channel: to the agent.
-        endpoint: of ION.
-        spool: keeps what was received until the agent has it.
-        probe: knows whether ION answers.
-        memory: that of ION.
-    """
+    """Frames on the one side, an endpoint of ION on the other, a thread for each way."""
 
     def __init__(
         self, channel: "BridgeSocket", endpoint: IonEndpoint, spool: Spool, probe: Probe,

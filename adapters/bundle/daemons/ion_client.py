@@ -49,14 +49,7 @@ class _BridgeEnded(Exception):  # noqa: N818 - another one is started
 
 
 class IonNeighbour(Link):
-    """Hands bundles for a neighbour to ION, and offers again what it did not take.
-
-    Args:
-        context: of the links.
-        neighbour: to whom.
-        settings: whether bundles are carried whole.
-        client: of the node of ION.
-    """
+    """Hands bundles for a neighbour to ION, and offers again what it did not take."""
 
     def __init__(
         self, context: LinkContext, neighbour: Neighbour, settings: DaemonLink, client: "IonClient"
@@ -122,20 +115,15 @@ class IonNeighbour(Link):
 class IonClient(Endpoint):
     """The client of the node of ION that carries for an agent.
 
-    Args:
-        settings: of the bridge.
-        context: of the links. The bridge keeps what ION has forgotten beside the store.
-        again_s: the shortest pause before a bridge that has ended is started again.
+    The bridge keeps what ION has forgotten beside the store.
     """
 
-    def __init__(
-        self, settings: IonSettings, context: LinkContext, again_s: float = _SHORTEST_PAUSE_S
-    ) -> None:
+    def __init__(self, settings: IonSettings, context: LinkContext) -> None:
         self._settings, self._context = settings, context
         self._own = context.node.settings.sender
         self._links: dict[str, IonNeighbour] = {}
         self._end_s = min(_END_S, settings.answer_s)
-        self._backoff = Backoff("ION", again_s)
+        self._backoff = Backoff("ION", _SHORTEST_PAUSE_S)
         self._ready: asyncio.Future[None] | None = None
         self._working: asyncio.Task[None] | None = None
         self._writer: asyncio.StreamWriter | None = None

@@ -232,12 +232,6 @@ class ContactState:
 class ContactGate:
     """Says whether there is contact with a neighbour: always, where there is no plan.
 
-    Args:
-        own: our node.
-        neighbour: the other node.
-        plan: planned contacts; None for always.
-        utc_s: the time in seconds since 1970.
-
     Attributes:
         override: what the operator has ordered.
     """

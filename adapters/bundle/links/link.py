@@ -119,9 +119,6 @@ class Endpoint(ABC):
 class Pacer:
     """Says when something may be sent again, at a rate or after a pause.
 
-    Args:
-        now_s: monotonic time.
-
     Attributes:
         rate_octets_s: how much may be sent.
     """

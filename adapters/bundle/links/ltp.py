@@ -38,14 +38,7 @@ _EXPEDITED_SESSIONS: Final = 4
 
 
 class LtpNeighbour(Link):
-    """Moves bundles between a node and an LTP span.
-
-    Args:
-        context: of the links.
-        neighbour: to whom.
-        settings: sizes and times.
-        next_number: gives session numbers, never one twice.
-        transmit: takes segments for the neighbour.
+    """Moves bundles between a node and an LTP span, whose segments `transmit` takes.
 
     Attributes:
         span: the protocol.

@@ -90,13 +90,6 @@ class ExportSession:
     A report replaces what was known of its scope, so that a receiver that lost its memory gets
     everything again.
 
-    Args:
-        session: whose block this is.
-        block: what is sent.
-        segment_octets: how much of it goes in one segment.
-        serial: the first checkpoint's serial number.
-        send: takes a segment.
-
     Attributes:
         done: whether all has been claimed.
         due_s: when the last checkpoint is to be repeated; kept by the span.

@@ -50,14 +50,9 @@ class TcpclSession(asyncio.Protocol):
     A segment that ends a bundle is acknowledged when the bundle is on the disk. Without
     acknowledgements a bundle counts as handed on when it was written to the connection.
 
-    Args:
-        context: of the links.
-        neighbours: the TCPCL neighbours by their nodes.
-        calls: the neighbour that is dialled; None for a connection that was accepted.
-
     Attributes:
         stage: how far it has come.
-        calls: see above.
+        calls: the neighbour that is dialled; None for a connection that was accepted.
         paused: whether the connection takes no more now.
         over: is set when the connection is gone.
     """
@@ -298,11 +293,6 @@ class TcpclSession(asyncio.Protocol):
 class TcpclNeighbour(Link):
     """One neighbour over TCPCL; it sends over the newest session and receives over all.
 
-    Args:
-        context: of the links.
-        neighbour: to whom.
-        neighbours: the TCPCL neighbours by their nodes, for the sessions.
-
     Attributes:
         settings: where it listens, if it does, and what is asked of its sessions.
     """
@@ -416,12 +406,7 @@ class TcpclNeighbour(Link):
 
 
 class TcpclEndpoint(Endpoint):
-    """Makes the links to TCPCL neighbours, and accepts their connections.
-
-    Args:
-        context: of the links.
-        listen: where to accept connections; None for not at all.
-    """
+    """Makes the links to TCPCL neighbours, and accepts their connections where it listens."""
 
     def __init__(self, context: LinkContext, listen: Address | None) -> None:
         self._context, self._listen = context, listen

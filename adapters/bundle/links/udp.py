@@ -27,11 +27,7 @@ _BURST_S: Final = 0.02
 class AddressLookup:
     """The lookup of a neighbour's address, off the loop, repeated until it succeeds.
 
-    Args:
-        name: of the neighbour.
-        address: of it, as the settings say it.
-        family: of the socket that sends there.
-        found: is called as soon as it is known, at once where the address is in numbers.
+    `found` is called as soon as it is known, at once where the address is in numbers.
 
     Attributes:
         where: its host in numbers, and its port; None while that is not known.
@@ -76,11 +72,7 @@ class AddressLookup:
 
 
 class DatagramEndpoint(Endpoint):
-    """A UDP socket for all neighbours over one protocol.
-
-    Args:
-        context: of the links.
-        listen: where to listen, and to send from; port 0 takes a free one.
+    """A UDP socket for all neighbours over one protocol; port 0 takes a free one.
 
     Raises:
         OSError: the address cannot be had.
@@ -166,14 +158,7 @@ class DatagramEndpoint(Endpoint):
 
 
 class UdpNeighbour(Link):
-    """Sends bundles without acknowledgement: reliability needs `confirm`, end to end.
-
-    Args:
-        context: of the links.
-        neighbour: to whom.
-        settings: sizes.
-        transmit: takes datagrams for the neighbour.
-    """
+    """Sends bundles without acknowledgement: reliability needs `confirm`, end to end."""
 
     def __init__(
         self,

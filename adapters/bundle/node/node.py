@@ -34,7 +34,7 @@ from adapters.bundle.node.reporting import DeliveryNotice, DeliveryStatus, NodeC
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.sending import OutboxReader
 from adapters.bundle.node.settings import NodeSettings
-from adapters.bundle.node.store import ReceivedUnit
+from adapters.bundle.node.store import Delivery
 
 _LOG: Final = logging.getLogger(__name__)
 _FETCHED: Final = 32
@@ -66,7 +66,7 @@ class BundleNode(NodeContext):
         self.receiving = Receiving(self, self._reporting)
         self.sending = OutboxReader(self, self._reporting)
         self.expired = database.count("expired")
-        self._fetched: dict[bool, deque[ReceivedUnit]] = {True: deque(), False: deque()}
+        self._fetched: dict[bool, deque[Delivery]] = {True: deque(), False: deque()}
         self._last_fetched = {True: 0, False: 0}
         self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
         if stranded := self.outbox.depth(""):
@@ -108,31 +108,31 @@ class BundleNode(NodeContext):
             expedited=expedited,
         )
 
-    def fetch(self, *, only_expedited: bool = False) -> ReceivedUnit | None:
+    def fetch(self, *, only_expedited: bool = False) -> Delivery | None:
         """Return the next unit for the application, of those that are committed."""
-        arrival = self._fetch(expedited=True)
-        return arrival if arrival or only_expedited else self._fetch(expedited=False)
+        delivery = self._fetch(expedited=True)
+        return delivery if delivery or only_expedited else self._fetch(expedited=False)
 
-    def _fetch(self, *, expedited: bool) -> ReceivedUnit | None:
+    def _fetch(self, *, expedited: bool) -> Delivery | None:
         fetched = self._fetched[expedited]
         if not fetched and not self.database.gathering:
             after = self._last_fetched[expedited]
-            fetched.extend(self.inbox.arrivals(after, _FETCHED, expedited=expedited))
+            fetched.extend(self.inbox.deliveries(after, _FETCHED, expedited=expedited))
             if fetched:
                 self._last_fetched[expedited] = fetched[-1].id
         return fetched.popleft() if fetched else None
 
-    def give_back(self, arrival: ReceivedUnit) -> None:
+    def give_back(self, delivery: Delivery) -> None:
         """Fetch this unit again, before all others of its kind."""
-        self._fetched[arrival.expedited].appendleft(arrival)
+        self._fetched[delivery.expedited].appendleft(delivery)
 
-    def delivered(self, arrival: ReceivedUnit) -> None:
+    def delivered(self, delivery: Delivery) -> None:
         """Note that the application has a unit."""
 
         def write() -> None:
-            self.inbox.remove([arrival.id])
+            self.inbox.remove([delivery.id])
             self._reporting.report(
-                arrival.identity, arrival.flags, arrival.report_to, Assertion.DELIVERED
+                delivery.identity, delivery.flags, delivery.report_to, Assertion.DELIVERED
             )
 
         self.transaction.mark(write)
@@ -194,10 +194,6 @@ class Receiving:
         """Take in bundles that stand back to back, within the transaction.
 
         What cannot be read is counted and dropped: it would not be better the next time.
-
-        Args:
-            neighbour: from whom they came.
-            octets: the bundles.
 
         Raises:
             StoreFull: there is no room for more.
@@ -296,14 +292,14 @@ class Receiving:
                 return
             payload = whole
         inbox.add(
-            ReceivedUnit(
+            Delivery(
                 identity,
                 primary.destination,
+                payload,
+                is_expedited(bundle),
                 primary.report_to,
                 primary.flags & _KEPT_FLAGS,
                 expires_utc_ms,
-                payload,
-                is_expedited(bundle),
             )
         )
 

@@ -27,7 +27,6 @@ from adapters.bundle.codec.bundle import (
 from adapters.bundle.codec.eid import Eid, is_null, node_of
 from adapters.bundle.codec.errors import DecodeError, StoreError
 from adapters.bundle.codec.report import (
-    Asserted,
     Assertion,
     ReportReason,
     StatusReport,
@@ -38,7 +37,6 @@ from adapters.bundle.node.database import BundleDatabase, GroupCommit
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import NodeSettings
 from adapters.bundle.node.store import BundleInbox, Outbox
-from adapters.bundle.node.traffic import Traffic
 
 _LOG: Final = logging.getLogger(__name__)
 _TELL_EVERY_MS: Final = 10_000
@@ -69,11 +67,31 @@ class DeliveryNotice:
     status: DeliveryStatus
 
 
+@dataclass(slots=True)
+class Traffic:
+    """What went to a neighbour and came from it, counted where it happens, since the start.
+
+    Attributes:
+        sent: bundles and fragments given to the link, each time that they are.
+        acknowledged: bundles that the neighbour has said to have, or their receiver of those that
+            were sent with `confirm`.
+        retransmitted: what was sent once more: segments over LTP, and bundles.
+        expired: bundles for it that ended here with their lifetime.
+        received: bundles and fragments that came from it and could be read.
+        round_trip_s: how long the neighbour took to answer what was sent only once; None before the
+            first answer, and over links without answers.
+    """
+
+    sent: int = 0
+    acknowledged: int = 0
+    retransmitted: int = 0
+    expired: int = 0
+    received: int = 0
+    round_trip_s: float | None = None
+
+
 class RejectionCounter:
     """Counts the bundles that are not taken, and logs one of them every ten seconds at most.
-
-    Args:
-        utc_ms: the time in milliseconds since 1970.
 
     Attributes:
         count: how many, since the start.
@@ -218,8 +236,9 @@ class Reporting:
         if neighbour is None or node_of(report_to) == settings.node:
             return
         time_ms = state.utc_ms() - DTN_EPOCH_UTC_MS if flags & Flag.REPORT_TIMES else None
-        told = (Asserted(assertion, time_ms),)
-        report = StatusReport(told, reason.value, identity.source, identity.creation, part)
+        report = StatusReport(
+            {assertion: time_ms}, reason.value, identity.source, identity.creation, part
+        )
         state.add_own(
             report_to,
             neighbour,
@@ -257,12 +276,12 @@ class Reporting:
         if report is None or node_of(report.source) != state.settings.node:
             return
         identity = BundleId(report.source, report.creation)
-        if report.says(Assertion.DELIVERED) and not report.part:
+        if Assertion.DELIVERED in report.asserted and not report.part:
             rows = state.outbox.ids(identity)
             state.outbox.remove(rows)
             if neighbour := state.settings.neighbour_of(sender):
                 state.traffic[neighbour].acknowledged += len(rows)
             state.notify(identity, DeliveryStatus.DELIVERED)
-        elif report.says(Assertion.DELETED):
+        elif Assertion.DELETED in report.asserted:
             _LOG.warning("bundle %s deleted by %s", identity, sender)
             state.notify(identity, DeliveryStatus.DELETED)

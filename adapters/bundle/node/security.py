@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -39,6 +40,9 @@ class SignedBlock(Enum):
 
     PAYLOAD = "payload"
     PRIMARY = "primary"
+
+
+_NUMBERS: Final = {SignedBlock.PAYLOAD: PAYLOAD_NUMBER, SignedBlock.PRIMARY: PRIMARY_NUMBER}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +86,11 @@ class PolicySettings:
         if not self.targets or len(set(self.targets)) != len(self.targets):
             raise ValueError("targets are payload, primary, or both")
 
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The block numbers of the targets."""
+        return tuple(_NUMBERS[target] for target in self.targets)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SecuritySettings:
@@ -103,60 +112,29 @@ class SecuritySettings:
                 raise ValueError(f"security.policies names the key {policy.key}; keys has {known}")
 
 
-@dataclass(frozen=True, slots=True)
-class _Policy:
-    source: re.Pattern[str]
-    destination: re.Pattern[str]
-    key: Key
-    targets: tuple[int, ...]
-    covers_primary: bool
-
-
 class Security:
-    """Signs what goes out, and verifies what comes in.
-
-    Args:
-        node: that signs.
-        settings: the policies.
-        keys: by the names that the policies use.
-    """
+    """Signs what goes out, and verifies what comes in, with keys by their names."""
 
     def __init__(self, node: Eid, settings: SecuritySettings, keys: Mapping[str, Key]) -> None:
-        self._node = node
-        self._policies = [
-            _Policy(
-                _pattern(policy.source),
-                _pattern(policy.destination),
-                keys[policy.key],
-                tuple(
-                    PRIMARY_NUMBER if target is SignedBlock.PRIMARY else PAYLOAD_NUMBER
-                    for target in policy.targets
-                ),
-                policy.covers_primary,
-            )
-            for policy in settings.policies
-        ]
+        self._node, self._policies, self._keys = node, settings.policies, keys
 
     def fault(self, bundle: Bundle, octets: bytes, *, local: bool) -> str:
         """Return why a bundle is not rightly signed; empty if it is, or need not be.
 
-        Args:
-            bundle: that has come.
-            octets: as it has come.
-            local: whether it is for this node.
+        What is for this node, `local`, has to be. The octets are those that have come.
         """
         policy = self._policy(bundle.primary)
         if policy is None:
             return "no policy says with which key it is signed" if local else ""
         try:
-            checks = verify(octets, bundle, policy.key)
+            checks = verify(octets, bundle, self._keys[policy.key])
         except BundleError as error:
             return f"its signature: {error}"
         scopes = {check.target: check.scope for check in checks}
         for check in checks:
             if check.fault:
                 return f"{_name(check.target)}: {check.fault}"
-        for target in policy.targets:
+        for target in policy.numbers:
             if target not in scopes:
                 return f"{_name(target)} is not signed"
         free = not scopes.get(PAYLOAD_NUMBER, Scope.PRIMARY) & Scope.PRIMARY
@@ -173,15 +151,18 @@ class Security:
     def signed(self, bundle: Bundle) -> Bundle:
         """Return a bundle of ours as it goes out."""
         policy = self._policy(bundle.primary)
-        return sign(bundle, policy.key, self._node, policy.targets) if policy else bundle
+        if policy is None:
+            return bundle
+        return sign(bundle, self._keys[policy.key], self._node, policy.numbers)
 
-    def _policy(self, primary: Primary) -> _Policy | None:
+    def _policy(self, primary: Primary) -> PolicySettings | None:
         source, destination = str(primary.source), str(primary.destination)
         return next(
             (
                 policy
                 for policy in self._policies
-                if policy.source.fullmatch(source) and policy.destination.fullmatch(destination)
+                if _pattern(policy.source).fullmatch(source)
+                and _pattern(policy.destination).fullmatch(destination)
             ),
             None,
         )
@@ -239,6 +220,7 @@ def _load(path: Path, settings: KeySettings) -> Key:
     return Key(octets, settings.form, Sha[f"SHA{settings.sha}"])
 
 
+@lru_cache
 def _pattern(text: str) -> re.Pattern[str]:
     return re.compile(".*".join(map(re.escape, text.split("*"))))
 

@@ -3,9 +3,10 @@
 import logging
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
+from adapters.bundle.codec import cbor
 from adapters.bundle.codec.bundle import (
     KNOWN_BLOCKS,
     Block,
@@ -18,7 +19,6 @@ from adapters.bundle.codec.bundle import (
     decode_age,
     decode_bundle,
     decode_hop_count,
-    encode_age,
     encode_bundle,
     encode_hop_count,
 )
@@ -40,6 +40,7 @@ class Outgoing:
     octets: bytes
 
 
+@dataclass(slots=True)
 class _Queue:
     """What goes to one neighbour, of the expedited or of the others.
 
@@ -48,9 +49,8 @@ class _Queue:
         last_id: up to which row the outbox has been read.
     """
 
-    def __init__(self) -> None:
-        self.ready: deque[Outgoing] = deque()
-        self.last_id = 0
+    ready: deque[Outgoing] = field(default_factory=deque)
+    last_id: int = 0
 
 
 class OutboxReader:
@@ -174,13 +174,7 @@ class OutboxReader:
 
 
 def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
-    """Return a bundle as a node sends it on (RFC 9171, 5.4): previous node, age, hops.
-
-    Args:
-        bundle: as it was received.
-        by: this node.
-        stayed_ms: how long it was here.
-    """
+    """Return a bundle as a node sends it on (RFC 9171, 5.4): previous node, age, hops."""
     kept = [
         _one_hop_on(block, stayed_ms)
         for block in bundle.blocks
@@ -194,8 +188,8 @@ def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
 
 def _one_hop_on(block: Block, stayed_ms: int) -> Block:
     if block.type == BlockType.BUNDLE_AGE:
-        age_ms = min(decode_age(block.data) + stayed_ms, 2**64 - 1)
-        return replace(block, data=encode_age(age_ms))
+        age_ms = min(decode_age(block.data) + stayed_ms, cbor.GREATEST)
+        return replace(block, data=cbor.unsigned(age_ms))
     if block.type == BlockType.HOP_COUNT:
         hops = decode_hop_count(block.data)
         return replace(block, data=encode_hop_count(HopCount(hops.limit, hops.count + 1)))

@@ -21,15 +21,7 @@ _CONFIRM_AFTER_S: Final = (0.1, 1e7)
 
 
 def check_ranges(settings: object, **bounds: tuple[float, float]) -> None:
-    """Check that fields of a settings dataclass are within bounds, or None.
-
-    Args:
-        settings: the dataclass.
-        **bounds: by the names of its fields, the least and the most that makes sense.
-
-    Raises:
-        ValueError: one is not.
-    """
+    """Raise ValueError unless fields of a settings dataclass are None or within their bounds."""
     for name, (least, most) in bounds.items():
         figure = getattr(settings, name)
         if figure is not None and not least <= figure <= most:
@@ -282,11 +274,6 @@ class NodeSettings:
         link = self.link_to(neighbour)
         return not isinstance(link, DaemonLink) or link.whole
 
-    def must_confirm(self, destination: Eid) -> bool:
-        """Return whether what goes there may get lost unless its receiver confirms it."""
-        neighbour = self.neighbour_of(destination)
-        return neighbour is not None and not self.acknowledges(neighbour)
-
     def acknowledges(self, neighbour: str) -> bool:
         """Return whether a neighbour, or the daemon before it, says what it has."""
         match self.link_to(neighbour):
@@ -444,11 +431,7 @@ class AgentSettings(Application):
         )
 
     def link_to(self, other: Peer, name: str) -> AnyLink:
-        """Return the link to a peer: the one that its settings give, or the daemon's.
-
-        Args:
-            other: the other.
-            name: what it is called in errors.
+        """Return the link to a peer, named so in errors: that of its settings, or the daemon's.
 
         Raises:
             ValueError: there are too many, or none, or bundles could not go by it both ways.

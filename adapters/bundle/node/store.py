@@ -14,7 +14,7 @@ from adapters.bundle.codec.bundle import (
     decode_bundle,
     identity_of,
 )
-from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid
+from adapters.bundle.codec.eid import NONE, Eid, decode_eid, encode_eid
 from adapters.bundle.node.database import BundleDatabase
 
 _GREATEST: Final = 2**62
@@ -232,25 +232,31 @@ class Outbox:
 
 
 @dataclass(frozen=True, slots=True)
-class ReceivedUnit:
-    """An application data unit with what belongs to it.
+class Delivery:
+    """Application data that has arrived.
 
     Attributes:
         endpoint: to whom it was sent.
+        payload: what was sent.
+        expedited: whether it goes before others.
         report_to: who wants to hear what becomes of it.
         flags: which reports are wanted.
-        expedited: whether it goes before others.
         id: its row in the store; 0 before it is there.
     """
 
     identity: BundleId
     endpoint: Eid
-    report_to: Eid
-    flags: int
-    expires_utc_ms: int
     payload: bytes
     expedited: bool = False
+    report_to: Eid = NONE
+    flags: int = 0
+    expires_utc_ms: int = 0
     id: int = 0
+
+    @property
+    def source(self) -> Eid:
+        """Who sent it."""
+        return self.identity.source
 
 
 class BundleInbox:
@@ -262,10 +268,10 @@ class BundleInbox:
         self._held: Counter[bytes] = Counter()
         self._count_fragments()
 
-    def add(self, arrival: ReceivedUnit) -> bool:
+    def add(self, delivery: Delivery) -> bool:
         """Add a whole unit within the transaction; return whether it came for the first time."""
-        key = arrival.identity.key
-        until = min(arrival.expires_utc_ms, _GREATEST)
+        key = delivery.identity.key
+        until = min(delivery.expires_utc_ms, _GREATEST)
         noted = self._db.write("INSERT OR IGNORE INTO seen VALUES (?, ?)", (key, until))
         if not noted.rowcount:
             return False
@@ -273,11 +279,11 @@ class BundleInbox:
             "INSERT INTO inbox (key, endpoint, report_to, flags, expires_utc_ms, expedited,"
             " payload) VALUES (?, ?, ?, ?, ?, ?, ?)",
             (
-                key, encode_eid(arrival.endpoint), encode_eid(arrival.report_to),
-                arrival.flags, until, arrival.expedited, arrival.payload,
+                key, encode_eid(delivery.endpoint), encode_eid(delivery.report_to),
+                delivery.flags, until, delivery.expedited, delivery.payload,
             ),
         )  # fmt: skip
-        self._has_expedited |= arrival.expedited
+        self._has_expedited |= delivery.expedited
         return True
 
     def has_seen(self, identity: BundleId) -> bool:
@@ -359,7 +365,7 @@ class BundleInbox:
             self._held[encode_eid(identity.source)] -= there
         return whole
 
-    def arrivals(self, after: int, count: int, *, expedited: bool = False) -> list[ReceivedUnit]:
+    def deliveries(self, after: int, count: int, *, expedited: bool = False) -> list[Delivery]:
         """Return units with ids greater than one, in the order of their coming."""
         if expedited and not self._has_expedited:
             return []
@@ -370,9 +376,9 @@ class BundleInbox:
         )
         self._has_expedited = bool(rows) if expedited else self._has_expedited
         return [
-            ReceivedUnit(
-                bundle_id_from_key(key), decode_eid(endpoint), decode_eid(report_to),
-                flags, expires_utc_ms, payload, expedited, row_id,
+            Delivery(
+                bundle_id_from_key(key), decode_eid(endpoint), payload, expedited,
+                decode_eid(report_to), flags, expires_utc_ms, row_id,
             )
             for row_id, key, endpoint, report_to, flags, expires_utc_ms, payload in rows
         ]  # fmt: skip

@@ -47,7 +47,7 @@ def duplicate(identity: Identity) -> MalError:
 
 def with_text(error: AreaError | StandardError, text: str) -> MalError:
     """Return an error that says why in words."""
-    return MalError(error.value, TypedAttribute(AttributeType.STRING, text))
+    return MalError(error.value, text)
 
 
 def look_up(known: Mapping[str, T], name: str) -> T:

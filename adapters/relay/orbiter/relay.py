@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final, assert_never
 
 from adapters.bundle import (
+    BundleAgent,
     BundleError,
     ContactOverride,
     ContactPlan,
@@ -25,7 +26,6 @@ from adapters.bundle import (
     listen_error,
     load_contact_plan,
     load_security,
-    make_agent,
     node_of,
 )
 from adapters.mops import LINK, Dictionary, MopsError, decode, load_dictionary
@@ -91,9 +91,9 @@ class OrbiterRelay:
         self._settings, self._dictionary, self._utc_s = settings, dictionary, system.utc_s
         self._read_plan, store = read_plan, folder / _BUNDLES
         self._node = settings.node().node
-        self.agent = make_agent(
-            settings.node(), store, settings.daemon, settings.listen, read_plan(),
-            security=security, system=system,
+        self.agent = BundleAgent(
+            settings.node(), store, settings.listen, read_plan(),
+            daemon=settings.daemon, security=security, system=system,
         )  # fmt: skip
         self.rovers: Mapping[Eid, RelayedRover] = {
             node_of(each.endpoint): RelayedRover(

@@ -16,12 +16,12 @@ from weakref import WeakValueDictionary
 
 from adapters.bundle import (
     DTN_EPOCH_UTC_MS,
+    BundleAgent,
     ContactPlan,
     Delivery,
     Health,
     Security,
     StoreError,
-    make_agent,
 )
 from adapters.mops import (
     Dictionary,
@@ -122,9 +122,9 @@ class BundleBridge:
     ) -> None:
         self._settings, self._topics, self._system = settings, topics, system
         self._entry = dictionary.spelling.link
-        self._agent = make_agent(
-            settings.node(), path, settings.daemon, settings.listen, plan,
-            security=security, system=system,
+        self._agent = BundleAgent(
+            settings.node(), path, settings.listen, plan,
+            daemon=settings.daemon, security=security, system=system,
         )  # fmt: skip
         self._queue = SendQueue(dictionary, settings.telemetry_queue)
         self._filled = asyncio.Event()

@@ -122,7 +122,7 @@ def diagnose(
     """
     if health is None or agent is None:
         return DiagnosticStatus.ERROR, "the bundle agent is not there", {}
-    if agent.full:
+    if agent.no_room:
         level, text = DiagnosticStatus.WARN, agent.no_room
     elif not heard:
         level, text = DiagnosticStatus.WARN, "nobody takes commands"
