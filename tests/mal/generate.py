@@ -32,7 +32,7 @@ _PYTHON: Final = {
     **dict.fromkeys(("String", "Identifier", "URI"), "str"),
     **dict.fromkeys(("Octet", "UOctet", "Short", "UShort", "Integer", "UInteger"), "int"),
     **dict.fromkeys(("Long", "ULong", "Time", "FineTime"), "int"),
-    "Attribute": "Typed",
+    "Attribute": "TypedAttribute",
     "Element": "Any",
     "Composite": "Any",
 }

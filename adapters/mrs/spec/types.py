@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import executive.values.reports
-from adapters.mal import AttributeType, NamedValue, ServiceId
+from adapters.mal import AttributeType, NamedValue, ServiceId, TypedAttribute
 
 Stage = executive.values.reports.Stage
 Severity = executive.values.reports.Severity
@@ -214,7 +214,7 @@ class ParameterValue:
     name: str
     timestamp: int
     validity: Validity
-    value: Typed | None = None
+    value: TypedAttribute | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
