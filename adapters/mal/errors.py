@@ -42,7 +42,7 @@ class MalError(Exception):
 
     def __init__(self, number: int | StandardError, extra: Any = None) -> None:
         self.number = number.value if isinstance(number, StandardError) else number
-        self.extra = (
+        self.extra: Any = (
             TypedAttribute(AttributeType.STRING, extra) if isinstance(extra, str) else extra
         )
         super().__init__(self.number, self.extra)

@@ -79,7 +79,7 @@ async def test_a_crowd_keeps_out_neither_who_is_there_nor_who_comes(
     async with besieged(FEW) as (provider, first):
         crowd = [await attack(provider) for _ in range(CROWD)]
         await served(first)
-        assert len(provider._connections) <= 8
+        assert len(provider._connections._open) <= 8
         async with connected(provider) as newcomer:
             await served(newcomer)
             await served(first)
@@ -158,7 +158,7 @@ async def test_half_messages_take_a_bounded_part_of_memory(
             with suppress(ConnectionError):
                 await each.drain()
             await served(first)
-        held = sum(len(each._framer._buffer) for each in provider._connections)
+        held = sum(len(each._framer._buffer) for each in provider._connections._open)
         assert held <= 2 * KIB * KIB + CROWD * 64 * KIB
         for each in crowd:
             each.close()
