@@ -18,7 +18,7 @@ from adapters.bundle.links.link import Endpoint, Link, LinkContext
 from adapters.bundle.links.ltp import LtpEndpoint
 from adapters.bundle.links.tcpcl import TcpclEndpoint
 from adapters.bundle.links.udp import UdpEndpoint
-from adapters.bundle.node.database import BundleDatabase, Synchronous
+from adapters.bundle.node.database import BundleDatabase
 from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.reporting import DeliveryNotice, Traffic
 from adapters.bundle.node.security import Security
@@ -153,7 +153,6 @@ class BundleAgent:
         path: the file of its store.
         listen: where others reach it.
         plan: contacts, by ION's node numbers; None for always.
-        synchronous: how far a commit goes.
         daemon: the node of ION that sends and receives for it; None for links of its own.
         security: signs and verifies, see `load_security`; None for neither.
         system: its clock, disk and sockets.
@@ -168,7 +167,6 @@ class BundleAgent:
         path: Path,
         listen: Listen | None = None,
         plan: ContactPlan | None = None,
-        synchronous: Synchronous = Synchronous.FULL,
         daemon: IonSettings | None = None,
         security: Security | None = None,
         system: System = OPERATING_SYSTEM,
@@ -184,7 +182,7 @@ class BundleAgent:
             )
         self._settings, self._path = settings, path
         self._listen, self._daemon, self._security = listen or Listen(), daemon, security
-        self._plan, self._synchronous, self._system = plan, synchronous, system
+        self._plan, self._system = plan, system
         self._session: _Session | None = None
         self._arrived = asyncio.Event()
         self._settling = False
@@ -193,10 +191,7 @@ class BundleAgent:
         self._read = 0
 
     async def open(self, on_status: Callable[[DeliveryNotice], None]) -> None:
-        """Open the store and the links.
-
-        Args:
-            on_status: is told what becomes of what was sent.
+        """Open the store and the links; `on_status` is told what becomes of what was sent.
 
         Raises:
             StoreError: the store cannot be used.
@@ -205,7 +200,7 @@ class BundleAgent:
                 daemon cannot be used.
         """
         settings, utc_s = self._settings, self._system.utc_s
-        database = BundleDatabase(self._path, settings.limits, self._synchronous, self._system)
+        database = BundleDatabase(self._path, settings.limits, self._system)
         session = None
         try:
             node = BundleNode(

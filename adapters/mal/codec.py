@@ -15,7 +15,7 @@ from adapters.mal.attribute_codec import (
     Reader,
     Writer,
 )
-from adapters.mal.errors import DecodeError, EncodeError, MalError
+from adapters.mal.errors import DecodeError, EncodeError, MalError, StandardError
 from adapters.mal.specification import (
     ATTRIBUTE,
     ATTRIBUTES,
@@ -429,6 +429,19 @@ class Header:
             timestamp_ns,
             supplements,
         )
+
+    def addressed(self, specification: Specification) -> Operation:
+        """Find the operation that it addresses, which has its stage.
+
+        Raises:
+            MalError: Unsupported area, area version, service or operation.
+        """
+        operation = specification.resolve(
+            self.area, self.area_version, self.service, self.operation
+        )
+        if self.stage not in operation.parts:
+            raise MalError(StandardError.UNSUPPORTED_OPERATION)
+        return operation
 
     def reply(
         self, stage: InteractionStage, timestamp_ns: int, *, is_error: bool = False

@@ -348,11 +348,8 @@ class Connection(asyncio.BufferedProtocol):
     def notify(self, messages: Callable[[], Iterable[bytes]], droppable: bool) -> None:
         """Write messages that may wait, and be dropped meanwhile if they are `droppable`.
 
-        Those of one turn of the loop are written together.
-
-        Args:
-            messages: Makes them when the peer takes them.
-            droppable: Whether they may be dropped, the oldest first, while they wait.
+        They are made when the peer takes them. Those of one turn of the loop are written together.
+        The oldest are dropped first.
         """
         if self.is_open and self._notifications.put(messages, droppable):
             self._guard.turns.wake(self._jobs[1])

@@ -417,12 +417,7 @@ class Provider:
         if header.to_uri is None or header.to_uri.rpartition("/")[2] not in self._names:
             text = f"{header.to_uri} is not here"
             raise MalError(StandardError.DESTINATION_UNKNOWN, text)
-        operation = self._specification.resolve(
-            header.area, header.area_version, header.service, header.operation
-        )
-        if header.stage not in operation.parts:
-            raise MalError(StandardError.UNSUPPORTED_OPERATION)
-        return operation
+        return header.addressed(self._specification)
 
     def _act(
         self, back: ReplyPath, operation: Operation, body: bytes

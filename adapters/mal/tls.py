@@ -108,10 +108,7 @@ def certificate_name(certificate: Mapping[str, Any]) -> str | None:
     """Return whom a verified certificate names, None if nobody.
 
     That is the common name of its subject, else the first of its subjectAltNames. A name with
-    characters that are not printable is none.
-
-    Args:
-        certificate: As `ssl.SSLSocket.getpeercert` gives it.
+    characters that are not printable is none. It is as `ssl.SSLSocket.getpeercert` gives it.
     """
     subject = [pair for names in certificate.get("subject", ()) for pair in names]
     common = [name for kind, name in subject if kind == "commonName"]

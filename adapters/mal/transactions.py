@@ -250,11 +250,7 @@ class Subscriptions:
         try:
             if header.is_error:
                 raise self._codec.decode_error(body)
-            operation = self._specification.resolve(
-                header.area, header.area_version, header.service, header.operation
-            )
-            if header.stage not in operation.parts:
-                raise MalError(StandardError.UNSUPPORTED_OPERATION)
+            operation = header.addressed(self._specification)
             subscription_id, update, *parts = self._codec.decode(
                 operation.parts[header.stage], body
             )

@@ -6,11 +6,12 @@ from pathlib import Path
 
 from adapters.bundle.codec.eid import Eid, Ipn
 from adapters.bundle.codec.errors import StoreError
-from adapters.bundle.node.database import BundleDatabase, StoreLimits, Synchronous
+from adapters.bundle.node.database import BundleDatabase, StoreLimits
 from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.reporting import DeliveryNotice, DeliveryStatus
 from adapters.bundle.node.security import Security
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
+from tests.support.unsynced import UNSYNCED
 
 NOWHERE = LtpLink(Address("127.0.0.1", 1))
 START_UTC_MS = 1_800_000_000_000
@@ -59,7 +60,7 @@ class TestedNode:
         self.start()
 
     def start(self) -> None:
-        self.database = BundleDatabase(self.path, self.limits, Synchronous.OFF)
+        self.database = BundleDatabase(self.path, self.limits, UNSYNCED)
         self.node = BundleNode(
             self.settings, self.database, self.clock, self.notices.append, self.security
         )

@@ -28,11 +28,12 @@ from adapters.bundle.links.tcpcl_messages import (
     Shutdown,
     encode_message,
 )
-from adapters.bundle.node.database import BundleDatabase, Synchronous
+from adapters.bundle.node.database import BundleDatabase
 from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.reporting import DeliveryNotice, DeliveryStatus
 from adapters.bundle.node.settings import Neighbour, NodeSettings, TcpclLink
 from tests.bundle.nodes import Clock, TestedNode, settings_of
+from tests.support.unsynced import UNSYNCED
 
 VECTORS: Any = json.loads(Path(__file__).with_name("vectors.json").read_text())
 SIGNED: Any = json.loads(Path(__file__).with_name("bpsec-vectors.json").read_text())
@@ -99,7 +100,7 @@ class Caller:
         self.clock.utc_ms = DTN_EPOCH_UTC_MS + 848_563_950_000
         neighbour = Neighbour(Ipn(1, 0), link)
         settings = NodeSettings(Ipn(2, 1), (Ipn(2, 1),), (neighbour,))
-        database = BundleDatabase(folder / "2.db", None, Synchronous.OFF)
+        database = BundleDatabase(folder / "2.db", None, UNSYNCED)
         self.notices: list[DeliveryNotice] = []
         self.node = BundleNode(settings, database, self.clock, self.notices.append)
         self.now_s = 0.0

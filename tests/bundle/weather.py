@@ -15,10 +15,11 @@ from adapters.bundle.links.contact import ContactGate, ContactPlan
 from adapters.bundle.links.link import LinkContext
 from adapters.bundle.links.ltp import LtpNeighbour
 from adapters.bundle.links.ltp_segment import Segment, decode_segment, encode_segment
-from adapters.bundle.node.database import BundleDatabase, StoreLimits, Synchronous
+from adapters.bundle.node.database import BundleDatabase, StoreLimits
 from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.reporting import DeliveryNotice
 from adapters.bundle.node.settings import Address, LtpLink, Neighbour, NodeSettings
+from tests.support.unsynced import UNSYNCED
 
 START_UTC_S = 1_800_000_000.0
 TICK_S = 1.0
@@ -97,7 +98,7 @@ class Side:
         return START_UTC_S + self.world.now_s + self.clock_error_s
 
     def start(self) -> None:
-        self.database = BundleDatabase(self.path, self.limits, Synchronous.OFF)
+        self.database = BundleDatabase(self.path, self.limits, UNSYNCED)
         self.node = BundleNode(
             self.settings, self.database, lambda: int(1000 * self.utc_s()), self.notices.append
         )

@@ -11,7 +11,7 @@ from typing import Any
 
 from adapters.bundle.agent import BundleAgent
 from adapters.bundle.codec.eid import Ipn
-from adapters.bundle.node.database import StoreLimits, Synchronous
+from adapters.bundle.node.database import StoreLimits
 from adapters.bundle.node.reporting import DeliveryNotice
 from adapters.bundle.node.settings import (
     Address,
@@ -26,6 +26,7 @@ from adapters.bundle.node.settings import (
 from adapters.bundle.node.store import Delivery
 from tests.bundle.ion_node import IonNodes, ion_nodes
 from tests.support.ports import free_udp_ports
+from tests.support.unsynced import UNSYNCED
 
 HERE = "127.0.0.1"
 ANY = Address(HERE, 0)
@@ -80,7 +81,7 @@ def running(
     """Open an agent with a link of its own."""
     settings = settings_of(number, other, link)
     path = folder / f"{number}.db"
-    return opened(BundleAgent(settings, path, listen, synchronous=Synchronous.OFF))
+    return opened(BundleAgent(settings, path, listen, system=UNSYNCED))
 
 
 def port_of(address: Address | None) -> Address:
@@ -156,7 +157,7 @@ class World(ABC):
         limits = self._limits.get(number, StoreLimits())
         settings = settings_of(number, 3 - number, link, limits=limits)
         path = self._folder / f"{number}.db"
-        return opened(BundleAgent(settings, path, synchronous=Synchronous.OFF, **others))
+        return opened(BundleAgent(settings, path, system=UNSYNCED, **others))
 
     @asynccontextmanager
     async def both(self) -> AsyncIterator[tuple[Running, Running]]:

@@ -36,13 +36,14 @@ from adapters.bundle.links.ltp_engine import BlockReceived, LtpSpan
 from adapters.bundle.links.ltp_segment import decode_segment, encode_segment
 from adapters.bundle.links.tcpcl import TcpclNeighbour, TcpclSession
 from adapters.bundle.links.tcpcl_messages import encode_message
-from adapters.bundle.node.database import BundleDatabase, StoreLimits, Synchronous
+from adapters.bundle.node.database import BundleDatabase, StoreLimits
 from adapters.bundle.node.node import BundleNode
 from adapters.bundle.node.settings import TcpclLink
 from tests.bundle.strategies import CONTACT_HEADERS, MESSAGES, NUMBERS, SEGMENTS, bundles
 from tests.stress.findings import MB, Findings, Tell
 from tests.stress.fuzzing import attack, examples, mutate
 from tests.support.figures import Figure, Goal
+from tests.support.unsynced import UNSYNCED
 
 POOL: Final = 120
 """Sound ones of each kind, of which the wrong ones are made."""
@@ -136,7 +137,7 @@ class Target:
         self._findings = findings
         settings = NodeSettings(Ipn(2, 1), (Ipn(2, 1),), (Neighbour(Ipn(1, 0), _LINK),))
         limits = StoreLimits(most_octets=4 << 20)
-        self.database = BundleDatabase(folder / "fuzz.db", limits, Synchronous.OFF)
+        self.database = BundleDatabase(folder / "fuzz.db", limits, UNSYNCED)
         self.node = BundleNode(
             settings, self.database, lambda: int(1000 * time.time()), lambda _: None
         )

@@ -153,12 +153,8 @@ def sign(bundle: Bundle, key: Key, source: Eid, targets: Iterable[int]) -> Bundl
     The check sum of what is signed goes (RFC 9173, 3.8.1); for ION the primary block keeps one, of
     16 bits, with which ION would rebuild it.
 
-    Args:
-        bundle: without BIB; a fragment is signed by itself, so that its receiver need not keep
-            what nobody can check before the whole is there.
-        key: of the peer.
-        source: the node that signs.
-        targets: numbers of blocks, 0 or 1.
+    A fragment is signed by itself, so that its receiver need not keep what nobody can check before
+    the whole is there.
     """
     import hmac  # late: it loads OpenSSL's digests, which agents without keys do without
 

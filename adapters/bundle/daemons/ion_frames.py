@@ -1,11 +1,10 @@
 """What goes between the agent and its bridge to ION: frames of CBOR, each after its length."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any, Final, get_args
 
 from adapters.bundle.codec import cbor
-from adapters.bundle.codec.errors import DecodeError
 
 _LENGTH_OCTETS: Final = 4
 
@@ -84,6 +83,12 @@ class Failed:
 
 Frame = SendRequest | ReceivedAck | Ping | Ready | Sent | SendRejected | Received | Pong | Failed
 _KINDS: Final[tuple[type[Frame], ...]] = get_args(Frame)
+_READ: Final[dict[object, Callable[[cbor.Reader], Any]]] = {
+    bool: cbor.Reader.boolean,
+    int: cbor.Reader.unsigned,
+    str: cbor.Reader.text,
+    bytes: cbor.Reader.octet_string,
+}
 
 
 def encode_frame(frame: Frame) -> bytes:
@@ -105,7 +110,7 @@ def decode_frame(body: bytes) -> Frame:
     if number >= len(_KINDS):
         raise reader.fail(f"no frame of kind {number}")
     kind = _KINDS[number]
-    frame: Frame = kind(*[_decode(reader, field.type) for field in fields(kind)])
+    frame: Frame = kind(*[_READ[field.type](reader) for field in fields(kind)])
     reader.finish()
     return frame
 
@@ -141,15 +146,3 @@ def _encode(value: bool | int | str | bytes) -> bytes:
             return cbor.text(value)
         case bytes():
             return cbor.octet_string(value)
-
-
-def _decode(reader: cbor.Reader, kind: object) -> Any:
-    if kind is bool:
-        return reader.boolean()
-    if kind is int:
-        return reader.unsigned()
-    if kind is str:
-        return reader.text()
-    if kind is bytes:
-        return reader.octet_string()
-    raise DecodeError(f"no field of a frame is {kind}")

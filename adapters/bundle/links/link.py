@@ -154,10 +154,6 @@ class Pacer:
 class Backoff:
     """Pauses between attempts that double up to 30 s; a failure is logged once.
 
-    Args:
-        name: of what is tried, for the log.
-        shortest_s: the first pause.
-
     Attributes:
         pause_s: the next pause.
     """

@@ -127,10 +127,9 @@ def encode_message(message: Message) -> bytes:
 
 
 class MessageReader:
-    """Cuts a stream, however it comes in pieces, into messages; the first is the contact header.
+    """Cuts a stream into messages, of which the first is the contact header.
 
-    Args:
-        most_octets: the longest segment that is taken.
+    A segment of more than `most_octets` is an error.
     """
 
     def __init__(self, most_octets: int) -> None:

@@ -1,7 +1,7 @@
 """The file that holds what must survive: SQLite in write-ahead mode, written in groups.
 
 Writes gather in one transaction until `commit`; what a commit returned from survives `kill -9`
-and, with FULL synchronisation, loss of power.
+and loss of power.
 """
 
 import logging
@@ -9,7 +9,6 @@ import sqlite3
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 from typing import Any, Final
 
@@ -54,13 +53,6 @@ _MB: Final = 1_000_000
 _FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
 
 
-class Synchronous(Enum):
-    """What a commit waits for: FULL for the disk, OFF for nothing (tests in simulated time)."""
-
-    FULL = "FULL"
-    OFF = "OFF"
-
-
 @dataclass(frozen=True, slots=True)
 class StoreLimits:
     """When the store counts as full, before the disk is.
@@ -80,9 +72,7 @@ class StoreLimits:
 class BundleDatabase:
     """One file and the transaction that is being gathered; used by one thread.
 
-    Args:
-        path: the file, made with its folders if missing.
-        system: the disk.
+    The file is made with its folders if missing.
 
     Attributes:
         full: whether nothing new should be taken in, as of the last look.
@@ -99,14 +89,13 @@ class BundleDatabase:
         self,
         path: Path,
         limits: StoreLimits | None = None,
-        synchronous: Synchronous = Synchronous.FULL,
         system: System = OPERATING_SYSTEM,
     ) -> None:
         self.path, self._system = path, system
         self._limits = limits or StoreLimits()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._db = _opened(system.connect(path), synchronous)
+            self._db = _opened(system.connect(path))
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"bundle store {path}: {error}") from error
         self.full = False
@@ -205,9 +194,7 @@ class BundleDatabase:
     def require_room(self, octets: int = 0, *, expedited: bool = False) -> None:
         """Check that there was room at the last look; some is reserved for expedited bundles.
 
-        Args:
-            octets: how much of the reserve this one takes, until the next look.
-            expedited: whether it may.
+        What this one takes of the reserve is counted until the next look.
 
         Raises:
             StoreFull: there was none.
@@ -263,10 +250,10 @@ class BundleDatabase:
         return self._failure
 
 
-def _opened(db: sqlite3.Connection, synchronous: Synchronous) -> sqlite3.Connection:
+def _opened(db: sqlite3.Connection) -> sqlite3.Connection:
     try:
         db.execute("PRAGMA journal_mode = WAL")
-        db.execute(f"PRAGMA synchronous = {synchronous.value}")
+        db.execute("PRAGMA synchronous = FULL")
         db.execute("PRAGMA journal_size_limit = 4194304")
         db.execute("PRAGMA cache_size = -1000")
         db.executescript(_SCHEMA)

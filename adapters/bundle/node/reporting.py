@@ -120,14 +120,11 @@ class NodeContext:
     written with the transaction of the bundle that has it. What a crash undoes was never sent, so
     that it may be given again.
 
-    Args:
-        settings: its EIDs and neighbours.
-        database: its store.
-        utc_ms: the time in milliseconds since 1970.
-        on_status: is told what becomes of what was put in, after it is on the disk.
-        security: signs and verifies; None for neither.
+    `on_status` is told what becomes of what was put in, after it is on the disk.
 
     Attributes:
+        utc_ms: the time in milliseconds since 1970.
+        security: signs and verifies; None for neither.
         transaction: what gathers until it is committed.
         refusals: of what came.
         traffic: what went over the links, by the names of the neighbours.

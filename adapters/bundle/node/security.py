@@ -173,10 +173,7 @@ def load_security(
 ) -> Security | None:
     """Return what signs and verifies for a node, with the keys read; None where nothing does.
 
-    Args:
-        settings_file: the keys are beside it.
-        settings: its section `security`.
-        node: that signs.
+    The keys are beside the settings file, whose section `security` is given.
 
     Raises:
         BundleError: a key cannot be read or used; the text says which, and what to do.

@@ -72,12 +72,9 @@ class OutboxReader:
 
         Only what is committed goes out: what a crash undoes must not have been seen by anybody.
 
-        Args:
-            neighbour: its name.
-            octets: how much of it; at least one bundle comes, if any waits.
-            bundle_octets: what is longer is fragmented.
-            expedited: of which queue. Links ask for the expedited ones first, whether or not they
-                would take more of the others.
+        These are so many octets, or the first bundle; what is longer than `bundle_octets` is
+        fragmented. Links ask for the expedited ones first, whether or not they would take more of
+        the others.
         """
         if self._state.database.gathering:
             return []

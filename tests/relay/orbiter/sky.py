@@ -22,7 +22,6 @@ from adapters.bundle import (
     NodeSettings,
 )
 from adapters.bundle.links.contact import Contact
-from adapters.bundle.node.database import Synchronous
 from adapters.mops import (
     Housekeeping,
     LinkHealth,
@@ -47,6 +46,7 @@ from executive.values.parameters import Parameter
 from executive.values.reports import Identity, Report, ReportKind, Severity, Stage
 from tests.support.ports import free_port
 from tests.support.timed_system import TimedSystem
+from tests.support.unsynced import UNSYNCED
 
 HERE = "127.0.0.1"
 LIMIT_S = 30.0
@@ -131,7 +131,7 @@ class FarRover:
             NodeSettings(own, (own,), (neighbour,)),
             sky.folder / f"far-{asset}.db",
             Listen(ltp=Address(HERE, sky.rover_ports[asset])),
-            synchronous=Synchronous.OFF,
+            system=UNSYNCED,
         )
 
     async def answer(self) -> None:

@@ -18,7 +18,6 @@ from adapters.bundle import (
     Queued,
 )
 from adapters.bundle.links.contact import Contact
-from adapters.bundle.node.database import Synchronous
 from adapters.mal import MalError
 from adapters.mocup.brick.record import BrickLink
 from adapters.mops import LinkHealth, decode
@@ -48,6 +47,7 @@ from tests.relay.orbiter.sky import (
     rover,
     until,
 )
+from tests.support.unsynced import UNSYNCED
 
 WHY = "may not have reached the rover: its lifetime ended at the orbiter"
 
@@ -356,7 +356,7 @@ async def test_what_the_brick_said_to_nobody_is_asked_for_again(tmp_path: Path) 
     neighbour = Neighbour(Ipn(ORBITER.node, 0), LtpLink(sky.to_orbiter, answer_s=0.2))
     node = NodeSettings(sky.node("mocup"), (sky.node("mocup"),), (neighbour,))
     listen = Listen(ltp=Address(HERE, sky.rover_ports["mocup"]))
-    agent = BundleAgent(node, tmp_path / "far.db", listen, synchronous=Synchronous.OFF)
+    agent = BundleAgent(node, tmp_path / "far.db", listen, system=UNSYNCED)
     await agent.open(lambda _: None)
     carrying = asyncio.create_task(carry(agent, bench))
     async with (
