@@ -29,15 +29,18 @@ def _fault(
     *,
     source: str,
     disproves: Disproves | None = None,
-    beyond: FaultParameter | None = None,
-    below: FaultParameter | None = None,
-    ratio: FaultParameter | None = None,
-    within: FaultParameter | None = None,
+    **bounds: FaultParameter,
 ) -> Any:
-    """Return a field of `FaultTable` that declares a fault."""
-    declared = FaultDeclaration(
-        "", reason, summary, row, source, disproves, beyond, below, ratio, within
-    )
+    """Return a field of `FaultTable` that declares a fault.
+
+    What its windows have as `ratio` and `within` means the usual unless it is given.
+    """
+    first = row.windows[0]
+    usual = {
+        **({} if first.ratio is None else {"ratio": _RATIO}),
+        **({} if first.within_s is None else {"within": _within()}),
+    }
+    declared = FaultDeclaration("", reason, summary, row, source, disproves, **(usual | bounds))
     return field(default=row, metadata={"declaration": declared})
 
 
@@ -149,7 +152,6 @@ class FaultTable:
         "Odometry does not change at all, though the rover is commanded to move.",
         _row(MonitoredWhen.MOVING, _STOPPED, Window(within_s=0.3)),
         disproves=Disproves.COMMANDS,
-        within=_within(),
         source="As `odometry_stale`; no measurement of its own.",
     )
     odometry_off_twist: FaultResponse = _fault(
@@ -165,8 +167,6 @@ class FaultTable:
         beyond=FaultParameter(
             "distance between pose and what its velocity leads to", "m", 0.01, 5.0
         ),
-        ratio=_RATIO,
-        within=_within(),
         source=(
             "`quick`: recorded runs; normal driving: below 1 %. `slow`: judgement; check:"
             " below 2 %. The real Husky, whose velocity is a mean over 1 s, shows this or the"
@@ -181,8 +181,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
-        ratio=_RATIO,
-        within=_within(),
         source="Recorded runs; normal driving: below 1 %.",
     )
     off_command: FaultResponse = _fault(
@@ -196,7 +194,6 @@ class FaultTable:
         ratio=FaultParameter(
             "share of the speed that was commanded, where it is more", "", 0.0, 2.0
         ),
-        within=_within(),
         source="Recorded runs; normal driving: 25 %.",
     )
     turn_off_command: FaultResponse = _fault(
@@ -210,7 +207,6 @@ class FaultTable:
         ratio=FaultParameter(
             "share of the rate that was commanded, where it is more", "", 0.0, 2.0
         ),
-        within=_within(),
         source="Recorded runs; normal driving: 86 %.",
     )
     steady_off_command: FaultResponse = _fault(
@@ -223,8 +219,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("way by its speed beside what was commanded", "m", 0.001, 5.0),
-        ratio=_RATIO,
-        within=_within(),
         source="Judgement: encoders that are 10 % wrong show in lines of 2 s. Check, MOCUP: 28 %.",
     )
     steady_turn_off_command: FaultResponse = _fault(
@@ -235,8 +229,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
-        ratio=_RATIO,
-        within=_within(),
         source="Judgement: encoders that are 18 % wrong show in turns of 1 s. Check, MOCUP: 40 %.",
     )
     turn_amiss: FaultResponse = _fault(
@@ -247,8 +239,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("turn beside what was commanded", "rad", 0.05, 3.0),
-        ratio=_RATIO,
-        within=_within(),
         source=(
             "Normal driving: 91 %. With 0.25 rad it showed twice, where the odometry truly was"
             " more than 10 cm off."
@@ -269,7 +259,6 @@ class FaultTable:
         _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.04, within_s=1.0)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("speed", "m/s", 0.005, 1.0),
-        within=_within(),
         source=(
             "Normal driving: 18 %. A pose with white noise of 0.45 mm at 50 Hz shows it: such"
             " an asset sets more."
@@ -281,7 +270,6 @@ class FaultTable:
         _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.01, within_s=1.0)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("rate", "rad/s", 0.001, 1.0),
-        within=_within(),
         source="Normal driving: 58 %; recorded runs with 0.006 rad/s.",
     )
     odometry_silent: FaultResponse = _fault(
@@ -338,8 +326,6 @@ class FaultTable:
         beyond=FaultParameter(
             "speed outside of what was commanded in the window", "m/s", 0.02, 5.0
         ),
-        ratio=_RATIO,
-        within=_within(),
         source=(
             "Recorded runs, with 0.15 m/s + 30 % for 0.2 s; normal driving: 46 %. These are"
             " tighter; check: 8 %."
@@ -353,8 +339,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("difference of the ways", "m", 0.01, 5.0),
-        ratio=_RATIO,
-        within=_within(),
         source="Judgement, beside the other, which commands that change hide from; check: 40 %.",
     )
     wheels_unpowered: FaultResponse = _fault(
@@ -363,7 +347,6 @@ class FaultTable:
         _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, below=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
         below=FaultParameter("mean torque of a side", "Nm", 0.001, 100.0),
-        within=_within(),
         source=(
             "Recorded runs; normal driving: 29 %. The torque alone, without 0.06 m/s off the"
             " command, showed in 13 of 20 sessions without a fault."
@@ -380,8 +363,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("difference of the ways", "m", 0.01, 5.0),
-        ratio=_RATIO,
-        within=_within(),
         source=(
             "Recorded runs, with 0.06 m + 6 % and 0.05 m + 3 %; normal driving: 4 and 11 %."
             " These are tighter; check: 10 % and 14 %."
@@ -398,8 +379,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("difference of the turns", "rad", 0.01, 1.5),
-        ratio=_RATIO,
-        within=_within(),
         source=(
             "`quick`: recorded runs, with 0.05 rad + 5 %; normal driving: 10 %. These are"
             " tighter; check: 22 %. `slow`: recorded runs; normal driving: 55 %."
@@ -413,8 +392,6 @@ class FaultTable:
         ),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("difference of the turns", "rad", 0.01, 1.5),
-        ratio=_RATIO,
-        within=_within(),
         source=(
             "Recorded runs; normal driving: 51 %. The wheels of the real Husky turn 0.95 times"
             " as much as its gyro measures, those of a skid-steered robot of 0.73 m track 1.25"
@@ -432,7 +409,6 @@ class FaultTable:
         ),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("difference of the speeds gained", "m/s", 0.1, 5.0),
-        within=_within(),
         source=(
             "Recorded runs; normal driving: 97 and 75 %. With 0.36 m/s it showed 10 to 15"
             " times in 5.4 h, in true slides on slopes."
@@ -447,7 +423,6 @@ class FaultTable:
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("difference of the forces", "N", 1.0, 100_000.0),
         ratio=FaultParameter("share of what is felt, added to the bound", "", 0.0, 10.0),
-        within=_within(),
         source=(
             "Recorded runs, without `ratio`; normal driving: 71 %. `ratio` and `for`:"
             " judgement, for a load that is not known; check: 50 %."
@@ -477,7 +452,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("difference of the ways", "m", 0.01, 10.0),
-        ratio=_RATIO,
         within=_within(0.2),
         source=(
             "Recorded runs. Slopes: 130 and 320 %; 238 times in 0.84 h, where the odometry"
@@ -495,7 +469,6 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("difference of the turns", "rad", 0.01, 1.5),
-        ratio=_RATIO,
         within=_within(0.2),
         source="Recorded runs; normal driving: 30 and 46 %.",
     )

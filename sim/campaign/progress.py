@@ -1,6 +1,5 @@
 """How a campaign goes, on the terminal: a bar while it runs, then its verdict."""
 
-from types import TracebackType
 from typing import Final
 
 from rich.console import Console
@@ -46,12 +45,11 @@ class _Rate(ProgressColumn):
         return Text(f"{succeeded / runs:.1%} succeed ({bounds})")
 
 
-class ProgressBar:
+class ProgressBar(Progress):
     """Shows how many runs there are, how many of them succeed, and how long it still takes."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
-        self._bar = Progress(
+        super().__init__(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
@@ -61,26 +59,14 @@ class ProgressBar:
             TimeRemainingColumn(),
             console=console,
         )
-        self._task = self._bar.add_task("runs", total=None, succeeded=0)
-        self._kept = self._task
+        self._runs = self.add_task("runs", total=None, succeeded=0)
+        self._kept = self._runs
         self._succeeded = self._failed = 0
-
-    def __enter__(self) -> "ProgressBar":
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._bar.stop()
 
     def expect(self, total: int, done: int, succeeded: int) -> None:
         """Show how many runs there are to be."""
         self._succeeded = succeeded
-        self._bar.update(self._task, total=total, completed=done, succeeded=succeeded)
+        self.update(self._runs, total=total, completed=done, succeeded=succeeded)
 
     def played(self, run: CampaignRun) -> None:
         """Show one more run; the first that fail by name, with why."""
@@ -88,23 +74,23 @@ class ProgressBar:
         if not run.holds:
             self._failed += 1
             self._tell_of(run)
-        self._bar.update(self._task, advance=1, succeeded=self._succeeded)
+        self.update(self._runs, advance=1, succeeded=self._succeeded)
 
     def keep(self, total: int) -> None:
         """Show how many failed runs are to be kept."""
         if total:
-            self._kept = self._bar.add_task("failed runs kept", total=total)
+            self._kept = self.add_task("failed runs kept", total=total)
 
     def kept(self) -> None:
         """Show that one more is."""
-        self._bar.advance(self._kept)
+        self.advance(self._kept)
 
     def _tell_of(self, run: CampaignRun) -> None:
         if self._failed <= FIRST_FAILURES:
-            self._console.print(f"run {run.run} fails: {escape(run.failed_findings[0])}")
-            self._console.print(f"  [dim]{escape(run.command)}[/]", soft_wrap=True)
+            self.console.print(f"run {run.run} fails: {escape(run.failed_findings[0])}")
+            self.console.print(f"  [dim]{escape(run.command)}[/]", soft_wrap=True)
         elif self._failed == FIRST_FAILURES + 1:
-            self._console.print("[dim]more runs fail; the data set has them all[/]")
+            self.console.print("[dim]more runs fail; the data set has them all[/]")
 
 
 def show(console: Console, verdict: CampaignVerdict) -> None:

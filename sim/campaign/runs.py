@@ -22,6 +22,7 @@ from executive.values.reasons import Reason
 from sim.campaign.draws import ValueKind, VariedQuantity, quantities
 from sim.campaign.model import Campaign, Scalar
 from sim.campaign.where import EVERYWHERE, RunFilter
+from sim.campaign.worker import JobResult
 from sim.scenario.outcome import RunMetrics
 
 if TYPE_CHECKING:
@@ -43,32 +44,18 @@ _ARROW: Final = {
 _FIGURES: Final[dict[str, Any]] = get_type_hints(RunMetrics)
 
 
-@dataclass(frozen=True, slots=True)
-class CampaignRun:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignRun(JobResult):
     """One run.
 
     Attributes:
-        run: its number.
         scenario: as the campaign names it.
-        seed: of the noise of its sensors.
         varied: value of each varied quantity; None where its fault has no such parameter.
-        figures: of the run.
-        holds: whether all is so as its scenario expects.
-        failed_findings: what is not, in words.
-        digest: of all that happened; equal for runs that are alike bit for bit.
-        seconds: how long it took.
         command: what repeats it.
     """
 
-    run: int
     scenario: str
-    seed: int
     varied: Mapping[str, Scalar | None]
-    figures: RunMetrics
-    holds: bool
-    failed_findings: tuple[str, ...]
-    digest: str
-    seconds: float
     command: str
 
 

@@ -2,9 +2,9 @@
 
 import operator
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from executive.settings import hint, in_degrees
 
@@ -13,12 +13,7 @@ if TYPE_CHECKING:
 
 _TERM: Final = re.compile(r"\s*([\w./-]+)\s*(==|!=|<=|>=|<|>)\s*(\S(?:.*\S)?)\s*")
 _AND: Final = re.compile(r"\s+and\s+")
-_ORDER: Final[dict[str, Callable[[Any, Any], Any]]] = {
-    "<=": operator.le,
-    ">=": operator.ge,
-    "<": operator.lt,
-    ">": operator.gt,
-}
+_ORDER: Final = {"<=": operator.le, ">=": operator.ge, "<": operator.lt, ">": operator.gt}
 ALIKE: Final = 5e-6
 """By which part numbers may differ that are not whole and are the same: reports show six digits."""
 

@@ -50,7 +50,17 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """What came of a run; its fields are those of `sim.campaign.runs.Run`."""
+    """What came of a run.
+
+    Attributes:
+        run: its number.
+        seed: of the noise of its sensors.
+        figures: of the run.
+        holds: whether all is so as its scenario expects.
+        failed_findings: what is not, in words.
+        digest: of all that happened; equal for runs that are alike bit for bit.
+        seconds: how long it took.
+    """
 
     run: int
     seed: int

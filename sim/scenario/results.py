@@ -3,7 +3,7 @@
 import json
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, BinaryIO
 
 from sim.scenario.changes import Override
@@ -136,20 +136,12 @@ def _plain(run: ScenarioRun) -> dict[str, Any]:
         "changes": [str(change) for change in run.changes],
         "command": run.command,
         "holds": run.holds,
-        "findings": [
-            {each.name: getattr(finding, each.name) for each in fields(finding)}
-            for finding in run.findings
-        ],
-        "figures": _figures(run.figures),
+        "findings": [asdict(finding) for finding in run.findings],
+        "figures": asdict(run.figures) | {"reasons": [each.name for each in run.figures.reasons]},
         "digest": run.digest,
         "simulated_s": round(run.simulated_s, 3),
         "wall_s": round(run.wall_s, 3),
     }
-
-
-def _figures(figures: RunMetrics) -> dict[str, Any]:
-    plain = {each.name: getattr(figures, each.name) for each in fields(figures)}
-    return plain | {"reasons": [reason.name for reason in figures.reasons]}
 
 
 def _suite(run: ScenarioRun) -> JunitSuite:

@@ -226,7 +226,7 @@ def test_a_rover_that_goes_away_cannot_be_reached(
     aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "adapters.mrs.ground.client.Session",
+        "adapters.mrs.ground.client.RoverSession",
         lambda *most: RoverSession(*(*most[:-2], 0.1, most[-1])),
     )
     executive = aboard.do(lambda bench: bench.executive)

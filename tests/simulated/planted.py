@@ -271,8 +271,9 @@ def _admitted_without_commit() -> AbstractContextManager[object]:
 def _commits_not_synced() -> AbstractContextManager[object]:
     opened = database._opened
 
-    def unsynced(db: Any, _: database.Synchronous) -> Any:
-        return opened(db, database.Synchronous.OFF)
+    def unsynced(db: Any) -> Any:
+        opened(db).execute("PRAGMA synchronous = OFF")
+        return db
 
     return patch.object(database, "_opened", unsynced)
 

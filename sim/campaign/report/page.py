@@ -27,12 +27,11 @@ from sim.campaign.report.charts import (
 from sim.campaign.report.failures import (
     FOLDER,
     FailureGroup,
-    WorstRun,
     choose,
     failure_groups,
     replay,
 )
-from sim.campaign.runs import RunTable, keys_of
+from sim.campaign.runs import CampaignRun, RunTable, keys_of
 from sim.campaign.verdict import CampaignVerdict, CriterionResult, CriterionStatus
 from sim.drawing import as_svg
 from sim.scenario.pictures import REPORTS
@@ -42,7 +41,7 @@ ALIKE: Final = 1e-9
 """Figures that differ by so little, beside the greatest, are alike."""
 MOST_WORST: Final = 8
 MOST_GROUPS: Final = 25
-BAD: Final = (Stage.FAILED, Stage.REJECTED, Stage.EXPIRED, Stage.CANCELLED)
+BAD: Final = [Stage.FAILED.name, Stage.REJECTED.name, Stage.EXPIRED.name, Stage.CANCELLED.name]
 MOST_ROWS: Final = 30
 """Rows of a chart of shares, the worst of them."""
 _UNITS: Final = {"s": "s", "m": "m", "rad": "rad", "j": "J"}
@@ -76,28 +75,6 @@ class Distribution:
     quantiles: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ReportRow:
-    """One report of a rover."""
-
-    time: str
-    command: str
-    stage: str
-    text: str
-    bad: bool
-
-
-@dataclass(frozen=True, slots=True)
-class ShownRun:
-    """A run with what is shown of it; pictures as data of PNG."""
-
-    worst: WorstRun
-    varied: str
-    map: str | None
-    timeline: str | None
-    reports: tuple[ReportRow, ...]
-
-
 def write_report(
     folder: Path, campaign: Campaign, runs: RunTable, verdict: CampaignVerdict
 ) -> Path:
@@ -118,7 +95,8 @@ def write_report(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["percent"] = _percent
+    environment.filters |= {"percent": _percent, "picture": _picture}
+    environment.filters |= {"varied": _varied, "reports": _reports}
     page = environment.get_template("page.html").render(
         campaign=campaign,
         verdict=verdict,
@@ -129,8 +107,9 @@ def write_report(
         distributions=tuple(_distributions(campaign, runs)),
         groups=groups[:MOST_GROUPS],
         more_groups=_rest(groups[MOST_GROUPS:]),
-        shown=tuple(map(_shown, worst)),
+        shown=list(worst),
         folder=FOLDER,
+        bad=BAD,
     )
     path = folder / NAME
     path.write_text(page, encoding="utf-8")
@@ -255,33 +234,18 @@ def _title(key: str) -> str:
     return key.replace("_", " ")
 
 
-def _shown(worst: WorstRun) -> ShownRun:
-    varied = ", ".join(
+def _varied(run: CampaignRun) -> str:
+    return ", ".join(
         f"{name} {value:.6g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in worst.run.varied.items()
+        for name, value in run.varied.items()
         if value is not None
     )
-    if not worst.drawn:
-        return ShownRun(worst, varied, None, None, ())
-    folder = worst.folder
-    lines = (folder / REPORTS).read_text(encoding="utf-8").splitlines()
-    reports = tuple(_report_row(json.loads(line)) for line in lines)
-    return ShownRun(
-        worst, varied, _data(folder / "map.png"), _data(folder / "timeline.png"), reports
-    )
 
 
-def _report_row(told: dict[str, Any]) -> ReportRow:
-    """Return a line of the file of reports as a row."""
-    stage = told["stage"]
-    return ReportRow(
-        f"{told['time_s']:.2f}",
-        told["label"] or "",
-        stage or told["kind"],
-        told["text"],
-        stage in {each.name for each in BAD},
-    )
+def _reports(folder: Path) -> list[Any]:
+    """Return the reports of a run, as their file has them."""
+    return list(map(json.loads, (folder / REPORTS).read_text(encoding="utf-8").splitlines()))
 
 
-def _data(picture: Path) -> str:
-    return f"data:image/png;base64,{b64encode(picture.read_bytes()).decode()}"
+def _picture(path: Path) -> str:
+    return f"data:image/png;base64,{b64encode(path.read_bytes()).decode()}"
