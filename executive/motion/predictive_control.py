@@ -41,12 +41,12 @@ SOON_S: Final = 1.0
 
 @unique
 class Phase(Enum):
-    """What a predictive law is about; it ends in ABANDONED, or within the tolerances."""
+    """The phases of a predictive law; it ends in ABANDONED, or within the tolerances."""
 
-    PLANNING = "no plan has come yet: the rover stands"
+    PLANNING = "no plan has been received yet: the rover stands"
     FOLLOWING = "it drives the last plan that leads on"
     BRAKING = "it comes to rest within the tolerances if it only brakes"
-    ABANDONED = "the rover stands, and goes on by another leg"
+    ABANDONED = "the rover stands, and continues by another leg"
 
 
 class PredictiveLaw(Motion):

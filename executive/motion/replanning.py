@@ -30,11 +30,11 @@ MISSED: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class SolverRequest:
-    """What the solver was asked last.
+    """The last request to the solver.
 
     Attributes:
-        asked_s: when it was asked.
-        from_s: from when on the plan is to lead.
+        asked_s: when it was made.
+        from_s: from when on the plan is to be driven.
         end: which place of the route it is to end at.
         waits: whether the rover stands, so that the plan leads from when it is there.
     """
@@ -50,7 +50,7 @@ class ActiveTrajectory:
     """The plan that is driven, and the request that it answers.
 
     Attributes:
-        from_s: from when on it leads.
+        from_s: from when on it is driven.
     """
 
     plan: Trajectory
@@ -92,7 +92,7 @@ class Replanning:
 
         Args:
             state: at `from_s`.
-            from_s: from when on the plan is to lead.
+            from_s: from when on the plan is to be driven.
             now_s: the time.
             obstacles: what it keeps away from.
             around: a detour, as the guess of the first plan.

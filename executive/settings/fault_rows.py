@@ -1,7 +1,7 @@
 """Reads and writes settings with the rows of faults in them, which have keys of their own.
 
-A row says `when`, `then` and `clears`, and the figures of its window: beside them where a fault has
-one window, else under the name of each. It says only what differs from the fault's declaration.
+A row has `when`, `then` and `clears`, and the figures of its window: beside them where a fault has
+one window, else under the name of each. It has only what differs from the fault's declaration.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -89,7 +89,7 @@ def _plain_faults(table: FaultTable) -> dict[str, dict[str, Any]]:
 def _plain_row(row: FaultResponse) -> dict[str, Any]:
     found: dict[str, Any] = {key: getattr(row, key).value for key in _CHOICES}
     for window in row.windows:
-        said = _figures().plain(window)
-        figures = {key: said[key] for key in FIGURES if said[key] is not None}
+        plain = _figures().plain(window)
+        figures = {key: plain[key] for key in FIGURES if plain[key] is not None}
         found |= {window.name: figures} if window.name else figures
     return found
