@@ -42,6 +42,7 @@ def copy(tmp_path: Path) -> Path:
     [
         ("executive/values/reasons.py", "import trees", "Arrows point one way"),
         ("executive/state/slip.py", "import executive.core.inbox", "The packages of the core"),
+        ("sim/plot/recorded.py", "import executive.core.recording", "What happened in a run"),
         ("adapters/cli/main.py", "import tests.stress", "The product knows nothing of its tests"),
         ("trees/leaf.py", "import rclpy", "The core knows no ROS"),
         ("executive/values/reasons.py", "import socket", "The core knows no ROS"),
