@@ -2,7 +2,7 @@
 
 The section `faults:` of an asset's file, the settings of scenarios and campaigns, the checks of all
 of them and the page docs/faults.md follow from these declarations. `executive.safety` has the
-monitors, and the reactions.
+monitors, `executive.core.reactions` what is done about a fault.
 """
 
 from collections.abc import Iterator

@@ -2,7 +2,7 @@
 
 A fault begins when the evidence of one of its windows has lasted for the time of that window. It is
 over when no window has evidence any more, or with a resume, as its row says. What is done about it
-is the dispatcher's.
+is in `executive.core.reactions`.
 """
 
 from collections.abc import Iterator, Mapping
