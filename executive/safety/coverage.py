@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from executive.faults import Reaction
 from executive.safety.history import MotionHistory
@@ -81,21 +80,7 @@ def unmonitored(
     return found if history is None else (*found, *_unmeasured(settings, history))
 
 
-class MonitoringGap(Protocol):
-    """Something that is not monitored, here or on the wire."""
-
-    @property
-    def what(self) -> str:
-        """Return what, without a verb."""
-        ...
-
-    @property
-    def why(self) -> str:
-        """Return the cause."""
-        ...
-
-
-def summary(gaps: Iterable[MonitoringGap]) -> str:
+def summary(gaps: Iterable[Unmonitored]) -> str:
     """Return in one line what is not monitored, what has the same cause together."""
     by_why: dict[str, list[str]] = {}
     for each in gaps:

@@ -14,12 +14,12 @@ from adapters.mrs.ground import (
     DTN_QUEUED,
     LAST_HEARD,
     NEXT_CONTACT,
-    TERMINAL,
     MrsClient,
 )
 from adapters.mrs.spec import AreaError, AssetMode, Notification, Stage, describe_error, given_up
 from executive.commands import Command
 from executive.values.parameters import Parameter
+from executive.values.reports import TERMINAL
 from sim.demo.script import AtOnce, Ending, Link, Step, WhenDark, WhenDone, WhenNear, spelled
 
 

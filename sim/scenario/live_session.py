@@ -274,8 +274,7 @@ class DownlinkSubscriptions:
             record.values += record.heard(rover_values_of([value]))
 
         def on_file(news: FileNotification) -> None:
-            kind = FileEventKind(news.event.value)
-            record.file_events.append(FileEvent(kind, news.file.path))
+            record.file_events.append(FileEvent(news.event, news.file.path))
 
         def on_plan(update: PlanUpdate) -> None:
             record.plans.append(plan_update_of(update))

@@ -1,8 +1,8 @@
 """Writes the typed Python module of a service specification.
 
-Usage, in a checkout: python -m tests.mal.generate SPECIFICATION.xml [ENUM=CLASS ...] > module.py
+Usage, in a checkout: python -m tests.mal.generate SPECIFICATION.xml [TYPE=CLASS ...] > module.py
 
-ENUM=CLASS takes an enumeration from elsewhere, such as Stage=executive.values.reports.Stage.
+TYPE=CLASS takes a type from elsewhere, such as Stage=executive.values.reports.Stage.
 """
 
 import re
@@ -53,7 +53,7 @@ def generate(
     Args:
         areas: The areas of one file, as `specification_xml.read_areas` gives them.
         source: The name of that file, for the module's docstring.
-        known: Enums that are there already: the full names of the classes, by type name.
+        known: Classes that are there already: their full names, by type name.
 
     Returns:
         The module's text; `load_specification(path, classes=module)` takes the module.
@@ -97,7 +97,11 @@ def _area(area: Area, known: Mapping[str, str]) -> Iterator[str]:
     for definition in area.types:
         if isinstance(definition, EnumerationType) and definition.name not in known:
             yield from _enumeration(definition)
-    waiting = [definition for definition in area.types if isinstance(definition, CompositeType)]
+    waiting = [
+        definition
+        for definition in area.types
+        if isinstance(definition, CompositeType) and definition.name not in known
+    ]
     while waiting:
         unmet = {definition.name for definition in waiting}
         for definition in waiting:

@@ -19,8 +19,9 @@ OF_THE_CORE = (
     "NotificationKind=executive.values.reports.ReportKind",
     "PlanStatus=executive.values.reports.PlanStatus",
     "FileEventType=executive.values.reports.FileEventKind",
+    "Unmonitored=executive.safety.Unmonitored",
 )
-"""Enumerations of the specification that are enums of the core, with the same numbers."""
+"""Types of the specification that are classes of the core: with the same numbers, or fields."""
 
 
 def written(fields: tuple[Field, ...]) -> str:

@@ -12,10 +12,9 @@ from typing import Final
 from adapters.mal import MalError
 from adapters.mrs.ground import MrsClient
 from adapters.mrs.ground.authority import SessionAuthority
-from adapters.mrs.ground.outcome import TERMINAL
 from adapters.mrs.spec import AreaError, AuthorityStatus, Notification, Stage, given_up
 from executive.commands import Command, Request
-from executive.values.reports import Identity
+from executive.values.reports import TERMINAL, Identity
 from tests.simulated.process import Process
 from tests.simulated.system import SimSystem
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from adapters.mrs.ground.outcome import TERMINAL as OUTCOMES
 from executive.commands import MoveForward, RotateBy, Stop
 from executive.values.reports import TERMINAL, Identity, Stage
+from executive.values.reports import TERMINAL as OUTCOMES
 from tests.simulated.disk import rows
 from tests.simulated.ground import SOURCE, Journal
 from tests.simulated.world import World

@@ -89,7 +89,7 @@ class Key:
 
 
 @dataclass(frozen=True, slots=True)
-class CiCheck:
+class IntegrityResult:
     """The result for one target.
 
     Attributes:
@@ -115,7 +115,9 @@ class _Integrity:
     wrapped: bytes | None = None
 
 
-def verify(octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False) -> list[CiCheck]:
+def verify(
+    octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False
+) -> list[IntegrityResult]:
     """Check every target of every BIB of a bundle, once.
 
     Args:
@@ -129,7 +131,7 @@ def verify(octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False) ->
         DecodeError: a BIB is malformed, or a target is signed twice.
     """
     primary, *_ = split_bundle(octets)
-    checks: list[CiCheck] = []
+    checks: list[IntegrityResult] = []
     for bib in bundle.blocks:
         if bib.type != BlockType.INTEGRITY:
             continue
@@ -143,7 +145,7 @@ def verify(octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False) ->
                 fault = ""
             except _Invalid as error:
                 fault = str(error)
-            checks.append(CiCheck(target, scope, fault))
+            checks.append(IntegrityResult(target, scope, fault))
     return checks
 
 

@@ -307,10 +307,7 @@ def _fault_status(executive: Executive) -> wire.FaultStatus:
         timestamp=to_ns(executive.parameters()[0].utc_s),
         why=executive.why[:LONGEST_TEXT],
         active=tuple(map(_active_fault, executive.safety.active)),
-        unmonitored=tuple(
-            wire.Unmonitored(what=each.what, why=each.why, faults=each.faults)
-            for each in unmonitored(executive.settings, executive.safety.history)
-        ),
+        unmonitored=unmonitored(executive.settings, executive.safety.history),
     )
 
 

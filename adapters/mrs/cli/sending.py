@@ -10,7 +10,7 @@ import click
 from adapters.mal import MalError
 from adapters.mrs.cli.options import RoverTarget
 from adapters.mrs.cli.terminal import FAILED, clock, connect, echo_json, say
-from adapters.mrs.ground import TERMINAL, CommandOutcome, MrsClient, where_stored
+from adapters.mrs.ground import CommandOutcome, MrsClient, where_stored
 from adapters.mrs.spec import (
     AreaError,
     Notification,
@@ -21,6 +21,7 @@ from adapters.mrs.spec import (
 )
 from executive.commands import Command, PreemptionPolicy, Request, Stop
 from executive.values.reasons import PREDICTED, Reason
+from executive.values.reports import TERMINAL
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,6 @@ from adapters.mrs.ground.outcome import DTN_QUEUED as DTN_QUEUED
 from adapters.mrs.ground.outcome import LAST_HEARD as LAST_HEARD
 from adapters.mrs.ground.outcome import NEXT_CONTACT as NEXT_CONTACT
 from adapters.mrs.ground.outcome import OVERRIDE as OVERRIDE
-from adapters.mrs.ground.outcome import TERMINAL as TERMINAL
 from adapters.mrs.ground.outcome import CommandOutcome as CommandOutcome
 from adapters.mrs.ground.outcome import describe_next_contact as describe_next_contact
 from adapters.mrs.ground.outcome import where_stored as where_stored

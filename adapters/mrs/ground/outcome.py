@@ -10,10 +10,7 @@ from typing import Final
 from adapters.mal import MalError
 from adapters.mrs.spec import Notification, ParameterValue, Stage, given_up
 from executive.commands import Command
-
-TERMINAL: Final = frozenset(
-    {Stage.REJECTED, Stage.EXECUTED, Stage.FAILED, Stage.CANCELLED, Stage.EXPIRED}
-)
+from executive.values.reports import TERMINAL
 
 OnNotification = Callable[[Notification], None]
 

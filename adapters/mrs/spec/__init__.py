@@ -100,7 +100,6 @@ from adapters.mrs.spec.types import Severity as Severity
 from adapters.mrs.spec.types import Speeds as Speeds
 from adapters.mrs.spec.types import Stage as Stage
 from adapters.mrs.spec.types import TreeUpdate as TreeUpdate
-from adapters.mrs.spec.types import Unmonitored as Unmonitored
 from adapters.mrs.spec.types import Validity as Validity
 from adapters.mrs.spec.types import Waypoint as Waypoint
 from adapters.mrs.terms import NAME as NAME

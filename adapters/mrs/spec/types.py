@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+import executive.safety
 import executive.values.reports
 from adapters.mal import AttributeType, NamedValue, ServiceId, TypedAttribute
 
@@ -15,6 +16,7 @@ Severity = executive.values.reports.Severity
 NotificationKind = executive.values.reports.ReportKind
 PlanStatus = executive.values.reports.PlanStatus
 FileEventType = executive.values.reports.FileEventKind
+Unmonitored = executive.safety.Unmonitored
 
 
 class Validity(Enum):
@@ -509,21 +511,6 @@ class ActiveFault:
     code: int
     text: str
     parameters: tuple[NamedValue, ...] | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Unmonitored:
-    """Something that the asset does not monitor.
-
-    Attributes:
-        what: For the operator, e.g. slip.
-        why: For the operator, e.g. no second odometry.
-        faults: The faults of the asset's table that cannot begin for it.
-    """
-
-    what: str
-    why: str
-    faults: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -257,7 +257,7 @@ class Waiting:
 
 
 async def stages(client: MrsClient, count: int) -> list[Stage]:
-    return [Stage(n.stage.value) for n in await catch_up(client, count) if n.stage is not None]
+    return [n.stage for n in await catch_up(client, count) if n.stage is not None]
 
 
 async def test_a_brick_is_asked_again_answers_and_does_nothing_twice(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ LONG = FollowPath((Waypoint(1.0 / 3.0, 2.0 / 3.0),) * 200)
 
 
 def stages(life: tuple[Notification, ...]) -> list[Stage]:
-    return [Stage(n.stage.value) for n in life if n.stage is not None]
+    return [n.stage for n in life if n.stage is not None]
 
 
 def figure(value: ParameterValue) -> float:
