@@ -1,4 +1,4 @@
-"""Goals: what accepted commands ask of the tree; the context of its leaves, and the mode."""
+"""Goals: accepted commands in the tree; the context of its leaves, and the mode."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -29,16 +29,16 @@ from executive.values.reasons import Figure, Refusal
 
 
 class Goal:
-    """One accepted command, and how far it has come.
+    """One accepted command, and its progress.
 
     Attributes:
-        progress: through its steps.
-        leg: the step as it was planned last, or the way to it.
-        begun: the pose from which the step was planned last.
-        origin: the pose from which it was planned first.
-        verification: what compares it with the second odometry; None where there is none.
-        slid_m: how far the rover had slid before, beyond what its way allows.
-        journey: what notes what becomes of it; None where nobody asks.
+        progress: progress through its legs.
+        leg: the leg as last planned, or a leg of the detour to it.
+        begun: the pose from which the leg was last planned.
+        origin: the pose from which the leg was first planned.
+        verification: compares the motion with the second odometry; None without one.
+        slid_m: distance slid before this leg, beyond what its motion allows.
+        journey: statistics of the motion; None if they are not needed.
     """
 
     def __init__(self, life: CommandLifecycle, arrived_s: float, arrived_utc_s: float) -> None:
@@ -54,33 +54,33 @@ class Goal:
         self.journey: MotionStatistics | None = None
 
     def became(self, known: tuple[Figure, ...]) -> tuple[Figure, ...]:
-        """Return figures of what became of it beside what was predicted, but for known names."""
+        """Return the measured and predicted figures of the goal, except those named in `known`."""
         names = {each.name for each in known}
         figures = () if self.journey is None else self.journey.figures()
         return tuple(each for each in figures if each.name not in names)
 
     @property
     def command(self) -> Command:
-        """The command that asked for it."""
+        """The command of this goal."""
         return self.life.command
 
     @property
     def step_count(self) -> int:
-        """How many steps it has: the waypoints of a path, else one."""
+        """Number of steps: the waypoints of a path, otherwise one."""
         request = self.command.request
         return len(request.waypoints) if isinstance(request, FollowPath) else 1
 
     @property
     def is_velocity(self) -> bool:
-        """Whether it holds a velocity instead of going somewhere."""
+        """Whether the goal holds a velocity instead of reaching a target."""
         return isinstance(self.command.request, DriveFor)
 
 
 class GoalQueue:
-    """Goals of one branch of the tree, in the order of their arrival; at most one is active.
+    """Goals of one branch of the tree in order of arrival; at most one is active.
 
     Attributes:
-        held: why goals that wait go on waiting; None where they do not.
+        held: why waiting goals may not start; None if they may.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -91,7 +91,7 @@ class GoalQueue:
 
     @property
     def waiting(self) -> int:
-        """How many goals wait, without the active one."""
+        """Number of waiting goals, without the active one."""
         return len(self._waiting)
 
     def __len__(self) -> int:
@@ -103,13 +103,13 @@ class GoalQueue:
         yield from self._waiting
 
     def add(self, life: CommandLifecycle) -> Goal:
-        """Put an accepted command's goal at the end, and return it."""
+        """Append the goal of an accepted command, and return it."""
         goal = Goal(life, self._clock.now_s(), self._clock.utc_s())
         self._waiting.append(goal)
         return goal
 
     def take(self) -> Goal | None:
-        """Return the active goal, else start the next one whose lifetime is not over."""
+        """Return the active goal, or start the next one whose lifetime has not expired."""
         while self.active is None and self._waiting and self.held is None:
             goal = self._waiting.popleft()
             waited_s = self._clock.now_s() - goal.arrived_s
@@ -125,15 +125,15 @@ class GoalQueue:
         return self.active
 
     def execute(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
-        """End the active goal with success."""
+        """Complete the active goal successfully."""
         self._end(lambda goal: goal.life.execute(text, (*figures, *goal.became(figures))))
 
     def fail(self, refusal: Refusal) -> None:
-        """End the active goal without success."""
+        """Fail the active goal."""
         self._end(lambda goal: goal.life.fail(refusal, goal.became(refusal.figures)))
 
     def cancel(self, life: CommandLifecycle, refusal: Refusal) -> None:
-        """End one goal, waiting or active, as cancelled; nothing, if it is not here."""
+        """Cancel one goal, waiting or active; without effect if it is not in this queue."""
         if self.active is not None and self.active.life is life:
             self._end(lambda goal: goal.life.cancel(refusal))
             return
@@ -144,13 +144,13 @@ class GoalQueue:
                 return
 
     def cancel_all(self, refusal: Refusal) -> None:
-        """End the active goal and all that wait, as cancelled."""
+        """Cancel the active goal and all waiting ones."""
         self._end(lambda goal: goal.life.cancel(refusal))
         while self._waiting:
             self._waiting.popleft().life.cancel(refusal)
 
     def fail_all(self, refusal: Refusal) -> None:
-        """End the active goal as failed, and cancel all that wait, for the same reason."""
+        """Fail the active goal, and cancel all waiting ones for the same reason."""
         self.fail(refusal)
         self.cancel_all(refusal)
 
@@ -161,11 +161,11 @@ class GoalQueue:
 
 
 class Goals:
-    """All goals of an asset: a queue for each branch of the tree that works on them.
+    """All goals of an asset, in one queue for each branch of the tree that executes them.
 
     Attributes:
-        motion, camera, instant: goals that move the rover, that use the camera, and that are done
-            in the tick in which they begin.
+        motion, camera, instant: goals that move the rover, that use the camera, and that end in
+            the tick in which they start.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -181,24 +181,24 @@ class Goals:
 
     @property
     def waiting(self) -> int:
-        """How many goals wait, without those that are active."""
+        """Number of waiting goals, without the active ones."""
         return sum(queue.waiting for queue in self)
 
     @property
     def active(self) -> Goal | None:
-        """The first active goal, that of the motion before that of the camera."""
+        """The first active goal; motion before camera."""
         return next((queue.active for queue in self if queue.active is not None), None)
 
     @property
     def motion_mode(self) -> Mode:
-        """The mode as far as motion goals decide it: IDLE, MOVING or TELEOP."""
+        """The mode as determined by motion goals: IDLE, MOVING or TELEOP."""
         if not len(self.motion):
             return Mode.IDLE
         active = self.motion.active
         return Mode.TELEOP if active is not None and active.is_velocity else Mode.MOVING
 
     def add(self, request: Motion | CameraWork | InstantCommand, life: CommandLifecycle) -> Goal:
-        """Put an accepted command's goal at the end of the queue that its request belongs to."""
+        """Append the goal of an accepted command to the queue of its request."""
         if isinstance(request, Motion):
             return self.motion.add(life)
         if isinstance(request, CameraWork):
@@ -206,27 +206,27 @@ class Goals:
         return self.instant.add(life)
 
     def cancel(self, life: CommandLifecycle, refusal: Refusal) -> None:
-        """End one goal, waiting or active, as cancelled; others go on."""
+        """Cancel one goal, waiting or active; others continue."""
         for queue in self:
             queue.cancel(life, refusal)
 
     def cancel_all(self, refusal: Refusal) -> None:
-        """End every goal as cancelled."""
+        """Cancel every goal."""
         for queue in self:
             queue.cancel_all(refusal)
 
     def fail_active(self, refusal: Refusal) -> None:
-        """End the active goals without success."""
+        """Fail the active goals."""
         for queue in self:
             queue.fail(refusal)
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """One asset's state, goals and intents, handed to every leaf.
+    """State, goals and intents of one asset, passed to every leaf.
 
     Attributes:
-        video: None where the asset has none.
+        video: None if the asset has none.
     """
 
     clock: Clock
@@ -243,7 +243,7 @@ class Context:
 
     @property
     def mode(self) -> Mode:
-        """The asset's mode: it follows from latches, plans and motion goals."""
+        """The asset's mode, derived from latches, plans and motion goals."""
         if self.latches.hazard is not None:
             return Mode.SAFE if self.latches.safe else Mode.STOPPED
         if self.latches.stopped_by is not None:
@@ -256,14 +256,14 @@ class Context:
         return Mode.PAUSED if moving is Mode.IDLE and self.plans.suspended else moving
 
     def mode_for(self, command: Command) -> Mode:
-        """Return the mode by which a command is judged: PLAN does not refuse the plan's own."""
+        """Return the mode that applies to a command: PLAN does not reject the plan's own."""
         mode = self.mode
         own = mode is Mode.PLAN and command.link == PLAN_LINK
         return self.goals.motion_mode if own else mode
 
     @property
     def why(self) -> str:
-        """One line on what the rover does now, as measured, and for what."""
+        """One line on the rover's present motion as measured, and its reason."""
         uncertainty = self.status.uncertainty
         if not uncertainty:
             return self._doing
@@ -275,15 +275,15 @@ class Context:
         moving = status.odometry_fresh and not status.standing
         velocity = status.velocity
         moves = f"moves at {velocity.travel_mps:+.2f} m/s, {velocity.rotate_radps:+.2f} rad/s"
-        held = f"{moves}, but should stand" if moving else self._slides or "stands"
+        held = f"{moves}, but should be stationary" if moving else self._slides or "standing"
         if latches.hazard is not None:
             return f"{held}: {self.mode.name} because {latches.hazard.text}; {self._way_out}"
         if latches.stopped_by is not None:
-            return f"{held}: stopped by {latches.stopped_by}; resume to go on"
+            return f"{held}: stopped by {latches.stopped_by}; send resume"
         if latches.paused is not None:
             return f"motion waits: PAUSED because {latches.paused.text}; {self._way_out}"
         if not status.odometry_fresh:
-            return status.rejections.explain("stands: no odometry", Source.ODOMETRY)
+            return status.rejections.explain("standing: no odometry", Source.ODOMETRY)
         if active is None and self.goals.motion.held is not None:
             return f"{held}: {self.goals.motion.held.text}"
         inputs = ", ".join(map(str, self.safety.history.inputs))
@@ -295,7 +295,7 @@ class Context:
         if active is None:
             return f"{held}: {self._idle}{others}"
         doing = f"{active.command.identity} {active.command.name}{others}"
-        return f"{moves} for {doing}" if moving else f"stands for a moment within {doing}"
+        return f"{moves} for {doing}" if moving else f"standing during {doing}"
 
     @property
     def _slides(self) -> str | None:
@@ -317,9 +317,9 @@ class Context:
     def _idle(self) -> str:
         plans = self.plans
         if plans.executing is not None:
-            return f"plan {plans.executing} moves nothing now"
+            return f"plan {plans.executing} runs no motion now"
         if plans.suspended:
             names, first = ", ".join(plans.suspended), plans.suspended[0]
-            way_out = f"resumePlan {first} (`rover plan resume {first}`) to go on"
+            way_out = f"send resumePlan {first} (`rover plan resume {first}`)"
             return f"plan {names} is suspended; {way_out}"
         return "no motion goal"

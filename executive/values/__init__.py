@@ -1,1 +1,1 @@
-"""The values that the whole core and its adapters pass around, and its ports."""
+"""Values that the core and its adapters exchange, and the core's ports."""

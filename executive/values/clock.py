@@ -1,21 +1,21 @@
-"""Time as the core sees it, and the clocks that it can run on."""
+"""The clock port of the core, and its implementations."""
 
 import time
 from typing import Final, Protocol
 
 
 class Clock(Protocol):
-    """Time. Nothing in the core reads another clock."""
+    """Source of time. Nothing in the core reads another clock."""
 
     def now_s(self) -> float:
-        """Return seconds that never step back: deadlines, ages and profiles use these."""
+        """Return monotonic seconds, for deadlines, ages and profiles."""
 
     def utc_s(self) -> float:
         """Return seconds since 1970-01-01 UTC, for stamps and command lifetimes."""
 
 
 def kept_s(time_s: float) -> float:
-    """Return a time to a tenth of a millisecond; what lies below would but fill a recording."""
+    """Round a time to 0.1 ms. Finer digits would only enlarge recordings."""
     return round(time_s, 4)
 
 
@@ -23,7 +23,7 @@ class SystemClock:
     """Real time of this machine."""
 
     def now_s(self) -> float:
-        """Return seconds since the computer started, those in which it was suspended included."""
+        """Return seconds since boot, including time in which the computer was suspended."""
         return kept_s(time.clock_gettime(time.CLOCK_BOOTTIME))
 
     def utc_s(self) -> float:
@@ -32,9 +32,9 @@ class SystemClock:
 
 
 class LatchedClock:
-    """Another clock, of which one reading holds from `begin` to `end`; else it goes on.
+    """Wraps a clock; returns the same reading between `begin` and `end`.
 
-    It begins when it is made. What begins within is a part of it, and sees the same time.
+    A new instance is latched. Latches nest: inner ones keep the reading of the outermost.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -44,17 +44,17 @@ class LatchedClock:
 
     @property
     def held(self) -> bool:
-        """Whether time stands still."""
+        """Whether the reading is latched."""
         return self._depth > 0
 
     def begin(self) -> None:
-        """Have time stand still until the matching `end`."""
+        """Latch the reading until the matching `end`."""
         if self._depth == 0:
             self._now_s, self._utc_s = self._clock.now_s(), self._clock.utc_s()
         self._depth += 1
 
     def end(self) -> None:
-        """Have time go on, if this is the end of the outermost `begin`."""
+        """Release the latch, if this ends the outermost `begin`."""
         self._depth -= 1
 
     def __enter__(self) -> None:
@@ -64,7 +64,7 @@ class LatchedClock:
         self.end()
 
     def now_s(self) -> float:
-        """Return seconds that never step back."""
+        """Return monotonic seconds."""
         return self._now_s if self._depth else self._clock.now_s()
 
     def utc_s(self) -> float:
@@ -76,7 +76,7 @@ START_UTC_S: Final = 1_800_000_000.0
 
 
 class ManualClock:
-    """Time that moves when told to, from a day in 2027: for lock step and tests."""
+    """Clock that is set by its owner, from a day in 2027: for lock step and tests."""
 
     def __init__(self) -> None:
         self._now_s = 0.0
@@ -86,19 +86,19 @@ class ManualClock:
         return self._now_s
 
     def utc_s(self) -> float:
-        """Return the start's UTC plus the seconds since."""
+        """Return the UTC time of the start plus the seconds since."""
         return START_UTC_S + self._now_s
 
     def set(self, now_s: float) -> None:
-        """Move to a time that is not before the present one.
+        """Set the time.
 
         Raises:
-            ValueError: the time is in the past.
+            ValueError: the time is before the present one.
         """
         if now_s < self._now_s:
-            raise ValueError(f"the clock stands at {self._now_s} s and cannot go to {now_s} s")
+            raise ValueError(f"clock is at {self._now_s} s: cannot set it back to {now_s} s")
         self._now_s = now_s
 
     def advance(self, step_s: float) -> None:
-        """Move on by a step."""
+        """Advance the time by a step."""
         self.set(self._now_s + step_s)

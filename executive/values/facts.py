@@ -1,4 +1,4 @@
-"""What sensors and other links report to the executive."""
+"""Facts: measurements of sensors, and events of other links and nodes, that enter the core."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -13,8 +13,8 @@ class Odometry:
     """Pose and velocity of base_link in the odometry frame.
 
     Attributes:
-        stamp_s: when it was measured, on the clock of its publisher.
-        position_sd_m, heading_sd_rad: standard deviations as it says them; 0 where it says none.
+        stamp_s: time of measurement, on the clock of its publisher.
+        position_sd_m, heading_sd_rad: standard deviations; 0 where the message gives none.
     """
 
     stamp_s: float
@@ -26,11 +26,11 @@ class Odometry:
 
 @dataclass(frozen=True, slots=True)
 class Imu:
-    """What an inertial measurement unit measures, in the axes of base_link (REP 103).
+    """Measurement of an inertial measurement unit, in the axes of base_link (REP 103).
 
     Attributes:
-        stamp_s: when it was measured, on the clock of its publisher.
-        roll_rad, pitch_rad: how base_link leans, as in `Pose`; NaN where that is not measured.
+        stamp_s: time of measurement, on the clock of its publisher.
+        roll_rad, pitch_rad: inclination of base_link, as in `Pose`; NaN where not measured.
         gyro_x_radps, gyro_y_radps, gyro_z_radps: rates about the axes.
         acceleration_x_mps2, acceleration_y_mps2, acceleration_z_mps2: specific force, gravity
             included: z is +9.81 at rest on level ground.
@@ -49,10 +49,10 @@ class Imu:
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """How fast the driven wheels turn, and with what torque, front first.
+    """Speeds and torques of the driven wheels, front first.
 
     Attributes:
-        stamp_s: when it was measured, on the clock of its publisher.
+        stamp_s: time of measurement, on the clock of its publisher.
         left_radps, right_radps: speeds of the wheels of a side, forward positive.
         left_nm, right_nm: torques of the motors on them; empty where none are measured.
     """
@@ -66,12 +66,12 @@ class Joints:
 
 @dataclass(frozen=True, slots=True)
 class SecondOdometry:
-    """Pose of base_link by an odometry that does not come from the wheels.
+    """Pose of base_link from an odometry independent of the wheels.
 
     Attributes:
-        stamp_s: when it was measured, on the clock of its publisher.
+        stamp_s: time of measurement, on the clock of its publisher.
         pose: in an odometry frame of its own, which need not be that of `Odometry`.
-        position_sd_m, heading_sd_rad: standard deviations as it says them; 0 where it says none.
+        position_sd_m, heading_sd_rad: standard deviations; 0 where the message gives none.
     """
 
     stamp_s: float
@@ -82,15 +82,15 @@ class SecondOdometry:
 
 @dataclass(frozen=True, slots=True)
 class LaserScan:
-    """Distances to what stands around, in a plane through base_link, with it as the origin.
+    """Distances to the surroundings, in a horizontal plane with base_link as the origin.
 
     Attributes:
-        stamp_s: when it was measured, on the clock of its publisher.
+        stamp_s: time of measurement, on the clock of its publisher.
         angle_min_rad: direction of the first ray, counter-clockwise from ahead.
-        angle_increment_rad: from each ray to the next.
-        range_min_m, range_max_m: between which the laser measures.
-        ranges_m: of each ray, by REP 117: infinite where nothing came back, minus infinite where
-            something is too near to be measured, NaN where nothing usable was measured.
+        angle_increment_rad: angle between adjacent rays.
+        range_min_m, range_max_m: measuring range of the laser.
+        ranges_m: one per ray, by REP 117: infinite without a return, minus infinite where the
+            return is too near to be measured, NaN for an unusable measurement.
     """
 
     stamp_s: float
@@ -103,10 +103,10 @@ class LaserScan:
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """What a battery tells.
+    """State of the battery.
 
     Attributes:
-        charge_ratio: charge left, of the whole, 0 to 1; None where it does not say.
+        charge_ratio: charge left as a ratio of the full charge, 0 to 1; None if not reported.
     """
 
     voltage_v: float
@@ -115,7 +115,7 @@ class Battery:
 
 @dataclass(frozen=True, slots=True)
 class CameraAngles:
-    """Where the camera points, measured: pan counter-clockwise, tilt upward positive."""
+    """Measured direction of the camera: pan counter-clockwise, tilt upward positive."""
 
     pan_rad: float
     tilt_rad: float
@@ -126,7 +126,7 @@ class Frame:
     """One encoded camera picture.
 
     Attributes:
-        stamp_s: when it was taken, on the clock of its publisher.
+        stamp_s: time of exposure, on the clock of its publisher.
         format: JPG or PNG.
     """
 
@@ -137,7 +137,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class ForeignPublishers:
-    """Who else may move the rover: nodes other than ours that publish its velocity."""
+    """Other velocity publishers: nodes other than ours that publish the rover's velocity."""
 
     names: tuple[str, ...]
 
@@ -147,12 +147,12 @@ VELOCITY_TOPIC: Final = "the executive's own topic"
 
 @dataclass(frozen=True, slots=True)
 class OtherInput:
-    """Somebody commands the base by another input of its mux, or on the executive's own topic.
+    """Commands on another input of the base's mux, or on the executive's own velocity topic.
 
     Attributes:
-        name: of the input; `VELOCITY_TOPIC` on the executive's own.
-        above: whether the base obeys it rather than the executive.
-        by: who, for people, where that is known.
+        name: name of the input; `VELOCITY_TOPIC` for the executive's own topic.
+        above: whether the input has priority over the executive.
+        by: human-readable name of the sender, where known.
     """
 
     name: str
@@ -165,14 +165,14 @@ class OtherInput:
 
 @dataclass(frozen=True, slots=True)
 class MotionStarted:
-    """A rover that moves by itself says that it has begun a whole motion."""
+    """A rover that executes whole motions has started one."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class MotionEnded:
-    """A rover that moves by itself ended a whole motion; the text is what it says of that."""
+    """A rover that executes whole motions has ended one; the text is its own report."""
 
     number: int
     executed: bool
@@ -181,7 +181,7 @@ class MotionEnded:
 
 @dataclass(frozen=True, slots=True)
 class CommandEnded:
-    """A command ended that the rover received over another link first, and executed once."""
+    """A command that the rover received over another link first, and executed once, has ended."""
 
     identity: Identity
     executed: bool
@@ -190,27 +190,27 @@ class CommandEnded:
 
 @dataclass(frozen=True, slots=True)
 class CommandUnderWay:
-    """The rover carries out a command that it received over another link first."""
+    """The rover executes a command that it received over another link first."""
 
     identity: Identity
 
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The rover was stopped over another link, by whom is for people."""
+    """The rover was stopped over another link; `by` is human-readable."""
 
     by: str
 
 
 @dataclass(frozen=True, slots=True)
 class AuthorityUsed:
-    """The rover took a command by the authority of this epoch over another link."""
+    """The rover accepted a command with the authority of this epoch over another link."""
 
     epoch: int
 
 
 class Source(Enum):
-    """Where data come from, or go to, as texts name it; names begin the names of faults."""
+    """Source or destination of data, as named in messages; member names prefix names of faults."""
 
     ODOMETRY = "odometry"
     IMU = "IMU data"
@@ -224,12 +224,12 @@ class Source(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RejectedData:
-    """Data of a source arrive and cannot be used; repeated each second while that is so.
+    """Data of a source arrive but are unusable; repeated each second while this persists.
 
     Attributes:
-        rate_hz: messages that are rejected, 0 where that is not known yet; None where messages are
-            sent and not received.
-        of_hz: all messages that arrive.
+        rate_hz: rate of rejected messages, 0 if not known yet; None where messages are sent and
+            not received.
+        of_hz: rate of all messages that arrive.
     """
 
     source: Source
@@ -242,7 +242,7 @@ class RejectedData:
         if self.rate_hz is None:
             return f"{what} is not received: {self.reason}"
         if self.rate_hz < self.of_hz:
-            what += f" arrives at {self.of_hz:.0f} Hz, of which {self.rate_hz:.0f} Hz are rejected"
+            what += f" arrives at {self.of_hz:.0f} Hz, {self.rate_hz:.0f} Hz of it rejected"
             return f"{what}: {self.reason}"
         rate = f" at {self.rate_hz:.0f} Hz" if self.rate_hz else ""
         return f"{what} arrives{rate} and is rejected: {self.reason}"

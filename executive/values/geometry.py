@@ -15,23 +15,23 @@ def wrap_rad(angle_rad: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A place in the plane of a frame."""
+    """A position in the plane of a frame."""
 
     x_m: float
     y_m: float
 
     def distance_m(self, other: "Point") -> float:
-        """Return the straight distance to another place."""
+        """Return the straight-line distance to another point."""
         return hypot(other.x_m - self.x_m, other.y_m - self.y_m)
 
     def bearing_rad(self, other: "Point") -> float:
-        """Return the direction in which another place lies, counter-clockwise from x."""
+        """Return the direction to another point, counter-clockwise from x."""
         return atan2(other.y_m - self.y_m, other.x_m - self.x_m)
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where base_link is in the odometry frame, and how the rover leans."""
+    """Position and orientation of base_link in the odometry frame."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -42,11 +42,11 @@ class Pose:
 
     @property
     def point(self) -> Point:
-        """The place of base_link in the plane."""
+        """Position of base_link in the plane."""
         return Point(self.x_m, self.y_m)
 
     def ahead(self, distance_m: float) -> Point:
-        """Return the point that lies this far along the heading (behind, if negative)."""
+        """Return the point at this distance along the heading (behind, if negative)."""
         return Point(
             self.x_m + distance_m * cos(self.heading_rad),
             self.y_m + distance_m * sin(self.heading_rad),
@@ -54,7 +54,7 @@ class Pose:
 
     @property
     def quaternion(self) -> tuple[float, float, float, float]:
-        """Roll, pitch and heading as a rotation: x, y, z, w."""
+        """Roll, pitch and heading as a quaternion x, y, z, w."""
         cr, sr = cos(self.roll_rad / 2), sin(self.roll_rad / 2)
         cp, sp = cos(self.pitch_rad / 2), sin(self.pitch_rad / 2)
         ch, sh = cos(self.heading_rad / 2), sin(self.heading_rad / 2)
@@ -67,7 +67,7 @@ class Pose:
 
     @property
     def finite(self) -> bool:
-        """Whether every figure is a finite number."""
+        """Whether every component is finite."""
         place = isfinite(self.x_m) and isfinite(self.y_m) and isfinite(self.z_m)
         return place and all(map(isfinite, (self.heading_rad, self.roll_rad, self.pitch_rad)))
 
@@ -81,11 +81,11 @@ class Velocity:
 
     @property
     def finite(self) -> bool:
-        """Whether both figures are finite numbers."""
+        """Whether both components are finite."""
         return isfinite(self.travel_mps) and isfinite(self.rotate_radps)
 
     def toward(self, other: "Velocity", part: float) -> "Velocity":
-        """Return the velocity that lies between this one (part 0) and another (part 1)."""
+        """Interpolate between this velocity (part 0) and another (part 1)."""
         return Velocity(
             self.travel_mps + part * (other.travel_mps - self.travel_mps),
             self.rotate_radps + part * (other.rotate_radps - self.rotate_radps),
@@ -96,13 +96,13 @@ STANDING = Velocity()
 
 
 FINEST_TURN_RAD: Final = 0.2
-"""Of an arc, for each straight line that stands for it."""
+"""Maximum turn of an arc for each line segment that approximates it; chosen, not measured."""
 
 
 def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point], Pose]:
-    """Return straight lines along what a velocity that is held leads through, and where it ends.
+    """Approximate the arc of a constant velocity by line segments, and return its end pose.
 
-    Of one that leads round and round, the first round.
+    Of an arc of more than one revolution only the first revolution is returned.
     """
     turn_rad = velocity.rotate_radps * duration_s
     length_m = velocity.travel_mps * duration_s
@@ -114,7 +114,7 @@ def arc(pose: Pose, velocity: Velocity, duration_s: float) -> tuple[list[Point],
 
 
 def on_arc(pose: Pose, length_m: float, turn_rad: float) -> Pose:
-    """Return the pose at the end of an arc that begins at a pose, along its heading."""
+    """Return the end pose of an arc that starts at a pose, along its heading."""
     half_rad = turn_rad / 2
     chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
     along_rad = pose.heading_rad + half_rad

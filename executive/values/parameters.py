@@ -33,7 +33,7 @@ class Parameter(Enum):
     def __new__(
         cls, name: str, description: str = "", unit: str = "", writable: bool = False
     ) -> Self:
-        """Make a parameter, whose value is its name."""
+        """Create a parameter; its value is its name."""
         parameter = object.__new__(cls)
         parameter._value_ = name
         parameter.description = description
@@ -44,11 +44,11 @@ class Parameter(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ParameterValue:
-    """A parameter at a moment.
+    """Value of a parameter at one time.
 
     Attributes:
         utc_s: sampling time, seconds since 1970-01-01 UTC.
-        value: None when nothing valid is known.
+        value: None if no valid value is known.
     """
 
     parameter: Parameter

@@ -1,4 +1,4 @@
-"""What the core needs of the world, and what it offers to it. Adapters implement or call these."""
+"""Ports of the core. Adapters implement the actuators and links, and call the core."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class TurnBy:
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """Drive straight on; a negative distance drives backward."""
+    """Drive straight; a negative distance drives backward."""
 
     distance_m: float
     speed_mps: float
@@ -35,11 +35,11 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class WholeMotion:
-    """A motion that a rover carries out by itself, from standing to standing.
+    """A motion that a rover executes by itself, from standstill to standstill.
 
     Attributes:
         number: counts from 1 in one process; the rover's answer carries it.
-        command: the command of which it is a part.
+        command: the command that the motion is a part of.
     """
 
     number: int
@@ -55,8 +55,8 @@ class CameraIntent:
     """Angles to point the camera at.
 
     Attributes:
-        speed_radps: how fast at most.
-        command: whose wish it is; None for nobody's.
+        speed_radps: maximum angular speed.
+        command: the command that the intent serves; None without one.
     """
 
     pan_rad: float
@@ -69,24 +69,24 @@ class Rover(Protocol):
     """The actuators that every asset has. Only `executive.motion.arbiter` calls it."""
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Command the camera's angles, and its greatest speed on the way there."""
+        """Command the camera's angles, and its maximum angular speed."""
 
     def request_frame(self) -> None:
-        """Ask for the next camera frame, which arrives as a fact `Frame`."""
+        """Request the next camera frame, which arrives as a fact `Frame`."""
 
     def emergency_stop(self) -> None:
-        """Have the rover stand, now. May be called from any thread, and never blocks.
+        """Stop the rover immediately. May be called from any thread, and never blocks.
 
-        Where a mux is before the base, it takes the lock too.
+        If the base has a mux, this also sets its lock.
         """
 
     def lock(self, held: bool) -> None:
-        """Have the base obey nobody while held, where a mux is before it. Called at each tick."""
+        """Hold or release the mux lock, if the base has a mux. Called once a tick."""
 
 
 @runtime_checkable
 class VelocityRover(Rover, Protocol):
-    """A rover that takes velocities."""
+    """A rover that is driven by velocity commands."""
 
     def drive(self, velocity: Velocity) -> None:
         """Command a velocity of base_link; it holds until the next call or the rover's timeout."""
@@ -94,41 +94,41 @@ class VelocityRover(Rover, Protocol):
 
 @runtime_checkable
 class DelegatedMotionRover(Rover, Protocol):
-    """A rover that carries out whole motions by itself, and tells their end by `MotionEnded`."""
+    """A rover that executes whole motions by itself, and reports their end as `MotionEnded`."""
 
     def carry_out(self, motion: WholeMotion) -> None:
-        """Begin a motion, instead of the one under way."""
+        """Start a motion, replacing the running one."""
 
     def halt(self) -> None:
-        """Stand still."""
+        """Stop, and hold zero velocity."""
 
 
 class Video(Protocol):
-    """What forwards the camera's video stream to the ground."""
+    """Forwarder of the camera's video stream to the ground."""
 
     @property
     def on(self) -> bool:
-        """Whether it forwards."""
+        """Whether the stream is forwarded."""
 
     def switch(self, on: bool) -> None:
-        """Forward from now on, or no more.
+        """Start or stop forwarding.
 
         Raises:
-            OSError: it cannot.
+            OSError: the stream cannot be switched.
         """
 
 
 class Downlink(Protocol):
-    """A way out. Called on the core's thread: must neither block nor raise."""
+    """An outgoing link. Called on the core's thread: must neither block nor raise."""
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Send reports, once they are written down: those of one commit, in their order."""
+        """Send reports after their commit: those of one commit, in order."""
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
         """Send parameter values."""
 
     def file(self, event: FileEvent) -> None:
-        """Send what happened to a file."""
+        """Send a file event."""
 
     def plan(self, update: PlanUpdate) -> None:
-        """Send how far a plan has come, once it is written down."""
+        """Send the status of a plan after its commit."""

@@ -1,6 +1,6 @@
-"""Numbered reasons for refusing or failing a command, in blocks of a hundred.
+"""Numbered reasons for rejecting or failing a command, in blocks of a hundred.
 
-A refusal is a value, never an exception: it carries the offending figure beside its bound.
+A refusal is a value, never an exception: it carries the measured figure and its bound.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Final
 
 @unique
 class Reason(Enum):
-    """Why a command was refused, or failed. The number travels as `Notification.code`."""
+    """Reason for a rejection or failure. The number travels as `Notification.code`."""
 
     NOT_FINITE = 101
     OUT_OF_RANGE = 102
@@ -118,15 +118,15 @@ class Reason(Enum):
 
 
 PREDICTED: Final = "predicted "
-"""What the names of figures begin with that were predicted; the rest names what they are of."""
+"""Prefix of the names of predicted figures; the remainder is the name of the quantity."""
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A named number of a report: what was asked, measured or allowed.
+    """A named number of a report: a requested, measured or permitted value.
 
     Attributes:
-        unit: as people read it (m, rad, m/s, s, V), empty for a count.
+        unit: for display (m, rad, m/s, s, V), empty for a count.
     """
 
     name: str
@@ -139,11 +139,11 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A numbered reason with one sentence for the operator and the figures behind it.
+    """A numbered reason with one sentence for the operator and its figures.
 
     Attributes:
-        argument: index of the offending argument of the operation, if one is to blame.
-        subject: the name of what was not found.
+        argument: index of the offending argument of the operation, if any.
+        subject: name of the object that was not found.
     """
 
     reason: Reason

@@ -1,4 +1,4 @@
-"""What the rover says: reports of command life cycles, of events aboard, and of plans."""
+"""Reports of command life cycles, of onboard events, and of plans."""
 
 import re
 from dataclasses import dataclass
@@ -11,20 +11,20 @@ _FIGURES: Final = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def printable(text: str) -> str:
-    """Return a text with everything escaped that is not printable, line ends included."""
+    """Escape all characters of a text that are not printable, line ends included."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def without_figures(text: str) -> str:
-    """Return the words of a text, so that two can be compared whose figures change all the time."""
+    """Return a text without its numbers, to compare texts that differ only in figures."""
     return _FIGURES.sub("", text)
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who asked, and under which number: the key under which a command is executed once."""
+    """Command id: source and number. Key under which a command is executed at most once."""
 
     source: str
     command_id: int
@@ -35,7 +35,7 @@ class Identity:
 
 @unique
 class Stage(Enum):
-    """Where a command is in its life (thesis 5.1.2; numbers as on the MRS wire)."""
+    """Stage of a command's life cycle (thesis 5.1.2; numbers as on the MRS wire)."""
 
     RECEIVED = 1
     ACCEPTED = 2
@@ -49,7 +49,7 @@ class Stage(Enum):
 
     @property
     def terminal(self) -> bool:
-        """Whether a command's life ends here."""
+        """Whether the life cycle ends at this stage."""
         return self in TERMINAL
 
 
@@ -58,7 +58,7 @@ TERMINAL = frozenset({Stage.REJECTED, Stage.EXECUTED, Stage.FAILED, Stage.CANCEL
 
 @unique
 class Severity(Enum):
-    """How much a report should worry the operator (numbers as on the MRS wire)."""
+    """Severity of a report for the operator (numbers as on the MRS wire)."""
 
     INFORMATIONAL = 1
     WARNING = 2
@@ -69,7 +69,7 @@ class Severity(Enum):
 
 @unique
 class ReportKind(Enum):
-    """What a report is about (numbers as on the MRS wire)."""
+    """Subject of a report (numbers as on the MRS wire)."""
 
     COMMAND = 1
     EVENT = 2
@@ -78,13 +78,13 @@ class ReportKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One fact that left the executive, numbered without gaps.
+    """One report of the executive; reports are numbered without gaps.
 
     Attributes:
-        sequence: counts from 1, one more each, across restarts.
-        utc_s: time aboard, seconds since 1970-01-01 UTC.
-        identity: the command that it is of: if the kind is COMMAND, if a LINK is of one alone, and
-            if an EVENT is the prediction of its motion.
+        sequence: counts from 1 in steps of 1, across restarts.
+        utc_s: onboard time, seconds since 1970-01-01 UTC.
+        identity: the reported command: for kind COMMAND, for a LINK that concerns one command,
+            and for an EVENT that predicts its motion.
         stage, link: set if and only if the kind is COMMAND.
         step, step_count: set on PROGRESS.
         reason: set on REJECTED, FAILED and CANCELLED, and on events that have one.
@@ -106,7 +106,7 @@ class Report:
 
 @unique
 class FileEventKind(Enum):
-    """What happened to a file (numbers as on the MRS wire)."""
+    """Kind of a file event (numbers as on the MRS wire)."""
 
     STORED = 1
     CHANGED = 2
@@ -116,7 +116,7 @@ class FileEventKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FileEvent:
-    """Something that happened to a file of the folder."""
+    """An event of one file in the monitored folder."""
 
     kind: FileEventKind
     path: str
@@ -124,7 +124,7 @@ class FileEvent:
 
 @unique
 class PlanStatus(Enum):
-    """Where a plan is in its life (numbers as on the MRS wire)."""
+    """Status of a plan's life cycle (numbers as on the MRS wire)."""
 
     SUBMITTED = 1
     ACTIVATED = 2
@@ -136,18 +136,18 @@ class PlanStatus(Enum):
 
     @property
     def running(self) -> bool:
-        """Whether the plan has the rover."""
+        """Whether the plan controls the rover."""
         return self in {PlanStatus.ACTIVATED, PlanStatus.EXECUTING}
 
 
 @dataclass(frozen=True, slots=True)
 class PlanUpdate:
-    """How far a plan has come.
+    """Progress of a plan.
 
     Attributes:
-        node: path of the leaf that began or ended last; empty if none did.
-        done: how many leaves have ended at least once.
-        total: how many leaves there are.
+        node: path of the last leaf that started or ended; empty if none did.
+        done: number of leaves that have ended at least once.
+        total: number of leaves.
     """
 
     plan_id: str

@@ -64,7 +64,7 @@ def test_motion_is_held_at_the_end_of_the_step_and_goes_on_when_the_ground_is_he
         assert told(bench) == [
             "nothing was heard from the ground for 2.0 s: the rover holds at the end of the step"
         ]
-        assert bench.executive.why == f"stands: {told(bench)[0]}"
+        assert bench.executive.why == f"standing: {told(bench)[0]}"
         bench.executive.ground.hear()
         assert bench.finish(2) is Stage.EXECUTED
         assert any(r.text == "the ground is heard again" for r in bench.heard.reports)

@@ -149,7 +149,7 @@ def test_why_tells_the_measured_velocity_not_the_commanded(tmp_path: Path) -> No
     with Bench(tmp_path, blind, rover=BlockedRover()) as bench:
         bench.drive_on()
         assert bench.executive.velocity.travel_mps > 0.5
-        assert bench.executive.why == "stands for a moment within MOE:1 moveForward"
+        assert bench.executive.why == "standing during MOE:1 moveForward"
 
 
 def test_why_tells_of_motion_that_nobody_here_commands(bench: Bench) -> None:
@@ -157,7 +157,7 @@ def test_why_tells_of_motion_that_nobody_here_commands(bench: Bench) -> None:
     bench.run(1.0)
     bench.rover.velocity = Velocity(0.0, 0.7)  # another node spins it
     bench.run(0.5)
-    moves = "moves at +0.00 m/s, +0.70 rad/s, but should stand: "
+    moves = "moves at +0.00 m/s, +0.70 rad/s, but should be stationary: "
     assert bench.executive.why.startswith(moves + "no motion goal")
     bench.submit(Stop(), 1)
     bench.rover.velocity = Velocity(0.0, 0.7)
@@ -167,7 +167,7 @@ def test_why_tells_of_motion_that_nobody_here_commands(bench: Bench) -> None:
     assert Identity("MOE", 1) == bench.last(1).identity
     bench.drive_on()
     assert bench.executive.why.startswith(
-        "stands: STOPPED because the rover should stand, and turns"
+        "standing: STOPPED because the rover should stand, and turns"
     )
 
 

@@ -75,7 +75,7 @@ def test_why_is_told_of_a_command_and_of_now(bench: LiveBench) -> None:
     told = typed(bench, "why", "MOE:1").output
     assert told.startswith("MOE:1 moveForward distance 5 m was cancelled: stopped by MOE:2")
     assert "MOE asked for stop over the direct link, as number 2" in told
-    assert typed(bench, "why").output.startswith("IDLE: stands: no motion goal")
+    assert typed(bench, "why").output.startswith("IDLE: standing: no motion goal")
     assert json.loads(typed(bench, "why", "MOE:1", "--json").output)["reason"] == "STOPPED"
 
 
@@ -105,7 +105,7 @@ def test_watch_prints_the_tree(bench: LiveBench) -> None:
     assert result.exit_code == 0, result.output
     head, why, *_ = result.output.splitlines()
     assert head.split()[:3] == ["jackal", "IDLE", "tick"]
-    assert why == "stands: no motion goal"
+    assert why == "standing: no motion goal"
     assert "? rover" in result.output
 
 

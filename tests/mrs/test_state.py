@@ -120,7 +120,7 @@ async def test_tells_its_faults_from_their_beginning_to_their_end(
     aboard: Aboard, client: MrsClient
 ) -> None:
     calm = await client.get_faults()
-    assert (calm.why, calm.active) == ("stands: no motion goal", ())
+    assert (calm.why, calm.active) == ("standing: no motion goal", ())
     assert ("slip", "no second odometry") in [(each.what, each.why) for each in calm.unmonitored]
     await client.submit(client.command(MoveForward(50.0)))
     aboard.run(1.0)

@@ -97,11 +97,11 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_says_how_a_rover_that_was_stopped_goes_on(aboard: Aboard) -> None:
-    idle = ["jackal  IDLE", "stands: no motion goal", "nothing under way, nothing waits"]
+    idle = ["jackal  IDLE", "standing: no motion goal", "nothing under way, nothing waits"]
     assert shown(aboard)[:3] == idle
     assert not any("to go on" in line for line in shown(aboard))
     command(aboard, "--no-wait", "stop")
-    assert shown(aboard)[1].startswith("stands: stopped by MOE:")
+    assert shown(aboard)[1].startswith("standing: stopped by MOE:")
     assert shown(aboard)[3] == "to go on: rover command resume"
 
 
@@ -112,7 +112,7 @@ def test_says_how_a_rover_that_is_safe_goes_on(aboard: Aboard) -> None:
     aboard.run(1.0)
     lines = shown(aboard)
     assert lines[0] == "jackal  SAFE"
-    assert lines[1].startswith("stands: SAFE because odometry is 0.30 s old")
+    assert lines[1].startswith("standing: SAFE because odometry is 0.30 s old")
     assert re.fullmatch(r"ALARM odometry_stale since [\d :-]+ UTC, safe until a resume", lines[2])
     assert lines[4] == "to go on, when that is over: rover command resume"
     (fault,) = json.loads(rover("status", "--to", aboard.uri, "--json").output)["faults"]

@@ -104,7 +104,7 @@ def test_status_and_watch_say_that_the_pose_is_uncertain(
     assert 0.5 <= uncertainty.position_m < 0.6
     said = f"the pose is uncertain by {uncertainty}, since odometry_jumped"
     lines = typed("status", "--to", rover.uri).output.splitlines()
-    assert lines[1] == f"stands: no motion goal; {said}"
+    assert lines[1] == f"standing: no motion goal; {said}"
     (place,) = (line for line in lines if line.startswith("at x "))
     assert f", uncertain by {uncertainty}, video off" in place
     (way_out,) = (line for line in lines if line.startswith("to be certain of the pose again: "))

@@ -271,7 +271,7 @@ def test_odometry_that_cannot_be_is_refused_and_shows_in_the_diagnostics(bench: 
     assert status.hardware_id == "jackal"
     assert status.level == DiagnosticStatus.WARN
     assert values["mode"] == "IDLE"
-    assert values["why"].startswith("stands: no odometry; odometry arrives")
+    assert values["why"].startswith("standing: no odometry; odometry arrives")
     assert values["goals"] == "0"
     assert values["odometry age [s]"] == "inf"
     assert int(values["ledger sequence"]) == bench.executive.last_sequence

@@ -56,7 +56,7 @@ def test_time_never_steps_back_where_a_simulation_starts_anew() -> None:
 
 def test_a_snapshot_survives_the_wire() -> None:
     nodes = preview(load_settings("jackal"))
-    snapshot = TreeSnapshot(7, 1_800_000_000.25, "IDLE", "stands: „no“ goal", nodes)
+    snapshot = TreeSnapshot(7, 1_800_000_000.25, "IDLE", "standing: „no“ goal", nodes)
     assert from_json(to_json(snapshot)) == snapshot
     told = replace(snapshot, faults=("WARNING slides: it slides",), unmonitored="slip (no camera)")
     assert from_json(to_json(told)) == told
@@ -65,14 +65,14 @@ def test_a_snapshot_survives_the_wire() -> None:
 def test_the_head_says_faults_and_what_is_not_monitored() -> None:
     nodes = preview(load_settings("jackal"))
     snapshot = TreeSnapshot(
-        *(7, 0.0, "IDLE", "stands: no motion goal", nodes),
+        *(7, 0.0, "IDLE", "standing: no motion goal", nodes),
         faults=("WARNING odometry_silent: the newest odometry is 1.00 s old",),
         unmonitored="slip (no second odometry)",
     )
     console = Console(record=True, file=StringIO(), width=100)
     console.print(drawn("jackal", snapshot))
     assert console.export_text().splitlines()[1:5] == [
-        "stands: no motion goal",
+        "standing: no motion goal",
         "WARNING odometry_silent: the newest odometry is 1.00 s old",
         "not monitored: slip (no second odometry)",
         "",

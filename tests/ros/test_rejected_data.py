@@ -97,7 +97,7 @@ def test_odometry_that_cannot_be_used_is_in_the_refusal(
     assert "the rover does not know where it is; odometry arrives at " in answer.refusal.text
     assert "rejected: " in answer.refusal.text
     assert re.search(reason, answer.refusal.text)
-    assert bench.executive.why.startswith("stands: no odometry; odometry arrives at ")
+    assert bench.executive.why.startswith("standing: no odometry; odometry arrives at ")
 
 
 def test_sensors_that_cannot_be_used_say_why(bench: Bench) -> None:

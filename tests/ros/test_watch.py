@@ -33,7 +33,7 @@ def test_once_prints_the_tree_and_why_the_rover_stands(domain: int) -> None:
     head, why, monitoring, *_ = top.splitlines()
     root, *branches = tree.splitlines()
     assert head.split()[:3] == ["jackal", "IDLE", "tick"]
-    assert why == "stands: no odometry"
+    assert why == "standing: no odometry"
     assert monitoring.startswith("not monitored: slip (no second odometry)")
     assert root.startswith("? rover")
     assert any("priority stop" in branch for branch in branches)
@@ -42,7 +42,7 @@ def test_once_prints_the_tree_and_why_the_rover_stands(domain: int) -> None:
 @pytest.mark.usefixtures("domain")
 def test_live_ends_with_ctrl_c(tmp_path: Path) -> None:
     with running(tmp_path / "log", "rover", "watch") as process:
-        process.said("stands: no odometry")
+        process.said("standing: no odometry")
         assert process.end(signal.SIGINT) == 130
         assert "Traceback" not in process.text
 

@@ -106,7 +106,7 @@ def test_a_stop_outlasts_what_clears_itself(make: Make) -> None:
     assert "resume once that is over" in bench.executive.why
     bench.battery(FULL_V, 1.0)
     assert bench.is_in(Mode.STOPPED)
-    assert "stopped by MOE:1; resume to go on" in bench.executive.why
+    assert "stopped by MOE:1; send resume" in bench.executive.why
 
 
 def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:

@@ -42,7 +42,7 @@ def events(bench: Bench, reason: Reason) -> list[Report]:
         (ODOMETRY, WHY),
         (
             RejectedData(Source.ODOMETRY, "pose is NaN", 5.0, 50.0),
-            "odometry arrives at 50 Hz, of which 5 Hz are rejected: pose is NaN",
+            "odometry arrives at 50 Hz, 5 Hz of it rejected: pose is NaN",
         ),
         (
             RejectedData(Source.LASER, "no rays", 0.0),
@@ -65,7 +65,7 @@ def test_rejected_odometry_is_in_the_refusal_in_why_and_in_the_faults(bench: Ben
     assert refusal.reason is Reason.NO_ODOMETRY
     assert refusal.text.startswith("no odometry for 2.")
     assert refusal.text.endswith(f"; {WHY}")
-    assert bench.executive.why == f"stands: no odometry; {WHY}"
+    assert bench.executive.why == f"standing: no odometry; {WHY}"
     faults = {each.name: each.refusal.text for each in bench.executive.safety.active}
     assert faults["odometry_rejected"] == WHY
     assert faults["odometry_silent"].endswith(f"; {WHY}")

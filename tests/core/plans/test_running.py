@@ -199,7 +199,7 @@ def test_suspended_the_rover_stands_and_resumed_the_leaf_is_asked_again(bench: P
     assert bench.rover.velocity == STANDING
     assert bench.ends() == [Stage.EXECUTED, Stage.CANCELLED]
     assert bench.executive.mode is Mode.PAUSED
-    told = "is suspended; resumePlan survey (`rover plan resume survey`) to go on"
+    told = "is suspended; send resumePlan survey (`rover plan resume survey`)"
     assert told in bench.executive.why
     bench.submit(MoveForward(0.5), 1)
     assert bench.executive.mode.name == "MOVING"
