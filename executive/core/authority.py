@@ -1,9 +1,9 @@
-"""Who may command: one operator at a time holds the authority over the asset (thesis 3.1).
+"""Command authority: one operator at a time holds it over the asset (thesis 3.1).
 
-The holder requests it and keeps it by a lease that each sign of the holder renews. It passes on by
-hand-over, by release, when the lease has run out, or to a source that the settings let take it.
-Each grant has an epoch, a number that only grows and that is in the ledger before anybody is told:
-the fencing token that commands carry, by which those of a former holder are refused.
+The holder requests it and keeps a lease, renewed by each contact of the holder. It passes on by
+hand-over, release, expiry of the lease, or takeover by a source that the settings permit. Each
+grant has an epoch: a strictly increasing number that is committed to the ledger before any reply.
+Commands carry it as a fencing token, so that commands of a former holder are refused.
 """
 
 from collections.abc import Callable
@@ -18,20 +18,20 @@ from executive.settings import AuthoritySettings
 from executive.values.clock import Clock
 from executive.values.reasons import Figure, Reason, Refusal
 
-HOW_TO_GET: Final = "ask its holder by requestAuthority (`rover authority request`)"
+HOW_TO_GET: Final = "request it from its holder by requestAuthority (`rover authority request`)"
 HOW_TO_REQUEST: Final = "request it first (`rover authority request`)"
 
 
 @dataclass(frozen=True, slots=True)
 class AuthorityState:
-    """Who holds the authority.
+    """The state of the authority.
 
     Attributes:
-        holder: its name; None if nobody holds it.
+        holder: name of the holder; None without one.
         epoch: the number of the last grant, 0 before the first.
-        lease_left_s: seconds until it ends, if the holder gives no sign.
-        lease_s: seconds after which a silent holder loses it.
-        asked_by: who asked for it last, since it was granted.
+        lease_left_s: seconds until the lease expires without a contact of the holder.
+        lease_s: lease duration in seconds.
+        asked_by: the last source that requested it since the grant.
         needed: whether commands need it.
     """
 
@@ -45,7 +45,7 @@ class AuthorityState:
 
 @unique
 class AuthorityAction(Enum):
-    """What may be asked of the authority."""
+    """Requests concerning the authority."""
 
     REQUEST = "request"
     TAKE = "take"
@@ -55,11 +55,11 @@ class AuthorityAction(Enum):
 
 @dataclass(frozen=True, slots=True)
 class AuthorityRequest:
-    """What is asked of the authority: a method of `Authority`, and its arguments.
+    """A request concerning the authority: a method of `Authority`, and its arguments.
 
     Attributes:
-        epoch: of the grant that is handed over or released.
-        to, lease_s: of `HAND_OVER`.
+        epoch: epoch of the grant that is handed over or released.
+        to, lease_s: arguments of `HAND_OVER`.
     """
 
     act: AuthorityAction
@@ -70,15 +70,15 @@ class AuthorityRequest:
 
 
 class Authority:
-    """Grants the authority, and judges commands by it.
+    """Grants the authority, and checks commands against it.
 
-    After a restart the holder is the same, with the whole lease before it.
+    After a restart the holder is unchanged, with its full lease.
 
     Args:
-        clock: for the lease, which no step of the wall clock changes.
-        settings: of the asset.
-        record: where grants are kept.
-        tell: called with one line on each change of holder, and who asks.
+        clock: monotonic clock for the lease, unaffected by steps of the wall clock.
+        settings: authority settings of the asset.
+        record: stores grants.
+        tell: called with one line on each change of holder and each request.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class Authority:
 
     @property
     def state(self) -> AuthorityState:
-        """Who holds it now."""
+        """The present state."""
         left_s = 0.0 if self._holder is None else self._end_s - self._clock.now_s()
         return AuthorityState(
             self._holder,
@@ -116,7 +116,7 @@ class Authority:
         return self._grant.holder if self._clock.now_s() < self._end_s else None
 
     def perform(self, asked: AuthorityRequest) -> AuthorityState | Refusal:
-        """Do what is asked."""
+        """Execute a request."""
         match asked.act:
             case AuthorityAction.REQUEST:
                 return self.request(asked.source)
@@ -130,7 +130,7 @@ class Authority:
                 assert_never(asked.act)
 
     def request(self, source: str) -> AuthorityState | Refusal:
-        """Grant it where nobody holds it, renew the lease of its holder, or tell the holder."""
+        """Grant it if it is free, renew the holder's lease, or notify the holder of the request."""
         if self._holder is None:
             return self._pass_to(source, f"{source} holds the authority")
         if self._holder == source:
@@ -140,12 +140,12 @@ class Authority:
             return _no_name(source)
         now_s = self._clock.now_s()
         if self._asked_by is None or now_s - self._asked_s >= self._settings.lease_s:
-            self._tell(f"{source} asks for the authority that {self._holder} holds")
+            self._tell(f"{source} requests the authority that {self._holder} holds")
             self._asked_by, self._asked_s = source, now_s
         return self._refusal("the authority is not free", HOW_TO_GET)
 
     def take(self, source: str) -> AuthorityState | Refusal:
-        """Grant it whoever holds it, to a source that may take it; to others as `request` does."""
+        """Take it from any holder, if the source is permitted to; otherwise as `request`."""
         holder = self._holder
         if holder is None or holder == source or source not in self._settings.may_take:
             return self.request(source)
@@ -154,13 +154,13 @@ class Authority:
     def hand_over(
         self, source: str, epoch: int, to: str, lease_s: float | None = None
     ) -> AuthorityState | Refusal:
-        """Let its holder give it to another.
+        """Hand the authority over from its holder to another source.
 
         Args:
-            source: who gives it.
-            epoch: of its grant.
-            to: who gets it, such as the orbiter.
-            lease_s: how long the other may be silent, None for as long as everybody.
+            source: the holder.
+            epoch: epoch of the holder's grant.
+            to: the new holder, such as the orbiter.
+            lease_s: the new holder's lease in seconds; None for the asset's own.
         """
         if (self._holder, self._grant.epoch) != (source, epoch):
             return self._refusal(f"{source} does not hold authority {epoch}", HOW_TO_GET)
@@ -175,17 +175,17 @@ class Authority:
         return self._pass_to(to, text, lease_s, given_by=source)
 
     def release(self, source: str, epoch: int) -> AuthorityState | Refusal:
-        """Let its holder give it up."""
+        """Release the authority of its holder."""
         if (self._holder, self._grant.epoch) != (source, epoch):
             return self._refusal(f"{source} does not hold authority {epoch}", HOW_TO_GET)
         return self._keep(Grant(None, epoch), f"{source} released the authority")
 
     def judge(self, command: Command) -> Refusal | None:
-        """Return why a command may not be given by its sender, or None; it renews the lease.
+        """Return a refusal if the sender may not give the command, or None; renew the lease.
 
-        Of a command by the relay the sender is the orbiter, for who handed the authority over to it
-        and nobody else. The commands of a plan have the authority of who activated it; the
-        executive needs none.
+        The sender of a relayed command is the orbiter, on behalf only of the source that handed the
+        authority over to it. Commands of a plan have the authority of the source that activated it;
+        the executive needs none.
         """
         claimed = command.authority
         if command.link in OWN_LINKS or (claimed is None and not self._settings.needed):
@@ -207,16 +207,16 @@ class Authority:
         return self._refusal(wrong, HOW_TO_REQUEST if self._holder is None else HOW_TO_GET)
 
     def used(self, epoch: int) -> None:
-        """Renew the lease after a command that another process took by the authority."""
+        """Renew the lease after another process accepted a command under this authority."""
         if self._holder is not None and self._grant.epoch == epoch:
             self._renew()
 
     def tick(self) -> None:
-        """Tell it when the lease has run out."""
+        """Report the expiry of the lease."""
         former = self._grant.holder
         if former is None or self._holder is not None:
             return
-        self._keep(Grant(None, self._grant.epoch), f"the authority of {former} has run out")
+        self._keep(Grant(None, self._grant.epoch), f"the authority of {former} has expired")
 
     def _renew(self) -> None:
         self._end_s = max(self._end_s, self._clock.now_s() + self._grant.lease_s)
@@ -230,7 +230,7 @@ class Authority:
     ) -> AuthorityState | Refusal:
         if not is_source(source):
             return _no_name(source)
-        self._last_epoch += 1  # not given again, even if it cannot be written down
+        self._last_epoch += 1  # not granted again, even if the commit fails
         lease_s = self._settings.lease_s if lease_s is None else lease_s
         grant = Grant(source, self._last_epoch, lease_s, given_by)
         return self._keep(grant, f"{text} (epoch {grant.epoch})")
@@ -251,7 +251,7 @@ class Authority:
         if state.holder is None:
             return Refusal(
                 Reason.NO_AUTHORITY,
-                f"{wrong}: nobody holds it; {way_out}",
+                f"{wrong}: it is free; {way_out}",
                 (Figure("epoch", state.epoch),),
             )
         return Refusal(
@@ -262,5 +262,5 @@ class Authority:
 
 
 def _no_name(source: str, argument: int = 0) -> Refusal:
-    text = f"{source[:40]!r} is no name of a source"
+    text = f"{source[:40]!r} is not a valid source name"
     return Refusal(Reason.BAD_IDENTITY, text, argument=argument)

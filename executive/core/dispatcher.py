@@ -1,4 +1,4 @@
-"""Executes each command once: validates it, and makes it a goal, a latch or a setting."""
+"""Executes each command at most once: validates it; makes it a goal, a latch or a setting."""
 
 from dataclasses import replace
 from typing import Final, assert_never
@@ -43,16 +43,16 @@ from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Severity
 
 NOT_HELD: Final = Refusal(
-    Reason.WRONG_MODE, "nothing holds the rover; a plan is resumed by resumePlan"
+    Reason.WRONG_MODE, "no stop or fault holds the rover: resume a plan by resumePlan"
 )
-OVERTAKEN: Final = Refusal(Reason.STOPPED, "a stop that was made after it has overtaken it")
+OVERTAKEN: Final = Refusal(Reason.STOPPED, "overtaken by a stop that was created after it")
 UNWRITTEN: Final = Refusal(
-    Reason.LEDGER_FAILED, "the ledger cannot be written, so nothing but a stop is executed"
+    Reason.LEDGER_FAILED, "the ledger cannot be written: only a stop is executed"
 )
 
 
 class Dispatcher:
-    """Accepts or refuses commands."""
+    """Accepts or rejects commands."""
 
     def __init__(
         self,
@@ -77,12 +77,12 @@ class Dispatcher:
         self._planner = planner
 
     def submit(self, command: Command, overtaken: bool = False) -> SubmitResult:
-        """Accept or refuse a command.
+        """Accept or reject a command.
 
         Args:
-            command: who asks; if it is a stop, `Reactions.stop` was called for it.
-            overtaken: whether a stop has come since the command arrived here; it then finds the
-                rover STOPPED, and only a resume need be refused for it.
+            command: the command; for a stop, `Reactions.stop` was called before.
+            overtaken: whether a stop was served that arrived after the command. The rover is then
+                STOPPED, so only a resume needs an extra check.
         """
         unusable = bad_identity(command)
         if unusable is not None:
@@ -97,7 +97,7 @@ class Dispatcher:
         if last is not None and known == digest(command):
             self._notifications.again(last)
             if isinstance(command.request, Stop):
-                text = f"{command.identity} came again: the rover was stopped again"
+                text = f"duplicate of {command.identity}: the rover was stopped again"
                 self._notifications.event(Severity.WARNING, text, Reason.DUPLICATE, foreign=True)
             return Repeated(last)
         if known is not None:
@@ -113,12 +113,12 @@ class Dispatcher:
         return Admitted(life)
 
     def restore_settings(self) -> None:
-        """Put the settings in force again that the ledger holds."""
+        """Apply the settings again that the ledger holds."""
         for setting in self._ledger.last_settings():
             self._restore(setting)
 
     def _not_taken(self, command: Command, refusal: Refusal) -> Refused:
-        """Refuse a command whose number is not its own, so that no life can be told of it."""
+        """Reject a command whose id belongs to another, so that it has no life cycle reports."""
         refusal = _as_told(refusal, command)
         self._notifications.event(
             Severity.WARNING, refusal.text, refusal.reason, refusal.figures, foreign=True
@@ -158,7 +158,7 @@ class Dispatcher:
         )
 
     def _blocked(self, command: Command) -> Refusal | None:
-        """Return why a motion may not begin where the rover then is expected to be, or None."""
+        """Return a refusal if a motion is blocked at its expected start pose, or None."""
         request, context = command.request, self._context
         if not isinstance(request, Motion):
             return None
@@ -166,7 +166,7 @@ class Dispatcher:
         return check_request(request, self._start_of(command), context.settings, obstacles)
 
     def _short(self, command: Command) -> Refusal | None:
-        """Return that the battery cannot bring the rover back from a motion or plan, or None."""
+        """Return a refusal if the battery lacks energy for a motion or plan with the return."""
         request, context = command.request, self._context
         what: Motion | PlanNode | None = None
         if isinstance(request, Motion) and command.link != ABOARD_LINK:
@@ -178,7 +178,7 @@ class Dispatcher:
         return check_battery(what, self._start_of(command), context.status, context.settings)
 
     def _start_of(self, command: Command) -> Pose:
-        """Return where the rover is expected to be when a motion begins."""
+        """Return the expected pose of the rover when a motion begins."""
         context, status = self._context, self._context.status
         pose, goals = status.pose, context.goals.motion
         if command.arrival is PreemptionPolicy.REPLACE:
@@ -186,7 +186,7 @@ class Dispatcher:
         return expected_pose(goals, pose, context.clock, context.settings, status.obstacles)
 
     def _obstacle(self, request: Request) -> Refusal | None:
-        """Return why the state aboard does not allow a request, or None."""
+        """Return a refusal if the present state does not permit a request, or None."""
         if isinstance(request, PlanRequest):
             return self._planner.obstacle(request)
         files = self._context.files
@@ -268,34 +268,34 @@ class Dispatcher:
                 assert_never(setting)
 
     def _restore(self, setting: Setting) -> None:
-        """Set again what was set before a restart, if it is still within the asset's bounds."""
+        """Restore a setting from before a restart, if it is still within the asset's bounds."""
         refusal = check_arguments(setting, self._context.settings, self._context.status.pose.point)
         if refusal is None:
             self._set(setting)
         else:
             self._notifications.event(
-                Severity.WARNING, f"a setting no longer fits and is forgotten: {refusal.text}"
+                Severity.WARNING, f"stored setting is out of range and was dropped: {refusal.text}"
             )
 
 
 def unwritten(command: Command) -> Refusal:
-    """Return what is said of a command that the ledger did not take."""
+    """Return the refusal of a command that the ledger failed to record."""
     return _as_told(UNWRITTEN, command)
 
 
 def _as_told(refusal: Refusal, command: Command) -> Refusal:
-    """Return a refusal with what was done all the same: a stop acts, whatever is wrong with it."""
+    """Add to a refusal that the stop was executed nevertheless, if the command is one."""
     if not isinstance(command.request, Stop):
         return refusal
-    text = f"{refusal.text}; the rover was stopped all the same"
+    text = f"{refusal.text}; the rover was stopped nevertheless"
     return replace(refusal, text=text, argument=None)
 
 
 def _used(identity: Identity, known: bytes) -> Refusal:
-    what = "so long ago that it is not known for what" if known == PRUNED else "for another command"
+    what = "and its command is no longer stored" if known == PRUNED else "by another command"
     return Refusal(
         Reason.DUPLICATE,
-        f"{identity} was used {what}: take a new number",
+        f"{identity} is used {what}: choose a new number",
         (Figure("command", identity.command_id),),
         argument=0,
     )

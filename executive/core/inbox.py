@@ -1,4 +1,4 @@
-"""What other threads hand over to the core, served in the order of its arrival; stops overtake."""
+"""Queue of commands and queries from other threads to the core; stops overtake the others."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,16 +10,16 @@ from executive.commands import Command, Stop
 from executive.commands.lifecycle import SubmitResult
 
 MOST_A_TURN: Final = 32
-"""Commands and questions of one turn, so that the ticks keep their time."""
+"""Maximum number of commands and queries served in one turn, so that ticks stay on time."""
 
 
 @dataclass(frozen=True, slots=True)
 class Submission:
-    """A command, and who to tell whether it was admitted.
+    """A command with its reply callback.
 
     Attributes:
-        arrival: counts the commands in the order in which they were submitted.
-        prepare: called before the command is looked at; what it writes is committed with it.
+        arrival: number of the command in the order of submission.
+        prepare: called before the command is examined; its writes are committed with it.
     """
 
     arrival: int
@@ -29,11 +29,11 @@ class Submission:
 
 
 Question = Callable[[], None]
-"""Something to read or do on the executive's thread, which owns what it touches."""
+"""A function that reads or acts on the executive's thread, which owns the objects it uses."""
 
 
 class Inbox:
-    """Commands and questions from any thread, for the core's thread to take."""
+    """Commands and queries from any thread, which the core's thread serves."""
 
     def __init__(self) -> None:
         self._items: SimpleQueue[Submission | Question] = SimpleQueue()
@@ -47,50 +47,50 @@ class Inbox:
         reply: Callable[[SubmitResult], None],
         prepare: Callable[[], None],
     ) -> None:
-        """Hand over a command, from any thread."""
+        """Add a command, from any thread."""
         submission = Submission(next(self._arrivals), command, reply, prepare)
         stops = isinstance(command.request, Stop)
         (self._stops if stops else self._items).put(submission)
 
     def ask(self, question: Question) -> None:
-        """Hand over a question, from any thread."""
+        """Add a query, from any thread."""
         self._items.put(question)
 
     @property
     def stop_waits(self) -> bool:
-        """Whether a stop has come that was not taken."""
+        """Whether a stop is pending."""
         return not self._stops.empty()
 
     @property
     def empty(self) -> bool:
-        """Whether nothing waits."""
+        """Whether the queue is empty."""
         return self._items.empty() and self._stops.empty()
 
     @property
     def waiting(self) -> int:
-        """How many commands and questions wait."""
+        """Number of pending commands and queries."""
         return self._items.qsize() + self._stops.qsize()
 
     @property
     def stops_now(self) -> int:
-        """How many stops are to be taken now."""
+        """Number of stops to serve now."""
         return min(self._stops.qsize(), MOST_A_TURN)
 
     @property
     def items_now(self) -> int:
-        """How many commands and questions are to be taken in this turn."""
+        """Number of commands and queries to serve in this turn."""
         return min(self._items.qsize(), MOST_A_TURN)
 
     def take_stop(self) -> Submission:
-        """Return the next stop."""
+        """Remove and return the next stop."""
         stop = self._stops.get_nowait()
         self._stopped_at = stop.arrival
         return stop
 
     def take(self) -> Submission | Question:
-        """Return the next command that is no stop, or the next question."""
+        """Remove and return the next command other than a stop, or the next query."""
         return self._items.get_nowait()
 
     def overtaken(self, submission: Submission) -> bool:
-        """Return whether a stop was taken that has come after a command."""
+        """Whether a stop that was submitted after the command has been served."""
         return submission.arrival < self._stopped_at

@@ -1,8 +1,8 @@
-"""What the rover does when nothing is heard of the ground, in stages, for what it is about.
+"""Reactions to the loss of the ground link, in stages that depend on the mode.
 
-Anything that the ground sends on either link is a sign of it; what is asked or commanded aboard is
-none. By default the rover goes on. Once a stage is reached, the others of its mode follow, whatever
-has become of the motion, until the ground is heard.
+Any message of the ground on either link counts as contact; queries and commands from aboard do
+not. By default the rover continues. Once a stage is reached, the further stages of its mode follow,
+even if the motion has ended, until the next contact.
 """
 
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ from executive.values.clock import Clock
 from executive.values.geometry import Point, Pose
 
 SHORTEST_M: Final = 0.3
-"""Of a straight line of the way back."""
+"""Minimum length of a line segment of the return path; chosen, not measured."""
 ASIDE_M: Final = 0.1
-"""How far the rover came beside a straight line of the way back, at most, beyond its beginning."""
+"""Maximum lateral deviation of the track from a line segment of the return path."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkLossStageReached:
-    """A stage that has been reached, after so many seconds of silence."""
+    """A stage that has been reached, and the seconds since the last contact."""
 
     stage: LinkLossStage
     silent_s: float
 
 
 class ReturnPath:
-    """The way that the rover came, as straight lines."""
+    """The rover's track as line segments, to return along."""
 
     def __init__(self) -> None:
         self._began: Pose | None = None
@@ -38,7 +38,7 @@ class ReturnPath:
         self._last = Point(0.0, 0.0)
 
     def follow(self, pose: Pose) -> None:
-        """Begin where the rover is now, or go on to there; the more often, the better."""
+        """Extend the track to the present pose; frequent calls make it more accurate."""
         point = pose.point
         if self._began is None:
             self._began, self._corners = pose, [point]
@@ -53,7 +53,7 @@ class ReturnPath:
 
     @property
     def back(self) -> tuple[Waypoint, ...]:
-        """The way back to where it began, and the heading there; empty if it has not begun."""
+        """Waypoints back to the start of the track and its heading; empty without a track."""
         if self._began is None:
             return ()
         *way, end = (Waypoint(corner.x_m, corner.y_m) for corner in reversed(self._corners))
@@ -61,17 +61,17 @@ class ReturnPath:
 
 
 def _aside_m(start: Point, ahead: Point, point: Point) -> float:
-    """Return how far a place lies beside the line through two others."""
+    """Return the lateral distance of a point from the line through two others."""
     return start.distance_m(point) * abs(sin(start.bearing_rad(point) - start.bearing_rad(ahead)))
 
 
 class GroundMonitor:
-    """Counts for how long nothing has been heard of the ground.
+    """Measures the time since the last contact with the ground.
 
     Attributes:
-        heard: whether the last look found a sign of it.
-        stage: the last stage that was reached since the ground was heard; None before the first.
-        trail: the way from where the ground was last heard, if the settings have a use for it.
+        heard: whether the last `look` found a contact.
+        stage: the last stage reached since the last contact; None before the first.
+        trail: track since the last contact, if the settings use it.
     """
 
     def __init__(self, clock: Clock, settings: LinkLossSettings) -> None:
@@ -85,21 +85,21 @@ class GroundMonitor:
         self.trail = ReturnPath()
 
     def hear(self) -> None:
-        """Take a sign of the ground, from any thread."""
+        """Note a contact with the ground, from any thread."""
         self._sign = True
 
     @property
     def silent_s(self) -> float:
-        """Seconds since the last sign."""
+        """Seconds since the last contact."""
         return self._clock.now_s() - self._heard_s
 
     def look(self, mode: Mode, pose: Pose | None, returning: bool) -> LinkLossStageReached | None:
-        """Return the stage that is reached now, if it is another one than before.
+        """Return the stage that is newly reached, or None.
 
         Args:
-            mode: what the rover is about.
-            pose: where it is; None if that is not known.
-            returning: whether it is about nothing but a stage that was reached before.
+            mode: the present mode.
+            pose: the present pose; None if it is not known.
+            returning: whether the only motion is the reaction to an earlier stage.
         """
         self.heard = self._sign
         if self.heard:

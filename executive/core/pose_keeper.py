@@ -1,4 +1,4 @@
-"""Keeps how uncertain the pose is: over restarts in the ledger, and for people in reports."""
+"""Stores the pose uncertainty in the ledger, across restarts, and reports its changes."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -14,11 +14,11 @@ from executive.values.reports import Severity
 EVENT_S: Final = 1.0
 EVENT_M: Final = 0.05
 EVENT_RAD: Final = 0.02
-"""The uncertainty is reported again at most so often, and after changes of as much."""
+"""Minimum interval between reports of the uncertainty, and the changes that are reported."""
 
 
 class PoseKeeper:
-    """Watches the pose, stores what is known of it with every report, and reports changes."""
+    """Monitors the pose, stores its state with every report, and reports changes."""
 
     def __init__(
         self,
@@ -36,7 +36,7 @@ class PoseKeeper:
         self._reported, self._reported_s = Uncertainty(), clock.now_s()
 
     def update(self, active: Sequence[Fault]) -> None:
-        """Let the monitor look at the faults that are there, and report what has changed."""
+        """Run the monitor with the active faults, and report changes of the uncertainty."""
         self._monitor.update(active)
         now, last, now_s = self._status.uncertainty, self._reported, self._clock.now_s()
         changed = (
@@ -56,17 +56,17 @@ class PoseKeeper:
             event(Severity.INFORMATIONAL, text, Reason.FAULT_OVER, now.figures)
 
     def confirm(self, uncertainty: Uncertainty) -> None:
-        """Take the pose as it is now as wrong by so much at most, since an operator says so."""
+        """Set the uncertainty of the present pose to a bound that an operator confirmed."""
         self._monitor.confirm(uncertainty)
 
     def store(self, still: bool) -> None:
-        """Write the pose with the next commit, where there are reports to be committed.
+        """Write the pose with the next commit, if reports are about to be committed.
 
-        Else a commit would make the tick wait for the disk once more: only the first pose, and the
-        first frame of a second odometry, have one, for a rover that stands without a report.
+        Another commit would make the tick wait for the disk again. Only the first pose and the
+        first frame of a second odometry get their own, for a stationary rover without a report.
 
         Args:
-            still: whether the rover is to stand.
+            still: whether the rover is commanded to be stationary.
         """
         if self._notifications.pending or self._monitor.unstored:
             self._record.write(self._monitor.stored(still))

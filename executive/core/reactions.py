@@ -1,4 +1,4 @@
-"""How the rover reacts to stops, faults, a lost link, and commands that another link executes."""
+"""Reactions to stops, faults, a lost link, and commands that another link executes."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -29,23 +29,23 @@ from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Severity, Stage, printable
 
 SLOW_RATIO: Final = 0.3
-"""Of the greatest speeds, what a fault leaves that slows the rover down."""
+"""Ratio to the speed limits to which the reaction SLOW_DOWN reduces speed; chosen, not measured."""
 RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
-"""Of the command by which the rover returns to where the ground was last heard."""
+"""Source of the command by which the rover returns to the place of the last ground contact."""
 HARD_STOP_FAULTS: Final = frozenset({"zone_ahead", "obstacle_ahead", "tick_late"})
-"""Faults that begin when the rover must brake as it does on a stop, and not by its acceleration."""
+"""Faults that brake as a stop does: with normal deceleration the rover ran into the obstacle."""
 _MOVING: Final = frozenset({Mode.MOVING, Mode.TELEOP, Mode.PLAN})
 _ABSOLUTE: Final = (MoveTo, FollowPath, RotateTo)
 _LINK_LOSS_TEXT: Final = {
-    LinkLossAction.GO_ON: "the rover goes on",
+    LinkLossAction.GO_ON: "the rover continues",
     LinkLossAction.HOLD: "the rover holds at the end of the step",
     LinkLossAction.STOP: "the rover is stopped",
-    LinkLossAction.RETURN: "the rover returns to where it last was",
+    LinkLossAction.RETURN: "the rover returns to the position of the last contact",
 }
 
 
 class Reactions:
-    """Holds, pauses, slows down and releases the rover, and ends goals for it."""
+    """Stops, pauses, slows and releases the rover, and ends goals accordingly."""
 
     def __init__(
         self,
@@ -70,11 +70,11 @@ class Reactions:
         self._ticked_s, self._late = inf, False
 
     def recover(self) -> None:
-        """Recover the stop, the faults and the plans of the process before this one.
+        """Recover the stop, the faults and the plans of the previous process.
 
-        A stop and faults that only a resume ends are in force again. Unfinished commands end as
-        interrupted, and the rover stands, since one of them may still move it, or, by velocities,
-        one that had ended while the rover still slowed down.
+        A stop, and faults that only a resume ends, are in force again. Unfinished commands end as
+        interrupted. The rover is commanded to zero velocity: an unfinished command may still move
+        it, or, with velocity commands, one that ended while the rover was still braking.
         """
         for each in self._ledger.latched_faults():
             self._context.safety.restore(each.name, each.reaction, each.refusal, each.begun_utc_s)
@@ -103,7 +103,7 @@ class Reactions:
                     life.fail(refusal)
 
     def stop(self, by: Identity) -> None:
-        """Make the rover stand until resumed, for any command; `Dispatcher.submit` judges it."""
+        """Stop the rover until resumed, for any command; `Dispatcher.submit` validates it."""
         stopped_by = printable(f"{by.source[:LONGEST_SOURCE]}:{by.command_id}")
         if not self._context.latches.stopping:
             self._context.latches.stopped_from = self._arbiter.velocity
@@ -112,12 +112,12 @@ class Reactions:
         try:
             self._latch.set(stopped_by)
         except OSError as error:
-            text = f"a restart will not know of the stop: {error}"
+            text = f"the stop is not stored, a restart will release it: {error}"
             self._notifications.event(Severity.ALARM, text, Reason.LEDGER_FAILED)
         self.end_goals(Refusal(Reason.STOPPED, f"stopped by {stopped_by}"))
 
     def enter_safe_mode(self, danger: Refusal) -> None:
-        """Stand, SAFE until resumed; nothing, where the same reason holds the rover already."""
+        """Enter SAFE until resumed; without effect if the same reason is already active."""
         safety = self._context.safety
         if all(each.refusal.reason is not danger.reason for each in safety.active):
             self._begin_fault(safety.hold(danger, Reaction.SAFE))
@@ -125,7 +125,7 @@ class Reactions:
     def check_lateness(self) -> None:
         """Report a tick later than the watchdog's bound, and pause motion; call it once a tick.
 
-        Only the first of several late ticks is reported: writing the report may take the time.
+        Only the first of several late ticks is reported: writing the report may cause the delay.
         """
         context, safety = self._context, self._context.safety
         now_s, bound_s = context.clock.now_s(), context.settings.safety.watchdog_s
@@ -143,10 +143,10 @@ class Reactions:
             self._notifications.event(Severity.WARNING, text, why.reason, why.figures, foreign=True)
 
     def check_ground_link(self, submit: Callable[[Command], SubmitResult]) -> None:
-        """Take the action of the stage of a lost link that is reached, and end it on recovery.
+        """Take the action of a newly reached stage of link loss, and end it on recovery.
 
         Args:
-            submit: takes the command to return.
+            submit: submits the command to return.
         """
         ground, lost, status = self._ground, self._ground.stage, self._context.status
         motion = self._context.goals.motion
@@ -155,7 +155,7 @@ class Reactions:
         if reached is not None:
             action, silent_s = reached.stage.then, reached.silent_s
             done = _LINK_LOSS_TEXT[action]
-            text = f"nothing was heard from the ground for {silent_s:.1f} s: {done}"
+            text = f"no contact with the ground for {silent_s:.1f} s: {done}"
             why = Refusal(Reason.LINK_LOST, text, (Figure("silent", silent_s, "s"),))
             self._on_link_lost(action, why, submit)
             motion.held = why if action is LinkLossAction.HOLD else None
@@ -166,7 +166,7 @@ class Reactions:
     def _on_link_lost(
         self, action: LinkLossAction, why: Refusal, submit: Callable[[Command], SubmitResult]
     ) -> None:
-        """Report a stage of a lost link, and take its action."""
+        """Report a stage of link loss, and take its action."""
         safety = self._context.safety
         if action is LinkLossAction.STOP:
             self._begin_fault(safety.hold(why, Reaction.STOP))
@@ -175,26 +175,26 @@ class Reactions:
         if action is LinkLossAction.RETURN:
             refusal = self._start_return(why, submit)
             if refusal is not None:
-                text = f"the rover is stopped, as it cannot return: {refusal.text}"
+                text = f"the rover is stopped because it cannot return: {refusal.text}"
                 stopped = Refusal(Reason.LINK_LOST, text, refusal.figures)
                 self._begin_fault(safety.hold(stopped, Reaction.STOP))
 
     def _on_link_recovered(self) -> None:
-        """Report that the ground is heard again, and end a return."""
-        self._notifications.event(Severity.INFORMATIONAL, "the ground is heard again")
+        """Report that the ground link has recovered, and end a return."""
+        self._notifications.event(Severity.INFORMATIONAL, "ground link recovered")
         if self._return is not None:
-            refusal = Refusal(Reason.STOPPED, "stopped, for the ground is heard again")
+            refusal = Refusal(Reason.STOPPED, "stopped because the ground link recovered")
             self._context.goals.motion.cancel(self._return, refusal)
             self._return = None
 
     def _update_return(self) -> bool:
-        """Return whether the rover is returning; report the end of its return."""
+        """Return whether the rover is returning; report the end of the return."""
         life = self._return
         if life is None or not life.stage.terminal:
             return life is not None
         self._return = None
         if life.refusal is None:
-            text = "the rover is back where the ground was last heard"
+            text = "the rover is back at the position of the last ground contact"
             self._notifications.event(Severity.INFORMATIONAL, text)
         else:
             text = f"the rover did not return: {life.refusal.text}"
@@ -218,7 +218,7 @@ class Reactions:
         return answer.refusal if isinstance(answer, Refused) else None
 
     def _begin_fault(self, fault: Fault) -> None:
-        """Report a fault, and do what its row says."""
+        """Report a fault, and take the reaction of its row."""
         why, row = fault.refusal, fault.row
         if row.then in {Reaction.STOP, Reaction.SAFE}:
             self._arbiter.stop()
@@ -234,10 +234,10 @@ class Reactions:
             if row.then is not Reaction.PAUSE:
                 motion.fail_all(why)
             elif motion.active and not isinstance(motion.active.command.request, _ABSOLUTE):
-                motion.fail(why)  # relative to where it began, it cannot go on
+                motion.fail(why)  # a motion relative to its start cannot continue
 
     def _end_fault(self, fault: Fault) -> None:
-        """Report that a fault is over, and undo what no other fault asks for."""
+        """Report the end of a fault, and release what no other fault requires."""
         self._notifications.event(
             Severity.INFORMATIONAL, f"{fault.name} is over", Reason.FAULT_OVER
         )
@@ -246,7 +246,7 @@ class Reactions:
         self._obey_faults()
 
     def _obey_faults(self) -> None:
-        """Hold, pause and slow down the rover as the faults say that are not over."""
+        """Stop, pause and slow down the rover as the active faults require."""
         latches, active = self._context.latches, self._context.safety.active
         first = {then: _first(active, then) for then in Reaction}
         latches.paused = first[Reaction.PAUSE]
@@ -257,7 +257,7 @@ class Reactions:
             self._arbiter.release()
 
     def fail_active(self, refusal: Refusal) -> None:
-        """Fail the goals and stops under way."""
+        """Fail the active goals and stops."""
         self._context.goals.fail_active(refusal)
         for life in self._context.latches.take_stopping():
             life.fail(refusal)
@@ -268,7 +268,7 @@ class Reactions:
             goal = queue.active
             if goal is None or goal.command.identity != ended.identity:
                 continue
-            text = f"it came by another way first: {ended.text}"
+            text = f"received over another link first: {ended.text}"
             if ended.executed:
                 queue.execute(text)
             else:
@@ -276,34 +276,34 @@ class Reactions:
 
     def on_external_stop(self, stopped: Stopped) -> None:
         """Cancel goals after a stop over another link; later commands may move the rover."""
-        refusal = Refusal(Reason.STOPPED, f"stopped by {stopped.by}, by another way")
+        refusal = Refusal(Reason.STOPPED, f"stopped by {stopped.by}, over another link")
         self._planner.suspend(refusal)
         self._context.goals.motion.cancel_all(refusal)
         self._context.goals.camera.cancel_all(refusal)
 
     def end_goals(self, refusal: Refusal) -> None:
-        """Suspend the plan that executes, and cancel every goal and stop under way."""
+        """Suspend the executing plan, and cancel every goal and active stop."""
         self._planner.suspend(refusal)
         self._context.goals.cancel_all(refusal)
         for life in self._context.latches.take_stopping():
             life.cancel(refusal)
 
     def resume(self) -> None:
-        """Let the rover move again, but for faults that end by themselves and are not over."""
+        """Release the rover, except for faults that end by themselves and are still active."""
         self._context.latches.clear()
         for fault in self._context.safety.resume():
             self._end_fault(fault)
         self._obey_faults()
 
     def suspend_plan_if_held(self) -> None:
-        """Suspend a plan between two of its steps where motion is held."""
+        """Suspend a plan between two of its steps if motion is held."""
         goals, executing = self._context.goals, self._context.plans.executing
         if goals.motion.held is not None and goals.active is None and executing is not None:
-            text = "nothing is heard from the ground: it is held at the end of a step"
+            text = "no contact with the ground: the plan is held at the end of a step"
             self._planner.suspend(Refusal(Reason.LINK_LOST, text))
 
     def report_other_drivers(self) -> None:
-        """Report who begins to command the base beside the executive, and who ends."""
+        """Report each other mux input that starts or stops commanding the base."""
         history = self._context.safety.history
         moved = OdometryWindow(*history.moved.sums)
         for severity, text, figures in history.other_drivers.update(
@@ -312,7 +312,7 @@ class Reactions:
             self._notifications.event(severity, text, figures=figures, foreign=True)
 
     def run_monitors(self) -> None:
-        """Look at the monitors, and do what the table says of faults that begin or end."""
+        """Run the monitors, and take the reactions of faults that begin or end."""
         self.note_command()
         safety = self._context.safety
         safety.history.pose = self._context.status.pose
@@ -324,15 +324,15 @@ class Reactions:
         self._pose.update(safety.active)
 
     def note_command(self) -> None:
-        """Note in the history of motion between which velocities the rover should be now."""
+        """Record the range of velocities expected now in the history of motion."""
         at_least, velocity = self._arbiter.expected
         self._context.safety.history.command(velocity, at_least)
 
     def on_ledger_failure(self, error: LedgerError) -> None:
-        """Enter SAFE, also after a restart, and fail camera goals and instant ones."""
+        """Enter SAFE, also after a restart, and fail camera and instant goals."""
         danger = Refusal(Reason.LEDGER_FAILED, str(error))
         self.enter_safe_mode(danger)
-        with suppress(OSError):  # a file of one sector takes what the ledger does not
+        with suppress(OSError):  # a file of one sector may accept what the ledger does not
             self._latch.set(UNWRITTEN_LEDGER)
         self._context.goals.camera.fail_all(danger)
         self._context.goals.instant.fail_all(danger)

@@ -1,4 +1,4 @@
-"""Records an executive: its calls, the inputs during each of them, and its decisions."""
+"""Recorder of an executive: its calls, the inputs during each call, and its decisions."""
 
 import hashlib
 from collections.abc import Callable, Sequence
@@ -58,14 +58,14 @@ R = TypeVar("R", bound=Rover)
 
 
 class Recorder:
-    """Puts the calls, inputs and states of an executive on a tape; does nothing without one.
+    """Writes the calls, inputs and states of an executive to a tape; does nothing without one.
 
-    Of questions of other threads, their reports and decisions are recorded. Faults of the stop
-    latch, of the folder of files and of the video stream are not: runs in which they decide
-    something cannot be replayed.
+    Of queries of other threads, the reports and decisions are recorded. Errors of the stop latch,
+    of the file folder and of the video stream are not: runs in which they affect a decision cannot
+    be replayed.
 
     Attributes:
-        tape: takes the recording, or None.
+        tape: receives the recording, or None.
     """
 
     def __init__(self, tape: Tape | None, clock: Clock) -> None:
@@ -77,7 +77,7 @@ class Recorder:
         self._mode: ModeChanged | None = None
 
     def put(self, item: Item) -> None:
-        """Record the next item."""
+        """Record an item."""
         if self.tape is not None:
             self.tape.put(item)
 
@@ -87,7 +87,7 @@ class Recorder:
         *args: P.args,
         **kwargs: P.kwargs,
     ) -> None:
-        """Record the beginning of a call, with the time that holds during it."""
+        """Record the beginning of a call, with its latched time."""
         if self.tape is None:
             return
         item = entry(self._clock.now_s(), self._clock.utc_s(), *args, **kwargs)
@@ -96,24 +96,24 @@ class Recorder:
         self.tape.put(item)
 
     def on_stop_check(self, waits: bool) -> None:
-        """Record a stop that was received during the call; called for each check for one."""
+        """Record a stop that was received during the call; called at each check for one."""
         if waits:
             self.put(StopWaited(self._stop_checks))
         self._stop_checks += 1
 
     def on_commit(self, error: LedgerError | None) -> None:
-        """Record a commit that failed; called for each commit."""
+        """Record a failed commit; called at each commit."""
         if error is not None:
             self.put(CommitFailed(self._commits, str(error)))
         self._commits += 1
 
     def on_answer(self, identity: Identity, result: SubmitResult) -> None:
-        """Record the answer to a command."""
+        """Record the reply to a command."""
         refusal = result.refusal if isinstance(result, Refused) else None
         self.put(Answered(identity, type(result).__name__, refusal))
 
     def on_state(self, tree: Sequence[TreeNodeView], mode: ModeChanged) -> None:
-        """Record the changes of the tree, and of the mode, since the last call."""
+        """Record the changes of the tree and of the mode since the last call."""
         before, nodes = self._nodes, {each.path: each for each in tree}
         self._nodes = nodes
         changed = tuple(
@@ -144,7 +144,7 @@ def life_of(
     solver: SharedSolver | None,
     video: Video | None,
 ) -> Life:
-    """Return the state in which an executive begins; it has not changed anything yet."""
+    """Return the initial state of an executive, before it changes anything."""
     latch = Path(ledger.path).with_suffix(".stop")
     return Life(
         settings,
@@ -166,7 +166,7 @@ def recorded_ports(
 ) -> tuple[
     VelocityRover | DelegatedMotionRover, Sequence[Downlink], Video | None, SharedSolver | None
 ]:
-    """Return the ports of an executive, recorded; a rover that does not fit the settings is not."""
+    """Return the ports of an executive, recorded; not a rover that mismatches the settings."""
     if settings.locomotion is LocomotionKind.VELOCITY and isinstance(rover, VelocityRover):
         rover = _RecordedVelocityRover(rover, tape)
     elif settings.locomotion is LocomotionKind.WHOLE_MOTION and isinstance(

@@ -1,8 +1,8 @@
-"""What a recording of a run holds: all that enters the core, in its order, and what it decides.
+"""Items of a recording: all inputs of the core in order, and its decisions.
 
-Fed with the same inputs, the core decides the same. A recording is a sequence of items: a `Life`
-for each start of the executive, then its entries, each of which is followed by what else came in
-during it, and by what was decided in it. Within an entry time stands still.
+With the same inputs, the core makes the same decisions. A recording is a sequence of items: a
+`Life` for each start of the executive, then its entries. Each entry is followed by the further
+inputs and the decisions during it. Within an entry the clock is latched.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Re
 
 @dataclass(frozen=True, slots=True)
 class KeptFile:
-    """A file that lies in the folder of the rover; its content decides nothing."""
+    """A file in the rover's folder; its content affects no decision."""
 
     path: str
     size_octets: int
@@ -31,14 +31,14 @@ class KeptFile:
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """What the executive of one process begins with.
+    """Initial state of one start of the executive's process.
 
     Attributes:
-        ledger: the file of the ledger, as it was before.
-        latch: the file of the stop latch; empty if there was none.
-        files: what lies in the folder of files.
-        solver_lead_ticks: that of what plans motion; None where nothing does.
-        video: whether its video is there.
+        ledger: content of the ledger file before the start.
+        latch: content of the stop latch file; empty if there was none.
+        files: content of the monitored folder.
+        solver_lead_ticks: lead of the trajectory solver in ticks; None without a solver.
+        video: whether the asset has a video port.
     """
 
     settings: Settings
@@ -51,7 +51,7 @@ class Life:
 
 @unique
 class Call(Enum):
-    """A call of the core that brings nothing but the time."""
+    """A call of the core with the time as its only input."""
 
     START = "start"
     TURN = "turn"
@@ -61,11 +61,11 @@ class Call(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Called:
-    """An entry that brings the time; `START` is the first of a life.
+    """An entry with the time as its input; `START` is the first of a process start.
 
     Attributes:
-        now_s: the monotonic clock that all within sees.
-        utc_s: the wall clock that all within sees, seconds since 1970-01-01 UTC.
+        now_s: the latched monotonic clock.
+        utc_s: the latched wall clock, seconds since 1970-01-01 UTC.
     """
 
     now_s: float
@@ -75,7 +75,7 @@ class Called:
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """An entry that brings a fact."""
+    """An entry with a fact as its input."""
 
     now_s: float
     utc_s: float
@@ -84,10 +84,10 @@ class Observed:
 
 @dataclass(frozen=True, slots=True)
 class Noticed:
-    """An entry that has something reported that another component noticed.
+    """An entry that reports an event of another component.
 
     Attributes:
-        within: whether it is a part of the call before: a question of another thread reported it.
+        within: whether it is part of the call before: a query of another thread reported it.
     """
 
     now_s: float
@@ -101,10 +101,10 @@ class Noticed:
 
 @dataclass(frozen=True, slots=True)
 class MadeSafe:
-    """An entry that has the rover stand until resumed.
+    """An entry that stops the rover until resumed.
 
     Attributes:
-        within: as of `Noticed`.
+        within: as in `Noticed`.
     """
 
     now_s: float
@@ -117,16 +117,16 @@ Entry = Called | Observed | Noticed | MadeSafe
 
 
 def is_within(item: object) -> TypeGuard[Noticed | MadeSafe]:
-    """Return whether an item is a part of the call before, though others of its kind are calls."""
+    """Whether an item is part of the call before, although others of its kind are calls."""
     return isinstance(item, Noticed | MadeSafe) and item.within
 
 
 @dataclass(frozen=True, slots=True)
 class Served:
-    """A command that was taken from the queue.
+    """A command that was removed from the inbox.
 
     Attributes:
-        overtaken: whether a stop was taken before that had come after it.
+        overtaken: whether a later stop had been served before it.
     """
 
     command: Command
@@ -135,29 +135,29 @@ class Served:
 
 @dataclass(frozen=True, slots=True)
 class GroundHeard:
-    """There was a sign of the ground since the last entry that looked for one."""
+    """The ground was in contact since the last entry that checked for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class SolverAnswered:
-    """What the solver of motion plans answered when it was asked for an answer."""
+    """The result that the trajectory solver returned when polled."""
 
     plan: Trajectory | None
 
 
 @dataclass(frozen=True, slots=True)
 class SolverBusy:
-    """Whether the solver of motion plans was at a question, when that was asked."""
+    """Whether the trajectory solver was busy when queried."""
 
     busy: bool
 
 
 @dataclass(frozen=True, slots=True)
 class StopWaited:
-    """A stop came while the core was at work.
+    """A stop was received while the core was working.
 
     Attributes:
-        looks: how often the core had looked for one in this entry before.
+        looks: number of earlier checks for a stop in this entry.
     """
 
     looks: int
@@ -165,11 +165,11 @@ class StopWaited:
 
 @dataclass(frozen=True, slots=True)
 class CommitFailed:
-    """The ledger could not be written.
+    """A commit of the ledger failed.
 
     Attributes:
-        commits: how often the core had committed in this entry before.
-        text: why.
+        commits: number of earlier commits in this entry.
+        text: the reason.
     """
 
     commits: int
@@ -185,45 +185,45 @@ Input = (
     | AuthorityRequest
     | CommitFailed
 )
-"""What comes in during an entry."""
+"""Inputs received during an entry."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drove:
-    """The velocity that the rover was commanded."""
+    """The velocity that was commanded."""
 
     velocity: Velocity
 
 
 @dataclass(frozen=True, slots=True)
 class CarriedOut:
-    """The whole motion that the rover was to carry out."""
+    """The whole motion that was commanded."""
 
     motion: WholeMotion
 
 
 @dataclass(frozen=True, slots=True)
 class Halted:
-    """The rover was to stand."""
+    """The rover was commanded to halt."""
 
 
 @dataclass(frozen=True, slots=True)
 class Locked:
-    """The lock of the mux was taken, or released; recorded when that changes."""
+    """The mux lock was held or released; recorded on change."""
 
     held: bool
 
 
 @dataclass(frozen=True, slots=True)
 class PointedCamera:
-    """The camera was to point there."""
+    """The camera was commanded to point."""
 
     wanted: CameraIntent
 
 
 @dataclass(frozen=True, slots=True)
 class RequestedFrame:
-    """A picture was asked for."""
+    """A picture was requested."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +235,7 @@ class SwitchedVideo:
 
 @dataclass(frozen=True, slots=True)
 class AskedSolver:
-    """A motion plan was asked for; the digest is of all that the solver was told."""
+    """A trajectory was requested; the digest covers the whole problem."""
 
     start: MotionState
     target: TrajectoryTarget
@@ -244,7 +244,7 @@ class AskedSolver:
 
 @dataclass(frozen=True, slots=True)
 class Reported:
-    """A report left, once it was written down."""
+    """A report was sent after its commit."""
 
     report: Report
 
@@ -258,21 +258,21 @@ class ToldParameters:
 
 @dataclass(frozen=True, slots=True)
 class ToldFile:
-    """What happened to a file was sent."""
+    """A file event was sent."""
 
     event: FileEvent
 
 
 @dataclass(frozen=True, slots=True)
 class ToldPlan:
-    """How far a plan has come was sent."""
+    """The status of a plan was sent."""
 
     update: PlanUpdate
 
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """Who submitted a command was told what became of it.
+    """The reply to the sender of a command.
 
     Attributes:
         result: Admitted, Refused or Repeated.
@@ -285,7 +285,7 @@ class Answered:
 
 @dataclass(frozen=True, slots=True)
 class NodeState:
-    """What a node of the tree did in the last tick, and what it says of itself."""
+    """Status and feedback message of a tree node in the last tick."""
 
     path: str
     status: str
@@ -294,7 +294,7 @@ class NodeState:
 
 @dataclass(frozen=True, slots=True)
 class TreeChanged:
-    """The nodes that are other than before, those that are new among them, and those that went."""
+    """Nodes that changed, including new ones, and nodes that were removed."""
 
     nodes: tuple[NodeState, ...]
     gone: tuple[str, ...]
@@ -302,10 +302,10 @@ class TreeChanged:
 
 @dataclass(frozen=True, slots=True)
 class ModeChanged:
-    """The mode, the command under way or the words of why, figures apart, are other than before.
+    """A change of the mode, of the active command, or of the text of `why` without its figures.
 
     Attributes:
-        why: one line on why the rover stands, or what moves it.
+        why: one line on the rover's present motion and its reason.
     """
 
     mode: Mode
@@ -334,10 +334,10 @@ Decision = (
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Where the rover truly was, as only a simulation knows; the core never learns of it.
+    """The rover's true pose, known only to a simulation; the core never receives it.
 
     Attributes:
-        time_s: on the monotonic clock of the core.
+        time_s: time on the monotonic clock of the core.
     """
 
     time_s: float
@@ -348,23 +348,23 @@ Item = Life | Entry | Input | Decision | Truth
 
 
 class Tape(Protocol):
-    """Takes a recording. Called on the core's thread: must neither block nor raise."""
+    """Receives a recording. Called on the core's thread: must neither block nor raise."""
 
     def put(self, item: Item) -> None:
-        """Record the next item."""
+        """Record an item."""
 
 
 class Tapes:
     """Several tapes as one.
 
     Args:
-        tapes: each takes every item, in this order.
+        tapes: each receives every item, in this order.
     """
 
     def __init__(self, *tapes: Tape) -> None:
         self._tapes = tapes
 
     def put(self, item: Item) -> None:
-        """Record the next item."""
+        """Record an item."""
         for tape in self._tapes:
             tape.put(item)

@@ -1,8 +1,8 @@
-"""The executive: takes commands and facts, ticks the tree, commands the rover, reports.
+"""The executive: receives commands and facts, ticks the tree, commands the rover, reports.
 
-One thread calls it; others use `submit` and `ask`. A turn serves what has arrived; a tick also
-runs the tree once. A leaf that raises is contained here: the tree is stopped, the rover stands, its
-commands fail, and the executive goes on.
+One thread calls it; others use `submit` and `ask`. A turn serves received commands; a tick also
+runs the tree once. A leaf that raises is contained here: the tree and the rover stop, its commands
+fail, and the executive continues.
 """
 
 import logging
@@ -75,31 +75,31 @@ from executive.values.reports import (
 _LOG = logging.getLogger(__name__)
 
 LONGEST_EVENT: Final = 4096
-"""Characters of a text that others report by `Executive.event`; the rest is left out."""
+"""Maximum length in characters of a text reported by `Executive.event`; the rest is cut."""
 
 
 class Executive:
     """One asset's executive.
 
-    Within each call of `observe`, `turn`, `tick`, `event`, `make_safe` and `close`, and while it is
-    made, time stands still: all that is decided there sees one reading of the clock.
+    Within each call of `observe`, `turn`, `tick`, `event`, `make_safe` and `close`, and during
+    construction, the clock is latched: every decision sees the same time.
 
-    Its thread is the one that calls `observe`, `turn` and `tick`, and that owns all that is read
-    here; other threads call `submit` and `ask`. A stop overtakes all that waits, and makes the
-    rover stand before `submit` returns, whatever this thread is at.
+    The core's thread calls `observe`, `turn` and `tick`, and owns all attributes; other threads
+    call `submit` and `ask`. A stop overtakes all pending commands, and stops the rover before
+    `submit` returns, regardless of the core's thread.
 
-    Commands that the ledger holds unfinished are ended as interrupted, and the rover stands if a
-    process before this one may have left it moving. Whether it is stopped stands in a file beside
-    the ledger, `StopLatch`.
+    Commands that the ledger holds unfinished end as interrupted, and the rover is commanded to zero
+    velocity if a previous process may have left it moving. The state of the stop is stored in a
+    file beside the ledger, `StopLatch`.
 
     Args:
-        tape: takes a recording, by which all of it can be replayed; None for none.
+        tape: receives a recording for a full replay; None for none.
 
     Attributes:
-        authority: who may command.
-        ground: for how long nothing has been heard of the ground.
-        safety: which faults there are.
-        wake: called from the thread that submits or asks, after each time; must be thread-safe
+        authority: the command authority.
+        ground: monitor of the time since the last contact with the ground.
+        safety: the active faults.
+        wake: called after each `submit` or `ask`, on its thread; must be thread-safe
             and quick.
     """
 
@@ -204,13 +204,13 @@ class Executive:
         reply: Callable[[SubmitResult], None],
         prepare: Callable[[], None] = lambda: None,
     ) -> None:
-        """Hand over a command, from any thread.
+        """Submit a command, from any thread.
 
         Args:
             command: the command.
-            reply: called on the executive's thread with whether it was admitted.
-            prepare: called on that thread before the command is looked at, but for a stop's effect;
-                what it writes to the ledger is committed with the command.
+            reply: called on the executive's thread with the result.
+            prepare: called on that thread before the command is examined, but after a stop acts;
+                its writes to the ledger are committed with the command.
         """
         if command.link in GROUND_LINKS:
             self.ground.hear()
@@ -223,35 +223,35 @@ class Executive:
         self.wake()
 
     def ask(self, question: Question) -> None:
-        """Have something read or done on the executive's thread, from any other."""
+        """Run a query on the executive's thread, from any other thread."""
         self._inbox.ask(question)
         self.wake()
 
     def emergency_stop(self) -> None:
-        """Have the rover stand, from any thread; what it was about goes on when this thread does.
+        """Stop the rover, from any thread; motion continues once the core's thread does.
 
-        For a watchdog: whoever wants a rover to stand submits a `Stop`.
+        For a watchdog. All other callers submit a `Stop`.
         """
         self._arbiter.emergency_stop()
 
     @property
     def mode(self) -> Mode:
-        """What the rover is about."""
+        """The mode of the asset."""
         return self._context.mode
 
     @property
     def velocity(self) -> Velocity:
-        """What the rover was last commanded."""
+        """The last commanded velocity."""
         return self._arbiter.velocity
 
     @property
     def why(self) -> str:
-        """One line on why the rover stands, or what moves it."""
+        """One line on the rover's present motion and its reason."""
         return self._context.why
 
     @property
     def active_command(self) -> Identity | None:
-        """The command under way: a stop before motion, motion before the camera's."""
+        """The active command: a stop before motion, motion before the camera."""
         if self._context.latches.stopping:
             return self._context.latches.stopping[-1].command.identity
         goal = self._context.goals.active
@@ -259,55 +259,55 @@ class Executive:
 
     @property
     def goals_waiting(self) -> int:
-        """How many accepted commands wait for their turn."""
+        """Number of accepted commands that wait."""
         return self._context.goals.waiting
 
     @property
     def goal_count(self) -> int:
-        """How many accepted commands wait or are under way."""
+        """Number of accepted commands, waiting or active."""
         return len(self._context.goals)
 
     @property
     def waiting(self) -> int:
-        """How many commands and questions of others wait to be looked at."""
+        """Number of pending commands and queries."""
         return self._inbox.waiting
 
     @property
     def active_plan(self) -> str | None:
-        """The plan that has the rover, if one does."""
+        """The plan that controls the rover, if any."""
         return self._context.plans.executing
 
     @property
     def moving(self) -> bool:
-        """Whether a motion goal is under way."""
+        """Whether a motion goal is active."""
         return self._context.goals.motion.active is not None
 
     @property
     def video(self) -> Video | None:
-        """What forwards the camera's video stream, if the asset has one."""
+        """Forwarder of the camera's video stream, if the asset has one."""
         return self._context.video
 
     @property
     def status_interval_s(self) -> float:
-        """Seconds between two sendings of all parameters; 0 sends those that changed."""
+        """Interval of telemetry in seconds; 0 sends changed parameters only."""
         return self._telemetry.interval_s
 
     @property
     def last_sequence(self) -> int:
-        """The number of the last report."""
+        """The sequence number of the last report."""
         return self._ledger.last_sequence
 
     @property
     def recording(self) -> bool:
-        """Whether the ledger took what was last written."""
+        """Whether the last commit of the ledger succeeded."""
         return not self._ledger.failing
 
     def parameters(self) -> tuple[ParameterValue, ...]:
-        """Return all twelve parameters as they are now."""
+        """Return the present values of all twelve parameters."""
         return self.status.values()
 
     def plans(self) -> Sequence[PlanUpdate]:
-        """Return how far each plan has come, in the order in which they were submitted."""
+        """Return the progress of each plan, in the order of submission."""
         return self._planner.updates()
 
     def reports(
@@ -317,14 +317,14 @@ class Executive:
         return self._ledger.reports(since, command_id, count)
 
     def request_of(self, identity: Identity) -> Request | None:
-        """Return what a command asked for, if the ledger still keeps it; see `Ledger.request`."""
+        """Return the request of a command, if the ledger still stores it; see `Ledger.request`."""
         return self._ledger.request(identity)
 
     def preview(self, asked: Motion | PlanDefinition) -> PreviewRun | Refusal:
-        """Return what works out where a motion or a plan would lead, or why it would be refused.
+        """Return a run that computes the preview of a motion or a plan, or the refusal.
 
-        It begins where the motions that wait or are under way lead. Neither the mode, the queue nor
-        the authority matters: nothing is commanded.
+        The preview begins where the waiting and active motions end. Mode, queue and authority do
+        not matter, since nothing is commanded.
         """
         status, settings, context = self.status, self.settings, self._context
         what = check_plan(asked, settings) if isinstance(asked, PlanDefinition) else asked
@@ -340,7 +340,7 @@ class Executive:
         )
 
     def observe(self, fact: Fact) -> None:
-        """Take in a fact."""
+        """Process a fact."""
         with self._clock:
             self._recorder.enter(Observed, fact)
             if isinstance(fact, ForeignPublishers) and fact.names != self.status.foreign:
@@ -364,7 +364,7 @@ class Executive:
                 self.ground.hear()
                 self.authority.used(fact.epoch)
             if isinstance(fact, LaserScan):
-                self._reactions.run_monitors()  # at once, whatever the tree is at
+                self._reactions.run_monitors()  # immediately, without waiting for the tick
             self._arbiter.guard()
 
     def ask_authority(self, asked: AuthorityRequest) -> AuthorityState | Refusal:
@@ -379,7 +379,7 @@ class Executive:
         figures: tuple[Figure, ...] = (),
         kind: ReportKind = ReportKind.EVENT,
     ) -> None:
-        """Report something that another component noticed, or a link."""
+        """Report an event of another component or of a link."""
         within = self._clock.held
         with self._clock:
             self._recorder.enter(Noticed, severity, text, figures, kind, within)
@@ -388,18 +388,18 @@ class Executive:
             self._notifications.event(severity, text, figures=figures, kind=kind, foreign=True)
 
     def make_safe(self, danger: Refusal) -> None:
-        """Stand until resumed; nothing, where the same reason holds the rover already."""
+        """Enter SAFE until resumed; without effect if the same reason is already active."""
         within = self._clock.held
         with self._clock:
             self._recorder.enter(MadeSafe, danger, within)
             self._reactions.enter_safe_mode(danger)
 
     def turn(self) -> None:
-        """Serve what was submitted and asked; a command that was admitted is ticked at once.
+        """Serve pending commands and queries; an accepted command is ticked immediately.
 
-        What comes meanwhile, and what is more than `MOST_A_TURN`, is for the next turn; stops are
-        served before each of the others. Then predictions are worked on for a slice; where more
-        is to be done, the executive wakes itself.
+        Items that arrive during the turn, or exceed `MOST_A_TURN`, wait for the next one; stops are
+        served before each other item. Then predictions advance by a slice; if more work remains,
+        the executive wakes itself.
         """
         with self._clock:
             self._recorder.enter(Called, Call.TURN)
@@ -408,7 +408,7 @@ class Executive:
             self._record_state()
 
     def _serve(self) -> None:
-        """Serve what was submitted and asked."""
+        """Serve pending commands and queries."""
         self._serve_stops()
         self._reactions.check_ground_link(self._dispatcher.submit)
         if self.ground.heard:
@@ -460,9 +460,9 @@ class Executive:
             self._record_state()
 
     def close(self) -> None:
-        """End everything: what moves stands, goals are cancelled, the ledger is closed.
+        """Close the executive: a moving rover stops, goals are cancelled, the ledger is closed.
 
-        What a ledger that fails did not take is lost, as when the process is killed.
+        Data that a failing ledger did not commit are lost, as when the process is killed.
         """
         with self._clock:
             self._recorder.enter(Called, Call.CLOSE)
@@ -479,12 +479,12 @@ class Executive:
             self._latch.close()
 
     def abandon(self) -> None:
-        """End as `kill -9` would: nothing more is written."""
+        """End as `kill -9` would: nothing further is written."""
         self._ledger.abandon()
         self._latch.close()
 
     def _serve_stops(self) -> None:
-        """Hold the rover for the stops that have come, and see to their records and answers."""
+        """Stop the rover for pending stops, and process their records and replies."""
         for _ in range(self._inbox.stops_now):
             stop = self._inbox.take_stop()
             self._recorder.put(Served(stop.command, overtaken=False))
@@ -511,7 +511,7 @@ class Executive:
             downlink.file(event)
 
     def _run_plan(self) -> None:
-        """Let the plan command what it wants; what it wants begins once it is written down."""
+        """Let the plan submit its commands; they start once committed."""
         executing = self._context.plans.executing
         if executing is None:
             return
@@ -537,12 +537,12 @@ class Executive:
                 self._arbiter.release()
             self._reactions.fail_active(_raised(error))
         if not self.moving and isinstance(self._context.intents.motion, Velocity):
-            self._context.intents.motion = STANDING  # the goal it was for has been ended
+            self._context.intents.motion = STANDING  # the goal of this intent has ended
         self._arbiter.commit(self._context.intents)
         self._reactions.note_command()
 
     def _predict(self) -> None:
-        """Work on predictions for a slice."""
+        """Advance predictions by a slice."""
         if self._predictions.advance():
             self._flush()
         if self._predictions.pending:
@@ -562,7 +562,7 @@ class Executive:
             try:
                 self._latch.clear()
             except OSError as error:
-                _LOG.error("a restart will find the rover stopped: %s", error)
+                _LOG.error("stop latch not cleared, a restart will stop the rover: %s", error)
         return True
 
 
@@ -570,7 +570,7 @@ def _latch_beside(ledger: Ledger) -> StopLatch:
     path = Path(ledger.path).with_suffix(".stop")
     try:
         latch = StopLatch(path)
-        if stop := ledger.last_stop():  # the file may be new, or have failed when the stop came
+        if stop := ledger.last_stop():  # the file may be new, or its write may have failed
             latch.set(str(stop))
         return latch
     except OSError as error:

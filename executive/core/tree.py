@@ -1,4 +1,4 @@
-"""The behaviour tree as the core uses it; `trees` has the tree itself."""
+"""The behaviour tree's interface for the core; `trees` has the tree itself."""
 
 from collections.abc import Sequence
 from enum import Enum
@@ -12,23 +12,23 @@ class TreeNodeView(Protocol):
 
     @property
     def path(self) -> str:
-        """Names from the root."""
+        """Node names from the root."""
 
     @property
     def status(self) -> Enum:
-        """Its result."""
+        """The node's result."""
 
     @property
     def message(self) -> str:
-        """Its message."""
+        """The node's feedback message."""
 
 
 class LeafError(Exception):
-    """A leaf of the tree raised; the text is its path, the cause is what it raised."""
+    """A leaf of the tree raised; the text is its path, the cause is the exception."""
 
 
 class Tree(PlanHost, Protocol):
-    """The behaviour tree, as the runner needs it, beside which the trees of plans grow."""
+    """The behaviour tree as the runner needs it; plans add their trees beside it."""
 
     def tick(self) -> None:
         """Run every branch that is due once.
@@ -38,7 +38,7 @@ class Tree(PlanHost, Protocol):
         """
 
     def stop(self) -> None:
-        """End every running leaf."""
+        """Terminate every running leaf."""
 
     def nodes(self) -> Sequence[TreeNodeView]:
         """Return all nodes as of the last tick."""

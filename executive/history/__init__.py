@@ -1,7 +1,7 @@
-"""The history of a run, which all that show or explain what happened read.
+"""The history of a run, read by all that displays or explains it.
 
 `HistoryBuilder` folds recorded items into a `RunHistory`: from a file, or while the executive runs.
-`MotionTracks` keeps where the rover was, and how fast it went.
+`MotionTracks` stores the rover's poses and velocities.
 """
 
 from executive.history.history_builder import KINDS as KINDS

@@ -1,4 +1,4 @@
-"""Folds what an executive records into the history of its run, from a file or while it runs."""
+"""Folds the items of a recording into the history of its run, from a file or live."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -34,16 +34,16 @@ from executive.values.reasons import Reason, Refusal
 from executive.values.reports import Identity, Report
 
 KINDS: Final = (Served, Answered, Reported, ModeChanged, TreeChanged, Drove)
-"""The kinds of items that are of use, beside lives and entries."""
+"""Kinds of items that are used, besides process starts and entries."""
 _RUNNING: Final = "RUNNING"
 
 
 class HistoryBuilder:
-    """A tape from which the history of a run is made at any time.
+    """A tape that can return the history of the run at any time.
 
     Args:
-        leaf_paths: of the behaviour tree of an asset; other nodes are left out.
-        most: how much of each kind is kept, the newest; None for all.
+        leaf_paths: returns the leaves of an asset's behaviour tree; other nodes are ignored.
+        most: maximum number of items of each kind, the newest; None for all.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class HistoryBuilder:
             self._add_report(each)
 
     def put(self, item: Item) -> None:
-        """Take the next item."""
+        """Process the next item."""
         if isinstance(item, Entry):
             if self._gone_utc_s is not None:
                 self._absences.append((self._gone_utc_s, item.utc_s))
@@ -105,7 +105,7 @@ class HistoryBuilder:
                 pass
 
     def history(self) -> RunHistory:
-        """Return what is known now."""
+        """Return the history up to now."""
         reports = tuple(self._reports[each] for each in sorted(self._reports))
         lived = {each.identity for each in reports}
         told = {(each.identity, each.text) for each in reports}
@@ -165,7 +165,7 @@ class HistoryBuilder:
 
 
 def _bounded(identity: Identity) -> Identity:
-    """Return an identity without what is too long of its source, as a stop's may be."""
+    """Return an identity with its source truncated, which a stop's may need."""
     return Identity(identity.source[:LONGEST_SOURCE], identity.command_id)
 
 

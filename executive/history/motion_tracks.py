@@ -1,4 +1,4 @@
-"""Where a rover was over a run, and how fast it went, by each source that reports it."""
+"""Poses and velocities of a rover over a run, by each source that reports them."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -12,7 +12,7 @@ from executive.values.geometry import Pose, Velocity
 
 
 class TrackSource(Enum):
-    """What reports where the rover is or how fast it goes."""
+    """Source of poses or velocities."""
 
     COMMANDED = "commanded"
     ODOMETRY = "odometry"
@@ -23,7 +23,7 @@ class TrackSource(Enum):
 
 @dataclass(frozen=True, slots=True)
 class PoseAt:
-    """A pose, and when; seconds since 1970-01-01 UTC."""
+    """A pose and its time; seconds since 1970-01-01 UTC."""
 
     utc_s: float
     pose: Pose
@@ -31,23 +31,23 @@ class PoseAt:
 
 @dataclass(frozen=True, slots=True)
 class VelocityAt:
-    """A velocity, and when; seconds since 1970-01-01 UTC."""
+    """A velocity and its time; seconds since 1970-01-01 UTC."""
 
     utc_s: float
     velocity: Velocity
 
 
 TRACK_KINDS: Final = (Odometry, SecondOdometry, Joints, Drove, Halted, Truth)
-"""The kinds of items and facts that are of use, beside lives and entries."""
+"""Kinds of items and facts that are used, besides process starts and entries."""
 
 
 class MotionTracks:
-    """A tape that keeps all poses and velocities of a run.
+    """A tape that stores all poses and velocities of a run.
 
     Attributes:
-        settings: of the asset, as the last start of the executive had them; None before the first.
-        poses: of odometry, second odometry and truth; each in a frame of its own.
-        velocities: commanded, of the odometry and of the wheels.
+        settings: settings of the asset at the last start of the executive; None before the first.
+        poses: poses of odometry, second odometry and truth; each in a frame of its own.
+        velocities: velocities commanded, of the odometry and of the wheels.
     """
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class MotionTracks:
         self._utc_s = self._apart_s = 0.0
 
     def put(self, item: Item) -> None:
-        """Take the next item."""
+        """Process the next item."""
         if isinstance(item, Entry):
             self._utc_s, self._apart_s = item.utc_s, item.utc_s - item.now_s
         match item:

@@ -1,7 +1,7 @@
-"""The history of a run: what became of commands, the modes, the leaves that ran, what was reported.
+"""The history of a run: commands and their results, modes, executed leaves, reports.
 
-A recording knows all of it; by the MRS the reports are known, and the state of the tree now. Times
-are seconds since 1970-01-01 UTC, by the clock aboard.
+A recording contains all of it; over the MRS only the reports and the present tree are known.
+Times are seconds since 1970-01-01 UTC, by the onboard clock.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from executive.values.reports import TERMINAL, Identity, Report, ReportKind, Sta
 SLOWING: Final = frozenset(
     each.reason for each in DECLARED.values() if each.row.then is Reaction.SLOW_DOWN
 )
-"""Unless the settings of an asset say otherwise."""
+"""Reasons of the faults with the reaction SLOW_DOWN, unless an asset's settings differ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +23,10 @@ class ReceivedCommand:
     """A command as it was received.
 
     Attributes:
-        text: its name and arguments, for people.
-        name: of the request, as in its declaration.
-        utc_s: when it was looked at first.
-        created_utc_s, lifetime_s: when it was made and how long it may wait, by its sender.
+        text: human-readable name and arguments.
+        name: name of the request, as in its declaration.
+        utc_s: time at which it was first examined.
+        created_utc_s, lifetime_s: creation time and lifetime, as given by its sender.
     """
 
     identity: Identity
@@ -41,11 +41,11 @@ class ReceivedCommand:
 
 @dataclass(frozen=True, slots=True)
 class CommandHistory:
-    """What became of a command so far.
+    """The life cycle of a command so far.
 
     Attributes:
-        received: how it was received; None where that is not known.
-        reports: of its stages, and what is predicted of its motion, in their order.
+        received: the command as received; None if unknown.
+        reports: its stages and the predictions of its motion, in order.
     """
 
     identity: Identity
@@ -54,7 +54,7 @@ class CommandHistory:
 
     @property
     def name(self) -> str:
-        """The request with its arguments where they are known, else its name."""
+        """The request with its arguments if known, otherwise its name."""
         if self.received is not None:
             return self.received.text
         first = self.at(Stage.RECEIVED) or self.at(Stage.ACCEPTED)
@@ -67,14 +67,14 @@ class CommandHistory:
 
     @property
     def link(self) -> str | None:
-        """The link by which it came; None where that is not known."""
+        """The link over which the command was received; None if unknown."""
         if self.received is not None:
             return self.received.link
         return next((each.link for each in self.reports if each.link is not None), None)
 
     @property
     def end(self) -> Report | None:
-        """The report that ended it; None while it goes on."""
+        """The report of its terminal stage; None before."""
         return next((each for each in self.reports if each.stage in TERMINAL), None)
 
     @property
@@ -83,24 +83,24 @@ class CommandHistory:
         return tuple(each for each in self.reports if each.stage is not None)
 
     def at(self, stage: Stage) -> Report | None:
-        """Return the first report of a stage; None if it has not come to that."""
+        """Return the first report of a stage; None if it was not reached."""
         return next((each for each in self.reports if each.stage is stage), None)
 
     @property
     def outcome(self) -> str:
-        """What its end says beside how it ended; empty where that is no more than its name."""
+        """Text of the terminal report; empty if it is only the request's name."""
         end = self.end
         return "" if end is None or end.text == self.request else end.text
 
     @property
     def utc_s(self) -> float:
-        """When it was reported on first."""
+        """Time of the first report."""
         return self.reports[0].utc_s
 
 
 @dataclass(frozen=True, slots=True)
 class RejectedSubmission:
-    """A command that was not taken under its number, so that it has no life of its own."""
+    """A submission that was rejected under its number, so that it has no life cycle."""
 
     identity: Identity
     utc_s: float
@@ -109,10 +109,10 @@ class RejectedSubmission:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What the rover was about from a time on.
+    """The state of the rover from a time on.
 
     Attributes:
-        why: one line on why the rover stood, or what moved it.
+        why: one line on the rover's motion and its reason.
     """
 
     utc_s: float
@@ -123,11 +123,11 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class LeafRun:
-    """A time for which a leaf of the tree ran.
+    """An interval during which a leaf of the tree ran.
 
     Attributes:
-        path: of the leaf, names from the root joined by slashes.
-        ended_utc_s: None while it runs.
+        path: path of the leaf, names from the root joined by slashes.
+        ended_utc_s: end of the interval; None while it runs.
         message: its last feedback message.
     """
 
@@ -144,10 +144,10 @@ class LeafRun:
 
 @dataclass(frozen=True, slots=True)
 class PeakSpeed:
-    """The greatest speeds, without sign, that the rover was commanded within a command.
+    """The maximum speed, without sign, that was commanded during a command.
 
     Attributes:
-        allowed_mps: the greatest that the asset allows.
+        allowed_mps: the asset's maximum speed.
     """
 
     identity: Identity
@@ -157,15 +157,15 @@ class PeakSpeed:
 
 @dataclass(frozen=True, slots=True)
 class RunHistory:
-    """What is known of a run, or of a part of it.
+    """The history of a run, or of a part of it.
 
     Attributes:
-        until_utc_s: when it ends.
-        received: commands in the order of their arrival.
-        reports: in the order of their numbers.
-        situations, leaves: in their order; empty where they are not known.
-        slowing: the reasons of the faults for which the rover slows down.
-        absences: from when to when no executive ran.
+        until_utc_s: end of the history.
+        received: commands in order of arrival.
+        reports: reports in order of their numbers.
+        situations, leaves: in order of time; empty if unknown.
+        slowing: reasons of the faults for which the rover slows down.
+        absences: intervals in which no executive ran.
     """
 
     until_utc_s: float
@@ -179,7 +179,7 @@ class RunHistory:
     absences: tuple[tuple[float, float], ...] = ()
 
     def lives(self) -> dict[Identity, CommandHistory]:
-        """Return the life of each command, in the order in which they were first reported on."""
+        """Return the life cycle of each command, in the order of their first reports."""
         received: dict[Identity, ReceivedCommand] = {}
         for each in self.received:
             received.setdefault(each.identity, each)

@@ -62,12 +62,12 @@ def test_motion_is_held_at_the_end_of_the_step_and_goes_on_when_the_ground_is_he
         bench.run(20.0)
         assert bench.stages(2)[-1] is Stage.ACCEPTED
         assert told(bench) == [
-            "nothing was heard from the ground for 2.0 s: the rover holds at the end of the step"
+            "no contact with the ground for 2.0 s: the rover holds at the end of the step"
         ]
         assert bench.executive.why == f"standing: {told(bench)[0]}"
         bench.executive.ground.hear()
         assert bench.finish(2) is Stage.EXECUTED
-        assert any(r.text == "the ground is heard again" for r in bench.heard.reports)
+        assert any(r.text == "ground link recovered" for r in bench.heard.reports)
 
 
 def test_teleoperation_is_stopped_until_resumed(tmp_path: Path) -> None:
@@ -80,9 +80,9 @@ def test_teleoperation_is_stopped_until_resumed(tmp_path: Path) -> None:
         bench.run(0.3)
         assert bench.executive.mode.name == "STOPPED"
         assert (bench.stages(1)[-1], bench.last(1).reason) == (Stage.FAILED, Reason.LINK_LOST)
-        assert "nothing was heard from the ground" in bench.executive.why
+        assert "no contact with the ground" in bench.executive.why
         bench.submit(Resume(), 2)
-        assert any(r.text == "the ground is heard again" for r in bench.heard.reports)
+        assert any(r.text == "ground link recovered" for r in bench.heard.reports)
         bench.execute(MoveForward(0.2), 3)
 
 
@@ -143,7 +143,7 @@ def test_it_returns_the_way_it_came_to_where_the_ground_was_last_heard(tmp_path:
         assert (bench.rover.pose.x_m, bench.rover.pose.y_m) == pytest.approx((0.5, 0.0), abs=0.05)
         assert bench.rover.pose.heading_rad == pytest.approx(0.0, abs=0.05)
         assert [r.stage for r in returns(bench)][-1] is Stage.EXECUTED
-        assert events(bench)[-1] == "the rover is back where the ground was last heard"
+        assert events(bench)[-1] == "the rover is back at the position of the last ground contact"
         assert mode(bench) is Mode.IDLE
         bench.execute(MoveForward(0.5), 3)
 
@@ -155,7 +155,8 @@ def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
         bench.submit(MoveForward(20.0), 1)
         bench.run(5.0)
         assert told(bench) == [
-            "nothing was heard from the ground for 2.0 s: the rover returns to where it last was"
+            "no contact with the ground for 2.0 s:"
+            " the rover returns to the position of the last contact"
         ]
         assert bench.rover.velocity.travel_mps < -0.1
         assert f"for {returns(bench)[-1].identity} followPath" in bench.executive.why
@@ -164,7 +165,7 @@ def test_a_rover_that_returns_says_so_and_stands_as_soon_as_the_ground_is_heard(
         assert bench.rover.velocity == STANDING
         assert (returns(bench)[-1].stage, events(bench)[-1]) == (
             Stage.CANCELLED,
-            "the ground is heard again",
+            "ground link recovered",
         )
         assert mode(bench) is Mode.IDLE
 
@@ -224,7 +225,7 @@ def test_whoever_is_stopped_from_aboard_does_not_return(tmp_path: Path, first: s
         bench.run(10.0)
         assert mode(bench) is Mode.STOPPED
         assert events(bench)[-1].startswith(
-            "the rover is stopped, as it cannot return: the rover is STOPPED"
+            "the rover is stopped because it cannot return: the rover is STOPPED"
         )
         bench.submit(Resume(), 2)
         bench.execute(MoveForward(0.5), 3)

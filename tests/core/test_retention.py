@@ -159,9 +159,7 @@ def test_a_repeat_is_answered_by_its_end_and_later_by_its_number_alone(bench: Fo
         bench.step()
     answer = bench.refusal(SetTravelSpeed(0.5), 1)
     assert answer.reason is Reason.DUPLICATE
-    assert answer.text == (
-        "MOE:1 was used so long ago that it is not known for what: take a new number"
-    )
+    assert answer.text == "MOE:1 is used and its command is no longer stored: choose a new number"
     assert bench.executive.status.travel_speed_mps == 0.4
 
 

@@ -368,7 +368,7 @@ CASES: Final = (
         "ELSE holds it",
         _AUTHORITY,
     ),
-    Case("number used twice", _number_twice, "MOE:1", None, "MOE:1 was used for another command"),
+    Case("number used twice", _number_twice, "MOE:1", None, "MOE:1 is used by another command"),
     Case("refused QUEUE_FULL", _too_many, "MOE:1", Reason.QUEUE_FULL),
     Case("refused TARGET_EXISTS", _target_exists, "MOE:1", Reason.TARGET_EXISTS),
     Case(
@@ -433,7 +433,7 @@ CASES: Final = (
         _held,
         "MOE:1",
         None,
-        "nothing was heard from the ground",
+        "no contact with the ground",
         _with_loss(motion=[{"after_s": 1, "then": "hold"}]),
     ),
     Case("waits for another", _waits, "MOE:1", None, "for MOE:2 moveForward"),

@@ -54,7 +54,7 @@ ALL = (*CASES, *FAULTS, *PLANS)
 def told(explanation: Explanation) -> str:
     """Return an explanation without the end of a link loss, which the query itself causes."""
     lines = explanation_lines(explanation, lambda utc_s: f"{utc_s:.2f}")
-    return "\n".join(line for line in lines if "the ground is heard again" not in line)
+    return "\n".join(line for line in lines if "ground link recovered" not in line)
 
 
 def is_right(case: Case, explained: Explanation) -> bool:

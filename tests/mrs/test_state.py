@@ -455,4 +455,4 @@ async def test_the_past_begins_where_the_record_does_and_a_repeat_is_a_duplicate
     assert [told.sequence for told in past] == list(range(first, last + 1))
     assert KEPT <= len(past) < KEPT + AT_ONCE + 1
     assert past[-1].code == Reason.DUPLICATE.value
-    assert "so long ago" in str(past[-1].text)
+    assert "its command is no longer stored" in str(past[-1].text)

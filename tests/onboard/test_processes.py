@@ -249,16 +249,16 @@ def test_the_stages_of_a_lost_link_follow_while_a_silent_connection_is_open(
         began = probe.fresh_truth().pose.pose.position
         with Octets(MalUri.parse(uri).port, "MOE") as silent:
             assert silent.ask(LONG_DRIVE)
-            process.said("the rover is back where the ground was last heard")
+            process.said("the rover is back at the position of the last ground contact")
         ended = probe.fresh_truth().pose.pose.position
         assert (ended.x, ended.y) == pytest.approx((began.x, began.y), abs=0.1)
         reports = [n for n in notifications(uri) if n.code == Reason.LINK_LOST.value]
         told = [(n.stage, (n.text or "").partition(": ")[2]) for n in reports]
         assert told == [
-            (None, "the rover goes on"),
+            (None, "the rover continues"),
             (None, "the rover is stopped"),
             (Stage.FAILED, "the rover is stopped"),
-            (None, "the rover returns to where it last was"),
+            (None, "the rover returns to the position of the last contact"),
         ]
 
 

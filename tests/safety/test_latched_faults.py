@@ -207,7 +207,7 @@ def test_a_lost_link_stops_until_a_resume_over_kill_9(tmp_path: Path) -> None:
         bench.crash()
         bench.run(0.5)
         assert is_in(bench, Mode.STOPPED)
-        assert "nothing was heard from the ground" in bench.executive.why
+        assert "no contact with the ground" in bench.executive.why
         bench.submit(Resume(), 2)
         assert is_in(bench, Mode.IDLE)
 

@@ -80,7 +80,7 @@ def test_without_authority_nothing_is_commanded_but_a_stop(bench: Bench) -> None
     refused = Operator(bench, "MOE").send(MoveForward(1.0), None)
     assert refused is not None
     assert refused.reason is Reason.NO_AUTHORITY
-    assert "nobody holds it; request it first" in refused.text
+    assert "it is free; request it first" in refused.text
     epoch = granted(AskedAuthority(bench).request("MOE"))
     assert Operator(bench, "MOE-2").send(MoveForward(1.0), None) is not None
     other = Operator(bench, "MOE-3")
@@ -117,7 +117,7 @@ def test_a_silent_holder_loses_it_and_comes_back_under_a_new_epoch(bench: Bench)
     late = moe.send(SetTravelSpeed(0.5), first)
     assert late is not None
     assert late.reason is Reason.NO_AUTHORITY
-    assert "the authority of MOE has run out" in [r.text for r in bench.heard.reports]
+    assert "the authority of MOE has expired" in [r.text for r in bench.heard.reports]
     second = granted(authority.request("MOE-2"))
     third = granted(authority.hand_over("MOE-2", second, "MOE"))
     assert first < second < third
@@ -135,7 +135,7 @@ def test_who_asks_is_told_to_all_and_only_once_in_a_lease(bench: Bench) -> None:
     told = [r.text for r in bench.heard.reports]
     assert told == [
         "MOE holds the authority (epoch 1)",
-        "MOE-2 asks for the authority that MOE holds",
+        "MOE-2 requests the authority that MOE holds",
     ]
 
 
@@ -154,7 +154,7 @@ def test_asking_again_renews_the_lease_and_other_commanding_by_it_does(bench: Be
     assert moe.send(SetTravelSpeed(0.4), epoch) is not None, "its time is up"
     bench.executive.observe(AuthorityUsed(epoch))
     bench.run(0.1)
-    assert "the authority of MOE has run out" in [r.text for r in bench.heard.reports]
+    assert "the authority of MOE has expired" in [r.text for r in bench.heard.reports]
     assert moe.send(SetTravelSpeed(0.4), epoch) is not None
 
 
@@ -165,7 +165,7 @@ def test_who_still_asks_after_a_lease_is_told_again(bench: Bench) -> None:
         assert refusal(authority.request("MOE-2")).reason is Reason.NO_AUTHORITY
         bench.clock.advance(RULES.lease_s / 2)
         assert moe.send(SetTravelSpeed(0.5), epoch) is None
-    asked = "MOE-2 asks for the authority that MOE holds"
+    asked = "MOE-2 requests the authority that MOE holds"
     assert [r.text for r in bench.heard.reports].count(asked) == 3
 
 
@@ -179,7 +179,7 @@ def test_what_is_released_is_free_and_only_its_holder_releases_it(bench: Bench) 
     assert granted(authority.release("MOE", epoch)) == epoch
     refused = moe.send(SetTravelSpeed(0.5), epoch)
     assert refused is not None
-    assert "nobody holds it" in refused.text
+    assert "it is free" in refused.text
     assert refused.figures == (Figure("epoch", epoch),)
     assert granted(authority.take("MOE-2")) == epoch + 1
     assert granted(authority.take("MOE-2")) == epoch + 1, "it has it"
@@ -366,7 +366,7 @@ def test_a_session_holds_what_it_requested_and_another_hears_who_does(guarded: A
             texts.append(notification.text or "")
             if "handed the authority over to MOE-2" in texts[-1]:
                 break
-        assert "MOE-2 asks for the authority that MOE holds" in texts
+        assert "MOE-2 requests the authority that MOE holds" in texts
 
     guarded.ground(session)
 

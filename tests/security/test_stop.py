@@ -40,7 +40,7 @@ from tests.support.asked_authority import AskedAuthority
 from tests.support.kinematic import Bench
 from tests.support.plans import PlanBench, plan
 
-ALL_THE_SAME = "the rover was stopped all the same"
+ALL_THE_SAME = "the rover was stopped nevertheless"
 
 
 def stop(number: int = 7, source: str = "MOE", **options: Any) -> Command:
@@ -103,7 +103,7 @@ def test_stops_of_repeated_numbers_all_act(bench: Bench) -> None:
         acted += bench.rover.velocity == STANDING and bench.executive.mode is Mode.STOPPED
     assert acted == 200
     texts = [report.text for report in bench.heard.reports]
-    assert texts.count("MOE:1 came again: the rover was stopped again") == 19
+    assert texts.count("duplicate of MOE:1: the rover was stopped again") == 19
 
 
 def test_a_stop_acts_on_a_full_disk_and_is_known_after_kill_9(bench: Bench) -> None:
