@@ -234,7 +234,7 @@ def test_a_stop_on_ice_is_done_once_the_accelerometer_felt_the_speed_lost(ice: I
     assert ice.stages(2)[-1] is Stage.EXECUTED
     assert ice.last(2).text.endswith("by odometry, joints, gyro and accelerometer")
     assert ice.true_mps == 0.0
-    assert ice.executive.why.startswith("stands")
+    assert ice.executive.why.startswith("standing")
 
 
 def test_while_it_slides_a_stop_reports_at_what_speed_and_then_fails(ice: IceBench) -> None:
