@@ -1,7 +1,7 @@
-"""The catalogue of requests, and what is known of each.
+"""The catalogue of requests and their declarations.
 
-Whether one may enter, and the life of a command, stand beside this face in modules of their own,
-which need the settings: `intake`, `lifecycle` and `actions`.
+The modules `intake`, `lifecycle` and `actions` need the settings: they are not exported here but
+imported by their own names.
 """
 
 # All of the catalogue, so that a request is listed there alone.

@@ -1,4 +1,4 @@
-"""Commands that come as one line of text (thesis 5.1.3): what there is, and what each does."""
+"""Actions: commands as one line of text (thesis 5.1.3), and their execution."""
 
 from enum import Enum, unique
 from typing import Final
@@ -22,12 +22,12 @@ HELP: Final = {
 
 
 def offered(video: Video | None) -> tuple[Action, ...]:
-    """Return the actions that work on an asset."""
+    """Return the actions that an asset supports."""
     return () if video is None else (Action.VIDEO_ON, Action.VIDEO_OFF)
 
 
 def action_of(text: str, video: Video | None) -> Action | Refusal:
-    """Return the action that a line of text asks for, whatever its case and spaces."""
+    """Parse an action from a line of text, ignoring case and extra spaces."""
     wanted = " ".join(text.upper().split())
     there = offered(video)
     for action in there:
@@ -38,10 +38,10 @@ def action_of(text: str, video: Video | None) -> Action | Refusal:
 
 
 def perform(text: str, video: Video | None) -> Refusal | None:
-    """Do what a line of text asks; return why it cannot be.
+    """Execute an action; return a refusal if it is not available.
 
     Raises:
-        OSError: it could not be done.
+        OSError: the action failed.
     """
     action = action_of(text, video)
     if isinstance(action, Refusal):

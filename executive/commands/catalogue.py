@@ -1,11 +1,11 @@
-"""What a rover can be asked to do: every request, declared once, and the command that carries one.
+"""The catalogue of requests, each declared once, and the command that carries one.
 
 Intake, limits, the operations of the MRS, `rover command`, the leaves of plans, the operations of
 scenarios and the reference page follow from these declarations. SI units and radians.
 
 Each motion has a method `segments`, which returns the turns, lines, arcs and rests of base_link
-from a pose; with `reverse` the rover drives backward to places behind it. On a way around obstacles
-a `MoveTo` has those of a `FollowPath` through the places on it.
+from a pose; with `reverse` the rover drives backward to targets behind it. On a detour a `MoveTo`
+has the segments of a `FollowPath` through the corners of the detour.
 """
 
 from dataclasses import dataclass, replace
@@ -35,22 +35,20 @@ SLOWEST = 0.01
 
 @record
 class Waypoint:
-    """A place to reach in the odometry frame; without a heading, that of the drive is kept."""
+    """A target in the odometry frame; without a heading, that of the drive is kept."""
 
     x_m: float = argument(help="odometry frame")
     y_m: float = argument(help="odometry frame")
     heading_rad: float | None = argument(ANGLE, "to take at the end", default=None)
-    tolerance_m: float | None = argument(
-        within(SLOWEST, 1.0), "how near is near enough", default=None
-    )
+    tolerance_m: float | None = argument(within(SLOWEST, 1.0), "position tolerance", default=None)
 
     @property
     def point(self) -> Point:
-        """The place."""
+        """The position."""
         return Point(self.x_m, self.y_m)
 
     def segments(self, start: Pose, reverse: bool = False) -> tuple[Segment, ...]:
-        """Return a turn towards the place, the line there, and the turn to the heading."""
+        """Return a turn towards the position, the line to it, and the turn to the heading."""
         toward_rad = start.heading_rad
         if start.point != self.point:
             toward_rad = start.point.bearing_rad(self.point)
@@ -71,7 +69,7 @@ def _turn_to(heading_rad: float, start: Pose, reference: Reference) -> Turn:
     return Turn(start, replace(start, heading_rad=heading_rad), by_rad, reference)
 
 
-_CONTROLLER: Final = "what drives there, without it the asset's own"
+_CONTROLLER: Final = "motion controller, by default the asset's own"
 
 
 @command(
@@ -80,7 +78,7 @@ _CONTROLLER: Final = "what drives there, without it the asset's own"
     examples=("3 2 --heading 90deg", "3 2 --controller mpc", "-1 0.5 --replace"),
 )
 class MoveTo:
-    """Turn towards a place, drive there, turn to its heading."""
+    """Turn towards a target, drive there, turn to its heading."""
 
     target: Waypoint
     controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
@@ -92,7 +90,7 @@ class MoveTo:
 
 @command(Family.MOTION, "MotionControl.moveForward", examples=("1.5", "-1 --replace"))
 class MoveForward:
-    """Drive straight on."""
+    """Drive straight."""
 
     distance_m: float = argument(within("drive.distance_m"), "negative is backward")
 
@@ -145,7 +143,7 @@ class DriveFor:
     examples=("1,0 1,1,90deg -1,0", "1,0,,0.1 1,1,90deg,0.05"),
 )
 class FollowPath:
-    """Visit waypoints in their order."""
+    """Reach waypoints in order."""
 
     waypoints: tuple[Waypoint, ...] = argument(within(1, "drive.path_waypoints"))
     controller: Controller | None = argument(help=_CONTROLLER, relayed=False, default=None)
@@ -161,31 +159,31 @@ class FollowPath:
 
 @command(Family.STOP, "MotionControl.stop", examples=("",))
 class Stop:
-    """Stand still at once, end every goal, and stay so until a `resume`."""
+    """Stop immediately, end every goal, and hold until a `resume`."""
 
 
 @command(Family.RESUME, "MotionControl.resume", examples=("",))
 class Resume:
-    """Let the rover move again after a stop, or after a hazard that is gone."""
+    """Release the rover after a stop, or after a fault that has cleared."""
 
 
 @command(Family.SETTING, "MotionControl.setTravelSpeed", examples=("0.5",))
 class SetTravelSpeed:
-    """Set the greatest linear speed."""
+    """Set the maximum linear speed."""
 
     speed_mps: float = argument(within(SLOWEST, "drive.travel_speed_mps"))
 
 
 @command(Family.SETTING, "MotionControl.setRotateSpeed", examples=("30deg",))
 class SetRotateSpeed:
-    """Set the greatest angular speed."""
+    """Set the maximum angular speed."""
 
     speed_radps: float = argument(within(SLOWEST, "drive.rotate_speed_radps"))
 
 
 @command(Family.POSE, "MotionControl.setPositionCompensation", examples=("0.1 -0.2 0 5deg",))
 class SetPositionCompensation:
-    """Set what is added to the measured pose before it is used and reported."""
+    """Set the offset that is added to the measured pose before it is used and reported."""
 
     x_m: float = argument(within("drive.compensation_m"))
     y_m: float = argument(within("drive.compensation_m"))
@@ -205,7 +203,7 @@ class ConfirmPose:
     Family.CAMERA, "Camera.setAngles", at_least_one=True, examples=("--pan -45deg --tilt 10deg",)
 )
 class SetCameraAngles:
-    """Point the camera; an axis that is left out stays as it is."""
+    """Point the camera; an omitted axis stays as it is."""
 
     pan_rad: float | None = argument(
         within("camera.pan_min_rad", "camera.pan_max_rad"),
@@ -219,19 +217,19 @@ class SetCameraAngles:
 
 @command(Family.CAMERA, "Camera.moveAngles", at_least_one=True, examples=("--pan 10deg",))
 class MoveCameraAngles:
-    """Turn the camera from where it points when the command starts."""
+    """Turn the camera relative to its direction when the command starts."""
 
     pan_rad: float = argument(
-        SymmetricRange("camera.pan_min_rad", "camera.pan_max_rad"), "how far to the left"
+        SymmetricRange("camera.pan_min_rad", "camera.pan_max_rad"), "counter-clockwise positive"
     )
     tilt_rad: float = argument(
-        SymmetricRange("camera.tilt_min_rad", "camera.tilt_max_rad"), "how far upward"
+        SymmetricRange("camera.tilt_min_rad", "camera.tilt_max_rad"), "upward positive"
     )
 
 
 @command(Family.SETTING, "Camera.setRotateSpeed", examples=("30deg",))
 class SetCameraRotateSpeed:
-    """Set the greatest angular speed of the camera."""
+    """Set the maximum angular speed of the camera."""
 
     speed_radps: float = argument(within(SLOWEST, "camera.rotate_speed_radps"))
 
@@ -243,7 +241,7 @@ class SetCameraRotateSpeed:
     examples=("", "--format PNG", "--width 640 --height 480 --quality 80"),
 )
 class TakePicture:
-    """Take a picture and store it aboard; what is left out is as the camera is set."""
+    """Take a picture and store it aboard; omitted arguments keep the camera's settings."""
 
     width_px: int | None = argument(
         AssetChoice("camera.width_px"), choices=range(1, 65536), default=None
@@ -259,36 +257,36 @@ class TakePicture:
 
 @command(Family.SETTING, "Status.setStatusInterval", examples=("2",))
 class SetStatusInterval:
-    """Set how often telemetry is sent."""
+    """Set the interval of telemetry."""
 
     interval_s: float = argument(within(0.05, 3600.0, or_zero=True), "0 sends it on change only")
 
 
 @command(Family.INSTANT, "FileManagement.delete", examples=("pictures/MOE-1.jpg",))
 class DeleteFile:
-    """Delete a file aboard; `rover files list` shows which there are."""
+    """Delete a file aboard; `rover files list` lists the files."""
 
     path: str = argument(PATH, "file, relative to the monitored folder")
 
 
 @command(Family.INSTANT, "FileManagement.move", examples=("pictures/MOE-1.jpg kept/rock.jpg",))
 class MoveFile:
-    """Give a file aboard another path."""
+    """Move a file aboard to another path."""
 
     path: str = argument(PATH, "file, relative to the monitored folder")
-    target: str = argument(PATH, "where nothing lies yet")
+    target: str = argument(PATH, "new path, not yet in use")
 
 
 @command(Family.INSTANT, "Action.execute")
 class ExecuteAction:
-    """Do what one line of text asks."""
+    """Execute an action given as one line of text."""
 
     action: str = argument(help="one line of text, as VIDEO ON")
 
 
 @dataclass(frozen=True, slots=True)
 class PlanArgument:
-    """A value given to a plan, which its nodes read as `{name}`; the text is as in XML."""
+    """A value for a plan, which its nodes read as `{name}`; the text is as in XML."""
 
     name: str
     text: str
@@ -296,10 +294,10 @@ class PlanArgument:
 
 @dataclass(frozen=True, slots=True)
 class PlanDefinition:
-    """A plan as it was sent.
+    """A plan as submitted.
 
     Attributes:
-        format: how to read the content; `BTCPP4` is known.
+        format: format of the content; `BTCPP4` is supported.
         content: the octets of the text.
     """
 
@@ -312,42 +310,42 @@ class PlanDefinition:
 
 @command(Family.PLAN, "Plan.submitPlan")
 class SubmitPlan:
-    """Check a plan whole, and keep it."""
+    """Check a whole plan and store it."""
 
     plan: PlanDefinition
 
 
 @command(Family.PLAN_START, "Plan.activatePlan")
 class ActivatePlan:
-    """Give the rover to a plan."""
+    """Activate a plan: it gets control of the rover."""
 
     plan_id: str
 
 
 @command(Family.PLAN, "Plan.suspendPlan")
 class SuspendPlan:
-    """Take the rover from a plan, until it is resumed."""
+    """Suspend a plan until it is resumed."""
 
     plan_id: str
 
 
 @command(Family.PLAN_START, "Plan.resumePlan")
 class ResumePlan:
-    """Let a suspended plan go on where it was."""
+    """Continue a suspended plan."""
 
     plan_id: str
 
 
 @command(Family.PLAN, "Plan.abortPlan")
 class AbortPlan:
-    """End a plan for good."""
+    """End a plan permanently."""
 
     plan_id: str
 
 
 @command(Family.PLAN, "Plan.removePlan")
 class RemovePlan:
-    """Forget a plan that has ended or never began."""
+    """Remove a plan that has ended or never started."""
 
     plan_id: str
 
@@ -369,11 +367,11 @@ Request = Motion | CameraWork | InstantCommand | Setting | ConfirmPose | PlanReq
 
 
 def controller_of(request: Request, default: Controller) -> Controller | None:
-    """Return what drives a request to its places; None where it has none.
+    """Return the controller of a request; None if it uses none.
 
     Args:
-        request: says it, or leaves it to the asset.
-        default: the asset's own.
+        request: selects a controller, or leaves the choice to the asset.
+        default: the asset's own controller.
     """
     match request:
         case MoveTo(controller=chosen) | FollowPath(controller=chosen):
@@ -383,21 +381,21 @@ def controller_of(request: Request, default: Controller) -> Controller | None:
 
 
 DIRECT_LINK: Final = "direct"
-"""The link of the commands that come from the ground itself."""
+"""Link of commands from the ground itself."""
 RELAY_LINK: Final = "relay"
-"""The link of the commands that the orbiter passes on, by the authority that it holds itself."""
+"""Link of commands that the orbiter forwards, under its own authority."""
 GROUND_LINKS: Final = frozenset({DIRECT_LINK, RELAY_LINK})
-"""The links of which the other end is the ground."""
+"""Links whose other end is the ground."""
 PLAN_LINK: Final = "plan"
-"""The link of the commands that a plan gives."""
+"""Link of commands of a plan."""
 ABOARD_LINK: Final = "aboard"
-"""The link of the commands that the executive gives itself."""
+"""Link of commands of the executive itself."""
 OWN_LINKS: Final = frozenset({PLAN_LINK, ABOARD_LINK})
-"""The links of commands that nobody sends."""
+"""Links of commands without an external sender."""
 
 
 class PreemptionPolicy(Enum):
-    """What a motion command does to the motion that it finds running or queued."""
+    """Effect of a motion command on running and queued motion."""
 
     APPEND = "append"
     REPLACE = "replace"
@@ -405,16 +403,16 @@ class PreemptionPolicy(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A request with its identity, its life span, and the link it came in by.
+    """A request with its identity, its lifetime, and the link over which it was received.
 
     Attributes:
-        created_utc_s: when the source made it, seconds since 1970-01-01 UTC.
+        created_utc_s: creation time by its source, seconds since 1970-01-01 UTC.
         lifetime_s: seconds from `created_utc_s` (from arrival, if that is None) after which
             it must not start.
-        arrival: what it does to motion under way.
+        arrival: its effect on running motion.
         authority: the epoch of the authority that its sender claims; None for no claim.
-        peer: the name that the link has proof of for its sender; None where it has none.
-        overtaken: whether the link knows of a stop that was made after it and has arrived.
+        peer: name of the sender as authenticated by the link; None without authentication.
+        overtaken: whether the link knows that a stop created after it has arrived.
     """
 
     identity: Identity
@@ -432,5 +430,5 @@ class Command:
 
     @property
     def name(self) -> str:
-        """The request's name, as people write it."""
+        """The request's name, as the user types it."""
         return declaration_of(type(self.request)).name

@@ -1,7 +1,7 @@
-"""How a request is declared: once, with all that intake, links and people need to know of it.
+"""Declaration of requests: once, with all that intake, links and user interfaces need.
 
-`@command(...)` makes a frozen dataclass of a class and keeps its declaration; its fields are
-`= argument(...)`. Bounds that an asset sets are named by their path in its settings, as text, so
+`@command(...)` turns a class into a frozen dataclass and stores its declaration; its fields are
+`= argument(...)`. Bounds that an asset sets are given as paths in its settings, as text, so
 that this module imports no settings; `executive.commands.intake` resolves them.
 """
 
@@ -14,12 +14,12 @@ from typing import Any, Final, TypeVar, dataclass_transform, get_args, get_origi
 
 T = TypeVar("T")
 Limit = float | str
-"""A figure, or its path in the settings, such as `drive.distance_m`."""
+"""A number, or its path in the settings, such as `drive.distance_m`."""
 
 
 @unique
 class Family(Enum):
-    """Commands that are accepted in the same modes."""
+    """Family of commands that are accepted in the same modes."""
 
     MOTION = "motion"
     CAMERA = "camera"
@@ -62,11 +62,11 @@ ACCEPTED: Final = {
 
 @dataclass(frozen=True, slots=True)
 class ValueRange:
-    """Finite and in a range, bounds included.
+    """Finite and within a range, bounds included.
 
     Attributes:
         low: None for the negative of `high`.
-        or_zero: whether 0 is allowed besides.
+        or_zero: whether 0 is also permitted.
     """
 
     low: Limit | None
@@ -76,7 +76,7 @@ class ValueRange:
 
 @dataclass(frozen=True, slots=True)
 class SymmetricRange:
-    """Finite and not further, either way, than it is from one bound to the other."""
+    """Finite, and at most the width of the range in either direction."""
 
     low: str
     high: str
@@ -84,7 +84,7 @@ class SymmetricRange:
 
 @dataclass(frozen=True, slots=True)
 class AssetChoice:
-    """What the asset has, and nothing else: one value, or one of several; None for no choice."""
+    """One of the values that the asset supports; None if there is no choice."""
 
     path: str | None
 
@@ -98,7 +98,7 @@ Bound = ValueRange | SymmetricRange | AssetChoice | FilePath
 
 
 def within(first: Limit, second: Limit | None = None, *, or_zero: bool = False) -> ValueRange:
-    """Return the bound of a figure from one limit to the other, or up to one limit either way."""
+    """Return the range between two limits, or symmetric about zero for a single limit."""
     return (
         ValueRange(None, first, or_zero) if second is None else ValueRange(first, second, or_zero)
     )
@@ -109,7 +109,7 @@ PATH: Final = FilePath()
 
 Choices = range | tuple[str, ...]
 RELAYED: Final = "relayed"
-"""The key, in the metadata of a field, of `Argument.relayed`."""
+"""Metadata key of `Argument.relayed` in a field."""
 
 
 @overload
@@ -141,7 +141,7 @@ def argument(
     relayed: bool = True,
     default: Any = MISSING,
 ) -> Any:
-    """Declare an argument of a request, as `Argument` has it; its default is None if optional."""
+    """Declare an argument of a request, see `Argument`; its default is None if optional."""
     metadata = {"bound": bound, "help": help, "choices": choices, RELAYED: relayed}
     return field(default=default, metadata=metadata)
 
@@ -151,17 +151,17 @@ class Argument:
     """One argument of a request, or of a composite such as a waypoint.
 
     Attributes:
-        field: its field, with the suffix of its unit.
-        name: the same without the suffix, as people write it.
-        unit: as people read it; empty for none.
-        position: of the part of the message that holds it, from 1; 1 within a composite.
+        field: its field, with the unit suffix.
+        name: the same without the suffix, as the user types it.
+        unit: for display; empty for none.
+        position: of the message part that holds it, from 1; 1 within a composite.
         kind: float, int, str, an Enum of texts, or the class of a composite.
-        many: whether it is any number of them, one after the other.
-        optional: whether it may be left out.
-        bound: which values the asset accepts.
-        help: what it means, in a few words, without its unit.
-        choices: which values there are at all, whatever the asset; those of an Enum are its texts.
-        relayed: whether the messages of the relay carry it; it is optional where they do not.
+        many: whether it can be repeated.
+        optional: whether it may be omitted.
+        bound: the values that the asset accepts.
+        help: short description, without its unit.
+        choices: all defined values, independent of the asset; those of an Enum are its texts.
+        relayed: whether the messages of the relay carry it; optional if they do not.
     """
 
     field: str
@@ -178,7 +178,7 @@ class Argument:
 
     @property
     def meaning(self) -> str:
-        """Unit and meaning, for people."""
+        """Unit and description, for display."""
         match self.choices:
             case range() as numbers:
                 choices = f"{numbers[0]} to {numbers[-1]}"
@@ -191,17 +191,17 @@ class Argument:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CommandDeclaration:
-    """What is known of a kind of request.
+    """Declaration of a kind of request.
 
     Attributes:
         kind: its class.
-        name: for people, in scenarios and plans: that of the class, beginning small, unless given.
+        name: for users, scenarios and plans: the class name in lower camel case, unless given.
         service, operation: the operation of the MRS that carries it.
-        part: the part of the message that holds all arguments and may be NULL; None where each
-            has a part of its own.
-        at_least_one: whether people give its arguments as options, one of them at least.
+        part: the message part that holds all arguments and may be NULL; None if each
+            argument has its own part.
+        at_least_one: whether users give its arguments as options, one of them at least.
         summary: the first line of its docstring.
-        examples: arguments as typed behind the name.
+        examples: arguments as typed after the name.
     """
 
     kind: type[Any]
@@ -217,7 +217,7 @@ class CommandDeclaration:
 
     @property
     def composite(self) -> type[Any] | None:
-        """The class of its first argument, if a `record`, of which people write the parts."""
+        """Class of its first argument, if a `record` whose parts the user types."""
         if not self.arguments or self.arguments[0].many:
             return None
         kind = self.arguments[0].kind
@@ -225,13 +225,13 @@ class CommandDeclaration:
 
     @property
     def written(self) -> tuple[Argument, ...]:
-        """The arguments as people write them."""
+        """The arguments as the user types them."""
         if self.composite is None:
             return self.arguments
         return (*arguments_of(self.composite), *self.arguments[1:])
 
     def make(self, *values: Any) -> Any:
-        """Return the request of the values of what people write."""
+        """Build the request from the values that the user typed."""
         if self.composite is None:
             return self.kind(*values)
         parts = len(arguments_of(self.composite))
@@ -253,7 +253,7 @@ _UNITS: Final = {
 
 @dataclass_transform(frozen_default=True, field_specifiers=(argument,))
 def record(cls: type[T]) -> type[T]:
-    """Make a composite argument of a class: a frozen dataclass that requests can hold."""
+    """Turn a class into a composite argument: a frozen dataclass that requests can hold."""
     made = dataclass(frozen=True, slots=True)(cls)
     _RECORDS[made] = _arguments(made, apart=False)
     return made
@@ -269,7 +269,7 @@ def command(
     at_least_one: bool = False,
     examples: tuple[str, ...] = (),
 ) -> Callable[[type[T]], type[T]]:
-    """Make a request of a class: a frozen dataclass, with its `CommandDeclaration`, which see.
+    """Turn a class into a request: a frozen dataclass, with its `CommandDeclaration`, which see.
 
     The operation is given with its service, as `MotionControl.moveTo`.
     """
@@ -295,17 +295,17 @@ def command(
 
 
 def declared() -> tuple[CommandDeclaration, ...]:
-    """Return all declarations, in their order."""
+    """Return all declarations in order."""
     return tuple(_DECLARATIONS.values())
 
 
 def declaration_of(kind: type) -> CommandDeclaration:
-    """Return the declaration of a class of requests; KeyError if it is none."""
+    """Return the declaration of a request class; raise KeyError for another class."""
     return _DECLARATIONS[kind]
 
 
 def arguments_of(kind: type) -> tuple[Argument, ...]:
-    """Return the arguments of which a composite is made; none, if it is no `record`."""
+    """Return the arguments of a composite; none if it is not a `record`."""
     return _RECORDS.get(kind, ())
 
 

@@ -1,4 +1,4 @@
-"""A request as one line of text, for people."""
+"""Formats a request as one human-readable line."""
 
 from enum import Enum
 from math import degrees
@@ -8,9 +8,9 @@ from executive.commands.catalogue import Request
 from executive.commands.declaration import CommandDeclaration, arguments_of, declaration_of
 
 LONGEST_VALUE: Final = 40
-"""Characters of an argument that are shown, such as of a path."""
+"""Maximum length in characters of a displayed argument, such as a path."""
 MOST_READ: Final = 4 * LONGEST_VALUE
-"""Of what was sent, however long: this is done between the ticks of a rover, too."""
+"""Maximum number of characters read of an argument: formatting runs between the ticks, too."""
 
 
 def request_text(request: Request) -> str:

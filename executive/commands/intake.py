@@ -1,7 +1,7 @@
-"""Whether a command is accepted: identity, arguments, time, mode, queue. Changes nothing.
+"""Acceptance checks of a command: identity, arguments, time, mode, queue. They change no state.
 
-The bounds of arguments stand in the declarations of the requests. What checks them is made once, on
-import, so that a path that is none of the settings is an error then.
+The bounds of arguments are defined in the declarations of the requests. Their checks are built once
+on import, so that a path that does not exist in the settings raises then.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ _Check = Callable[[Any, Settings], Refusal | None]
 
 
 def check_arguments(request: Request, settings: Settings, here: Point) -> Refusal | None:
-    """Return why the arguments cannot be accepted of a rover that stands here, or None."""
+    """Return a refusal if the arguments are invalid for a rover at this position, or None."""
     match request:
         case MoveTo(target, controller):
             return _waypoint(target, here, settings) or _controller(controller, settings)
@@ -121,17 +121,17 @@ def _choice(argument: Argument, value: Any, given: Any) -> Refusal | None:
     if isinstance(given, tuple):
         if value in given:
             return None
-        text = f"{name} {value[:20]}: this camera gives {', '.join(given)}"
+        text = f"{name} {value[:20]}: this camera provides {', '.join(given)}"
         return Refusal(Reason.NOT_SUPPORTED, text, argument=position)
     if value == given:
         return None
-    text = f"{name} {value}: this camera gives {given}"
+    text = f"{name} {value}: this camera provides {given}"
     figures = (Figure(name, value, unit), Figure("bound", given, unit))
     return Refusal(Reason.NOT_SUPPORTED, text, figures, position)
 
 
 def _setting(limit: Limit) -> Callable[[Settings], Any]:
-    """Return what reads a limit; KeyError if the settings have none of that path."""
+    """Return a function that reads a limit; KeyError if the settings have no such path."""
     if not isinstance(limit, str):
         return lambda _: limit
     kind: Any = Settings
@@ -141,7 +141,7 @@ def _setting(limit: Limit) -> Callable[[Settings], Any]:
 
 
 def _check_of(argument: Argument) -> _Check:
-    """Return what checks an argument of the request or composite that it is given."""
+    """Return a function that checks one argument of a request or composite."""
     value_of, judge = attrgetter(argument.field), _judge(argument)
     parts = tuple(map(_check_of, arguments_of(argument.kind)))
 
@@ -206,14 +206,14 @@ _FINITE: Final = tuple(_check_of(replace(each, bound=None)) for each in argument
 
 
 SOURCE_PREFIX: Final = "plan:"
-"""What the sources of plans begin with, and no other source may."""
+"""Prefix of the sources of plans, reserved for them."""
 ABOARD_PREFIX: Final = "aboard:"
-"""What the sources of the executive's own commands begin with, and no other source may."""
+"""Prefix of the sources of the executive's own commands, reserved for it."""
 _RESERVED: Final = {SOURCE_PREFIX: "plans", ABOARD_PREFIX: "the rover itself"}
 
 QUEUED: Final = {Family.MOTION, Family.CAMERA, Family.INSTANT}
 LOCATED: Final = {Family.MOTION, Family.PLAN_START}
-"""What needs to know where the rover is: a plan would fail at its first motion."""
+"""Families that need a known position: a plan would fail at its first motion."""
 _WAY_OUT: Final = {
     Mode.STOPPED: "; send resume first",
     Mode.SAFE: "; send resume first",
@@ -227,24 +227,24 @@ def source_of(plan_id: str) -> str:
 
 
 class Expirable(Protocol):
-    """What was made at some time, to live for some time."""
+    """An object with a creation time and a lifetime."""
 
     @property
     def created_utc_s(self) -> float | None:
-        """When its sender made it, by its clock; None if it does not say."""
+        """Creation time by its sender's clock; None if not given."""
 
     @property
     def lifetime_s(self) -> float | None:
-        """How long it may wait; None for as long as it takes."""
+        """Lifetime in seconds; None for no limit."""
 
 
 def expired(
     command: Expirable, utc_s: float, arrived_utc_s: float, waited_s: float = 0.0
 ) -> Refusal | None:
-    """Return why it is too late to start the command, or None.
+    """Return a refusal if it is too late to start the command, or None.
 
-    Its age counts by UTC from when it was made, and by the monotonic clock since it arrived: a
-    step of UTC makes no lifetime longer.
+    Its age counts by UTC from creation, and by the monotonic clock from arrival: a step of UTC
+    extends no lifetime.
     """
     if command.lifetime_s is None:
         return None
@@ -256,27 +256,27 @@ def expired(
         return None
     return Refusal(
         Reason.EXPIRED,
-        f"it is {age_s:.3g} s old and was to live {command.lifetime_s:g} s",
+        f"command is {age_s:.3g} s old, its lifetime is {command.lifetime_s:g} s",
         (Figure("age", age_s, "s"), Figure("lifetime", command.lifetime_s, "s")),
     )
 
 
 LONGEST_SOURCE: Final = 256
-"""Characters of a source's name: it comes back in every report on its commands."""
+"""Maximum length in characters of a source name, which every report on its commands repeats."""
 
 
 def is_source(name: str) -> bool:
-    """Whether commands may come under a name: short and printable, and not that of a plan."""
+    """Whether a source name is valid: short, printable, and not reserved."""
     short = 0 < len(name) <= LONGEST_SOURCE and bool(name.strip())
     return short and name.isprintable() and not name.startswith(tuple(_RESERVED))
 
 
 def bad_identity(command: Command) -> Refusal | None:
-    """Return why its sender cannot command under this source and number, or None.
+    """Return a refusal if the sender may not use this source and number, or None.
 
-    Only plans speak as plans, only the executive as itself, and whose name the link has proof of
-    speaks under that name alone. Such a command is not even written down, or its number would count
-    among those of another.
+    Only plans use a plan's source and only the executive its own. A sender that the link has
+    authenticated uses its authenticated name only. Refused commands are not recorded: their
+    numbers would count as used by another source.
     """
     source, number = command.identity.source, command.identity.command_id
     if command.peer is not None and command.peer != source:
@@ -284,7 +284,7 @@ def bad_identity(command: Command) -> Refusal | None:
     elif command.link in OWN_LINKS:
         return None
     elif reserved := next(filter(source.startswith, _RESERVED), None):
-        why = f"sources that begin with {reserved} are those of {_RESERVED[reserved]}"
+        why = f"sources that begin with {reserved} are reserved for {_RESERVED[reserved]}"
     elif number == 0 or not is_source(source):
         why = (
             "a command needs a number other than 0 and a source of at most"
@@ -297,25 +297,25 @@ def bad_identity(command: Command) -> Refusal | None:
 
 
 def made_in_future(command: Expirable, utc_s: float, tolerance_s: float) -> Refusal | None:
-    """Return why the command cannot have been made when it says, or None."""
+    """Return a refusal if the creation time is too far ahead of the clock, or None."""
     if command.created_utc_s is None or command.created_utc_s - utc_s <= tolerance_s:
         return None
     ahead_s = command.created_utc_s - utc_s
     return Refusal(
         Reason.MADE_IN_FUTURE,
-        f"it was made {ahead_s:.3g} s ahead of the clock aboard, which allows {tolerance_s:g} s:"
-        " compare the clocks",
+        f"creation time is {ahead_s:.3g} s ahead of the onboard clock, {tolerance_s:g} s allowed:"
+        " synchronize the clocks",
         (Figure("ahead", ahead_s, "s"), Figure("bound", tolerance_s, "s")),
     )
 
 
 def not_located(status: Status, settings: Settings) -> Refusal | None:
-    """Return that the rover does not know where it is, or None."""
+    """Return a refusal if odometry is stale, so that the position is unknown, or None."""
     if status.odometry_fresh:
         return None
     age_s = status.odometry_age_s
     since = f"for {age_s:.2f} s" if isfinite(age_s) else "yet"
-    text = f"no odometry {since}: the rover does not know where it is"
+    text = f"no odometry {since}: the position of the rover is unknown"
     return Refusal(
         Reason.NO_ODOMETRY,
         status.rejections.explain(text, Source.ODOMETRY),
@@ -326,10 +326,10 @@ def not_located(status: Status, settings: Settings) -> Refusal | None:
 def validate(
     command: Command, *, settings: Settings, status: Status, mode: Mode, queued: int, utc_s: float
 ) -> Refusal | None:
-    """Return why the command must be refused, or None.
+    """Return a refusal of the command, or None.
 
-    The mode is what the rover is about as far as the command is concerned; queued are the goals
-    that wait or run already.
+    `mode` is the mode that applies to the command; `queued` is the number of waiting and active
+    goals.
     """
     request = command.request
     family = _FAMILIES[type(request)]
@@ -342,14 +342,14 @@ def validate(
         return refusal
     if mode not in ACCEPTED[family]:
         accepted = ", ".join(sorted(each.name for each in ACCEPTED[family]))
-        text = f"the rover is {mode.name}, this needs {accepted}{_WAY_OUT.get(mode, '')}"
+        text = f"not accepted in mode {mode.name} (needs {accepted}){_WAY_OUT.get(mode, '')}"
         return Refusal(Reason.WRONG_MODE, text)
     if family in LOCATED and (refusal := not_located(status, settings)):
         return refusal
     if family in QUEUED and queued >= settings.drive.queue_length:
         return Refusal(
             Reason.QUEUE_FULL,
-            f"{queued} goals wait already: wait, or stop",
+            f"queue full: {queued} goals wait; retry later, or send stop",
             (Figure("queued", queued), Figure("bound", settings.drive.queue_length)),
         )
     return None

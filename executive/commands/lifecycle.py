@@ -1,7 +1,7 @@
-"""The life of a command as one table of edges, driven by `transitions`, and the submit result.
+"""The command life cycle as one table of edges, driven by `transitions`, and the submit results.
 
-RECEIVED, ACCEPTED and EXECUTED are the thesis's three (5.1.2); the rest are refusals, failures
-and endings by others. Every life ends in exactly one terminal stage.
+RECEIVED, ACCEPTED and EXECUTED are the thesis's three (5.1.2); the others are refusals, failures
+and external endings. Every life cycle ends in exactly one terminal stage.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ S = TypeVar("S", bound=Enum)
 
 
 class Event(Enum):
-    """What can happen to a command."""
+    """Events of a command's life cycle."""
 
     ACCEPT = "accept"
     REJECT = "reject"
@@ -34,7 +34,7 @@ class Event(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Edge(Generic[E, S]):
-    """One allowed change of state."""
+    """One permitted change of state."""
 
     event: E
     source: S
@@ -59,9 +59,9 @@ EDGES: Final = (
 
 
 def make_machine(edges: Sequence[Edge[E, S]], attribute: str) -> Machine:
-    """Return the machine of a table of edges, which begins at the source of the first.
+    """Return the state machine of a table of edges; its initial state is the first edge's source.
 
-    It serves any number of models: its events are triggered with them, and change an attribute.
+    It serves any number of models: its events are triggered with a model, and change its attribute.
     """
     return Machine(
         model=None,
@@ -81,7 +81,7 @@ _MACHINE: Final = make_machine(EDGES, "stage")
 
 @dataclass(frozen=True, slots=True)
 class StageDetails:
-    """What is reported with a change of stage."""
+    """Details of the report on a change of stage."""
 
     text: str = ""
     refusal: Refusal | None = None
@@ -94,15 +94,15 @@ Notify = Callable[[Command, Stage, StageDetails], None]
 
 
 class CommandLifecycle:
-    """The life of one command. Each method fires one event and notifies once.
+    """Life cycle of one command. Each method fires one event and notifies once.
 
     Args:
-        notify: is told of every stage reached.
-        stage: where another process left it; without one it begins, notifying RECEIVED.
+        notify: called with every stage reached.
+        stage: the stage that another process left; without one, RECEIVED is notified.
 
     Attributes:
-        stage: where the command is in its life.
-        refusal: why it ended without success, if it did.
+        stage: the present stage of the command.
+        refusal: the reason if it ended without success.
 
     Raises:
         transitions.MachineError: from any method whose event has no edge from this stage.
@@ -117,35 +117,35 @@ class CommandLifecycle:
             notify(command, Stage.RECEIVED, StageDetails())
 
     def accept(self) -> None:
-        """Say that checks passed and that it will be executed."""
+        """Report that checks passed; the command will be executed."""
         self._fire(Event.ACCEPT, StageDetails())
 
     def reject(self, refusal: Refusal) -> None:
-        """Say that checks failed and that it will not be executed."""
+        """Report that checks failed; the command will not be executed."""
         self._fire(Event.REJECT, StageDetails(refusal=refusal))
 
     def start(self) -> None:
-        """Say that execution has begun."""
+        """Report that execution has started."""
         self._fire(Event.START, StageDetails())
 
     def advance(self, step: int, step_count: int, text: str) -> None:
-        """Say that a step of several was reached."""
+        """Report that a step of several was reached."""
         self._fire(Event.ADVANCE, StageDetails(text=text, step=step, step_count=step_count))
 
     def execute(self, text: str = "", figures: tuple[Figure, ...] = ()) -> None:
-        """Say that it was completed with success."""
+        """Report successful completion."""
         self._fire(Event.EXECUTE, StageDetails(text=text, figures=figures))
 
     def fail(self, refusal: Refusal, figures: tuple[Figure, ...] = ()) -> None:
-        """Say that execution could not be completed, and what had become of it."""
+        """Report that execution failed, with the figures of its motion."""
         self._fire(Event.FAIL, StageDetails(refusal=refusal, figures=figures))
 
     def cancel(self, refusal: Refusal) -> None:
-        """Say that a later command ended it."""
+        """Report that a later command ended it."""
         self._fire(Event.CANCEL, StageDetails(refusal=refusal))
 
     def expire(self, refusal: Refusal) -> None:
-        """Say that its lifetime was over before it could start."""
+        """Report that its lifetime expired before it could start."""
         self._fire(Event.EXPIRE, StageDetails(refusal=refusal))
 
     def _fire(self, event: Event, note: StageDetails) -> None:
@@ -155,30 +155,30 @@ class CommandLifecycle:
 
 
 def final_states(edges: Sequence[Edge[E, S]]) -> tuple[S, ...]:
-    """Return the states that no edge leaves."""
+    """Return the states without outgoing edges."""
     sources = {edge.source for edge in edges}
     return tuple(state for state in type(edges[0].source) if state not in sources)
 
 
 @dataclass(frozen=True, slots=True)
 class Admitted:
-    """It was accepted and written to the ledger; its life and its reports tell the rest."""
+    """The command was accepted and committed; its life cycle reports follow."""
 
     life: CommandLifecycle
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """It will not be executed."""
+    """The command will not be executed."""
 
     refusal: Refusal
 
 
 @dataclass(frozen=True, slots=True)
 class Repeated:
-    """The same command came before; the last report on it is sent again.
+    """The same command was submitted before; its last report is sent again.
 
-    It is not executed again, unless it is a stop, which always acts.
+    It is not executed again, except a stop, which always acts.
     """
 
     last: Report

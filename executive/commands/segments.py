@@ -1,11 +1,10 @@
-"""What a motion means: the turns, lines, arcs and rests that lead base_link from a pose to its end.
+"""Segments of a motion: turns, lines, arcs and rests of base_link from its start to its end.
 
-Each motion of the catalogue declares its segments; whoever needs to know where it leads, how long
-its way is, or what it takes, reads those. They are ideal: how the rover is driven there, by which
-controller and in what time, is not in them.
+Each motion of the catalogue declares its segments, from which checks, previews and energy estimates
+read its end, length and turns. They are ideal: controller and duration are not part of them.
 
-Every segment has a `start` and an `end`, a length `by_m` (negative backward) and a turn `by_rad`
-(counter-clockwise positive; beyond pi where it was commanded so), and the `reference` of its end.
+Every segment has a `start` and an `end`, a length `by_m` (negative backward), a turn `by_rad`
+(counter-clockwise positive; beyond pi if commanded so), and the `reference` of its end.
 """
 
 from dataclasses import dataclass
@@ -16,14 +15,14 @@ from executive.values.geometry import Pose, Velocity, on_arc
 
 
 class Reference(Enum):
-    """What the end of a segment is given by."""
+    """Reference in which the end of a segment is given."""
 
     START = "start"
     """Its start: a distance, an angle, or a velocity and a time."""
     FRAME = "frame"
-    """The odometry frame: a place or a heading in it."""
+    """The odometry frame: a position or a heading in it."""
     NEXT_LINE = "next line"
-    """The line that follows: a turn towards its end, whose heading is not commanded itself."""
+    """The next line: a turn towards its end, whose heading is not commanded itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +41,7 @@ class Line:
     """A straight line at the heading of its start.
 
     Attributes:
-        tolerance_m: how near to its end is near enough; None for the asset's own.
+        tolerance_m: position tolerance at its end; None for the asset's own.
     """
 
     by_rad: ClassVar[float] = 0.0
@@ -55,7 +54,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """A velocity held for a time."""
+    """A velocity that is held for a time."""
 
     reference: ClassVar[Reference] = Reference.START
     start: Pose
@@ -64,23 +63,23 @@ class Arc:
 
     @property
     def by_m(self) -> float:
-        """Its length."""
+        """Length of the arc."""
         return self.velocity.travel_mps * self.duration_s
 
     @property
     def by_rad(self) -> float:
-        """By how much it turns."""
+        """Turn of the arc."""
         return self.velocity.rotate_radps * self.duration_s
 
     @property
     def end(self) -> Pose:
-        """Where it ends."""
+        """End pose of the arc."""
         return on_arc(self.start, self.by_m, self.by_rad)
 
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Standing for a time."""
+    """A standstill for a time."""
 
     by_m: ClassVar[float] = 0.0
     by_rad: ClassVar[float] = 0.0
@@ -90,7 +89,7 @@ class Rest:
 
     @property
     def end(self) -> Pose:
-        """Where it ends."""
+        """End pose of the rest."""
         return self.start
 
 

@@ -155,7 +155,7 @@ def test_a_command_made_too_far_ahead_is_refused_with_both_figures() -> None:
 def test_motion_needs_odometry_and_room_in_the_queue() -> None:
     blind = refusal_of(MoveForward(1.0), odometry=False)
     assert blind.reason is Reason.NO_ODOMETRY
-    assert blind.text == "no odometry yet: the rover does not know where it is"
+    assert blind.text == "no odometry yet: the position of the rover is unknown"
     full = refusal_of(MoveForward(1.0), queued=SETTINGS.drive.queue_length)
     assert full.reason is Reason.QUEUE_FULL
     assert look(SetCameraAngles(0.1, 0.1), odometry=False) is None

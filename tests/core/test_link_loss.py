@@ -225,7 +225,7 @@ def test_whoever_is_stopped_from_aboard_does_not_return(tmp_path: Path, first: s
         bench.run(10.0)
         assert mode(bench) is Mode.STOPPED
         assert events(bench)[-1].startswith(
-            "the rover is stopped because it cannot return: the rover is STOPPED"
+            "the rover is stopped because it cannot return: not accepted in mode STOPPED"
         )
         bench.submit(Resume(), 2)
         bench.execute(MoveForward(0.5), 3)
@@ -246,7 +246,7 @@ def test_nobody_else_commands_as_the_rover_itself(tmp_path: Path) -> None:
     with Bench(tmp_path) as bench:
         command = Command(Identity(RETURN_SOURCE, 1), MoveForward(1.0), "direct")
         assert isinstance(bench.send(command), Refused)
-        assert "those of the rover itself" in bench.heard.reports[-1].text
+        assert "reserved for the rover itself" in bench.heard.reports[-1].text
 
 
 @settings(max_examples=25)

@@ -353,7 +353,7 @@ CASES: Final = (
     _refused(Reason.NO_SUCH_PLAN, ActivatePlan("none")),
     _refused(Reason.PLAN_NOT_XML, SubmitPlan(_NOT_XML)),
     _refused(Reason.PLAN_NO_DEADLINE, SubmitPlan(plan('<moveForward distance="1"/>'))),
-    Case("refused EXPIRED", _old, "MOE:1", Reason.EXPIRED, "was to live 5 s"),
+    Case("refused EXPIRED", _old, "MOE:1", Reason.EXPIRED, "its lifetime is 5 s"),
     Case("refused MADE_IN_FUTURE", _early, "MOE:1", Reason.MADE_IN_FUTURE),
     Case("refused BAD_IDENTITY", _as_a_plan, "plan:x:1", Reason.BAD_IDENTITY),
     Case("refused NO_ODOMETRY", _blind, "MOE:1", Reason.NO_ODOMETRY),

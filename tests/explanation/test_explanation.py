@@ -148,7 +148,7 @@ def test_the_log_has_each_life_on_a_line(run: Path) -> None:
     assert first.endswith("CANCELLED 1.05 s: stopped by MOE:2 (STOPPED 801)")
     assert "MOE:2 stop (direct): " in second
     assert "EXECUTED" in second
-    assert "MOE:3 moveForward distance 1 m (direct): REJECTED 2.05 s: the rover is ST" in third
+    assert "MOE:3 moveForward distance 1 m (direct): REJECTED 2.05 s: not accepted in mode" in third
     assert "LAB:3 resume (relay): accepted 2.05 s, started 2.05 s, EXECUTED 2.05 s" in fourth
 
 

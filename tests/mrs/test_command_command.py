@@ -172,7 +172,7 @@ def test_a_refusal_is_a_failure_however_it_is_waited_for(
     assert command(aboard, "stop", "--help").exit_code == DONE
     result = command(aboard, *options, "resume")
     assert result.exit_code == FAILED
-    assert "the rover is IDLE" in result.output
+    assert "not accepted in mode IDLE" in result.output
 
 
 def test_says_that_a_number_was_used(aboard: Aboard) -> None:

@@ -94,7 +94,7 @@ def test_odometry_that_cannot_be_used_is_in_the_refusal(
     bench.until(lambda: not status.odometry_fresh and "Hz" in why(bench, Source.ODOMETRY), "age")
     answer = bench.submit(Command(Identity("MOE", 1), MoveForward(1.0), "direct"))
     assert isinstance(answer, Refused)
-    assert "the rover does not know where it is; odometry arrives at " in answer.refusal.text
+    assert "the position of the rover is unknown; odometry arrives at " in answer.refusal.text
     assert "rejected: " in answer.refusal.text
     assert re.search(reason, answer.refusal.text)
     assert bench.executive.why.startswith("standing: no odometry; odometry arrives at ")

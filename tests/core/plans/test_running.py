@@ -421,7 +421,7 @@ def test_a_plan_does_not_begin_before_the_rover_knows_where_it_is(bench: PlanBen
     bench.run(1.0)
     too_early = bench.ask(ResumePlan("survey"))
     assert isinstance(too_early, Refused)
-    assert too_early.refusal.text == "no odometry yet: the rover does not know where it is"
+    assert too_early.refusal.text == "no odometry yet: the position of the rover is unknown"
     assert bench.status().status is PlanStatus.SUSPENDED
     bench.odometry = True
     bench.step()
