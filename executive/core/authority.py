@@ -199,7 +199,7 @@ class Authority:
         if command.link == RELAY_LINK:
             sender = self._settings.relay
             if self._holder == sender and given_by not in {None, source}:
-                return self._refusal(f"{source} is not {given_by}, who gave it", HOW_TO_GET)
+                return self._refusal(f"{source} is not {given_by}, which handed it over", HOW_TO_GET)
         if (self._holder, self._grant.epoch) == (sender, claimed):
             self._renew()
             return None
@@ -239,7 +239,7 @@ class Authority:
         try:
             self._record.keep(grant, self._grant)
         except LedgerError as error:
-            return Refusal(Reason.LEDGER_FAILED, f"the authority cannot pass on: {error}")
+            return Refusal(Reason.LEDGER_FAILED, f"the authority is not granted: {error}")
         self._grant = grant
         self._end_s = self._clock.now_s() + grant.lease_s
         self._asked_by = None

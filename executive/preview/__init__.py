@@ -1,4 +1,4 @@
-"""Where a motion or a plan would lead: the same tree and motion laws on a copy of the rover."""
+"""Preview of a motion or a plan: the same tree and control laws on a copy of the rover."""
 
 from executive.preview.copied_rover import KinematicBase as KinematicBase
 from executive.preview.predictions import Predictor as Predictor

@@ -1,4 +1,4 @@
-"""What stands for the rover in a preview: a base that moves by figures, plans that are followed."""
+"""Stand-ins for the rover in a preview: kinematic bases, and a solver that reuses trajectories."""
 
 from collections import deque
 from dataclasses import replace
@@ -21,15 +21,15 @@ from executive.values.ports import CameraIntent, Hold, WholeMotion
 
 FINEST_S: Final = 1e-9
 FOLLOWED_S: Final = 0.5
-"""For so long a plan is followed: between its states the model goes elsewhere by centimetres."""
+"""Time for which a trajectory is reused: between its states the model deviates by centimetres."""
 
 
 class StationaryBase:
-    """A base that moves, and does nothing else; this one stands.
+    """Base that only moves; this one is stationary.
 
     Attributes:
-        pose: of base_link, by odometry that is always right.
-        velocity: what it does now.
+        pose: pose of base_link, by exact odometry.
+        velocity: present velocity.
     """
 
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
@@ -40,41 +40,41 @@ class StationaryBase:
         self.velocity = STANDING
 
     def advance(self) -> None:
-        """Move on to the clock's time."""
+        """Advance to the clock's time."""
 
     def facts(self) -> tuple[Fact, ...]:
-        """Return what is seen of it now."""
+        """Return the facts that it reports now."""
         return (Odometry(self._clock.now_s(), self.pose, self.velocity),)
 
     def emergency_stop(self) -> None:
-        """Do nothing: nobody stops a preview."""
+        """Do nothing: a preview has no stops."""
 
     def lock(self, held: bool) -> None:
-        """Do nothing: nobody else commands a copy."""
+        """Do nothing: a copy has no other publishers."""
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Do nothing: a preview shows motion."""
+        """Do nothing: a preview has no camera."""
 
     def request_frame(self) -> None:
-        """Do nothing: a preview shows motion."""
+        """Do nothing: a preview has no camera."""
 
 
 class KinematicBase(StationaryBase):
-    """A base that has each velocity after the latency, and turns about its control point."""
+    """Base that reaches each velocity after the latency, and turns about its control point."""
 
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
         super().__init__(clock, settings, pose)
-        seen_late_s = settings.tick_s / 2  # odometry counts at ticks alone here
+        seen_late_s = settings.tick_s / 2  # odometry is read at ticks only
         self._latency_s = max(0.0, settings.turn_drive.latency_s - seen_late_s)
         self._control_m = settings.turn_drive.control_point_m
         self._coming: deque[tuple[float, Velocity]] = deque()
 
     def drive(self, velocity: Velocity) -> None:
-        """Take a velocity."""
+        """Apply a velocity command."""
         self._coming.append((self._clock.now_s() + self._latency_s, velocity))
 
     def advance(self) -> None:
-        """Move on to the clock's time."""
+        """Advance to the clock's time."""
         now_s = self._clock.now_s()
         while self._coming and self._coming[0][0] <= now_s:
             due_s, velocity = self._coming.popleft()
@@ -97,10 +97,10 @@ class KinematicBase(StationaryBase):
 
 
 class DelegatedMotionBase(StationaryBase):
-    """A base that carries out whole motions one after the other, evenly and exactly.
+    """Base that executes whole motions one after the other, uniformly and exactly.
 
-    Before it begins it takes a speed and a motion, or a velocity to hold; then it tells of the end.
-    Each of these messages takes half of the latency.
+    Each motion starts with a speed and a motion message, or a velocity to hold, and ends with a
+    message. Each of these messages takes half of the latency.
     """
 
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
@@ -112,17 +112,17 @@ class DelegatedMotionBase(StationaryBase):
         self._ended: MotionEnded | None = None
 
     def carry_out(self, motion: WholeMotion) -> None:
-        """Take a motion."""
+        """Start a motion."""
         self._motion, self._from = motion, self.pose
         messages = 1 if isinstance(motion.what, Hold) else 2
         self._begins_s = self._clock.now_s() + messages * self._message_s
 
     def halt(self) -> None:
-        """Stand at once."""
+        """Stop immediately."""
         self._motion, self.velocity = None, STANDING
 
     def advance(self) -> None:
-        """Move on to the clock's time."""
+        """Advance to the clock's time."""
         if self._motion is None:
             return
         profile = profile_of(self._motion.what, self._settings.drive)
@@ -135,13 +135,13 @@ class DelegatedMotionBase(StationaryBase):
             self._motion = None
 
     def facts(self) -> tuple[Fact, ...]:
-        """Return what is seen of it now, and the end of a motion once."""
+        """Return the facts that it reports now, and the end of a motion once."""
         ended, self._ended = self._ended, None
         return super().facts() if ended is None else (ended, *super().facts())
 
 
 class DynamicModelBase(StationaryBase):
-    """A base that answers to velocities as the model says by which mpc plans."""
+    """Base that responds to velocities by the dynamic model with which mpc plans."""
 
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
         super().__init__(clock, settings, pose)
@@ -153,7 +153,7 @@ class DynamicModelBase(StationaryBase):
         self._last_s = -inf
 
     def drive(self, velocity: Velocity) -> None:
-        """Take a velocity, which comes into effect in a ramp as long as a tick."""
+        """Apply a velocity command, which takes effect in a ramp as long as a tick."""
         due_s = self._clock.now_s() + self._delay_s
         begins_s = due_s - self._settings.tick_s
         if begins_s > self._last_s + FINEST_S:
@@ -163,7 +163,7 @@ class DynamicModelBase(StationaryBase):
         self._last_s = due_s
 
     def advance(self) -> None:
-        """Move on to the clock's time."""
+        """Advance to the clock's time."""
         now_s = self._clock.now_s()
         while self._coming and self._coming[0][0] <= now_s:
             due_s, velocity = self._coming.popleft()
@@ -187,14 +187,14 @@ class DynamicModelBase(StationaryBase):
         return Velocity(self._state.travel_mps, self._state.rotate_radps)
 
     def _move(self, until_s: float, velocity: Velocity) -> None:
-        """Go on to a time at which a command is in effect."""
+        """Advance to a time at which a command is in effect."""
         step_s, self._at_s = until_s - self._at_s, max(until_s, self._at_s)
         if step_s > FINEST_S:
             self._state = self._model.moved(self._state, velocity, step_s)
 
 
 class CachedTrajectorySolver:
-    """A `TrajectorySolver` for a copy, which goes where its plans lead; planned anew rarely."""
+    """A `TrajectorySolver` for a copy, which follows its trajectories exactly; it rarely solves."""
 
     def __init__(self, solver: TrajectorySolver) -> None:
         self._solver = solver
@@ -204,17 +204,17 @@ class CachedTrajectorySolver:
 
     @property
     def busy(self) -> bool:
-        """Whether a plan is worked out still."""
+        """Whether a trajectory is still being computed."""
         return self._rest is None and self._solver.busy
 
     def ask(self, problem: TrajectoryProblem) -> None:
-        """Take what is left of the plan before, or have a problem solved."""
+        """Reuse the remainder of the last trajectory, or have the problem solved."""
         self._rest = self._left(problem)
         if self._rest is None:
             self._solver.ask(problem)
 
     def _left(self, problem: TrajectoryProblem) -> Trajectory | None:
-        """Return what is left of the plan before; None where that is old, or no answer."""
+        """Return the remainder of the last trajectory; None if it is outdated, or no solution."""
         plan, guess = self._plan, problem.guess
         if plan is None or guess is None or len(guess.passes_s) < len(problem.through):
             return None
@@ -222,7 +222,7 @@ class CachedTrajectorySolver:
         return plan.after(driven_s, len(guess.passes_s)) if driven_s < FOLLOWED_S else None
 
     def answer(self) -> Trajectory | None:
-        """Return the answer to the last question, once."""
+        """Return the result of the last request, once."""
         if self._rest is not None:
             rest, self._rest = self._rest, None
             return rest

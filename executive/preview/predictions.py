@@ -1,8 +1,8 @@
-"""Predictions that accompany commands: worked out beside them, and told as soon as they are there.
+"""Predictions of commands: computed in parallel to them, and published when finished.
 
-They are worked out on the core's thread, in slices that are shorter than a millisecond, after what
-a turn or a tick has to do. Neither the answer to a command nor a tick waits for one. A slice is two
-ticks of the copy, a fixed amount, so that in lock step each repeats bit for bit.
+They are computed on the core's thread, in slices shorter than a millisecond, after the work of a
+turn or tick. Neither the reply to a command nor a tick waits for one. A slice is two ticks of the
+copy, a fixed amount, so that in lock step each repeats bit for bit.
 """
 
 import logging
@@ -31,20 +31,20 @@ from executive.values.reasons import PREDICTED, Figure, Refusal
 _LOG = logging.getLogger(__name__)
 
 SLICE_TICKS: Final = 2
-"""Of the copy, in one slice."""
+"""Ticks of the copy in one slice."""
 
 
 @dataclass(slots=True)
 class _PredictionJob:
-    """A prediction that is to be worked out.
+    """A prediction to be computed.
 
     Attributes:
-        name: of what, for people.
-        start: where it begins.
-        command: that of the motion; None for a plan.
-        wanted: whether anybody waits for it still.
-        since_s: when it was asked for.
-        run: what works it out, once it has begun.
+        name: human-readable name of its subject.
+        start: start pose.
+        command: command of the motion; None for a plan.
+        wanted: returns whether the prediction is still needed.
+        since_s: time of the request.
+        run: the preview run, once started.
     """
 
     name: str
@@ -58,16 +58,16 @@ class _PredictionJob:
 
 
 class Predictor:
-    """Works out a prediction of each motion that is accepted, and of each plan that begins.
+    """Predicts each accepted motion, and each plan that starts.
 
-    There is none of a motion that is longer than a preview may be, of a velocity that replaces
-    another, as a joystick gives them, of the single steps of a plan, and where the sender of a
-    command wants no progress reported.
+    Not predicted are motions longer than a preview may be, velocities that replace another, as from
+    a joystick, single steps of a plan, and commands whose sender requests no progress
+    reports.
 
     Args:
-        context: of the asset, from which values are copied.
-        build_tree: makes the tree of a copy.
-        solver: plans for mpc, where the asset offers it.
+        context: context of the asset, from which values are copied.
+        build_tree: builds the tree of a copy.
+        solver: trajectory solver for mpc, if the asset offers it.
     """
 
     def __init__(
@@ -85,16 +85,16 @@ class Predictor:
 
     @property
     def pending(self) -> bool:
-        """Whether there is one to work on now."""
+        """Whether a job can be advanced now."""
         return bool(self._waiting) and self._ready(self._waiting[0])
 
     def run(self, what: Motion | PlanNode, pose: Pose, apart: bool = False) -> PreviewRun:
-        """Return what works out where a motion or a plan leads from a pose.
+        """Return a preview run of a motion or a plan from a pose.
 
         Args:
-            what: what is asked about.
-            pose: where it begins.
-            apart: whether that is no part of what the core does, and may be another thread's.
+            what: the motion or plan.
+            pose: start pose.
+            apart: whether the run is independent of the core, and may run on another thread.
         """
         context = self._context
         settings, status = context.settings, context.status
@@ -104,7 +104,7 @@ class Predictor:
         return PreviewRun(what, start, settings, self._build_tree, solver)
 
     def of_motion(self, goal: Goal, motion: Motion, start: Pose) -> None:
-        """Have a motion that is to begin at a pose predicted, and what becomes of it noted."""
+        """Queue the prediction of a motion from a start pose, and start its statistics."""
         journey = goal.journey = self._journey()
         command = goal.command
         replaces = isinstance(motion, DriveFor) and command.arrival is PreemptionPolicy.REPLACE
@@ -124,7 +124,7 @@ class Predictor:
         )
 
     def of_plan(self, plan_id: str, root: PlanNode, wanted: Callable[[], bool]) -> MotionStatistics:
-        """Have a plan that begins here predicted; return what notes what becomes of it."""
+        """Queue the prediction of a plan that starts here; return its statistics."""
         journey, start = self._journey(), self._context.status.pose
         journey.begin()
         now_s = self._context.clock.now_s()
@@ -139,7 +139,7 @@ class Predictor:
         return MotionStatistics(self._context.clock, self._context.status, capacity_j)
 
     def advance(self) -> bool:
-        """Work for one slice; return whether something was told."""
+        """Compute one slice; return whether a prediction was published."""
         while self._waiting and not self._waiting[0].wanted():
             self._waiting.popleft()
         if not self.pending:
@@ -164,9 +164,9 @@ class Predictor:
         return True
 
     def _ready(self, work: _PredictionJob) -> bool:
-        """Return whether a slice can be worked on.
+        """Whether a slice can be computed.
 
-        What asks for a first plan waits for a tick, so that the motion itself has asked before.
+        The first request to the solver waits for a tick, so that the motion itself requests first.
         """
         if work.run is not None:
             return not work.run.waits
@@ -184,7 +184,7 @@ class Predictor:
 
 
 def figures_of(preview: Preview) -> tuple[Figure, ...]:
-    """Return the figures of a prediction, as they stand beside what became of it."""
+    """Return the figures of a prediction, for comparison with the measured result."""
     end, energy_j, clearance = preview.end, preview.energy_j, preview.clearance
     return (
         Figure(PREDICTED + "duration", preview.duration_s, "s"),
@@ -200,7 +200,7 @@ def figures_of(preview: Preview) -> tuple[Figure, ...]:
 
 
 def describe(preview: Preview) -> str:
-    """Return a prediction in few words."""
+    """Return a summary of a prediction."""
     end, energy_j = preview.end, preview.energy_j
     energy = "" if energy_j is None else f" {energy_j:.0f} J,"
     place = f"({end.x_m:.2f}, {end.y_m:.2f}, {degrees(end.heading_rad):.0f}°)"

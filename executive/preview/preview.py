@@ -1,7 +1,7 @@
-"""Where a motion or a plan would lead: the rover's own tree and laws on a kinematic copy of it.
+"""Preview of a motion or a plan: the rover's own tree and laws on a kinematic copy of it.
 
-Nothing here touches the rover, its ledger, tree or goals. What is copied of the present is values,
-so that a preview may be worked out on any thread, in slices.
+Nothing here affects the rover, its ledger, tree or goals. The present state is copied as values,
+so that a preview can be computed on any thread, in slices.
 """
 
 from collections.abc import Callable
@@ -49,16 +49,16 @@ from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity
 
 LONGEST_S: Final = 300.0
-"""Of the motion that is previewed, so that no preview computes for long."""
+"""Maximum duration of a previewed motion, which bounds the computation; chosen, not measured."""
 CONFIRMATION_S: Final = 0.1
-"""Time in which an inertial sensor confirms at the end of a motion that the rover stands."""
+"""Time in which an inertial sensor confirms the standstill at the end of a motion."""
 MOST_POSES: Final = 200
 _IDENTITY: Final = Identity(f"{ABOARD_PREFIX}preview", 1)
 
 
 @dataclass(frozen=True, slots=True)
 class TimedPose:
-    """Where base_link would be, so long after the beginning."""
+    """Predicted pose of base_link at a time after the start."""
 
     time_s: float
     pose: Pose
@@ -66,10 +66,10 @@ class TimedPose:
 
 @dataclass(frozen=True, slots=True)
 class Clearance:
-    """How near the disc in which the rover turns would come to a zone or a known rock.
+    """Minimum distance of the rover's turning disc to a zone or a known rock.
 
     Attributes:
-        obstacle: what it is, with its name, for people.
+        obstacle: human-readable name of the obstacle.
     """
 
     least_m: float
@@ -78,15 +78,15 @@ class Clearance:
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """What a motion or a plan would come to.
+    """Predicted result of a motion or a plan.
 
     Attributes:
-        length_m: of the path of base_link.
+        length_m: path length of base_link.
         turned_rad: sum of all turning, without sign.
-        path: `MOST_POSES` at most, evenly in time, in the odometry frame; the last is the end.
-        within_m, within_rad: how far from the end pose the rover may stand, at 2 sigma.
-        energy_j: None where the asset's settings do not say what motion takes.
-        clearance: None where there are no zones and no known rocks.
+        path: at most `MOST_POSES`, evenly spaced in time, in the odometry frame, with the end.
+        within_m, within_rad: deviation from the end pose at 2 sigma.
+        energy_j: None if the asset's settings lack energy figures.
+        clearance: None without zones and known rocks.
     """
 
     duration_s: float
@@ -100,17 +100,17 @@ class Preview:
 
     @property
     def end(self) -> Pose:
-        """Where base_link would stand at last."""
+        """Pose of base_link at the end."""
         return self.path[-1].pose
 
 
 @dataclass(frozen=True, slots=True)
 class PreviewStart:
-    """What is copied of the present: where the rover will be, how fast it may move, its folder.
+    """State copied from the present: the expected pose, speed limits, file folder.
 
     Attributes:
-        obstacles: what it keeps away from.
-        uncertainty: of the pose.
+        obstacles: obstacles to avoid.
+        uncertainty: uncertainty of the pose.
     """
 
     pose: Pose
@@ -123,7 +123,7 @@ class PreviewStart:
 
 
 class TickableTree(Protocol):
-    """A behaviour tree, as far as a preview needs it."""
+    """The interface of a behaviour tree that a preview needs."""
 
     def tick(self) -> None:
         """Run every branch that is due once."""
@@ -131,7 +131,7 @@ class TickableTree(Protocol):
 
 @dataclass(slots=True)
 class _PathTrace:
-    """What becomes of the copy: its way, and how near it comes to what is known."""
+    """Trace of the copy: its path, and its clearance to known obstacles."""
 
     settings: Settings
     poses: list[TimedPose]
@@ -166,13 +166,13 @@ class _PathTrace:
 
 
 class PreviewRun:
-    """Works out one preview, in slices, on whatever thread calls `advance`.
+    """Computes one preview, in slices, on the thread that calls `advance`.
 
-    A plan is taken as if each of its steps did what it should: of a fallback the first child, of a
-    retry one attempt. What is no motion takes no time; speeds that a plan sets hold.
+    A plan is previewed as if each step succeeded: of a fallback the first child, of a retry one
+    attempt. Steps without motion take no time; speeds that a plan sets apply.
 
     Attributes:
-        result: the preview, or why the rover would not do that; None until it is worked out.
+        result: the preview, or the refusal of its motion; None until it is computed.
     """
 
     def __init__(
@@ -206,18 +206,18 @@ class PreviewRun:
 
     @property
     def waits(self) -> bool:
-        """Whether it cannot go on before a plan is there."""
+        """Whether it waits for a trajectory."""
         return self._solver is not None and self._solver.busy
 
     def advance(self, ticks: int) -> bool:
-        """Go on for some ticks of the copy, after `set_up`; return whether the result is there."""
+        """Advance the copy by some ticks, after `set_up`; return whether there is a result."""
         for _ in range(ticks):
             if self.result is None and not self.waits:
                 self._tick()
         return self.result is not None
 
     def set_up(self) -> None:
-        """Make the copy, and begin; called once."""
+        """Create the copy, and start; called once."""
         clock, settings, start = ManualClock(), self._settings, self._start
         self._clock = clock
         self._base = self._copied_base(clock)
@@ -268,7 +268,7 @@ class PreviewRun:
         self._base.advance()
         self._observe()
         if self._clock.now_s() > LONGEST_S:
-            text = f"it takes longer than {LONGEST_S:g} s: preview it in parts"
+            text = f"duration exceeds {LONGEST_S:g} s: preview it in parts"
             self.result = Refusal(Reason.NOT_SUPPORTED, text)
 
     def _observe(self) -> None:
@@ -291,7 +291,7 @@ class PreviewRun:
         self._begin_next()
 
     def _begin_next(self) -> None:
-        """Begin the next motion, or make up the preview after the last."""
+        """Start the next motion, or build the preview after the last."""
         for each in self._course:
             match each:
                 case TimeoutNode():
@@ -335,13 +335,13 @@ class PreviewRun:
         self._context.goals.motion.add(self._life)
 
     def _named(self, refusal: Refusal) -> Refusal:
-        """Return a refusal with the step of the plan that it is of."""
+        """Prefix a refusal with the plan step that it concerns."""
         if self._step is None:
             return refusal
         return replace(refusal, text=f"{self._step.place.path}: {refusal.text}")
 
     def _late(self, path: str, took_s: float, limit_s: float) -> Refusal:
-        text = f"{path}: it takes {took_s:.2f} s, more than its {limit_s:g} s"
+        text = f"{path}: duration {took_s:.2f} s exceeds its limit of {limit_s:g} s"
         figures = (Figure("duration", took_s, "s"), Figure("bound", limit_s, "s"))
         return Refusal(Reason.PLAN_DEADLINE, text, figures)
 
@@ -364,7 +364,7 @@ class PreviewRun:
 
 
 def end_of(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:
-    """Return how a motion of an asset ends that begins at a pose."""
+    """Return how a motion of an asset from a start pose ends."""
     if not settings.offers_mpc or controller_of(request, settings.controller) is not Controller.MPC:
         return MotionEndKind.LINE
     return (
@@ -375,7 +375,7 @@ def end_of(request: Motion, start: Pose, settings: Settings) -> MotionEndKind:
 
 
 def plans_by_mpc(what: Motion | PlanNode, settings: Settings) -> bool:
-    """Return whether a motion, or one of a plan, is driven by mpc."""
+    """Return whether a motion, or a motion of a plan, is driven by mpc."""
     requests = (what,) if isinstance(what, Motion) else (each.request for each in steps(what))
     return settings.offers_mpc and any(
         controller_of(each, settings.controller) is Controller.MPC for each in requests

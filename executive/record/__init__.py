@@ -1,4 +1,4 @@
-"""Everything durable: the ledger, its retention, recovery after a restart, and plans."""
+"""Durable records: the ledger, its retention, recovery after a restart, and plans."""
 
 from executive.record.authority_record import AuthorityRecord as AuthorityRecord
 from executive.record.authority_record import Grant as Grant

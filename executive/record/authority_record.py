@@ -1,4 +1,4 @@
-"""Who holds the authority over the asset, in the ledger's file."""
+"""Record of the command authority's holder, in the ledger's file."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -16,13 +16,13 @@ CREATE TABLE IF NOT EXISTS authority (
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """What was granted last.
+    """The last grant.
 
     Attributes:
-        holder: to whom; None if it was released since, or never granted.
+        holder: name of the holder; None if it was released since, or never granted.
         epoch: the number of the grant, one more than that of the grant before; 0 before the first.
-        lease_s: how long it lasts after each sign of the holder.
-        given_by: who handed it over; None if it was requested or taken.
+        lease_s: lease in seconds after each contact of the holder.
+        given_by: source that handed it over; None if it was requested or taken.
     """
 
     holder: str | None = None
@@ -32,21 +32,21 @@ class Grant:
 
 
 class AuthorityRecord:
-    """The last grant; raises LedgerError from every method if the file cannot be used."""
+    """The last grant; every method raises LedgerError if the file cannot be used."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
         ledger.extend(_SCHEMA)
 
     def read(self) -> Grant:
-        """Return the last grant that was committed."""
+        """Return the last committed grant."""
         rows = self._ledger.rows("SELECT holder, epoch, lease_s, given_by FROM authority")
         return Grant(*rows[0]) if rows else Grant()
 
     def keep(self, grant: Grant, former: Grant) -> None:
-        """Write a grant down, so that no other of its number is given after a crash.
+        """Commit a grant, so that its number is not granted again after a crash.
 
-        Where that fails, what is written once it works again is the former one.
+        If the commit fails, the next successful one writes the former grant.
         """
         self._ledger.commit()
         try:

@@ -1,6 +1,6 @@
-"""An SQLite file in write-ahead mode: how every record of the project is opened, read and written.
+"""An SQLite file in write-ahead mode: the common access to every record of the project.
 
-What a commit returned from survives `kill -9` and, with FULL synchronisation, loss of power. Only
+Committed data survive `kill -9` and, with FULL synchronisation, loss of power. Only
 one thread uses it.
 """
 
@@ -12,7 +12,7 @@ from typing import Any
 
 
 class Synchronous(Enum):
-    """What a commit waits for: FULL for the disk, NORMAL for the operating system."""
+    """Durability of a commit: FULL waits for the disk, NORMAL for the operating system."""
 
     FULL = "FULL"
     NORMAL = "NORMAL"
@@ -28,21 +28,21 @@ def connect_to_file(path: Path | str) -> sqlite3.Connection:
 
 
 class LedgerError(Exception):
-    """A record cannot be read or written; the text says which file and why."""
+    """A record cannot be read or written; the text names the file and the cause."""
 
 
 class Database:
     """Tables in one file. Writes gather in one transaction until `commit`.
 
     Args:
-        path: the file, made with its folders if missing; None keeps it in memory.
-        schema: makes the tables, unless they are there.
-        synchronous: how far a commit goes.
+        path: the file, created with its folders if missing; None for an in-memory database.
+        schema: creates the tables if missing.
+        synchronous: durability of a commit.
         connect: opens the file.
 
     Attributes:
-        failing: whether the last commit failed, so that what has gathered is still to be written.
-        on_commit: called after each commit, with why it failed; None where it did not.
+        failing: whether the last commit failed, so that pending writes are still to be committed.
+        on_commit: called after each commit with its error; None on success.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
@@ -74,25 +74,25 @@ class Database:
             raise
 
     def make_tables(self, schema: str) -> None:
-        """Make tables, unless they are there."""
+        """Create tables if missing."""
         try:
             self._db.executescript(schema)
         except sqlite3.Error as error:
             raise self._error(error) from error
 
     def rows(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
-        """Return rows of what was committed."""
+        """Return committed rows."""
         try:
             return self._db.execute(statement, values).fetchall()
         except sqlite3.Error as error:
             raise self._error(error) from error
 
     def write(self, statement: str, values: tuple[object, ...] = ()) -> None:
-        """Remember a change of the tables."""
+        """Add a change of the tables to the next commit."""
         self._pending.append((statement, values))
 
     def commit(self) -> None:
-        """Write what has gathered, whole or not at all; on an error it stays gathered."""
+        """Commit pending writes atomically; on an error they remain pending."""
         try:
             if self._pending:
                 self._write_gathered()
@@ -116,24 +116,24 @@ class Database:
         self._pending.clear()
 
     def discard(self) -> None:
-        """Forget what has gathered."""
+        """Discard pending writes."""
         self.failing = False
         self._pending.clear()
 
     def image(self) -> bytes:
-        """Return the file of what was committed."""
+        """Return the committed content of the file."""
         try:
             return self._db.serialize()
         except sqlite3.Error as error:
             raise self._error(error) from error
 
     def abandon(self) -> None:
-        """Close the file as a crash would: what has gathered is lost."""
+        """Close the file as a crash would: pending writes are lost."""
         self.discard()
         self._db.close()
 
     def close(self) -> None:
-        """Write what has gathered and close the file."""
+        """Commit pending writes and close the file."""
         self.commit()
         self._db.close()
 

@@ -1,4 +1,4 @@
-"""The durable record of commands and reports, which makes a command execute at most once."""
+"""The durable record of commands and reports, which ensures at-most-once execution."""
 
 import hashlib
 import json
@@ -44,12 +44,12 @@ CREATE TABLE IF NOT EXISTS remembered (
 CREATE TABLE IF NOT EXISTS latched_faults (name TEXT PRIMARY KEY, fault TEXT NOT NULL);
 """
 PRUNED: Final = b""
-"""Stands for the fingerprint of a command that `Retention` has pruned."""
+"""Placeholder for the digest of a command that `Retention` has pruned."""
 LONGEST_KEPT: Final = 16_384
-"""Octets of a request that stay in the record once its command has ended; of a refused one none."""
+"""Maximum octets of a request retained after its command has ended; of a refused one none."""
 
 TERMINAL_STAGES: Final = ",".join(str(stage.value) for stage in TERMINAL)
-"""The numbers of the stages in which a life has ended, for a list in SQL."""
+"""The numbers of terminal stages, as a list for SQL."""
 STOP_AND_RESUME: Final = (Stop.__name__, Resume.__name__)
 SETTINGS: Final = tuple(kind.__name__ for kind in get_args(Setting))
 OnPrune = Callable[[Identity, Stage], None]
@@ -65,8 +65,8 @@ class LatchedFault:
     """A fault that only a resume ends.
 
     Attributes:
-        reaction: what the rover does until then.
-        begun_utc_s: when it began, seconds since 1970-01-01 UTC.
+        reaction: reaction until then.
+        begun_utc_s: begin of the fault, seconds since 1970-01-01 UTC.
     """
 
     name: str
@@ -76,17 +76,17 @@ class LatchedFault:
 
 
 def digest(command: Command) -> bytes:
-    """Return a fingerprint of what was asked, whatever the link and the time."""
+    """Return a digest of the request, independent of link and time."""
     asked = [type(command.request).__name__, _CONVERTER.unstructure(command.request)]
     return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).digest()
 
 
 class Ledger(Database):
-    """Commands, the stage that each has reached, and every report; only the core's thread uses it.
+    """Commands with their present stage, and every report; used by the core's thread only.
 
     Args:
-        path: the file, made with its folders if missing.
-        synchronous: how far a commit goes.
+        path: the file, created with its folders if missing.
+        synchronous: durability of a commit.
         connect: opens the file.
 
     Raises:
@@ -106,9 +106,9 @@ class Ledger(Database):
         self._on_prune: list[OnPrune] = []
 
     def digest_of(self, identity: Identity) -> bytes | None:
-        """Return the fingerprint of the command known by this identity, if any.
+        """Return the digest of the command with this identity, if any.
 
-        Of a number that only counts as used any more, that is `PRUNED`.
+        For a number that is only recorded as used, that is `PRUNED`.
         """
         if identity in self._gathered:
             return self._gathered[identity]
@@ -122,7 +122,7 @@ class Ledger(Database):
         return rows[0][0] if rows else None
 
     def request(self, identity: Identity) -> Request | None:
-        """Return what a command that was committed asked for, if it is known and still kept."""
+        """Return the request of a committed command, if it is known and retained."""
         rows = self.rows(
             "SELECT name, request FROM commands WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),
@@ -130,7 +130,7 @@ class Ledger(Database):
         return _request_of(*rows[0]) if rows and rows[0][1] else None
 
     def record(self, command: Command) -> None:
-        """Remember a command, to be written with the next commit."""
+        """Add a command to the next commit."""
         request = json.dumps(_CONVERTER.unstructure(command.request))
         identity, kind = command.identity, type(command.request).__name__
         mark = self._gathered[identity] = digest(command)
@@ -140,7 +140,7 @@ class Ledger(Database):
         )
 
     def reach(self, identity: Identity, stage: Stage) -> None:
-        """Remember that a command reached a stage; at its end a long request is let go."""
+        """Add the stage of a command to the next commit; a terminal stage drops a long request."""
         key = (identity.source, identity.command_id)
         self.write("INSERT OR REPLACE INTO stages VALUES (?, ?, ?)", (*key, stage.value))
         if stage in TERMINAL:
@@ -151,7 +151,7 @@ class Ledger(Database):
             )
 
     def append(self, report: Report, foreign: bool = False) -> None:
-        """Remember a report; foreign are those that others can cause without end."""
+        """Add a report to the next commit; foreign are reports that external senders can flood."""
         self.write(
             "INSERT INTO reports VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", _row_of(report)
         )
@@ -160,19 +160,19 @@ class Ledger(Database):
         self.last_sequence = report.sequence
 
     def extend(self, schema: str, on_prune: OnPrune | None = None) -> None:
-        """Make further tables for a store of its own, whose rows are written in the same commits.
+        """Create further tables for a separate store, whose rows are written in the same commits.
 
         Args:
-            schema: makes them, unless they are there.
-            on_prune: is called with each command that is about to be pruned, and how it ended; it
-                writes what becomes of the rows that belong to it.
+            schema: creates the tables if missing.
+            on_prune: called with each command that is about to be pruned and its terminal stage;
+                updates the rows that belong to it.
         """
         self.make_tables(schema)
         if on_prune is not None:
             self._on_prune.append(on_prune)
 
     def prune(self, identity: Identity, stage: Stage) -> None:
-        """Delete a command that ended so; the caller keeps that its number was used."""
+        """Delete a command in this terminal stage; the caller records that its number was used."""
         for on_prune in self._on_prune:
             on_prune(identity, stage)
         for table in ("commands", "stages"):
@@ -182,12 +182,12 @@ class Ledger(Database):
             )
 
     def commit(self) -> None:
-        """Write what has gathered, whole or not at all; on an error it stays gathered."""
+        """Commit pending writes atomically; on an error they remain pending."""
         super().commit()
         self._gathered.clear()
 
     def discard(self) -> None:
-        """Forget what has gathered."""
+        """Discard pending writes."""
         super().discard()
         self._gathered.clear()
 
@@ -202,7 +202,7 @@ class Ledger(Database):
         return max(rows[0][0] or 0, *gathered, 0)
 
     def unfinished(self) -> Sequence[tuple[Command, Stage]]:
-        """Return the commands whose life has not ended, in the order of their arrival."""
+        """Return commands before a terminal stage, in order of arrival."""
         rows = self.rows(
             "SELECT source, command_id, name, request, link, stage,"
             " (SELECT min(sequence) FROM reports r WHERE r.source = c.source"
@@ -216,7 +216,7 @@ class Ledger(Database):
         ]
 
     def last_stop(self) -> Identity | None:
-        """Return the last stop that was accepted, unless a resume was accepted after it."""
+        """Return the last accepted stop, unless a resume was accepted after it."""
         rows = self.rows(
             "SELECT c.source, c.command_id, c.name, r.sequence"
             " FROM commands c CROSS JOIN reports r"
@@ -229,7 +229,7 @@ class Ledger(Database):
         return next((Identity(*row[:2]) for row in rows if row[2] == Stop.__name__), None)
 
     def last_settings(self) -> Sequence[Setting]:
-        """Return the last setting of each kind that was executed, in their order."""
+        """Return the last executed setting of each kind, in order."""
         marks = ", ".join("?" * len(SETTINGS))
         rows = self.rows(
             "SELECT name, request, max(sequence) AS last FROM ("
@@ -243,7 +243,7 @@ class Ledger(Database):
         return [_request_of(name, request) for name, request, _ in rows]  # type: ignore[misc]
 
     def latch(self, fault: LatchedFault) -> None:
-        """Store a fault with the report of it, in the next commit, until `unlatch`."""
+        """Store a fault in the next commit, with its report, until `unlatch`."""
         text = json.dumps(_CONVERTER.unstructure(fault))
         self.write("INSERT OR REPLACE INTO latched_faults VALUES (?, ?)", (fault.name, text))
 
@@ -252,12 +252,12 @@ class Ledger(Database):
         self.write("DELETE FROM latched_faults WHERE name = ?", (name,))
 
     def latched_faults(self) -> Sequence[LatchedFault]:
-        """Return the faults that were committed and not ended, the oldest first."""
+        """Return the committed faults that have not ended, oldest first."""
         rows = self.rows("SELECT fault FROM latched_faults ORDER BY rowid")
         return [_CONVERTER.loads(text, LatchedFault) for (text,) in rows]
 
     def last_report(self, identity: Identity) -> Report | None:
-        """Return the last report on the life of a command, committing first."""
+        """Return the last life cycle report of a command, committing first."""
         self.commit()
         found = self._select(
             "WHERE source = ? AND command_id = ? AND stage IS NOT NULL"
@@ -272,9 +272,9 @@ class Ledger(Database):
         """Return reports from a sequence number on, oldest first.
 
         Args:
-            since: the first sequence number wanted.
-            command_id: only reports on commands of this number, from whatever source.
-            count: how many at most.
+            since: the first sequence number.
+            command_id: only reports on commands of this number, from any source.
+            count: maximum number of reports.
         """
         self.commit()
         if command_id is None:
@@ -289,7 +289,7 @@ class Ledger(Database):
 
 
 def _row_of(report: Report) -> tuple[object, ...]:
-    """Return a report as a row of the table `reports`."""
+    """Convert a report to a row of the table `reports`."""
     identity = report.identity
     return (
         report.sequence,
@@ -309,7 +309,7 @@ def _row_of(report: Report) -> tuple[object, ...]:
 
 
 def _report_of(row: tuple[Any, ...]) -> Report:
-    """Return a row of the table `reports` as a report."""
+    """Convert a row of the table `reports` to a report."""
     (
         sequence, utc_s, kind, severity, text, source, command_id,
         stage, link, step, step_count, reason, figures,
@@ -331,6 +331,6 @@ def _report_of(row: tuple[Any, ...]) -> Report:
 
 
 def _request_of(name: str, text: str) -> Request:
-    """Return a request as it was written down."""
+    """Return a request from its stored form."""
     request: Request = _CONVERTER.structure(json.loads(text), _REQUESTS[name])
     return request

@@ -23,7 +23,7 @@ _SEVERITY = {
 
 
 class Notifications:
-    """The only way for reports to leave the core."""
+    """The only path by which reports leave the core."""
 
     def __init__(self, clock: Clock, ledger: Ledger, downlinks: Sequence[Downlink]) -> None:
         self._clock = clock
@@ -32,7 +32,7 @@ class Notifications:
         self._outbox: list[list[Report] | PlanUpdate] = []
 
     def command(self, command: Command, stage: Stage, note: StageDetails) -> None:
-        """Report that a command reached a stage. A stage nobody asked for is only written down."""
+        """Report that a command reached a stage. A stage not requested is only recorded."""
         if stage is Stage.RECEIVED:
             self._ledger.record(command)
         self._ledger.reach(command.identity, stage)
@@ -63,14 +63,14 @@ class Notifications:
         kind: ReportKind = ReportKind.EVENT,
         foreign: bool = False,
     ) -> None:
-        """Report something that happened aboard, of no command, or on a link.
+        """Report an onboard event that concerns no command, or an event of a link.
 
-        Foreign are those of which others can cause as many as they like; see `Retention`.
+        Foreign are events that external senders can cause in any number; see `Retention`.
         """
         self._append(kind, severity, text, foreign, reason=reason, figures=figures)
 
     def prediction(self, text: str, figures: tuple[Figure, ...], command: Command | None) -> None:
-        """Report what is predicted of a command's motion, which is no stage of its life."""
+        """Report the prediction of a command's motion, which is no stage of its life cycle."""
         identity = None if command is None else command.identity
         link = None if command is None else command.link
         severity = Severity.INFORMATIONAL
@@ -79,23 +79,23 @@ class Notifications:
         )
 
     def plan(self, update: PlanUpdate) -> None:
-        """Tell how far a plan has come."""
+        """Report the progress of a plan."""
         self._outbox.append(update)
 
     def again(self, report: Report) -> None:
-        """Send a report once more, under its own number."""
+        """Send a report again, under its own number."""
         self._send_later(report)
 
     @property
     def pending(self) -> bool:
-        """Whether something was reported since the last flush."""
+        """Whether reports are pending since the last flush."""
         return bool(self._outbox)
 
     def flush(self) -> None:
-        """Write down what was reported, then send it.
+        """Commit pending reports, then send them.
 
         Raises:
-            LedgerError: it could not be written; nothing is sent, and the next flush tries again.
+            LedgerError: the commit failed; nothing is sent, and the next flush tries again.
         """
         self._ledger.commit()
         outbox, self._outbox = self._outbox, []

@@ -1,7 +1,7 @@
 """Plans and their journals in the ledger's file, written in the ledger's commits.
 
-The journal of a plan says which of its steps were begun, and under which command. How a command
-ended is known from the command itself, so that a step and its outcome are never at odds.
+The journal of a plan records its started steps with their commands. The result of a command
+is read from the command itself, so that a step and its outcome cannot disagree.
 """
 
 import json
@@ -30,10 +30,10 @@ CREATE TABLE IF NOT EXISTS plan_steps (
 
 @unique
 class StepOutcome(Enum):
-    """What became of a step.
+    """Outcome of a step.
 
     Attributes:
-        HALTED: the plan went on without it, and must again when the journal is replayed.
+        HALTED: the plan continued without it, and must again when the journal is replayed.
     """
 
     SUCCESS = 1
@@ -49,14 +49,14 @@ class PlanStore:
         ledger.extend(_SCHEMA, self._settle_pruned)
 
     def plans(self) -> Sequence[PlanUpdate]:
-        """Return how far each plan has come, in the order in which they were submitted."""
+        """Return the progress of each plan, in the order of submission."""
         rows = self._ledger.rows(
             "SELECT plan_id, status, utc_s, node, done, total, text FROM plans ORDER BY rowid"
         )
         return [PlanUpdate(plan_id, PlanStatus(status), *rest) for plan_id, status, *rest in rows]
 
     def definition(self, plan_id: str) -> PlanDefinition:
-        """Return a plan as it was submitted, committing first."""
+        """Return a plan as submitted, committing first."""
         self._ledger.commit()
         ((name, form, content, arguments),) = self._ledger.rows(
             "SELECT name, format, content, arguments FROM plans WHERE plan_id = ?", (plan_id,)
@@ -65,7 +65,7 @@ class PlanStore:
         return PlanDefinition(plan_id, name, form, content, given)
 
     def add(self, definition: PlanDefinition, update: PlanUpdate) -> None:
-        """Remember a new plan."""
+        """Add a new plan to the next commit."""
         plan_id, name, form, content, given = astuple(definition)
         _, status, *rest = astuple(update)
         self._ledger.write(
@@ -74,7 +74,7 @@ class PlanStore:
         )
 
     def update(self, update: PlanUpdate) -> None:
-        """Remember how far a plan has come."""
+        """Add the progress of a plan to the next commit."""
         plan_id, status, *rest = astuple(update)
         self._ledger.write(
             "UPDATE plans SET status = ?, utc_s = ?, node = ?, done = ?, total = ?, text = ?"
@@ -83,29 +83,29 @@ class PlanStore:
         )
 
     def remove(self, plan_id: str) -> None:
-        """Forget a plan."""
+        """Delete a plan."""
         self.forget(plan_id)
         self._ledger.write("DELETE FROM plans WHERE plan_id = ?", (plan_id,))
 
     def next_number(self, plan_id: str) -> int:
-        """Return a number that no command of the plan, or of one before it of this id, had."""
+        """Return a number not used by commands of this plan, or of an earlier plan of this id."""
         return self._ledger.last_number(source_of(plan_id)) + 1
 
     def begin(self, plan_id: str, step: str, command_id: int) -> None:
-        """Remember under which command a step was begun."""
+        """Record the command that a step was started with."""
         self._ledger.write(
             "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, ?, NULL)", (plan_id, step, command_id)
         )
 
     def settle(self, plan_id: str, step: str, outcome: StepOutcome) -> None:
-        """Remember what became of a step that no command tells."""
+        """Record the outcome of a step that no command has."""
         self._ledger.write(
             "INSERT OR REPLACE INTO plan_steps VALUES (?, ?, NULL, ?)",
             (plan_id, step, outcome.value),
         )
 
     def journal(self, plan_id: str) -> Mapping[str, StepOutcome]:
-        """Return the steps of which it is known what became of them, committing first."""
+        """Return the steps with a known outcome, committing first."""
         self._ledger.commit()
         rows = self._ledger.rows(
             "SELECT step, outcome, stage FROM plan_steps p LEFT JOIN stages s"
@@ -115,7 +115,7 @@ class PlanStore:
         return {step: _outcome(outcome, stage) for step, outcome, stage in rows}
 
     def commands(self, plan_id: str) -> Mapping[str, Identity]:
-        """Return the steps that were begun, each with its command, as far as committed."""
+        """Return the started steps, each with its command, as far as committed."""
         rows = self._ledger.rows(
             "SELECT step, command_id FROM plan_steps WHERE plan_id = ? AND command_id IS NOT NULL",
             (plan_id,),
@@ -123,7 +123,7 @@ class PlanStore:
         return {step: Identity(source_of(plan_id), number) for step, number in rows}
 
     def forget_unfinished_steps(self, plan_id: str) -> None:
-        """Forget the steps whose command has not ended by now, so that they are begun anew."""
+        """Delete the steps whose command has not ended by now, so that they start again."""
         self._ledger.write(
             "DELETE FROM plan_steps WHERE plan_id = ? AND outcome IS NULL AND command_id NOT IN"
             f" (SELECT command_id FROM stages WHERE source = ? AND stage IN ({TERMINAL_STAGES}))",
@@ -131,11 +131,11 @@ class PlanStore:
         )
 
     def forget(self, plan_id: str) -> None:
-        """Forget the journal."""
+        """Delete the journal."""
         self._ledger.write("DELETE FROM plan_steps WHERE plan_id = ?", (plan_id,))
 
     def _settle_pruned(self, identity: Identity, stage: Stage) -> None:
-        """Write down what became of a step whose command will no longer tell."""
+        """Store the outcome of a step whose command is being pruned."""
         if identity.source.startswith(SOURCE_PREFIX):
             self._ledger.write(
                 "UPDATE plan_steps SET outcome = ? WHERE plan_id = ? AND command_id = ?"

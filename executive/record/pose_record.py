@@ -1,4 +1,4 @@
-"""The pose that the executive had and how uncertain it was, in the ledger's file."""
+"""The executive's pose and its uncertainty, in the ledger's file."""
 
 import json
 from typing import Final, TypeVar
@@ -16,7 +16,7 @@ _CONVERTER: Final = make_converter()
 
 
 class PoseRecord:
-    """The last state that was committed, so that a restart does not make a wrong pose good again.
+    """The last committed state, so that a restart does not turn a wrong pose into a certain one.
 
     Raises:
         LedgerError: from every method, if the file cannot be read or written.
@@ -27,12 +27,12 @@ class PoseRecord:
         ledger.extend(_SCHEMA)
 
     def read(self, kind: type[T]) -> T | None:
-        """Return what was committed last, as the class of it; None before the first."""
+        """Return the last committed state as its class; None before the first."""
         rows = self._ledger.rows("SELECT state FROM pose")
         return _CONVERTER.structure(json.loads(rows[0][0]), kind) if rows else None
 
     def write(self, state: object) -> None:
-        """Write the state with the next commit; nothing, where it is None."""
+        """Write the state with the next commit; without effect for None."""
         if state is None:
             return
         text = json.dumps(_CONVERTER.unstructure(state))

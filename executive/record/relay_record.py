@@ -1,4 +1,4 @@
-"""What the relay link must not forget, in the ledger's file and its commits."""
+"""Durable state of the relay link, in the ledger's file and its commits."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,21 +23,21 @@ _NAME_OCTETS: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class RelayedCommand:
-    """How a command was asked for by the relay."""
+    """The relay's code and counter of a command."""
 
     code: int
     counter: int | None
 
 
 class RelayRecord:
-    """Which commands came by the relay, and up to where the relay has taken over reports.
+    """Records commands received over the relay, and the number up to which reports were delivered.
 
     Args:
-        ledger: in whose file it is kept.
-        random_octets: gives as many octets that nobody can guess: the name of a new ledger.
+        ledger: the ledger whose file stores the record.
+        random_octets: returns unpredictable octets, for the name of a new ledger.
 
     Attributes:
-        ledger_name: what tells this ledger's numbers from those of one before or after it.
+        ledger_name: distinguishes this ledger's numbers from those of an earlier or later one.
 
     Raises:
         LedgerError: from every method, if the file cannot be read.
@@ -58,16 +58,16 @@ class RelayRecord:
 
     @property
     def kept(self) -> int:
-        """The number up to which reports are the relay's."""
+        """The number up to which reports were delivered to the relay."""
         ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_kept")
         return int(sequence)
 
     def keep(self, sequence: int) -> None:
-        """Remember that reports up to this number are the relay's."""
+        """Record that reports up to this number were delivered to the relay."""
         self._ledger.write("INSERT OR REPLACE INTO relay_kept VALUES (0, ?)", (sequence,))
 
     def remember(self, command: Command, code: int) -> None:
-        """Remember that a command came by the relay."""
+        """Record that a command was received over the relay."""
         identity = command.identity
         self._ledger.write(
             "INSERT OR IGNORE INTO relayed VALUES (?, ?, ?, ?)",
@@ -75,9 +75,9 @@ class RelayRecord:
         )
 
     def asked(self, identity: Identity) -> RelayedCommand | None:
-        """Return how a command was asked for by the relay; None if it was not."""
+        """Return how a command was received over the relay; None if it was not."""
         if self._asked_last is not None and self._asked_last[0] == identity:
-            return self._asked_last[1]  # the reports on a command mostly come one after another
+            return self._asked_last[1]  # reports on one command mostly follow each other
         rows = self._ledger.rows(
             "SELECT code, counter FROM relayed WHERE source = ? AND command_id = ?",
             (identity.source, identity.command_id),

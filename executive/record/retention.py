@@ -1,12 +1,12 @@
 """Retention: old reports are deleted, and the commands that ended with them.
 
-Their numbers are kept for ever and exactly, as ranges: nothing is executed twice, and no number
-counts as used that was not, whatever was sent under the name of its source. A number that is next
-to none other takes some 30 octets. Kept for ever is, too, what holds until it is changed: the last
-settings, and whether the rover is stopped.
+Used numbers are stored permanently and exactly, as ranges: nothing is executed twice, and no
+unused number counts as used, regardless of the numbers that others send under a source. An isolated
+number takes about 30 octets. The last settings and the state of the stop are also stored until
+they change.
 
-Reports that others can cause without end have room of their own, so that they do not push out
-those of the commands; where they were deleted, the stored sequence has gaps.
+Reports that external senders can flood have a limit of their own, so that they do not displace
+reports of commands; where they were deleted, the stored sequence has gaps.
 """
 
 from collections import defaultdict
@@ -17,9 +17,9 @@ from executive.record.ledger import SETTINGS, STOP_AND_RESUME, TERMINAL_STAGES, 
 from executive.values.reports import Identity, Stage
 
 SLICE: Final = 100
-"""Reports that are deleted in one commit."""
+"""Number of reports deleted in one commit; chosen, not measured."""
 FOREIGN_SHARE: Final = 10
-"""Foreign reports are kept for one part in so many of the others."""
+"""Divisor of the report limit that gives the limit of foreign reports; chosen, not measured."""
 _HIGHEST: Final = 2**63 - 1
 
 Range = tuple[int, int]
@@ -27,13 +27,13 @@ Range = tuple[int, int]
 
 
 class LedgerRetention:
-    """Deletes what lies before the newest reports, a slice at a time.
+    """Deletes reports older than the newest ones, a slice at a time.
 
-    A life that has not ended is kept whole, with all reports since it began.
+    A command that has not ended is retained completely, with all reports since its begin.
 
     Args:
-        kept: how many reports stay, at least, not counting foreign ones.
-        at_once: how many are deleted at once.
+        kept: minimum number of retained reports, without foreign ones.
+        at_once: number of reports deleted at once.
 
     Raises:
         LedgerError: the ledger cannot be read.
@@ -49,9 +49,9 @@ class LedgerRetention:
         self._own = self._count("reports") - self._foreign
 
     def tick(self) -> None:
-        """Delete a slice, if there is one to spare, with the next commit.
+        """Delete a slice, if one exceeds the limit, with the next commit.
 
-        To be called when everything is committed.
+        Call it when nothing is pending.
 
         Raises:
             LedgerError: the ledger cannot be read.
@@ -67,7 +67,7 @@ class LedgerRetention:
             self._done = True
 
     def _take_count(self) -> None:
-        """Count what was reported since the last tick."""
+        """Count the reports since the last tick."""
         last = self._ledger.last_sequence
         foreign = self._count("foreign_reports", f"WHERE sequence > {self._seen}")
         self._own += last - self._seen - foreign
@@ -116,7 +116,7 @@ class LedgerRetention:
         self._foreign -= foreign
 
     def _remember(self, border: int) -> None:
-        """Keep what reports before a number say of the last settings and of a stop."""
+        """Preserve the last settings and the last stop from reports before a number."""
         marks = ", ".join("?" * len(SETTINGS))
         self._ledger.write(
             "INSERT OR REPLACE INTO remembered"
@@ -128,7 +128,7 @@ class LedgerRetention:
         )
 
     def _before_unfinished(self, border: int) -> int:
-        """Return a border that cuts no life in two that has not ended."""
+        """Return a lower border, so that no unfinished command loses its first reports."""
         ((first,),) = self._ledger.rows(
             "SELECT min(sequence) FROM reports JOIN stages s USING (source, command_id)"
             f" WHERE sequence < ? AND s.stage NOT IN ({TERMINAL_STAGES})",
@@ -139,7 +139,7 @@ class LedgerRetention:
     def _ended(self, border: int) -> Sequence[tuple[Identity, Stage]]:
         """Return the commands that have no report from a number on.
 
-        NOT INDEXED, because the index by command would be gone through as a whole.
+        NOT INDEXED, because the index by command would be scanned completely.
         """
         rows = self._ledger.rows(
             "SELECT DISTINCT r.source, r.command_id, s.stage"
@@ -152,7 +152,7 @@ class LedgerRetention:
         return [(Identity(source, number), Stage(stage)) for source, number, stage in rows]
 
     def _use(self, source: str, numbers: Iterable[int]) -> None:
-        """Remember for ever that a source used these numbers, and no others."""
+        """Record permanently that a source used these numbers, and no others."""
         new = merge_ranges((number, number) for number in numbers)
         before = {row for each in new for row in self._touching(source, *each)}
         after = set(merge_ranges([*before, *new]))
@@ -162,7 +162,7 @@ class LedgerRetention:
             self._ledger.write("INSERT OR REPLACE INTO used VALUES (?, ?, ?)", (source, *each))
 
     def _touching(self, source: str, first: int, last: int) -> Sequence[Range]:
-        """Return the ranges in use that overlap a range or lie next to it."""
+        """Return the stored ranges that overlap a range or are adjacent to it."""
         rows = self._ledger.rows(
             "SELECT first, last FROM (SELECT first, last FROM used WHERE source = ?"
             " AND first <= ? ORDER BY first DESC LIMIT 1) WHERE last >= ? - 1 UNION ALL"
@@ -173,7 +173,7 @@ class LedgerRetention:
 
 
 def merge_ranges(ranges: Iterable[Range]) -> Sequence[Range]:
-    """Return ranges in rising order, none next to another, that hold the numbers of these."""
+    """Merge ranges into ascending, non-adjacent ranges with the same numbers."""
     found: list[Range] = []
     for first, last in sorted(ranges):
         if found and first - found[-1][1] <= 1:

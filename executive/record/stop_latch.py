@@ -1,4 +1,4 @@
-"""The stop latch on disk: whether the rover is stopped, whatever becomes of process and disk."""
+"""The stop latch on disk: whether the rover is stopped, across crashes and full disks."""
 
 import os
 from pathlib import Path
@@ -6,27 +6,27 @@ from typing import Final
 from zlib import crc32
 
 _SIZE: Final = 512
-"""Octets: one sector, which a disk writes whole or not at all."""
+"""Size in octets: one sector, which a disk writes atomically."""
 UNWRITTEN_LEDGER: Final = "aboard:ledger"
-"""Stands in place of a command where the ledger could not store its own failure."""
-_UNREADABLE: Final = "someone: the record of who is damaged"
+"""Stored in place of a command if the ledger could not store its own failure."""
+_UNREADABLE: Final = "unknown: the stop record is damaged"
 
 
 class StopLatch:
-    """Who stopped the rover, in a file of one sector.
+    """The command id that stopped the rover, in a file of one sector.
 
-    Its room is taken when it is made, and it is overwritten in place, so that it can be written on
-    a full disk (except where a file system writes copies, as btrfs and ZFS do). A file that is
-    damaged counts as stopped.
+    Its space is allocated on creation and overwritten in place, so that it can be written on
+    a full disk (except on file systems that write copies, as btrfs and ZFS). A damaged file
+    counts as stopped.
 
     Args:
-        path: the file; made with its folders if missing, not stopped then.
+        path: the file; if missing it is created with its folders, as not stopped.
 
     Attributes:
-        stopped_by: what the file says; None if the rover is not stopped.
+        stopped_by: content of the file; None if the rover is not stopped.
 
     Raises:
-        OSError: the file cannot be made, read or written, from every method.
+        OSError: the file cannot be created, read or written, from every method.
     """
 
     def __init__(self, path: Path) -> None:
@@ -44,19 +44,19 @@ class StopLatch:
         os.close(folder)
 
     def set(self, stopped_by: str) -> None:
-        """Write down that the rover is stopped; returns when that would survive loss of power.
+        """Store that the rover is stopped; returns once that would survive loss of power.
 
-        The first of several stops is kept: a flood of them does not wear out the disk.
+        The first of several stops is retained, so that a flood of them does not wear out the disk.
         """
         if self.stopped_by is None:
             self._write(stopped_by)
 
     def clear(self) -> None:
-        """Write down that it is stopped no more, once that is so in the ledger."""
+        """Store that it is no longer stopped, after the ledger has committed that."""
         self._write(None)
 
     def close(self) -> None:
-        """Close the file; nothing, if that was done."""
+        """Close the file; without effect if it is closed."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

@@ -209,7 +209,7 @@ def test_a_plan_is_taken_step_by_step(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("body", "reason", "said"),
     [
-        ('<moveForward distance="4" deadline_s="2"/>', Reason.PLAN_DEADLINE, "more than its 2 s"),
+        ('<moveForward distance="4" deadline_s="2"/>', Reason.PLAN_DEADLINE, "exceeds its limit of 2 s"),
         (
             '<Timeout msec="3000"><moveForward distance="4"/></Timeout>',
             Reason.PLAN_DEADLINE,

@@ -44,7 +44,7 @@ def refusals(bench: Bench) -> list[str]:
         (MOE_HOLDS, forward(1), "a command needs the authority: MOE holds it"),
         (MOE_HOLDS, forward(None), "a command needs the authority: MOE holds it"),
         (MOE_HOLDS, by(7, forward(1)), "the relay does not hold authority 7: MOE holds it"),
-        (RelayAuthority(True), forward(1), "a command needs the authority: it is free"),
+        (RelayAuthority(True), forward(1), "a command needs the authority: nobody holds it"),
         (ORBITER_HOLDS, by(6, forward(1)), "the relay does not hold authority 6: MOPS holds it"),
         (
             ORBITER_HOLDS,

@@ -201,7 +201,7 @@ def test_a_stop_acts_though_its_fastest_or_its_durable_way_fails(
         broken.setattr(os if fails == "pwrite" else bench.rover, fails, fail)
         assert isinstance(bench.submit(Stop(), 2), Admitted)
     assert bench.rover.velocity == STANDING
-    told = [report.text for report in bench.heard.reports if "the stop is not stored" in report.text]
+    told = [report.text for report in bench.heard.reports if "stop is not stored" in report.text]
     assert len(told) == (fails == "pwrite")
     bench.submit(Resume(), 3)
     bench.execute(MoveForward(0.5), 4)
