@@ -199,7 +199,7 @@ class Authority:
         if command.link == RELAY_LINK:
             sender = self._settings.relay
             if self._holder == sender and given_by not in {None, source}:
-                return self._refusal(f"{source} is not {given_by}, which handed it over", HOW_TO_GET)
+                return self._refusal(f"{source} is not {given_by}, the grantor", HOW_TO_GET)
         if (self._holder, self._grant.epoch) == (sender, claimed):
             self._renew()
             return None

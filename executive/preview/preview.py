@@ -341,7 +341,7 @@ class PreviewRun:
         return replace(refusal, text=f"{self._step.place.path}: {refusal.text}")
 
     def _late(self, path: str, took_s: float, limit_s: float) -> Refusal:
-        text = f"{path}: duration {took_s:.2f} s exceeds its limit of {limit_s:g} s"
+        text = f"{path}: duration {took_s:.2f} s exceeds {limit_s:g} s"
         figures = (Figure("duration", took_s, "s"), Figure("bound", limit_s, "s"))
         return Refusal(Reason.PLAN_DEADLINE, text, figures)
 

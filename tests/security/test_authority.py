@@ -262,7 +262,7 @@ def test_the_relay_commands_by_the_authority_of_the_orbiter_alone(bench: Bench) 
     assert relayed.send(SetTravelSpeed(0.5), handed) is None
     other = Operator(bench, "MOE-2", link="relay").send(SetTravelSpeed(0.5), handed)
     assert other is not None
-    assert "MOE-2 is not MOE, which handed it over: MOPS holds it" in other.text
+    assert "MOE-2 is not MOE, the grantor: MOPS holds it" in other.text
     bench.crash()
     assert Operator(bench, "MOE-3", link="relay").send(SetTravelSpeed(0.5), handed) is not None
     assert relayed.send(Stop(), None) is None
