@@ -1,7 +1,7 @@
-"""Checks that refuse a motion or plan before the rover moves: path, certainty of the pose, battery.
+"""Checks that refuse a motion or plan before the rover moves: path, pose uncertainty, battery.
 
-They are run when a command arrives (the dispatcher), again when its motion begins (the tree), and
-by previews. The bounds of arguments are checked by `executive.commands.intake`.
+They run when a command arrives (the dispatcher), again when its motion begins (the tree), and
+in previews. The bounds of arguments are checked by `executive.commands.intake`.
 """
 
 from executive.checks.battery_check import SpeedLimits as SpeedLimits

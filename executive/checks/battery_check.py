@@ -1,8 +1,8 @@
-"""Whether the battery can bring the rover back: before a motion or plan is accepted, and begun.
+"""Checks before acceptance and start of a motion or plan that the battery suffices for the return.
 
-What a motion takes is reckoned from its turns and lines, each from rest to rest, which takes next
-to no time; a preview would take longer than a command may wait. Nothing is refused where the asset
-does not say what its battery holds, or the battery does not tell its charge.
+The energy of a motion is estimated from its turns and lines, each from rest to rest, which takes
+negligible time; a preview would delay the command too long. Without battery figures in the
+settings, or without a charge in the battery state, nothing is refused.
 """
 
 from collections.abc import Iterable, Iterator
@@ -31,19 +31,19 @@ from executive.values.geometry import Pose
 from executive.values.reasons import Figure, Reason, Refusal
 
 DETOUR: Final = 1.5
-"""What motion on the way home may take, of what the straight way home takes."""
+"""Ratio of the permitted energy of a return motion to the direct path home; chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimits:
-    """The greatest speeds that are set."""
+    """The maximum speeds that are set."""
 
     travel_mps: float
     rotate_radps: float
 
 
 class _EnergyEstimator:
-    """Adds up what motions take from a pose on, by the settings' figures."""
+    """Sums the energy of motions from a start pose, by the settings' figures."""
 
     def __init__(self, pose: Pose, speeds: SpeedLimits, settings: Settings, zones: Zones) -> None:
         self.pose = pose
@@ -53,7 +53,7 @@ class _EnergyEstimator:
         self._zones = zones
 
     def add(self, request: Motion) -> None:
-        """Go on with a motion."""
+        """Add a motion."""
         limits, speeds = self._settings.drive, self.speeds
         travel = Bounds(speeds.travel_mps, limits.travel_acceleration_mps2)
         rotate = Bounds(speeds.rotate_radps, limits.rotate_acceleration_radps2)
@@ -76,7 +76,7 @@ class _EnergyEstimator:
 def reckoned_j(
     request: Motion, pose: Pose, speeds: SpeedLimits, settings: Settings, zones: Zones
 ) -> float:
-    """Return what a motion takes from a pose; 0 where the settings do not say."""
+    """Return the energy of a motion from a pose in joules; 0 without figures in the settings."""
     reckoning = _EnergyEstimator(pose, speeds, settings, zones)
     reckoning.add(request)
     return reckoning.energy_j
@@ -85,17 +85,17 @@ def reckoned_j(
 def check_battery(
     what: Motion | PlanNode, pose: Pose, status: Status, settings: Settings
 ) -> Refusal | None:
-    """Return why the battery cannot bring the rover back from a motion or a plan, or None.
+    """Return a refusal if the battery lacks energy for a motion or plan and the return, or None.
 
-    What ends no farther from home than it begins, and leads there with half as much again as the
-    straight way takes at most, is not refused: it is the way home. A plan is reckoned without ways
-    around obstacles.
+    A motion that ends no farther from home than it begins is a return. It is not refused if, with
+    the rest of the return, it needs at most 1.5 times the energy of the direct path home. A plan
+    is estimated without detours.
 
     Args:
-        what: what is asked for.
-        pose: where it begins.
-        status: knows the charge, the speeds that are set, and what to keep away from.
-        settings: know what motion takes, and what the battery may give.
+        what: the motion or plan.
+        pose: start pose.
+        status: provides the charge, the speed limits and the obstacles.
+        settings: provide the energy figures and the battery's reserve.
     """
     battery, told = settings.battery, status.battery
     if battery is None or told is None or told.charge_ratio is None:
@@ -116,7 +116,7 @@ def check_battery(
     home, end = battery.home, reckoning.pose.point
     to_home = MoveTo(Waypoint(home.x_m, home.y_m))
     back_j = reckoned_j(to_home, reckoning.pose, speeds, settings, zones)
-    if status.uncertainty:  # home may be as much farther away
+    if status.uncertainty:  # home may be farther away by that much
         farther = MoveForward(status.uncertainty.position_at_m(end.distance_m(home)))
         back_j += reckoned_j(farther, Pose(), speeds, settings, Zones())
     needed_j = reckoning.energy_j + back_j
@@ -128,8 +128,8 @@ def check_battery(
     reserve_j = battery.reserve_ratio * battery.capacity_j
     return Refusal(
         Reason.BATTERY_SHORT,
-        f"it takes {reckoning.energy_j:.0f} J and the way back home {back_j:.0f} J, but the battery"
-        f" has {left_j:.0f} J above its reserve of {battery.reserve_ratio:.0%}",
+        f"battery too low: motion {reckoning.energy_j:.0f} J + return {back_j:.0f} J, available"
+        f" {left_j:.0f} J above the {battery.reserve_ratio:.0%} reserve",
         (
             Figure("needed", needed_j, "J"),
             Figure("way back", back_j, "J"),
@@ -140,7 +140,7 @@ def check_battery(
 
 
 def _motions(requests: Iterable[object], reckoning: _EnergyEstimator) -> Iterator[Motion]:
-    """Yield the motions among requests; speeds that are set among them hold from there on."""
+    """Yield the motions among requests, and apply the speeds that requests between them set."""
     for request in requests:
         match request:
             case SetTravelSpeed(speed_mps):

@@ -1,9 +1,9 @@
-"""Whether a motion leads too near to a zone or a known rock: before it is accepted, and begun.
+"""Checks, before acceptance and start of a motion, its clearance to zones and known rocks.
 
-To a single place a way around them is looked for. What the rover sees itself is gone around on the
-way to places, and left to the monitors in other motions. What is checked is where base_link is to
-go: straight lines of drives, arcs of velocities held. Turns on the spot are covered by the disc in
-which the footprint turns.
+For a single target a detour is searched. Scanned obstacles are avoided by detours to targets, and
+left to the monitors in other motions. The check covers the path of base_link: straight lines of
+drives, arcs of held velocities. Turns on the spot are covered by the disc in which the footprint
+turns.
 """
 
 from collections.abc import Iterable, Sequence
@@ -33,25 +33,25 @@ from executive.values.geometry import Point, Pose, arc
 from executive.values.reasons import Figure, Reason, Refusal
 
 ROOM_M: Final = 0.02
-"""What a way around leaves beside the margin, for how exactly its places are reached."""
+"""Extra clearance of a detour beyond the margin, for the accuracy of its corners; chosen."""
 LOOK_M: Final = 2.0
-"""So far ahead of a rover under way something that comes into view is heeded."""
+"""Lookahead distance within which a scanned obstacle stops a motion; chosen, not measured."""
 
 
 def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refusal | None:
-    """Return why the rover may not follow straight lines, or None."""
+    """Return a refusal if a path of line segments violates the clearance, or None."""
     if not zones.any or settings.footprint is None:
         return None
     met = zones.encounter(path, settings.footprint.radius_m, zones.margin_m)
     if met is None:
         return None
-    gap = "meet it" if met.gap_m <= 0 else f"pass it at {met.gap_m:.2f} m"
+    gap = "collision" if met.gap_m <= 0 else f"passing at {met.gap_m:.2f} m"
     uncertain_m = zones.margin_m - settings.zones.margin_m
-    because = f", {uncertain_m:.2f} m of it for the uncertainty of the position"
+    because = f" ({uncertain_m:.2f} m of it for the position uncertainty)"
     return Refusal(
         Reason.PATH_BLOCKED,
-        f"{met.obstacle.title} is in the way: the rover can go {met.way_m:.2f} m until it is nearer"
-        f" than {zones.margin_m:g} m{because if uncertain_m > 0.0 else ''}, and would {gap}",
+        f"path blocked by {met.obstacle.title}: after {met.way_m:.2f} m the clearance falls below"
+        f" {zones.margin_m:g} m{because if uncertain_m > 0.0 else ''}, {gap}",
         (
             Figure("way", met.way_m, "m"),
             Figure("gap", met.gap_m, "m"),
@@ -63,14 +63,14 @@ def check_path(path: Sequence[Point], settings: Settings, zones: Zones) -> Refus
 
 
 def _place_of(obstacle: Obstacle) -> tuple[Figure, ...]:
-    """Return where something is that has no name by which people would know."""
+    """Return the position figures of an obstacle without a name."""
     if not isinstance(obstacle, ScannedObstacle):
         return ()
     return Figure("obstacle x", obstacle.x_m, "m"), Figure("obstacle y", obstacle.y_m, "m")
 
 
 def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones) -> Refusal | None:
-    """Return why a motion that begins at a pose may not be carried out, or None."""
+    """Return a refusal if a motion from a start pose violates the clearance, or None."""
     if not zones.any:
         return None
     zones = heeded(settings, zones)
@@ -85,14 +85,14 @@ def check_request(request: Motion, pose: Pose, settings: Settings, zones: Zones)
 
 
 def heeded(settings: Settings, zones: Zones) -> Zones:
-    """Return what motions to places keep away from: what is seen, where they can go around."""
+    """Return the obstacles that a motion to a target avoids; scanned ones only if it can detour."""
     return zones if settings.locomotion is LocomotionKind.VELOCITY else zones.told
 
 
 def way_to(
     target: Waypoint, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Waypoint, ...] | Refusal:
-    """Return where to stand on the way to a place, as `way_around`, or why none leads there."""
+    """Return the corners of the detour to a target, as `way_around`, or a refusal without one."""
     way, law = way_around(target, pose, settings, zones), settings.turn_drive
     path = path_of(FollowPath((*way, target)).segments(pose, law.reverse), law)
     refusal = check_path(path, settings, zones)
@@ -102,7 +102,7 @@ def way_to(
 
 
 def _unreachable(waypoints: Sequence[Waypoint], settings: Settings, zones: Zones) -> Refusal | None:
-    """Return which waypoint lies too near to something seen, or None."""
+    """Return a refusal that names a waypoint too near to a scanned obstacle, or None."""
     needed_m = _needed_m(settings, zones)
     for each in waypoints:
         place = Point(each.x_m, each.y_m)
@@ -113,7 +113,7 @@ def _unreachable(waypoints: Sequence[Waypoint], settings: Settings, zones: Zones
                 near = "in" if gap_m <= 0 else f"{gap_m:.2f} m from"
                 return Refusal(
                     Reason.PATH_BLOCKED,
-                    f"at {at} the rover would stand {near} {seen.title}, nearer than"
+                    f"at {at} the rover would be {near} {seen.title}, nearer than"
                     f" {zones.margin_m:g} m",
                     (
                         Figure("gap", gap_m, "m"),
@@ -127,15 +127,15 @@ def _unreachable(waypoints: Sequence[Waypoint], settings: Settings, zones: Zones
 def seen_ahead(
     place: Point, end: Point, settings: Settings, zones: Zones
 ) -> ClearanceViolation | None:
-    """Return what is seen across the straight line of a drive that is under way, or None.
+    """Return the scanned obstacle that blocks the rest of a straight drive, or None.
 
-    Half of the margin is left to what comes out while it is driven.
+    Half of the margin is left for detections that appear during the drive.
 
     Args:
-        place: where base_link is.
-        end: where it is to stand.
-        settings: the asset.
-        zones: with what is seen.
+        place: position of base_link.
+        end: its target.
+        settings: settings of the asset.
+        zones: obstacles, including scanned ones.
     """
     seen = zones.seen
     if not seen or settings.footprint is None:
@@ -147,9 +147,9 @@ def seen_ahead(
 def way_around(
     target: Waypoint, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Waypoint, ...]:
-    """Return where to stand on the way to a place, so that no line leads too near to anything.
+    """Return the corners of a detour on which every line to a target keeps the clearance.
 
-    Nowhere if the straight line is free. If no way is found, what leads nearest to the place.
+    Empty if the straight line is free. Without a complete detour, the one that ends nearest to it.
     """
     if not zones.any:
         return ()
@@ -166,12 +166,12 @@ def way_around(
 def _search(
     target: Waypoint, pose: Pose, law: TurnDriveSettings, least_m: float, zones: Zones
 ) -> Detour:
-    """Return a way that keeps so far away; kept, since a command has several ask for the same."""
+    """Plan a detour with this clearance. Cached: one command requests it several times."""
     place = Point(target.x_m, target.y_m)
     if _too_near(place, least_m, zones) is not None:
         return Detour((), complete=False)
     needed_m = least_m + ROOM_M
-    turning_m = abs(law.control_point_m)  # by which turns move base_link
+    turning_m = abs(law.control_point_m)  # turns move base_link by this much
 
     leaves = _too_near(pose.point, least_m, zones) is not None
 
@@ -198,7 +198,7 @@ def _needed_m(settings: Settings, zones: Zones) -> float:
 
 
 def _too_near(place: Point, needed_m: float, zones: Zones) -> str | None:
-    """Return what a place is too near to, or None."""
+    """Return the title of an obstacle nearer to a place than needed, or None."""
     near = (each for each in zones if each.clearance_m(place, place) < needed_m)
     return next((each.title for each in near), None)
 
@@ -206,13 +206,13 @@ def _too_near(place: Point, needed_m: float, zones: Zones) -> str | None:
 def _why_no_way(target: Waypoint, settings: Settings, zones: Zones) -> str:
     place = Point(target.x_m, target.y_m)
     near = _too_near(place, _needed_m(settings, zones), zones)
-    return "no way around is found" if near is None else f"the place itself is too near to {near}"
+    return "no detour found" if near is None else f"target too near to {near}"
 
 
 def detoured_segments(
     request: Motion, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Segment, ...]:
-    """Return the segments of a motion from a pose, on a way around obstacles if it has one."""
+    """Return the segments of a motion from a pose, including its detour if it has one."""
     if isinstance(request, MoveTo):
         way = way_around(request.target, pose, settings, heeded(settings, zones))
         request = FollowPath((*way, request.target))
@@ -222,7 +222,7 @@ def detoured_segments(
 def expected_pose(
     goals: Iterable[Goal], pose: Pose, clock: Clock, settings: Settings, zones: Zones
 ) -> Pose:
-    """Return where goals of motion, the first of them under way perhaps, lead from a pose."""
+    """Return the end pose of motion goals in sequence; the first may be active."""
     for goal in goals:
         request = goal.command.request
         assert isinstance(request, Motion)
@@ -232,7 +232,7 @@ def expected_pose(
 
 
 def _left_of(segment: Segment, goal: Goal, clock: Clock, settings: Settings) -> Segment:
-    """Return what is left of a segment that may be under way; its start is where the rover is."""
+    """Return the remainder of a segment that may be active; its start is the rover's pose."""
     leg, end = goal.leg, segment.end
     match segment:
         case Line(reference=Reference.START) if leg.target is not None:
@@ -249,7 +249,7 @@ def _left_of(segment: Segment, goal: Goal, clock: Clock, settings: Settings) -> 
 
 
 def path_of(segments: Sequence[Segment], law: TurnDriveSettings) -> list[Point]:
-    """Return between which places base_link goes straight on, turned about the control point."""
+    """Return the corners of base_link's path, with turns about the control point."""
     path = [segments[0].start.point]
     for segment in segments:
         match segment:

@@ -1,7 +1,7 @@
-"""Whether the pose is certain enough for a motion to an absolute target.
+"""Checks whether the pose is certain enough for a motion to an absolute target.
 
-EXECUTED promises 15 cm and 5 % of the distance to the target, and 0.1 rad of its heading. What the
-motion itself may be off by, the tolerances of its settings, comes on top of the uncertainty.
+EXECUTED guarantees 15 cm plus 5 % of the distance to the target, and 0.1 rad of its heading. The
+motion's own deviation, the tolerances of its settings, adds to the uncertainty.
 """
 
 from executive.commands import Line, Motion, Reference, Request
@@ -14,15 +14,15 @@ from executive.values.reasons import Figure, Reason, Refusal
 def check_pose(
     request: Request, start: Pose, uncertainty: Uncertainty, settings: Settings
 ) -> Refusal | None:
-    """Return that the pose is too uncertain for a motion to absolute targets, or None.
+    """Return a refusal if the pose is too uncertain for absolute targets of a motion, or None.
 
-    Relative motions are never refused: they say from where they ran.
+    Relative motions are never refused: they report their start pose.
 
     Args:
-        request: any; what is no such motion is not refused.
-        start: where it begins.
-        uncertainty: of the pose.
-        settings: have the tolerances of motions.
+        request: any request; only motions to absolute targets are refused.
+        start: start pose.
+        uncertainty: uncertainty of the pose.
+        settings: provide the tolerances of motions.
     """
     if not isinstance(request, Motion):
         return None
@@ -42,13 +42,13 @@ def check_pose(
 def check_target(
     distance_m: float, position_m: float, uncertainty: Uncertainty, settings: Settings
 ) -> Refusal | None:
-    """Return that a target cannot be reached, or was not, as exactly as EXECUTED promises, or None.
+    """Return a refusal if a target cannot be, or was not, reached as EXECUTED guarantees, or None.
 
     Args:
-        distance_m: from where the rover starts, or started, to the target.
-        position_m: how uncertain the position is there.
-        uncertainty: of the pose now.
-        settings: have the tolerances of motions.
+        distance_m: distance from the start of the motion to the target.
+        position_m: position uncertainty at the target.
+        uncertainty: uncertainty of the present pose.
+        settings: provide the tolerances of motions.
     """
     law = settings.turn_drive
     bound_rad = PROMISED_RAD - law.heading_tolerance_rad

@@ -1,4 +1,4 @@
-"""Plans: behaviour trees that mission control sends, and what becomes of them."""
+"""Plans: behaviour trees that mission control sends, their execution and results."""
 
 from executive.plans.builder import check_plan as check_plan
 from executive.plans.builder import most_commands as most_commands

@@ -1,4 +1,4 @@
-"""Checks a plan as a whole and builds its nodes: subtrees in their places, attributes in bounds."""
+"""Validates a whole plan and builds its nodes: expands subtrees, checks attributes."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
@@ -60,13 +60,13 @@ LONGEST_S: Final = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class _BuildContext:
-    """Where a node is to be built.
+    """Context in which a node is built.
 
     Attributes:
-        place: its own, or that of the node above.
-        given: the values of `{names}` there.
-        trees: those that it is built in, from the outermost.
-        limited: whether a Timeout stands above.
+        place: location of the node, or of its parent.
+        given: the values of `{names}` in its tree.
+        trees: the enclosing trees, outermost first.
+        limited: whether a Timeout is above it.
     """
 
     place: NodeLocation
@@ -77,11 +77,11 @@ class _BuildContext:
 
     @property
     def attributes(self) -> Attributes:
-        """The attributes of the element, as seen from here."""
+        """The attributes of the element, resolved in this context."""
         return Attributes(self.element, self.given)
 
     def bad(self, text: str) -> PlanError:
-        """Return the error that the element does not fit here."""
+        """Return an error on the plan's structure at this element."""
         return PlanError(Reason.PLAN_STRUCTURE, self.place.line, text)
 
 
@@ -89,8 +89,8 @@ class PlanBuilder:
     """Builds the nodes of one plan.
 
     Args:
-        trees: elements `BehaviorTree` by their ID.
-        defaults: of the ports of each `SubTree`, by its ID.
+        trees: the `BehaviorTree` elements by ID.
+        defaults: port defaults of each `SubTree`, by ID.
         root: name of the root of all paths.
     """
 
@@ -103,7 +103,7 @@ class PlanBuilder:
         self._count = 0
 
     def build(self, tree: str, given: Mapping[str, str]) -> PlanNode:
-        """Return the root node of the tree of an ID, given the plan's arguments.
+        """Return the root node of a tree by its ID, with the plan's arguments.
 
         Raises:
             PlanError: it is not valid.
@@ -154,7 +154,7 @@ class PlanBuilder:
     def _control(self, kind: str, site: _BuildContext) -> PlanNode:
         place, attributes = site.place, site.attributes
         if not site.element.children:
-            raise site.bad(f"{kind} needs a child at least")
+            raise site.bad(f"{kind} needs at least 1 child")
         attributes.only({"success_count", "failure_count"} if kind == "Parallel" else set())
         children = self._children(site, site.element.children)
         if kind == "Parallel":
@@ -216,7 +216,7 @@ def _step(leaf: CommandDeclaration, site: _BuildContext) -> PlanStep:
 def _times(attributes: Attributes, name: str) -> int:
     times = attributes.count(name)
     if times is None:
-        raise attributes.fault(f"{name} is needed")
+        raise attributes.fault(f"{name} is required")
     if not 1 <= times <= MOST_TIMES:
         raise attributes.fault(f"{name} {times}: 1 to {MOST_TIMES}, so that every plan ends")
     return times
@@ -225,14 +225,14 @@ def _times(attributes: Attributes, name: str) -> int:
 def _limit_s(attributes: Attributes) -> float:
     msec = attributes.count("msec")
     if msec is None:
-        raise attributes.fault("msec is needed")
+        raise attributes.fault("msec is required")
     if not 0 < msec <= LONGEST_S * 1000:
         raise attributes.fault(f"msec {msec}: above 0, {LONGEST_S * 1000:.0f} at most")
     return msec / 1000
 
 
 def _threshold(attributes: Attributes, name: str, default: int, children: int) -> int:
-    """Return how many children are meant; -1 stands for all, -2 for all but one."""
+    """Return the threshold as a number of children; -1 stands for all, -2 for all but one."""
     given = attributes.count(name)
     asked = default if given is None else given
     meant = asked if asked >= 0 else children + 1 + asked
@@ -242,14 +242,14 @@ def _threshold(attributes: Attributes, name: str, default: int, children: int) -
 
 
 MOST_COMMANDS = 10_000
-"""Commands of a plan, if all of its loops run as often as they may."""
+"""Maximum number of commands of a plan, if all its loops run to their limit; chosen."""
 
 
 def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Refusal:
-    """Return the plan ready to run, or why it is not valid.
+    """Return the root node of a valid plan, or a refusal.
 
-    Arguments are checked against the asset's bounds, except where that depends on where the rover
-    stands: such a check follows when the command is due.
+    Arguments are checked against the asset's bounds, except bounds that depend on the rover's
+    position: they are checked when the command is due.
     """
     try:
         return _check(definition, settings)
@@ -260,11 +260,11 @@ def check_plan(definition: PlanDefinition, settings: Settings) -> PlanNode | Ref
 def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
     if not is_plan_id(definition.plan_id):
         raise PlanError(
-            Reason.BAD_IDENTITY, None, "a plan's id has 1 to 64 letters, digits or any of _ . -"
+            Reason.BAD_IDENTITY, None, "a plan id has 1 to 64 letters, digits or any of _ . -"
         )
     if definition.format != FORMAT:
         raise PlanError(
-            Reason.PLAN_FORMAT, None, f"format {definition.format[:40]!r}: {FORMAT} is read here"
+            Reason.PLAN_FORMAT, None, f"unknown format {definition.format[:40]!r}: use {FORMAT}"
         )
     root = read_xml(definition.content)
     trees = _trees(root)
@@ -276,7 +276,7 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
         _main(root, trees), {argument.name: argument.text for argument in definition.arguments}
     )
     if not steps(plan):
-        raise PlanError(Reason.PLAN_STRUCTURE, plan.place.line, "the plan commands nothing")
+        raise PlanError(Reason.PLAN_STRUCTURE, plan.place.line, "the plan has no command")
     if most_commands(plan) > MOST_COMMANDS:
         raise PlanError(
             Reason.PLAN_TOO_LARGE,
@@ -292,7 +292,7 @@ def _check(definition: PlanDefinition, settings: Settings) -> PlanNode:
 
 
 def most_commands(node: PlanNode) -> int:
-    """Return how many commands a node gives at most."""
+    """Return the maximum number of commands of a node."""
     if isinstance(node, PlanStep):
         return 1
     times = node.times if isinstance(node, LoopNode) else 1
@@ -328,7 +328,7 @@ def _trees(root: Element) -> dict[str, Element]:
 
 
 def _defaults(root: Element) -> dict[str, dict[str, str]]:
-    """Return the defaults of the ports of each `SubTree`, as a `TreeNodesModel` has them."""
+    """Return the port defaults of each `SubTree` from the `TreeNodesModel`."""
     return {
         model.attributes.get("ID", ""): {
             port.attributes["name"]: port.attributes["default"]
@@ -343,12 +343,12 @@ def _defaults(root: Element) -> dict[str, dict[str, str]]:
 
 
 def _used(arguments: Iterable[PlanArgument], trees: Iterable[Element]) -> None:
-    """Check that every argument is read somewhere; one that is not is a misspelling."""
+    """Raise PlanError for an argument that no node reads, probably misspelt."""
     read_there = {name for tree in trees for name in _names_in(tree)}
     for argument in arguments:
         name = argument.name
         if name not in read_there:
-            text = f"nothing in the plan reads the argument {quote(name)}"
+            text = f"no node reads the argument {quote(name)}"
             near = suggest(name, sorted(read_there))
             raise PlanError(Reason.PLAN_BAD_ARGUMENT, None, text + near)
 
@@ -361,14 +361,14 @@ def _names_in(element: Element) -> Iterator[str]:
 
 
 def _main(root: Element, trees: dict[str, Element]) -> str:
-    """Return the ID of the tree to run: the one that no `SubTree` names, unless it is said."""
+    """Return the ID of the main tree: as declared, or the only one that no `SubTree` names."""
     name = root.attributes.get("main_tree_to_execute")
     if name is None:
         below = [element for tree in trees.values() for element in tree.elements()]
         named = {element.attributes["ID"] for element in below if element.tag == SUBTREE}
         first = [each for each in trees if each not in named] or list(trees)
         if len(first) != 1:
-            text = "main_tree_to_execute must say which tree to run"
+            text = "main_tree_to_execute must name the tree to run"
             raise root.fault(Reason.PLAN_STRUCTURE, text)
         return first[0]
     if name not in trees:
@@ -377,7 +377,7 @@ def _main(root: Element, trees: dict[str, Element]) -> str:
 
 
 def _from(request: Request) -> Point:
-    """Return a place from which the distance to the target is zero."""
+    """Return a position at zero distance from the target."""
     match request:
         case MoveTo(Waypoint(x_m, y_m)) | FollowPath((Waypoint(x_m, y_m), *_)):
             return Point(x_m, y_m)

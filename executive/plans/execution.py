@@ -1,21 +1,20 @@
-"""The steps of the plan that executes: its commands and its journal.
+"""Execution of a plan's steps: its commands and its journal.
 
-The tree asks for every step each time it comes to it; what the journal knows is answered at once,
-so that a tree that is built again comes by itself to where the plan was. Only the other steps are
-commanded.
+The tree polls every step each time it reaches it. Steps known to the journal are answered
+immediately, so that a rebuilt tree reaches the state of the plan by itself. Only the other steps
+are commanded.
 
 - A step has a key: the number of its node, and the cycles of the loops around it. Each key is
   commanded at most once.
 - The journal holds the number of a step's command, written in the commit in which the command is
   RECEIVED. The outcome is the command's own stage, so the two never disagree.
-- Branches that the plan left behind (the rest of a decided `Parallel`, nodes below a `Timeout` that
-  ran out) are in the journal, too: on replay they stay RUNNING without a command until the same
-  node decides again.
-- Suspending drops the steps under way from the journal and ends their commands; they are commanded
+- Abandoned branches (the rest of a decided `Parallel`, nodes below an expired `Timeout`) are in the
+  journal, too: on replay they stay RUNNING without a command until the same node decides again.
+- Suspending removes the active steps from the journal and ends their commands; they are commanded
   again.
 
 A plan's tree is ticked before the rover's, and its commands start after the commit. A command that
-the tree asks for and drops within one tick is never given.
+the tree requests and drops within one tick is never submitted.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +31,7 @@ from executive.values.reports import Identity, PlanUpdate, Stage
 
 
 class StepStatus(Enum):
-    """How a plan, or a step of it, goes."""
+    """Status of a plan, or of a step of it."""
 
     RUNNING = "running"
     SUCCESS = "success"
@@ -51,13 +50,13 @@ class PlanTree(Protocol):
 
 
 class PlanHost(Protocol):
-    """Where the tree of a plan is attached: the behaviour tree of the rover."""
+    """Host of a plan's tree: the behaviour tree of the rover."""
 
     def attach(self, plan: PlanNode, execution: "PlanExecution") -> PlanTree:
-        """Build the tree of a plan, in the place of any other, and return it."""
+        """Build the tree of a plan, replacing any other, and return it."""
 
     def detach(self) -> None:
-        """Drop the plan's tree."""
+        """Remove the plan's tree."""
 
 
 def step_key(place: NodeLocation, cycles: Sequence[int]) -> str:
@@ -66,12 +65,12 @@ def step_key(place: NodeLocation, cycles: Sequence[int]) -> str:
 
 
 class RunningPlan:
-    """One plan.
+    """A plan and its progress.
 
     Attributes:
         state: its status.
-        node, done: how far it has come; see `PlanUpdate`.
-        last: the update that was last sent of it.
+        node, done: its progress; see `PlanUpdate`.
+        last: the last update sent.
     """
 
     def __init__(self, last: PlanUpdate) -> None:
@@ -83,9 +82,9 @@ class RunningPlan:
 
 
 MOST_COMMANDS_A_TICK: Final = 8
-"""Of a plan: the core has other work, and a stop that comes would wait for all of them."""
+"""Maximum commands of a plan in one tick: a stop that arrives waits for all of them; chosen."""
 MOST_POLLS_A_TICK: Final = 500
-"""Steps asked for, beyond which loops go on in the next tick."""
+"""Number of polled steps after which loops continue in the next tick; chosen, not measured."""
 
 Cancel = Callable[[CommandLifecycle, Refusal], None]
 
@@ -100,12 +99,12 @@ class PlanExecution:
     """The steps of one plan. A key names a step and the cycles of the loops around it.
 
     Args:
-        plan: whose journal is gone on with, and in which is noted how far it comes.
+        plan: the plan whose journal is continued, and whose progress is updated.
         root: its root node.
-        cancel: ends a command that has not ended.
+        cancel: cancels a command that has not ended.
 
     Attributes:
-        why: what is said of the step that failed last.
+        why: description of the last failed step.
     """
 
     def __init__(
@@ -132,15 +131,15 @@ class PlanExecution:
 
     @property
     def exhausted(self) -> bool:
-        """Whether loops have to wait for the next tick."""
+        """Whether loops must wait for the next tick."""
         return self._polls >= MOST_POLLS_A_TICK
 
     def begin_tick(self) -> None:
-        """Begin to count what this tick asks for."""
+        """Reset the count of polled steps for this tick."""
         self._polls = 0
 
     def poll(self, key: str, step: PlanStep) -> StepStatus:
-        """Return how a step goes; ask for its command, if that was not done."""
+        """Return the status of a step; request its command on the first poll."""
         self._polls += 1
         if key in self._known:
             return _ANSWER[self._known[key]]
@@ -159,30 +158,30 @@ class PlanExecution:
         return _ANSWER[outcome]
 
     def command_of(self, key: str) -> Identity | None:
-        """Return the command that a step asked for last; None if it has asked for none."""
+        """Return the last command of a step; None before its first."""
         return self._commands.get(key)
 
     def take_wanted(self) -> Sequence[tuple[str, PlanStep]]:
-        """Return the steps to be commanded in this tick, in the order in which the tree asked."""
+        """Remove and return the steps to command in this tick, in the tree's order."""
         wanted = list(islice(self._wanted.items(), MOST_COMMANDS_A_TICK))
         for key, _ in wanted:
             del self._wanted[key]
         return wanted
 
     def began(self, key: str, step: PlanStep, life: CommandLifecycle) -> None:
-        """Take the life of a step's command, whatever it has come to."""
+        """Record the life cycle of a step's command, in any stage."""
         self._lives[key] = life
         self._note_command(key, life.command.identity)
         self.plan.node = step.place.path
 
     def refused(self, key: str, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
-        """Let a step fail whose command was refused."""
+        """Fail a step whose command was rejected."""
         self._note_command(key, identity)
         self._note(key, step, StepOutcome.FAILURE)
         self.why = f"{step.place.path}: REJECTED ({refusal.text})"
 
     def overdue(self, key: str, step: PlanStep, allowed_s: float) -> StepStatus:
-        """Let a step fail that took longer than its deadline allows."""
+        """Fail a step that exceeded its deadline."""
         if key in self._lives:
             text = f"{step.place.path}: not done within {allowed_s:g} s"
             figures = (Figure("bound", allowed_s, "s"),)
@@ -190,7 +189,7 @@ class PlanExecution:
         return self.poll(key, step)
 
     def halt(self, key: str) -> None:
-        """Go on without a step that is not done."""
+        """Abandon a step that has not ended."""
         self._wanted.pop(key, None)
         if key in self._known:
             return
@@ -200,16 +199,16 @@ class PlanExecution:
         self._settle(key, StepOutcome.HALTED)
 
     def timed_out(self, key: str) -> bool:
-        """Whether a time limit is known to have ended its child."""
+        """Whether the journal records that this time limit expired."""
         return key in self._known
 
     def time_out(self, key: str, limit: TimeoutNode) -> None:
-        """Remember that a time limit ends its child."""
+        """Record that a time limit expired."""
         self.why = f"{limit.place.path}: not done within {limit.duration_s:g} s"
         self._settle(key, StepOutcome.FAILURE)
 
     def cancel_under_way(self, refusal: Refusal) -> None:
-        """End every command under way; what has ended by now stays in the journal."""
+        """Cancel every active command; steps that have ended stay in the journal."""
         self._wanted.clear()
         self._store.forget_unfinished_steps(self.plan.plan_id)
         for life in self._lives.values():

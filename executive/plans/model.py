@@ -1,4 +1,4 @@
-"""A plan that was read and checked: nodes with values; and the leaves that a plan may have."""
+"""Model of a validated plan: nodes with values; and the leaves that a plan may have."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import Final, assert_never
 from executive.commands import Argument, Family, Request, Waypoint, declared
 
 DEADLINE: Final = "deadline_s"
-"""The attribute of a leaf that limits its time; needed unless a Timeout stands above."""
+"""The attribute that sets a leaf's deadline; required unless a Timeout is above it."""
 
 _STEERING: Final = {
     Family.PLAN,
@@ -17,7 +17,7 @@ _STEERING: Final = {
     Family.RESUME,
     Family.CONFIRMATION,
 }
-"""Commands that a plan does not give: a pose is confirmed by an operator who has checked it."""
+"""Commands that a plan may not give; only an operator who has checked the pose confirms it."""
 
 LEAVES: Final = {
     declaration.name: declaration
@@ -28,7 +28,7 @@ LEAVES: Final = {
 
 
 def help_of(argument: Argument) -> str:
-    """Return what an attribute of a leaf holds, for people."""
+    """Return the human-readable description of a leaf's attribute."""
     if argument.kind is Waypoint:
         return "x,y or x,y,heading (m, rad) joined by ;"
     return argument.meaning
@@ -36,12 +36,12 @@ def help_of(argument: Argument) -> str:
 
 @dataclass(frozen=True, slots=True)
 class NodeLocation:
-    """Where a node stands.
+    """Location of a node in its plan.
 
     Attributes:
         number: counts the nodes from 0, parents before children.
-        path: names from the root joined by slashes; no two nodes share one.
-        line: line of the text that it was read from.
+        path: unique path, names from the root joined by slashes.
+        line: line of the plan's text.
     """
 
     number: int
@@ -56,7 +56,7 @@ class NodeLocation:
 
 @dataclass(frozen=True, slots=True)
 class SequenceNode:
-    """Runs its children in their order, until one fails."""
+    """Runs its children in order, until one fails."""
 
     place: NodeLocation
     children: tuple["PlanNode", ...]
@@ -64,7 +64,7 @@ class SequenceNode:
 
 @dataclass(frozen=True, slots=True)
 class FallbackNode:
-    """Runs its children in their order, until one succeeds."""
+    """Runs its children in order, until one succeeds."""
 
     place: NodeLocation
     children: tuple["PlanNode", ...]
@@ -72,7 +72,7 @@ class FallbackNode:
 
 @dataclass(frozen=True, slots=True)
 class ParallelNode:
-    """Runs its children at the same time, until enough have succeeded or failed."""
+    """Runs its children in parallel, until enough have succeeded or failed."""
 
     place: NodeLocation
     successes: int
@@ -82,7 +82,7 @@ class ParallelNode:
 
 @unique
 class RepeatOn(Enum):
-    """What makes a loop run its child once more."""
+    """Result after which a loop runs its child again."""
 
     SUCCESS = "repeat"
     FAILURE = "retry"
@@ -90,7 +90,7 @@ class RepeatOn(Enum):
 
 @dataclass(frozen=True, slots=True)
 class LoopNode:
-    """Runs its child up to `times`, as long as it ends so."""
+    """Runs its child up to `times`, while it ends with the result `repeat_on`."""
 
     place: NodeLocation
     repeat_on: RepeatOn
@@ -100,7 +100,7 @@ class LoopNode:
 
 @dataclass(frozen=True, slots=True)
 class TimeoutNode:
-    """Fails when its child has not ended within a time."""
+    """Fails if its child does not end within a time."""
 
     place: NodeLocation
     duration_s: float
@@ -120,7 +120,7 @@ class PlanStep:
     """A leaf: one command.
 
     Attributes:
-        deadline_s: seconds after which it fails; None where a `Timeout` stands above it.
+        deadline_s: seconds after which it fails; None if a `Timeout` above limits it.
     """
 
     place: NodeLocation
@@ -134,7 +134,7 @@ PlanNode = (
 
 
 def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
-    """Return the nodes right below a node."""
+    """Return the children of a node."""
     match node:
         case SequenceNode() | FallbackNode() | ParallelNode():
             return node.children
@@ -146,16 +146,16 @@ def children_of(node: PlanNode) -> tuple[PlanNode, ...]:
 
 @dataclass(frozen=True, slots=True)
 class TimeoutEnd:
-    """What a timeout limits is done."""
+    """End of the subtree that a timeout limits."""
 
     node: TimeoutNode
 
 
 def expected_course(node: PlanNode) -> Iterator[PlanStep | TimeoutNode | TimeoutEnd]:
-    """Yield the steps of a plan in their order, if each does what it should.
+    """Yield the steps of a plan in order, assuming that each succeeds.
 
-    Of a fallback the first child, of a retry one attempt. What a timeout limits stands between it
-    and its end.
+    Of a fallback the first child, of a retry one attempt. Steps that a timeout limits follow it and
+    precede its end.
     """
     match node:
         case PlanStep():

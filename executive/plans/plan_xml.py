@@ -1,6 +1,6 @@
-"""The text of a plan: bounded XML, the known nodes of BehaviorTree.CPP v4, and their attributes.
+"""XML of a plan: bounded size, known nodes of BehaviorTree.CPP v4, and their attributes.
 
-No document type, entity, include or other file is ever read.
+No document type, entity, include or other file is read.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -26,10 +26,10 @@ class PlanError(Exception):
     """A plan is not valid. `executive.plans.builder` turns it into a refusal.
 
     Args:
-        line: of the plan's text; None where the fault is of no line.
+        line: line of the plan's text; None if the error concerns no line.
 
     Attributes:
-        refusal: what mission control is told.
+        refusal: the refusal sent to mission control.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class PlanError(Exception):
 
 
 LARGEST_PLAN: Final = 256 * 1024
-"""Octets of the largest plan."""
+"""Maximum size of a plan in octets; chosen, not measured."""
 DEEPEST: Final = 64
 MOST_ELEMENTS: Final = 4000
 
@@ -57,13 +57,13 @@ class Element:
     children: list["Element"] = field(default_factory=list)
 
     def elements(self) -> Iterator["Element"]:
-        """Return this element and all below it, in the order of the text."""
+        """Return this element and all its descendants, in text order."""
         yield self
         for child in self.children:
             yield from child.elements()
 
     def fault(self, reason: Reason, text: str) -> PlanError:
-        """Return the error that something is wrong with this element."""
+        """Return an error that concerns this element."""
         return PlanError(reason, self.line, text)
 
 
@@ -71,8 +71,8 @@ def read_xml(content: bytes) -> Element:
     """Return the root element of a text.
 
     Raises:
-        PlanError: it is too large, not well-formed XML, has a document type, or has more
-            or deeper elements than a plan needs.
+        PlanError: it is too large, not well-formed XML, has a document type, or has too
+            many or too deep elements.
     """
     if len(content) > LARGEST_PLAN:
         raise PlanError(
@@ -80,13 +80,13 @@ def read_xml(content: bytes) -> Element:
         )
     try:
         return _Reader(ParserCreate(_encoding(content))).read(content)
-    except (ExpatError, LookupError, ValueError) as error:  # an encoding may be none of XML
+    except (ExpatError, LookupError, ValueError) as error:  # the encoding may be invalid in XML
         line, plain = getattr(error, "lineno", 1), str(error).partition(":")[0]
-        raise PlanError(Reason.PLAN_NOT_XML, line, f"no XML: {plain}") from error
+        raise PlanError(Reason.PLAN_NOT_XML, line, f"invalid XML: {plain}") from error
 
 
 def _encoding(content: bytes) -> str | None:
-    """Return UTF-8 for what is that, whatever it declares; None is what it declares."""
+    """Return UTF-8 if the content is valid UTF-8; None to use the declared encoding."""
     try:
         content.decode()
     except UnicodeDecodeError:
@@ -130,50 +130,48 @@ class _Reader:
 
 
 _LONGEST: Final = 40
-"""Characters of a wrong word that are looked at and told."""
+"""Maximum length in characters of an invalid word that is compared and quoted."""
 _MOST: Final = 200
-"""Words that a wrong one is held against: looking for more would keep a stop waiting."""
+"""Maximum number of candidates for a suggestion: more would delay a stop."""
 
 UNSUPPORTED_NODES: Final = {
     node: why
     for why, nodes in {
-        "a plan does not stop the rover: who does takes it from the plan": "stop",
-        "a plan does not resume the rover: after a stop mission control does": "resume",
-        "nodes that begin anew each time are not taken: use Sequence, Fallback, Timeout": (
+        "a plan cannot stop the rover: an external stop suspends the plan": "stop",
+        "a plan cannot resume the rover: mission control does, after a stop": "resume",
+        "reactive nodes are not supported: use Sequence, Fallback, Timeout": (
             "ReactiveSequence ReactiveFallback"
         ),
         "use Sequence, Fallback or Parallel": (
             "SequenceWithMemory SequenceStar AsyncSequence AsyncFallback ParallelAll"
         ),
-        "conditions are not taken: a leaf that fails makes a Fallback go on": (
+        "conditions are not supported: a leaf that fails makes a Fallback continue": (
             "IfThenElse WhileDoElse Switch2 Switch3 Condition Precondition"
         ),
-        "every plan ends: use Repeat or RetryUntilSuccessful": "KeepRunningUntilFailure",
-        "a result that nothing was done for is not taken: use Fallback or Inverter": (
+        "every plan must end: use Repeat or RetryUntilSuccessful": "KeepRunningUntilFailure",
+        "forced results are not supported: use Fallback or Inverter": (
             "ForceSuccess ForceFailure AlwaysSuccess AlwaysFailure"
         ),
-        "nothing waits alone: a leaf that takes long is limited by deadline_s or Timeout": (
-            "Delay Sleep"
-        ),
-        "scripts and a blackboard are not taken: give values by {name} and --arg": (
+        "waiting nodes are not supported: limit a leaf by deadline_s or Timeout": ("Delay Sleep"),
+        "scripts and a blackboard are not supported: give values by {name} and --arg": (
             "Script ScriptCondition SetBlackboard UnsetBlackboard"
         ),
     }.items()
     for node in nodes.split()
 }
-"""Nodes of other dialects that plans do not have, and what to use instead."""
+"""Unsupported nodes of BehaviorTree.CPP, and their replacements."""
 
 
 def quote(word: str) -> str:
-    """Return a wrong word as it may stand in a text."""
+    """Return an invalid word, quoted and truncated for a message."""
     return repr(word[:_LONGEST])
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """Return what to append to a text about a wrong word: what it is near, if anything."""
+    """Return a suffix for a message about an invalid word: the nearest known word, if any."""
     short = [each for each in islice(known, _MOST) if len(each) <= 2 * _LONGEST]
     near = get_close_matches(word[:_LONGEST], short, 1)
-    return f": {near[0]} perhaps" if near else ""
+    return f": did you mean {near[0]}?" if near else ""
 
 
 FORMAT: Final = "BTCPP4"
@@ -182,7 +180,7 @@ FORMAT: Final = "BTCPP4"
 CONTROLS: Final = frozenset({"Sequence", "Fallback", "Parallel"})
 DECORATORS: Final = frozenset({"RetryUntilSuccessful", "Repeat", "Timeout", "Inverter"})
 EXPLICIT: Final = frozenset({"Action", "Control", "Decorator"})
-"""Elements that name their node by the attribute ID; all others are named by their tag."""
+"""Elements that name their node in the attribute ID; all others name it by their tag."""
 
 SUBTREE: Final = "SubTree"
 AUTOREMAP: Final = "_autoremap"
@@ -190,22 +188,22 @@ _OWN: Final = frozenset({"ID", "name"})
 _SCRIPT: Final = pattern(
     r"_(skipIf|failureIf|successIf|while|onSuccess|onFailure|onHalted|post)", IGNORECASE
 )
-"""Conditions and scripts of BehaviorTree.CPP v4; what else begins so, editors note."""
+"""Conditions and scripts of BehaviorTree.CPP v4; other names with `_` are editor metadata."""
 
 _PLAN_ID: Final = pattern(r"[A-Za-z0-9_.-]{1,64}")
 LONGEST_NAME: Final = 80
 
 
 def is_plan_id(text: str) -> bool:
-    """Whether a text can name a plan."""
+    """Whether a text is a valid plan id."""
     return _PLAN_ID.fullmatch(text) is not None
 
 
 def known_kind(element: Element, trees: Collection[str], leaves: Collection[str]) -> str:
-    """Return which node an element means.
+    """Return the kind of node of an element.
 
     Raises:
-        PlanError: there is no such node, or tree, or no ID that should say which.
+        PlanError: the node or the tree is unknown, or a required ID is missing.
     """
     kind, named = element.tag, element.attributes.get("ID", "")
     if not named and (kind in EXPLICIT or kind == SUBTREE):
@@ -228,10 +226,10 @@ def known_kind(element: Element, trees: Collection[str], leaves: Collection[str]
 
 
 def name_of(element: Element, default: str) -> str:
-    """Return what a node is called.
+    """Return the name of a node.
 
     Raises:
-        PlanError: the name cannot stand in a path.
+        PlanError: the name is not valid in a path.
     """
     name = element.attributes.get("name", default)
     if not name or len(name) > LONGEST_NAME or "/" in name or not name.isprintable():
@@ -245,24 +243,24 @@ def name_of(element: Element, default: str) -> str:
 Value = float | int | str | Enum | tuple[Waypoint, ...]
 
 LONGEST_VALUE: Final = 16_384
-"""Characters of an attribute. An argument may stand in as many attributes as a plan has, so that
-without a bound one plan could hold the core, and with it a stop, for minutes."""
+"""Maximum length in characters of an attribute. All attributes of a plan may use an argument:
+without a bound one plan could block the core, and with it a stop, for minutes."""
 MOST_PLACES: Final = 200
-"""Of one leaf; the asset's own bound is lower."""
+"""Maximum number of waypoints of one leaf; the asset's own bound is lower."""
 
 _NUMBER: Final = pattern(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _COUNT: Final = pattern(r"[+-]?[0-9]{1,9}")
 
 
 class Attributes:
-    """The attributes of one element, seen from where it stands.
+    """The attributes of one element, resolved in its tree.
 
     Args:
-        given: the values of `{names}` there.
+        given: the values of `{names}` in the tree.
 
     Raises:
-        PlanError: from every method that reads, if an attribute does not fit, or stands for an
-            argument that was not given.
+        PlanError: from every method that reads, if an attribute is invalid, or refers to an
+            argument without a value.
     """
 
     def __init__(self, element: Element, given: Mapping[str, str]) -> None:
@@ -270,14 +268,14 @@ class Attributes:
         self._given = given
 
     def only(self, names: set[str]) -> None:
-        """Check that there is no attribute but these."""
+        """Raise PlanError if there is an attribute outside these names."""
         known = _OWN if self._element.tag in EXPLICIT else {"name"}
         for name in self._ports():
             if name not in known and name not in names:
                 raise self.fault(f"unknown attribute {quote(name)}{suggest(name, sorted(names))}")
 
     def text(self, name: str) -> str | None:
-        """Return the text of an attribute, or None if it is not there."""
+        """Return the text of an attribute, or None if it is missing."""
         text = self._element.attributes.get(name)
         if text is None:
             return None
@@ -297,11 +295,11 @@ class Attributes:
         if text is None:
             return None
         if not _COUNT.fullmatch(text.strip()):
-            raise self.fault(f"{name} {text[:40]!r} is no whole number")
+            raise self.fault(f"{name} {text[:40]!r} is not a whole number")
         return int(text)
 
     def value(self, argument: Argument) -> Value | None:
-        """Return what an argument of a leaf holds."""
+        """Return the value of a leaf's argument."""
         name = argument.name
         if argument.kind is float:
             return self.number(name)
@@ -315,9 +313,9 @@ class Attributes:
         return self._places(name, text)
 
     def passed_on(self, defaults: Mapping[str, str]) -> dict[str, str]:
-        """Return what a `SubTree` gives to its tree: its attributes, and all with `_autoremap`.
+        """Return the arguments that a `SubTree` forwards: its attributes; with `_autoremap`, all.
 
-        Without that, what is lacking is taken from the defaults of its model.
+        Without `_autoremap`, missing arguments are set to the defaults of its model.
         """
         all_of_them = self._element.attributes.get(AUTOREMAP, "false").lower() in {"true", "1"}
         own = {} if all_of_them else dict(defaults)
@@ -326,11 +324,11 @@ class Attributes:
         return {**(self._given if all_of_them else {}), **resolved}
 
     def fault(self, text: str) -> PlanError:
-        """Return the fault that something is wrong with these attributes."""
+        """Return an error that concerns these attributes."""
         return self._element.fault(Reason.PLAN_BAD_ARGUMENT, text)
 
     def _ports(self) -> list[str]:
-        """Return the names of the attributes, but what editors note (`_uid`, `_fullpath` …)."""
+        """Return the attribute names without editor metadata (`_uid`, `_fullpath` …)."""
         names = self._element.attributes.keys()
         for name in names:
             if _SCRIPT.fullmatch(name):
@@ -344,25 +342,25 @@ class Attributes:
         if wanted == "=":
             wanted = name
         if wanted not in self._given:
-            raise self.fault(f"{name}: nothing was given for {{{wanted[:40]}}}")
+            raise self.fault(f"{name}: no value given for {{{wanted[:40]}}}")
         return self._given[wanted]
 
     def _number(self, name: str, text: str) -> float:
         if not _NUMBER.fullmatch(text.strip()) or not isfinite(float(text)):
-            raise self.fault(f"{name} {text[:40]!r} is no number{_in_degrees(text)}")
+            raise self.fault(f"{name} {text[:40]!r} is not a number{_in_degrees(text)}")
         return float(text)
 
     def _choice(self, name: str, text: str, kind: type[Enum]) -> Enum:
         words = {str(choice.value): choice for choice in kind}
         if text.strip() not in words:
             near = suggest(text.strip(), words)
-            raise self.fault(f"{name} {quote(text)}: {' or '.join(words)} is needed{near}")
+            raise self.fault(f"{name} {quote(text)}: {' or '.join(words)} is required{near}")
         return words[text.strip()]
 
     def _places(self, name: str, text: str) -> tuple[Waypoint, ...]:
         parts = text.strip().strip(";").split(";")
         if len(parts) > MOST_PLACES:
-            raise self.fault(f"{name} are {len(parts)}: {MOST_PLACES} at most")
+            raise self.fault(f"{name}: {len(parts)} waypoints, {MOST_PLACES} at most")
         places = []
         for place in parts:
             match [self._number(name, part) for part in place.split(",")]:
@@ -376,8 +374,8 @@ class Attributes:
 
 
 def _in_degrees(text: str) -> str:
-    """Return what to say of a number in degrees, which plans do not know."""
+    """Return a hint for an angle in degrees, which plans do not support."""
     figure = text.strip().removesuffix("deg").removesuffix("°").strip()
     if figure == text.strip() or not _NUMBER.fullmatch(figure):
         return ""
-    return f": angles are in radians here, {radians(float(figure)):.4g}"
+    return f": angles are in radians, {radians(float(figure)):.4g}"

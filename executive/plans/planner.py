@@ -1,4 +1,4 @@
-"""What may be asked of plans, the life of each as one table of edges, and the one that executes."""
+"""The requests on plans, their life cycle as one table of edges, and the executing plan."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -45,10 +45,10 @@ from executive.values.reports import Identity, PlanStatus, PlanUpdate, Severity
 
 
 class ActivePlans:
-    """Set by the planner alone.
+    """The executing and suspended plans; written by the planner alone.
 
     Attributes:
-        executing: the plan that has the rover, if any.
+        executing: the plan that controls the rover, if any.
         suspended: the plans that wait to be resumed.
     """
 
@@ -58,7 +58,7 @@ class ActivePlans:
 
 
 class PlanEvent(Enum):
-    """What can happen to a plan."""
+    """Events of a plan's life cycle."""
 
     ACTIVATE = "activate"
     BEGIN = "begin"
@@ -85,14 +85,14 @@ PLAN_EDGES: Final = (
 )
 
 FINAL_STATUSES: Final = frozenset(final_states(PLAN_EDGES))
-"""Statuses that a plan does not leave."""
+"""Terminal statuses of a plan."""
 
 
 _MACHINE: Final = make_machine(PLAN_EDGES, "state")
 
 
 def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
-    """Return the statuses in which something can happen."""
+    """Return the statuses in which an event is permitted."""
     return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
 
 
@@ -100,17 +100,17 @@ _SEVERITY: Final = {PlanStatus.SUSPENDED: Severity.WARNING, PlanStatus.FAILED: S
 
 
 MOST_PLANS: Final = 100
-"""Plans that are kept at the same time."""
+"""Maximum number of stored plans; chosen, not measured."""
 
 _REMOVABLE: Final = FINAL_STATUSES | {PlanStatus.SUBMITTED}
 
 
 @dataclass(frozen=True, slots=True)
 class _ActiveRun:
-    """The plan that executes.
+    """The executing plan.
 
     Attributes:
-        journey: what becomes of it; None where it goes on after it was suspended.
+        journey: its motion statistics; None after a suspension.
     """
 
     execution: PlanExecution
@@ -119,23 +119,23 @@ class _ActiveRun:
 
     @property
     def became(self) -> tuple[Figure, ...]:
-        """Figures of what became of it, beside what was predicted."""
+        """Its measured and predicted figures."""
         return () if self.journey is None else self.journey.figures()
 
 
 Foretell = Callable[[str, PlanNode, Callable[[], bool]], MotionStatistics]
-"""Has the plan of an id predicted while that is wanted, and returns what becomes of it."""
+"""Predicts a plan by its id, while the callback returns True; returns its statistics."""
 
 
 class Planner:
     """The plans of one executive.
 
-    A plan never goes on by itself: a stop, a hazard or the end of the process suspends it.
+    A plan never continues by itself: a stop, a hazard or the end of the process suspends it.
 
     Args:
-        active: is told which plan executes, and which wait to go on.
-        cancel: ends a command of a plan that has not ended.
-        foretell: has a plan predicted that begins.
+        active: set to the executing plan and the suspended ones.
+        cancel: cancels a command of a plan that has not ended.
+        foretell: predicts a plan that starts.
     """
 
     def __init__(
@@ -163,16 +163,16 @@ class Planner:
         self._note()
 
     def updates(self) -> Sequence[PlanUpdate]:
-        """Return how far each plan has come, in the order in which they were submitted."""
+        """Return the progress of each plan, in the order of submission."""
         return [plan.last for plan in self._plans.values()]
 
     def root(self, plan_id: str) -> PlanNode | None:
-        """Return the root node of a plan; None if it does not fit the settings any more."""
+        """Return the root node of a plan; None if it no longer fits the settings."""
         root = check_plan(self._store.definition(plan_id), self._settings)
         return None if isinstance(root, Refusal) else root
 
     def obstacle(self, request: PlanRequest) -> Refusal | None:
-        """Return why a request cannot be granted now, or None."""
+        """Return a refusal if a request cannot be executed now, or None."""
         if isinstance(request, SubmitPlan):
             return self._check_new(request.plan)
         plan = self._plans.get(request.plan_id)
@@ -194,7 +194,7 @@ class Planner:
                 assert_never(request)
 
     def grant(self, request: PlanRequest, by: Identity) -> str:
-        """Do what was asked, after `obstacle` returned None; return what is to be said of it."""
+        """Execute a request after `obstacle` returned None; return the text of its report."""
         match request:
             case SubmitPlan(definition):
                 text = f"plan {definition.plan_id} submitted: {self._total} leaves"
@@ -218,14 +218,14 @@ class Planner:
                 assert_never(request)
 
     def suspend(self, why: Refusal) -> None:
-        """Take the rover from the plan that has it, if one does, until it is resumed."""
+        """Suspend the executing plan, if any, until it is resumed."""
         plan = self._executing
         if plan is not None:
             self._stop_run(why)
             self._change(plan, PlanEvent.SUSPEND, why.text, why.reason)
 
     def take_over(self) -> None:
-        """Suspend what a process before this one left executing."""
+        """Suspend the plan that a previous process left executing."""
         plan = self._executing
         if plan is not None:
             self._store.forget_unfinished_steps(plan.plan_id)
@@ -233,7 +233,7 @@ class Planner:
             self._change(plan, PlanEvent.SUSPEND, text, Reason.INTERRUPTED)
 
     def fail(self, why: Refusal) -> None:
-        """End the plan that executes, as failed."""
+        """Fail the executing plan."""
         plan = self._executing
         if plan is not None:
             became = () if self._run is None else self._run.became
@@ -241,10 +241,10 @@ class Planner:
             self._end(plan, PlanEvent.FAIL, why.text, why.reason, became)
 
     def tick(self, plan_id: str, submit: Callable[[Command], SubmitResult]) -> bool:
-        """Run the tree of the plan that executes once, and submit the commands that it wants.
+        """Tick the tree of the executing plan once, and submit the commands that it requests.
 
         Returns:
-            Whether there is something to write down before the commands may start.
+            Whether a commit is needed before the commands may start.
 
         Raises:
             executive.record.ledger.LedgerError: the journal cannot be read.
@@ -271,10 +271,10 @@ class Planner:
 
     def _check_new(self, definition: PlanDefinition) -> Refusal | None:
         if definition.plan_id in self._plans:
-            text = f"there is a plan {definition.plan_id} already: remove it, or take another id"
+            text = f"plan {definition.plan_id} exists: remove it, or use another id"
             return Refusal(Reason.PLAN_EXISTS, text, argument=1)
         if len(self._plans) >= MOST_PLANS:
-            text = f"{MOST_PLANS} plans are kept: remove one"
+            text = f"{MOST_PLANS} plans are stored: remove one"
             return Refusal(Reason.TOO_MANY_PLANS, text, (Figure("bound", MOST_PLANS),))
         checked = check_plan(definition, self._settings)
         if isinstance(checked, Refusal):
@@ -286,11 +286,11 @@ class Planner:
         executing = self._active.executing
         if executing is None:
             return None
-        text = f"plan {executing} has the rover: suspend or abort it first"
+        text = f"plan {executing} controls the rover: suspend or abort it first"
         return Refusal(Reason.PLAN_ACTIVE, text)
 
     def _add(self, definition: PlanDefinition, text: str) -> None:
-        """Keep the plan that `_check_new` has just checked."""
+        """Store the plan that `_check_new` has just checked."""
         utc_s, status = self._clock.utc_s(), PlanStatus.SUBMITTED
         update = PlanUpdate(definition.plan_id, status, utc_s, "", 0, self._total, text)
         self._plans[definition.plan_id] = RunningPlan(update)
@@ -303,7 +303,7 @@ class Planner:
 
     def _abort(self, plan: RunningPlan, text: str) -> str:
         if plan.state in FINAL_STATUSES:
-            return f"it had ended before: {plan.state.name}"
+            return f"it has already ended: {plan.state.name}"
         if plan.state.running:
             self._stop_run(Refusal(Reason.PLAN_ABORTED, text))
         return self._end(plan, PlanEvent.ABORT, text)
@@ -315,7 +315,7 @@ class Planner:
             return None
         execution = PlanExecution(plan, root, self._clock, self._store, self._cancel)
         tree, anew = self._host.attach(root, execution), not plan.done
-        self._change(plan, PlanEvent.BEGIN, "begins" if anew else "goes on")
+        self._change(plan, PlanEvent.BEGIN, "starts" if anew else "continues")
         journey = None
         if anew:
             journey = self._foretell(plan.plan_id, root, lambda: self._executes(execution))
@@ -348,10 +348,10 @@ class Planner:
         reason: Reason | None = None,
         figures: tuple[Figure, ...] = (),
     ) -> None:
-        """Let something happen to a plan.
+        """Apply an event to a plan.
 
         Raises:
-            transitions.MachineError: it cannot, from the plan's status.
+            transitions.MachineError: the plan's status does not permit it.
         """
         _MACHINE.events[event.value].trigger(plan)
         self._tell(plan, text)
@@ -362,7 +362,7 @@ class Planner:
         self._note()
 
     def _tell(self, plan: RunningPlan, text: str) -> None:
-        """Write down and send how far a plan has come."""
+        """Store and publish the progress of a plan."""
         utc_s, total = self._clock.utc_s(), plan.last.total
         plan.last = PlanUpdate(plan.plan_id, plan.state, utc_s, plan.node, plan.done, total, text)
         self._store.update(plan.last)
@@ -386,7 +386,7 @@ class Planner:
         return text
 
     def _stop_run(self, why: Refusal) -> None:
-        """End what the plan that executes has under way, for a reason."""
+        """End the active commands of the executing plan, for a reason."""
         if self._run is not None:
             self._run.execution.cancel_under_way(why)
             self._end_run()
@@ -400,5 +400,5 @@ def _unless(plan: RunningPlan, allowed: Iterable[PlanStatus]) -> Refusal | None:
     if plan.state in allowed:
         return None
     names = ", ".join(sorted(status.name for status in allowed))
-    text = f"plan {plan.plan_id} is {plan.state.name}: this is for plans that are {names}"
+    text = f"plan {plan.plan_id} is {plan.state.name}: needs {names}"
     return Refusal(Reason.PLAN_STATUS, text)

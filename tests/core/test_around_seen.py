@@ -120,8 +120,8 @@ def test_where_no_way_is_left_the_place_that_blocks_it_is_told(tmp_path: Path) -
         assert bench.finish(1) is Stage.FAILED
         last = bench.last(1)
         assert last.reason is Reason.PATH_BLOCKED
-        assert last.text.startswith("something seen at (")
-        assert last.text.endswith("; no way around is found")
+        assert last.text.startswith("path blocked by something seen at (")
+        assert last.text.endswith("; no detour found")
         figures = {each.name: each.value for each in last.figures}
         place = Point(figures["obstacle x"], figures["obstacle y"])
         assert min(abs(disc.away_m(place)) for disc in ring) < 0.4
@@ -133,7 +133,7 @@ def test_a_place_that_lies_in_something_is_refused(tmp_path: Path) -> None:
     with Looking(tmp_path, ROCK) as bench:
         refusal = bench.refusal(MoveTo(Waypoint(2.0, 0.2)), 1)
         assert refusal.reason is Reason.PATH_BLOCKED
-        assert "; the place itself is too near to something seen at (" in refusal.text
+        assert "; target too near to something seen at (" in refusal.text
 
 
 def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> 
         assert sum(text.startswith("goes around") for text in bench.texts) == 1
         assert sum(text.startswith("waypoint ") for text in bench.texts) == 2
         blocked = bench.refusal(FollowPath((Waypoint(7.0, 0.5),)), 2)
-        assert blocked.text.startswith("rock 'boulder' is in the way")
+        assert blocked.text.startswith("path blocked by rock 'boulder'")
 
 
 def test_a_path_goes_around_what_is_told_too_once_it_has_left_its_line(tmp_path: Path) -> None:
@@ -164,13 +164,13 @@ def test_a_waypoint_that_lies_in_something_is_named(tmp_path: Path) -> None:
         near = FollowPath((Waypoint(0.5, 0.0), Waypoint(2.0, -0.3)))
         refusal = bench.refusal(near, 1)
         assert refusal.reason is Reason.PATH_BLOCKED
-        assert refusal.text.startswith("at the waypoint (2, -0.3) the rover would stand in")
+        assert refusal.text.startswith("at the waypoint (2, -0.3) the rover would be in")
         assert "something seen at (" in refusal.text
         bench.submit(FollowPath((Waypoint(4.0, 0.0), Waypoint(6.4, 0.2))), 2)
         assert bench.finish(2) is Stage.FAILED
         last = bench.last(2)
         assert last.reason is Reason.PATH_BLOCKED
-        assert last.text.startswith("at the waypoint (6.4, 0.2) the rover would stand in")
+        assert last.text.startswith("at the waypoint (6.4, 0.2) the rover would be in")
         assert bench.rover.nearest_m > 0.05
 
 
@@ -290,5 +290,5 @@ def test_among_unknown_rocks_the_place_is_reached_or_what_is_in_it_told(
     if not reached:
         blocked = next(each for each in lockstep.heard.reports if each.stage is Stage.FAILED)
         assert blocked.reason is Reason.PATH_BLOCKED
-        assert "the place itself is too near to something seen at (" in blocked.text
+        assert "target too near to something seen at (" in blocked.text
     assert lockstep.rover.contacts == 0

@@ -209,7 +209,7 @@ def test_where_there_is_no_way_it_is_refused_as_with_turn_drive(
     with Driven(tmp_path / "mpc", solver, settings) as bench:
         refusal = bench.refusal(THERE, 1)
         assert refusal.reason is Reason.PATH_BLOCKED
-        assert refusal.text.endswith("; no way around is found")
+        assert refusal.text.endswith("; no detour found")
     with Bench(tmp_path / "lines", replace(settings, controller=Controller.TURN_DRIVE)) as bench:
         assert bench.refusal(THERE, 1) == refusal
 
@@ -278,8 +278,8 @@ def test_where_what_came_into_view_leaves_no_way_the_place_that_blocks_it_is_tol
         assert until(bench, THERE, 0.1, ring) is Stage.FAILED
         last = bench.last(1)
         assert last.reason is Reason.PATH_BLOCKED
-        assert last.text.startswith("something seen at (")
-        assert last.text.endswith("; no way around is found")
+        assert last.text.startswith("path blocked by something seen at (")
+        assert last.text.endswith("; no detour found")
         figures = {each.name: each.value for each in last.figures}
         place = Point(figures["obstacle x"], figures["obstacle y"])
         assert min(abs(disc.away_m(place)) for disc in ring) < 0.4

@@ -118,16 +118,16 @@ def test_where_there_is_no_way_what_blocks_it_is_named() -> None:
     refusal = check_request(MoveTo(Waypoint(5.0, 0.0)), Pose(), walled, walled.zones)
     assert refusal is not None
     assert refusal.reason is Reason.PATH_BLOCKED
-    assert refusal.text.startswith("keep-out zone 'wall' is in the way: the rover can go ")
-    assert refusal.text.endswith("; no way around is found")
+    assert refusal.text.startswith("path blocked by keep-out zone 'wall': after ")
+    assert refusal.text.endswith("; no detour found")
 
 
 def test_a_place_that_is_too_near_itself_is_refused_by_what_it_is_too_near_to() -> None:
     fenced = replace(JACKAL, zones=Zones(keep_in=(YARD,), keep_out=(BAR,)))
     refusal = check_request(MoveTo(Waypoint(7.8, 0.0)), Pose(), fenced, fenced.zones)
     assert refusal is not None
-    assert refusal.text.startswith("keep-out zone 'bar' is in the way")
-    near = "the place itself is too near to the edge of keep-in zone 'yard'"
+    assert refusal.text.startswith("path blocked by keep-out zone 'bar'")
+    near = "target too near to the edge of keep-in zone 'yard'"
     assert refusal.text.endswith(f"; {near}")
 
 
@@ -135,7 +135,7 @@ def test_a_path_is_driven_as_it_is_given() -> None:
     fenced = replace(JACKAL, zones=Zones(keep_out=(BAR,)))
     refusal = check_request(FollowPath((Waypoint(5.0, -1.0),)), Pose(), fenced, fenced.zones)
     assert refusal is not None
-    assert refusal.text.startswith("keep-out zone 'bar' is in the way")
+    assert refusal.text.startswith("path blocked by keep-out zone 'bar'")
 
 
 def test_a_way_is_the_shortest_but_for_its_corners() -> None:

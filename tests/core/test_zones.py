@@ -164,7 +164,7 @@ def test_a_motion_too_near_is_refused_by_name_and_distance(
 ) -> None:
     refusal = zoned.refusal(request_, 1)
     assert refusal.reason is Reason.PATH_BLOCKED
-    assert refusal.text.startswith(f"{obstacle} is in the way: the rover can go ")
+    assert refusal.text.startswith(f"path blocked by {obstacle}: after ")
     assert [figure.name for figure in refusal.figures] == ["way", "gap", "bound"]
     if way_m is not None:
         assert refusal.figures[0].value == pytest.approx(way_m, abs=0.1)

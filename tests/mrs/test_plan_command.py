@@ -49,10 +49,10 @@ def test_a_plan_is_steered_as_typed(running: Aboard, tmp_path: Path) -> None:
     assert rover("submit", str(file), "--arg", "far=3", *to).exit_code == 0
     refused = rover("submit", str(file), "--id", "other", *to)
     assert refused.exit_code == 1
-    assert "PLAN_BAD_ARGUMENT: line 3: distance: nothing was given for {far}" in refused.output
+    assert "PLAN_BAD_ARGUMENT: line 3: distance: no value given for {far}" in refused.output
     assert rover("suspend", "ahead", *to).exit_code == 1
     surplus = rover("submit", str(file), "--id", "other", "--arg", "far=3", "--arg", "fra=4", *to)
-    assert "reads the argument 'fra': far perhaps" in surplus.output
+    assert "reads the argument 'fra': did you mean far?" in surplus.output
     assert rover("activate", "ahead", *to).exit_code == 0
     watched = rover("watch", "ahead", *to)
     assert watched.exit_code == 0

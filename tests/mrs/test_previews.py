@@ -123,7 +123,7 @@ def test_as_typed(aboard: Aboard, tmp_path: Path) -> None:
     file.write_bytes(plan('<moveForward distance="{far}" deadline_s="90"/>').content)
     assert typed("--plan", str(file), "--arg", "far=3", to=aboard).exit_code == 0
     refused = typed("--plan", str(file), to=aboard)
-    assert (refused.exit_code, "nothing was given for {far}" in refused.output) == (1, True)
+    assert (refused.exit_code, "no value given for {far}" in refused.output) == (1, True)
     assert typed("moveForward", "1000", to=aboard).exit_code == 1
 
 
