@@ -1,4 +1,4 @@
-"""Which faults there are, what is done about each, and how an asset's YAML changes that."""
+"""The table of faults and their reactions, which an asset's YAML can change."""
 
 from executive.faults.fault_declaration import FIGURES as FIGURES
 from executive.faults.fault_declaration import ClearPolicy as ClearPolicy

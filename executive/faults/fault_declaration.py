@@ -1,4 +1,4 @@
-"""What is declared of a fault, and the row that says what an asset does about it."""
+"""Declaration of a fault, and the row with an asset's reaction to it."""
 
 from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum, unique
@@ -10,7 +10,7 @@ from executive.values.reasons import Reason
 
 @unique
 class MonitoredWhen(Enum):
-    """When a fault is watched for."""
+    """Modes in which a fault is monitored."""
 
     MOVING = "moving"
     ALWAYS = "always"
@@ -18,7 +18,7 @@ class MonitoredWhen(Enum):
 
 @unique
 class Reaction(Enum):
-    """What the rover does about a fault, from nothing to the most."""
+    """Reaction of the rover to a fault, in increasing order."""
 
     IGNORE = "ignore"
     WARN = "warn"
@@ -30,7 +30,7 @@ class Reaction(Enum):
 
 @unique
 class ClearPolicy(Enum):
-    """How a fault ends: with its cause, or by a resume once its cause is gone."""
+    """How a fault clears: with its cause, or by a resume after its cause has ended."""
 
     ITSELF = "itself"
     ON_RESUME = "on_resume"
@@ -38,24 +38,24 @@ class ClearPolicy(Enum):
 
 @unique
 class Disproves(Enum):
-    """Which sources show how wrong the pose may be, once a fault has shown that it may be wrong."""
+    """Sources that still bound the pose error, once a fault has made the pose uncertain."""
 
     SENSORS = "sensors"
     """The velocity of the odometry itself, the wheels, the gyro."""
     COMMANDS = "commands"
-    """What was commanded besides."""
+    """Also the commanded velocity."""
     DISTANCE = "distance"
-    """None: of all that was driven lately it is not known where it led."""
+    """None: the result of all recent motion is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultParameter:
-    """What one figure of a row means.
+    """Description of one figure of a row.
 
     Attributes:
-        what: the figure that is compared, for people.
-        unit: of the figure, empty for a count or a ratio.
-        low, high: what a file may say.
+        what: human-readable description of the compared figure.
+        unit: unit of the figure, empty for a count or a ratio.
+        low, high: bounds of the value in a file.
     """
 
     what: str
@@ -64,7 +64,7 @@ class FaultParameter:
     high: float
 
     def fault_of(self, value: float) -> str | None:
-        """Return what is wrong with a value, or None."""
+        """Return the error of a value, or None."""
         if self.low <= value <= self.high:
             return None
         text = f"{value:g} is not in {self.low:g} .. {self.high:g} {self.unit}".rstrip()
@@ -75,14 +75,14 @@ class FaultParameter:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """By which figures a fault shows. One that the fault does not have is None.
+    """Window and bounds of a fault's evidence. Figures that the fault does not use are None.
 
     Attributes:
-        name: of one of several, in files; the only window of a fault has none.
-        for_s: how long the evidence must last before the fault begins.
-        beyond, below: the bound of the figure that is compared.
-        ratio: of the way, the turn or the speed in the window, added to `beyond`.
-        within_s: the time over which the figure is taken.
+        name: name of one of several windows, in files; the only window of a fault has none.
+        for_s: debounce time: how long the evidence must last before the fault begins.
+        beyond, below: the bound of the compared figure.
+        ratio: ratio of the path, the turn or the speed in the window, added to `beyond`.
+        within_s: the interval over which the figure is computed.
     """
 
     name: str = ""
@@ -102,18 +102,18 @@ class Window:
 
     @property
     def length_s(self) -> float:
-        """The time of a window that has one."""
+        """The interval of a window that has one."""
         assert self.within_s is not None
         return self.within_s
 
     def allowed(self, amount: float) -> float:
-        """Return the bound where this much was driven, turned or commanded in the window."""
+        """Return the bound for this distance, turn or command in the window."""
         return self.bound + (self.ratio or 0.0) * abs(amount)
 
 
 @dataclass(frozen=True, slots=True)
 class FaultResponse:
-    """What an asset does about one fault, which begins where one of its windows shows it."""
+    """Response of an asset to one fault, which begins if one of its windows shows it."""
 
     when: MonitoredWhen
     then: Reaction
@@ -122,27 +122,27 @@ class FaultResponse:
 
     @property
     def window(self) -> Window:
-        """The window of a fault that has one."""
+        """The window of a fault with exactly one."""
         (found,) = self.windows
         return found
 
     @property
     def bound(self) -> float:
-        """The bound of a fault that has one window."""
+        """The bound of a fault with exactly one window."""
         return self.window.bound
 
 
 @dataclass(frozen=True, slots=True)
 class FaultDeclaration:
-    """What is known of a fault.
+    """Declaration of a fault.
 
     Attributes:
-        name: in files, reports and at the command line.
-        summary: one sentence on what is wrong.
-        row: what is done about it unless an asset says otherwise.
-        source: which measurement gave the figures of the row, or that none is known.
-        disproves: by what the pose may be wrong then; None where it may not.
-        beyond, below, ratio, within: what these figures mean; None where its windows have none.
+        name: name in files, reports and at the command line.
+        summary: one sentence that describes the fault.
+        row: the response unless an asset sets another.
+        source: measurement behind the figures of the row, or a statement that there is none.
+        disproves: sources of the remaining pose uncertainty; None if the pose stays valid.
+        beyond, below, ratio, within: descriptions of these figures; None if unused.
     """
 
     name: str
@@ -157,10 +157,10 @@ class FaultDeclaration:
     within: FaultParameter | None = None
 
     def check(self, row: FaultResponse) -> None:
-        """Do nothing where a row fits.
+        """Raise ValueError unless a row fits this fault.
 
         Raises:
-            ValueError: a figure is out of its bounds, missing, or not one of this fault.
+            ValueError: a figure is out of its bounds, missing, or not used by this fault.
         """
         for window in row.windows:
             self._check(window)
@@ -181,4 +181,4 @@ class FaultDeclaration:
 
 
 FIGURES: Final = ("beyond", "below", "ratio", "within", "for")
-_FOR: Final = FaultParameter("how long it lasts before it counts", "s", 0.0, 60.0)
+_FOR: Final = FaultParameter("duration of the evidence before the fault begins", "s", 0.0, 60.0)

@@ -1,8 +1,8 @@
-"""Every fault that the executive watches for, declared once, and the rows that an asset sets.
+"""Every monitored fault, declared once, and the rows that an asset sets.
 
-The section `faults:` of an asset's file, the settings of scenarios and campaigns, the checks of all
-of them and the page docs/faults.md follow from these declarations. `executive.safety` has the
-monitors, `executive.core.reactions` what is done about a fault.
+The section `faults:` of an asset's file, the settings of scenarios and campaigns, their checks
+and the page docs/faults.md follow from these declarations. `executive.safety` has the
+monitors, `executive.core.reactions` the reactions.
 """
 
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ def _fault(
 ) -> Any:
     """Return a field of `FaultTable` that declares a fault.
 
-    What its windows have as `ratio` and `within` means the usual unless it is given.
+    `ratio` and `within` of its windows have their default description unless it is given.
     """
     first = row.windows[0]
     usual = {
@@ -54,9 +54,7 @@ def _within(low_s: float = 0.1) -> FaultParameter:
     return FaultParameter("window", "s", low_s, 9.0)
 
 
-_RATIO: Final = FaultParameter(
-    "share of what was driven or turned, added to the bound", "", 0.0, 2.0
-)
+_RATIO: Final = FaultParameter("ratio of the distance or turn, added to the bound", "", 0.0, 2.0)
 _HELD: Final = (Reaction.SAFE, ClearPolicy.ON_RESUME)
 _STOPPED: Final = (Reaction.STOP, ClearPolicy.ON_RESUME)
 _ENDED: Final = (Reaction.STOP, ClearPolicy.ITSELF)
@@ -71,7 +69,7 @@ def _rejected(what: str) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class FaultTable:
-    """The rows of an asset: a field for each fault, in the order in which they are looked at."""
+    """The rows of an asset: a field for each fault, in the order of monitoring."""
 
     odometry_jumped: FaultResponse = _fault(
         Reason.ODOMETRY_JUMPED,
@@ -94,14 +92,14 @@ class FaultTable:
     )
     odometry_not_finite: FaultResponse = _fault(
         Reason.ODOMETRY_NOT_FINITE,
-        "Odometry has figures that are no numbers.",
+        "Odometry has figures that are not finite.",
         _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1)),
         disproves=Disproves.SENSORS,
         source="Recorded runs: three messages in a row, 0.06 s; 0.1 s are two ticks.",
     )
     odometry_stale: FaultResponse = _fault(
         Reason.ODOMETRY_STALE,
-        "No odometry arrives, or always the same message.",
+        "No odometry arrives, or the same message repeats.",
         _row(MonitoredWhen.MOVING, _HELD, Window(beyond=0.3)),
         disproves=Disproves.SENSORS,
         beyond=FaultParameter("age of the newest odometry, by its stamp", "s", 0.05, 10.0),
@@ -112,24 +110,22 @@ class FaultTable:
     )
     odometry_behind: FaultResponse = _fault(
         Reason.ODOMETRY_STALE,
-        "Odometry is older than what the other sensors tell, which comes in time.",
+        "Odometry is older than the data of other sensors, which arrive in time.",
         _row(MonitoredWhen.MOVING, _HELD, Window(beyond=0.25)),
         disproves=Disproves.SENSORS,
         beyond=FaultParameter(
-            "age of the newest odometry beside theirs, by the stamps", "s", 0.05, 10.0
+            "age of the newest odometry relative to theirs, by the stamps", "s", 0.05, 10.0
         ),
         source=(
-            "Odometry that jitters by 0.2 s is at most 0.24 s behind IMU and wheels; check: 88 %."
+            "Odometry with 0.2 s jitter is at most 0.24 s older than IMU and wheels; check: 88 %."
         ),
     )
     odometry_late: FaultResponse = _fault(
         Reason.ODOMETRY_LATE,
-        "Odometry comes too late to steer by.",
+        "Odometry arrives too late for control.",
         _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.15, beyond=0.13)),
         disproves=Disproves.SENSORS,
-        beyond=FaultParameter(
-            "age of what arrives, by its stamp, beyond the usual", "s", 0.02, 10.0
-        ),
+        beyond=FaultParameter("age on arrival, by its stamp, beyond the usual", "s", 0.02, 10.0),
         source=(
             "Normal driving: 75 % of 0.12 s. 0.13 s lies between two ages of odometry at 50"
             " Hz, 0.12 and 0.14 s. Check: 138 %, by jitter of 0.2 s, for less than `for`."
@@ -137,10 +133,10 @@ class FaultTable:
     )
     odometry_slow: FaultResponse = _fault(
         Reason.ODOMETRY_SLOW,
-        "Odometry comes too seldom to steer by.",
+        "Odometry arrives too rarely for control.",
         _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, below=10.0, within_s=1.0)),
         disproves=Disproves.SENSORS,
-        below=FaultParameter("messages a second", "Hz", 0.5, 1000.0),
+        below=FaultParameter("message rate", "Hz", 0.5, 1000.0),
         within=_within(0.5),
         source=(
             "Normal driving: 24 %. The real Husky, at 10.1 Hz ± 10 %, shows it 245 times: such"
@@ -149,14 +145,14 @@ class FaultTable:
     )
     odometry_frozen: FaultResponse = _fault(
         Reason.ODOMETRY_FROZEN,
-        "Odometry does not change at all, though the rover is commanded to move.",
+        "Odometry does not change although motion is commanded.",
         _row(MonitoredWhen.MOVING, _STOPPED, Window(within_s=0.3)),
         disproves=Disproves.COMMANDS,
         source="As `odometry_stale`; no measurement of its own.",
     )
     odometry_off_twist: FaultResponse = _fault(
         Reason.ODOMETRY_INCONSISTENT,
-        "The pose of the odometry goes elsewhere than its own velocity says.",
+        "The odometry pose deviates from the integral of its own velocity.",
         _row(
             MonitoredWhen.MOVING,
             _STOPPED,
@@ -165,7 +161,7 @@ class FaultTable:
         ),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter(
-            "distance between pose and what its velocity leads to", "m", 0.01, 5.0
+            "distance between the pose and its integrated velocity", "m", 0.01, 5.0
         ),
         source=(
             "`quick`: recorded runs; normal driving: below 1 %. `slow`: judgement; check:"
@@ -175,70 +171,66 @@ class FaultTable:
     )
     odometry_heading_off_twist: FaultResponse = _fault(
         Reason.ODOMETRY_INCONSISTENT,
-        "The heading of the odometry turns otherwise than its own rate says.",
+        "The odometry heading deviates from the integral of its own rate.",
         _row(
             MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.05, ratio=0.1, within_s=0.5)
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("angle between heading and what its rate leads to", "rad", 0.01, 1.5),
+        beyond=FaultParameter("angle between heading and its integrated rate", "rad", 0.01, 1.5),
         source="Recorded runs; normal driving: below 1 %.",
     )
     off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
-        "The rover does not go as fast as it is commanded to, by its odometry.",
+        "The speed by odometry deviates from the commanded speed.",
         _row(
             MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.15, ratio=0.3, within_s=0.35)
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("speed outside of what was commanded", "m/s", 0.02, 2.0),
-        ratio=FaultParameter(
-            "share of the speed that was commanded, where it is more", "", 0.0, 2.0
-        ),
+        beyond=FaultParameter("speed outside the commanded range", "m/s", 0.02, 2.0),
+        ratio=FaultParameter("ratio of the commanded speed, if that is more", "", 0.0, 2.0),
         source="Recorded runs; normal driving: 25 %.",
     )
     turn_off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
-        "The rover does not turn as fast as it is commanded to, by its odometry.",
+        "The turning rate by odometry deviates from the commanded rate.",
         _row(
             MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.3, beyond=0.45, ratio=0.5, within_s=0.35)
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("rate outside of what was commanded", "rad/s", 0.05, 3.0),
-        ratio=FaultParameter(
-            "share of the rate that was commanded, where it is more", "", 0.0, 2.0
-        ),
+        beyond=FaultParameter("rate outside the commanded range", "rad/s", 0.05, 3.0),
+        ratio=FaultParameter("ratio of the commanded rate, if that is more", "", 0.0, 2.0),
         source="Recorded runs; normal driving: 86 %.",
     )
     steady_off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
-        "A rover that moves by itself goes steadily slower or faster than it was commanded to.",
+        "A rover with whole motions drives steadily slower or faster than commanded.",
         _row(
             MonitoredWhen.MOVING,
             _STOPPED,
             Window(for_s=0.4, beyond=0.015, ratio=0.06, within_s=1.5),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("way by its speed beside what was commanded", "m", 0.001, 5.0),
+        beyond=FaultParameter("integrated speed relative to the command", "m", 0.001, 5.0),
         source="Judgement: encoders that are 10 % wrong show in lines of 2 s. Check, MOCUP: 28 %.",
     )
     steady_turn_off_command: FaultResponse = _fault(
         Reason.OFF_COMMAND,
-        "A rover that moves by itself turns steadily slower or faster than it was commanded to.",
+        "A rover with whole motions turns steadily slower or faster than commanded.",
         _row(
             MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.2, beyond=0.06, ratio=0.08, within_s=0.6)
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("turn by its rate beside what was commanded", "rad", 0.005, 3.0),
+        beyond=FaultParameter("integrated rate relative to the command", "rad", 0.005, 3.0),
         source="Judgement: encoders that are 18 % wrong show in turns of 1 s. Check, MOCUP: 40 %.",
     )
     turn_amiss: FaultResponse = _fault(
         Reason.OFF_COMMAND,
-        "The rover turns more or less than it is commanded to, by its odometry.",
+        "The rover turns more or less than commanded, by odometry.",
         _row(
             MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, beyond=0.3, ratio=0.4, within_s=2.0)
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("turn beside what was commanded", "rad", 0.05, 3.0),
+        beyond=FaultParameter("turn relative to the command", "rad", 0.05, 3.0),
         source=(
             "Normal driving: 91 %. With 0.25 rad it showed twice, where the odometry truly was"
             " more than 10 cm off."
@@ -246,16 +238,16 @@ class FaultTable:
     )
     no_progress: FaultResponse = _fault(
         Reason.NO_PROGRESS,
-        "Nothing comes of what is commanded, by the odometry.",
+        "The rover does not move as commanded, by odometry.",
         _row(MonitoredWhen.MOVING, _STOPPED, Window(below=0.3, within_s=3.0)),
         disproves=Disproves.COMMANDS,
-        below=FaultParameter("share of the way or turn that was commanded", "", 0.01, 1.0),
+        below=FaultParameter("ratio of the commanded distance or turn", "", 0.01, 1.0),
         within=_within(1.0),
         source="Judgement; check: 32 %.",
     )
     drives_uncommanded: FaultResponse = _fault(
         Reason.MOVES_UNCOMMANDED,
-        "The rover drives though it should stand, and nobody else commands it.",
+        "The rover drives although it should be stationary and has no other velocity publisher.",
         _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.04, within_s=1.0)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("speed", "m/s", 0.005, 1.0),
@@ -266,7 +258,7 @@ class FaultTable:
     )
     turns_uncommanded: FaultResponse = _fault(
         Reason.MOVES_UNCOMMANDED,
-        "The rover turns though it should stand, or its gyro says so, and nobody else commands it.",
+        "Odometry or gyro turns although the rover should be stationary, without another publisher.",
         _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.01, within_s=1.0)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("rate", "rad/s", 0.001, 1.0),
@@ -274,15 +266,15 @@ class FaultTable:
     )
     odometry_silent: FaultResponse = _fault(
         Reason.ODOMETRY_SILENT,
-        "There is no odometry any more, whether the rover moves or not.",
+        "Odometry no longer arrives, in motion or at rest.",
         _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=1.0)),
         disproves=Disproves.SENSORS,
-        beyond=FaultParameter("time since it last came", "s", 0.1, 3600.0),
+        beyond=FaultParameter("time since the last odometry", "s", 0.1, 3600.0),
         source="Judgement; check: 22 %.",
     )
     tilted: FaultResponse = _fault(
         Reason.TILTED,
-        "The rover leans.",
+        "The rover is tilted too far.",
         _row(MonitoredWhen.ALWAYS, _HELD, Window(beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("roll or pitch", "rad", 0.05, 1.5),
@@ -297,22 +289,22 @@ class FaultTable:
     )
     other_publisher: FaultResponse = _fault(
         Reason.OTHER_PUBLISHER,
-        "Somebody else commands the base, which obeys them: a joystick, or another node.",
+        "Another velocity publisher drives the base: a joystick, or another node.",
         _row(MonitoredWhen.MOVING, (Reaction.PAUSE, ClearPolicy.ON_RESUME), Window(for_s=0.2)),
         source="Judgement: four ticks.",
     )
     battery_silent: FaultResponse = _fault(
         Reason.BATTERY_SILENT,
-        "The battery no longer tells its voltage.",
+        "The battery no longer reports its voltage.",
         _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=5.0)),
-        beyond=FaultParameter("time since it last did", "s", 0.5, 3600.0),
+        beyond=FaultParameter("time since its last report", "s", 0.5, 3600.0),
         source="Judgement; check: 18 %.",
     )
     battery_not_finite: FaultResponse = _fault(
         Reason.BATTERY_NOT_FINITE,
-        "The voltage of the battery is not a number, or none that a battery has.",
+        "The battery voltage is not a number, or impossible for a battery.",
         _row(MonitoredWhen.ALWAYS, _TOLD, Window(for_s=0.5, beyond=60.0)),
-        beyond=FaultParameter("voltage that this battery cannot have", "V", 1.0, 10_000.0),
+        beyond=FaultParameter("voltage impossible for this battery", "V", 1.0, 10_000.0),
         source="Judgement, below 65.535 V, which is 0xFFFF mV and no measurement.",
     )
 
@@ -323,9 +315,7 @@ class FaultTable:
             MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.1, ratio=0.2, within_s=0.25)
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter(
-            "speed outside of what was commanded in the window", "m/s", 0.02, 5.0
-        ),
+        beyond=FaultParameter("speed outside the commanded range in the window", "m/s", 0.02, 5.0),
         source=(
             "Recorded runs, with 0.15 m/s + 30 % for 0.2 s; normal driving: 46 %. These are"
             " tighter; check: 8 %."
@@ -333,17 +323,17 @@ class FaultTable:
     )
     wheels_off_command_slowly: FaultResponse = _fault(
         Reason.WHEELS_OFF_COMMAND,
-        "The wheels of a side turn, little by little, less or more far than commanded.",
+        "The wheels of a side gradually turn less or further than commanded.",
         _row(
             MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.05, beyond=0.04, ratio=0.2, within_s=0.4)
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("difference of the ways", "m", 0.01, 5.0),
-        source="Judgement, beside the other, which commands that change hide from; check: 40 %.",
+        beyond=FaultParameter("difference of the distances", "m", 0.01, 5.0),
+        source="Judgement, for deviations that changing commands hide from the other; check: 40 %.",
     )
     wheels_unpowered: FaultResponse = _fault(
         Reason.WHEELS_UNPOWERED,
-        "The wheels of a side are off their command, and their motors give no torque.",
+        "The wheels of a side deviate from their command, and their motors have no torque.",
         _row(MonitoredWhen.MOVING, _STOPPED, Window(for_s=0.1, below=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
         below=FaultParameter("mean torque of a side", "Nm", 0.001, 100.0),
@@ -354,7 +344,7 @@ class FaultTable:
     )
     odometry_off_wheels: FaultResponse = _fault(
         Reason.ODOMETRY_OFF_WHEELS,
-        "The odometry tells of another way than the wheels turned.",
+        "The odometry reports another distance than the wheels.",
         _row(
             MonitoredWhen.MOVING,
             _STOPPED,
@@ -362,7 +352,7 @@ class FaultTable:
             Window("slow", for_s=0.05, beyond=0.03, ratio=0.015, within_s=3.0),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("difference of the ways", "m", 0.01, 5.0),
+        beyond=FaultParameter("difference of the distances", "m", 0.01, 5.0),
         source=(
             "Recorded runs, with 0.06 m + 6 % and 0.05 m + 3 %; normal driving: 4 and 11 %."
             " These are tighter; check: 10 % and 14 %."
@@ -370,7 +360,7 @@ class FaultTable:
     )
     odometry_off_gyro: FaultResponse = _fault(
         Reason.ODOMETRY_OFF_GYRO,
-        "The odometry tells of another turn than the gyro feels.",
+        "The odometry reports another turn than the gyro.",
         _row(
             MonitoredWhen.MOVING,
             _STOPPED,
@@ -400,7 +390,7 @@ class FaultTable:
     )
     wheels_slip: FaultResponse = _fault(
         Reason.WHEELS_SLIP,
-        "The wheels gain or lose a speed that the rover does not feel.",
+        "The wheels gain or lose speed without a matching acceleration of the rover.",
         _row(
             MonitoredWhen.MOVING,
             _ENDED,
@@ -422,15 +412,15 @@ class FaultTable:
         ),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("difference of the forces", "N", 1.0, 100_000.0),
-        ratio=FaultParameter("share of what is felt, added to the bound", "", 0.0, 10.0),
+        ratio=FaultParameter("ratio of the measured force, added to the bound", "", 0.0, 10.0),
         source=(
             "Recorded runs, without `ratio`; normal driving: 71 %. `ratio` and `for`:"
-            " judgement, for a load that is not known; check: 50 %."
+            " judgement, for an unknown load; check: 50 %."
         ),
     )
     tilted_by_imu: FaultResponse = _fault(
         Reason.TILTED,
-        "The rover leans, by its inertial sensors.",
+        "The rover is tilted too far, by its inertial sensors.",
         _row(MonitoredWhen.ALWAYS, _HELD, Window(for_s=0.1, beyond=0.49)),
         disproves=Disproves.DISTANCE,
         beyond=FaultParameter("roll or pitch", "rad", 0.05, 1.5),
@@ -441,7 +431,7 @@ class FaultTable:
     )
     slips: FaultResponse = _fault(
         Reason.SLIPS,
-        "The second odometry tells of another way; where it corrects the pose, of a gross one.",
+        "The second odometry reports another distance; if it corrects the pose, a gross deviation.",
         _row(
             MonitoredWhen.MOVING,
             _ENDED,
@@ -451,7 +441,7 @@ class FaultTable:
             Window("slow_fused", beyond=0.6, ratio=0.3, within_s=4.0),
         ),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("difference of the ways", "m", 0.01, 10.0),
+        beyond=FaultParameter("difference of the distances", "m", 0.01, 10.0),
         within=_within(0.2),
         source=(
             "Recorded runs. Slopes: 130 and 320 %; 238 times in 0.84 h, where the odometry"
@@ -460,7 +450,7 @@ class FaultTable:
     )
     turn_slips: FaultResponse = _fault(
         Reason.TURN_SLIPS,
-        "The second odometry tells of another turn.",
+        "The second odometry reports another turn.",
         _row(
             MonitoredWhen.MOVING,
             _ENDED,
@@ -474,10 +464,10 @@ class FaultTable:
     )
     slides: FaultResponse = _fault(
         Reason.SLIDES,
-        "The rover moves while it is to stand, which its odometry does not see.",
+        "The rover moves although it should be stationary, unseen by its odometry.",
         _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.05, within_s=0.4)),
         disproves=Disproves.COMMANDS,
-        beyond=FaultParameter("way between two frames of the second odometry", "m", 0.01, 10.0),
+        beyond=FaultParameter("distance between two second-odometry frames", "m", 0.01, 10.0),
         within=_within(0.2),
         source=(
             "Recorded runs; normal driving: 69 %. `within`: judgement, less than the 0.5 s"
@@ -486,59 +476,59 @@ class FaultTable:
     )
     joints_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
-        "The sensors of the wheels tell nothing: the wheels are not monitored.",
+        "No wheel sensor data: the wheels are not monitored.",
         _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.5)),
-        beyond=FaultParameter("age of what they told last", "s", 0.1, 60.0),
+        beyond=FaultParameter("age of the last wheel sensor data", "s", 0.1, 60.0),
         source="Judgement; check: 4 %.",
     )
     imu_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
-        "The inertial sensor tells nothing: slip, turns and tilt are not monitored by it.",
+        "No inertial sensor data: slip, turns and tilt are not monitored by it.",
         _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=0.5)),
-        beyond=FaultParameter("age of what it told last", "s", 0.1, 60.0),
+        beyond=FaultParameter("age of the last inertial sensor data", "s", 0.1, 60.0),
         source="Judgement; check: 2 %.",
     )
     second_odometry_silent: FaultResponse = _fault(
         Reason.SENSOR_SILENT,
-        "The second odometry tells nothing: slip is not monitored.",
+        "No second odometry: slip is not monitored.",
         _row(MonitoredWhen.ALWAYS, _TOLD, Window(beyond=6.0)),
-        beyond=FaultParameter("age of what it told last", "s", 0.5, 60.0),
+        beyond=FaultParameter("age of the last second odometry", "s", 0.5, 60.0),
         source="Judgement, above the gaps of the simulated one, up to 4 s; check: 82 %.",
     )
     zone_ahead: FaultResponse = _fault(
         Reason.ZONE_AHEAD,
-        "The rover cannot go on much longer and still stand before a zone or a known rock.",
+        "The rover must brake soon to stop before a zone or a known rock.",
         _row(MonitoredWhen.ALWAYS, _ENDED, Window(within_s=0.16)),
         within=FaultParameter("time until the rover brakes", "s", 0.0, 5.0),
         source="Judgement.",
     )
     obstacle_ahead: FaultResponse = _fault(
         Reason.OBSTACLE_AHEAD,
-        "The laser sees something where the rover drives or turns to before it can stand.",
+        "The laser detects an obstacle that the rover would reach before it stops.",
         _row(MonitoredWhen.ALWAYS, _ENDED, Window(below=0.05, within_s=0.25)),
-        below=FaultParameter("way that is left once the rover stands", "m", 0.0, 5.0),
+        below=FaultParameter("distance left once the rover is stationary", "m", 0.0, 5.0),
         within=FaultParameter("time from a scan until the rover brakes", "s", 0.0, 5.0),
         source="Recorded runs; normal driving: 72 %.",
     )
     obstacle_near: FaultResponse = _fault(
         Reason.OBSTACLE_NEAR,
-        "The laser sees something near, in the direction in which the rover drives.",
+        "The laser detects a near obstacle in the direction of motion.",
         _row(MonitoredWhen.ALWAYS, (Reaction.SLOW_DOWN, ClearPolicy.ITSELF), Window(below=0.9)),
-        below=FaultParameter("free way", "m", 0.05, 10.0),
+        below=FaultParameter("free distance", "m", 0.05, 10.0),
         source="Judgement.",
     )
     laser_silent: FaultResponse = _fault(
         Reason.LASER_SILENT,
-        "No scan of the laser arrives, or always the same one.",
+        "No laser scan arrives, or the same one repeats.",
         _row(MonitoredWhen.MOVING, _ENDED, Window(beyond=0.35)),
         beyond=FaultParameter("age of the newest scan", "s", 0.05, 10.0),
         source="Judgement, above three periods at 10 Hz; check: 24 %.",
     )
     laser_blind: FaultResponse = _fault(
         Reason.LASER_BLIND,
-        "The laser measures nothing usable in a sector into which the rover drives or turns.",
+        "The laser has no usable measurement in a sector into which the rover drives or turns.",
         _row(MonitoredWhen.ALWAYS, _ENDED, Window(beyond=0.8, within_s=0.3)),
-        beyond=FaultParameter("share of the rays of a sector of 15 degrees", "", 0.05, 1.0),
+        beyond=FaultParameter("ratio of the rays of a sector of 15 degrees", "", 0.05, 1.0),
         within=_within(0.0),
         source=(
             "A Hokuyo URG-04LX reports 0 for 46 to 49 % of its rays, and in 11 to 47 % of its"
@@ -547,16 +537,16 @@ class FaultTable:
         ),
     )
     odometry_rejected: FaultResponse = _rejected("Odometry")
-    imu_rejected: FaultResponse = _rejected("What the IMU measures")
-    joints_rejected: FaultResponse = _rejected("What the wheel sensors measure")
+    imu_rejected: FaultResponse = _rejected("IMU data")
+    joints_rejected: FaultResponse = _rejected("Wheel sensor data")
     second_odometry_rejected: FaultResponse = _rejected("Second odometry")
-    laser_rejected: FaultResponse = _rejected("What the laser measures")
-    battery_rejected: FaultResponse = _rejected("What the battery reports")
-    camera_rejected: FaultResponse = _rejected("What the camera sends")
-    velocity_rejected: FaultResponse = _rejected("What the executive commands the base")
+    laser_rejected: FaultResponse = _rejected("Laser data")
+    battery_rejected: FaultResponse = _rejected("Battery data")
+    camera_rejected: FaultResponse = _rejected("Camera data")
+    velocity_rejected: FaultResponse = _rejected("The executive's velocity command")
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a row does not fit its fault."""
+        """Raise ValueError unless every row fits its fault."""
         for declared, row in self:
             declared.check(row)
 

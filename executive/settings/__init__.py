@@ -1,6 +1,6 @@
-"""The settings of an asset, read from its YAML and checked as a whole.
+"""Settings of an asset, read from its YAML and validated as a whole.
 
-The sections `faults:` and `zones:` are those of `executive.faults` and `executive.obstacles.zones`.
+The sections `faults:` and `zones:` belong to `executive.faults` and `executive.obstacles.zones`.
 """
 
 from executive.settings.asset_settings import FEWEST_REPORTS as FEWEST_REPORTS

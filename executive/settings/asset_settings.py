@@ -1,4 +1,4 @@
-"""What one asset may do and how it is driven, read from its YAML in `config/`."""
+"""Settings of one asset: its limits, sensors and control, read from its YAML in `config/`."""
 
 from dataclasses import dataclass, field, replace
 from enum import Enum, unique
@@ -27,10 +27,10 @@ FEWEST_REPORTS: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class DriveLimits:
-    """Bounds of the motion, for the arbiter and the intake.
+    """Limits of the motion, for the arbiter and the intake.
 
     Attributes:
-        braking_mps2: at which the base slows down, at least, when it is told to stand.
+        braking_mps2: minimum deceleration of the base when it is commanded to stop.
     """
 
     travel_speed_mps: float
@@ -46,14 +46,14 @@ class DriveLimits:
 
 
 class LocomotionKind(Enum):
-    """How a rover is made to move: by velocities, or by whole motions of its own."""
+    """Locomotion of a rover: by velocity commands, or by whole motions of its own."""
 
     VELOCITY = "velocity"
     WHOLE_MOTION = "whole_motion"
 
 
 class SpeedProfileKind(Enum):
-    """How speed goes with the distance left."""
+    """Profile of speed over the remaining distance."""
 
     TRAPEZOID = "trapezoid"
     SQUARE_ROOT = "square_root"
@@ -64,9 +64,9 @@ class TurnDriveSettings:
     """Turn-then-drive.
 
     Attributes:
-        control_point_m: the point that stands still in a spin, this far ahead of base_link.
-        latency_s: from a velocity command to the odometry that shows it.
-        position_tolerance_m, heading_tolerance_rad: when a goal counts as reached.
+        control_point_m: distance ahead of base_link of the point about which it spins.
+        latency_s: latency from a velocity command to the odometry that shows it.
+        position_tolerance_m, heading_tolerance_rad: tolerances of a reached goal.
     """
 
     profile: SpeedProfileKind
@@ -79,7 +79,7 @@ class TurnDriveSettings:
 
 @dataclass(frozen=True, slots=True)
 class CameraLimits:
-    """What the camera mast and the camera can do."""
+    """Limits of the camera mast, and the camera's formats."""
 
     pan_min_rad: float
     pan_max_rad: float
@@ -95,24 +95,24 @@ class CameraLimits:
 
 @dataclass(frozen=True, slots=True)
 class SafetySettings:
-    """What stops the rover beside the monitors of `faults`.
+    """Safety settings besides the monitors of `faults`.
 
     Attributes:
-        watchdog_s: for how long the core's thread may hang while the rover moves; a tick later than
-            this pauses motion. Longer than what a busy computer or disk delays a tick by; not
+        watchdog_s: maximum hang of the core's thread while the rover moves; a tick later than
+            this pauses motion. Longer than the delay of a tick on a busy computer or disk; not
             longer than the rover may drive blindly.
     """
 
     watchdog_s: float = 0.5
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the watchdog has no time."""
+        """Raise ValueError unless the watchdog's time is positive."""
         require_above_zero(self, "watchdog_s")
 
 
 @unique
 class Sensor(Enum):
-    """What an asset may sense with, beside its odometry; values are the keys of `Sensors`."""
+    """Sensors of an asset besides its odometry; values are the keys of `Sensors`."""
 
     IMU = "imu"
     JOINTS = "joints"
@@ -122,12 +122,12 @@ class Sensor(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ImuSettings:
-    """An inertial measurement unit, and how often it measures."""
+    """An inertial measurement unit, and its sample rate."""
 
     rate_hz: float
 
     def __post_init__(self) -> None:
-        """Raise ValueError where it never measures."""
+        """Raise ValueError unless the rate is positive."""
         require_above_zero(self, "rate_hz")
 
 
@@ -136,7 +136,7 @@ class JointsSettings:
     """Sensors of the driven wheels.
 
     Attributes:
-        track_m: between left and right wheels; with skid steering, the effective one.
+        track_m: distance between left and right wheels; with skid steering, the effective one.
     """
 
     rate_hz: float
@@ -144,32 +144,32 @@ class JointsSettings:
     track_m: float
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure is none."""
+        """Raise ValueError unless every figure is positive."""
         require_above_zero(self, "rate_hz", "wheel_radius_m", "track_m")
 
 
 @dataclass(frozen=True, slots=True)
 class SecondOdometrySettings:
-    """An odometry that does not come from the wheels: by camera, laser or satellites.
+    """An odometry independent of the wheels: by camera, laser or satellites.
 
     Attributes:
-        fused: whether it corrects the pose here, where no filter of the rover does.
+        fused: whether the executive corrects the pose by it, because no filter of the rover does.
     """
 
     rate_hz: float
     fused: bool = False
 
     def __post_init__(self) -> None:
-        """Raise ValueError where it never measures."""
+        """Raise ValueError unless the rate is positive."""
         require_above_zero(self, "rate_hz")
 
 
 @dataclass(frozen=True, slots=True)
 class LaserSettings:
-    """A laser that scans a plane through base_link, and how often.
+    """A laser that scans a plane through base_link, and its scan rate.
 
     Attributes:
-        zero_is_free: whether its driver reports 0 where nothing reflects, as LDS-01 and URG-04LX
+        zero_is_free: whether its driver reports 0 for rays without a return, as LDS-01 and URG-04LX
             do, and not infinity (REP 117).
     """
 
@@ -177,13 +177,13 @@ class LaserSettings:
     zero_is_free: bool = False
 
     def __post_init__(self) -> None:
-        """Raise ValueError where it never measures."""
+        """Raise ValueError unless the rate is positive."""
         require_above_zero(self, "rate_hz")
 
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What an asset senses with, beside its odometry; None is not there."""
+    """Sensors of an asset besides its odometry; None if absent."""
 
     imu: ImuSettings | None = None
     joints: JointsSettings | None = None
@@ -192,21 +192,21 @@ class Sensors:
 
     @property
     def present(self) -> frozenset[Sensor]:
-        """Those that are there."""
+        """The sensors of the asset."""
         return frozenset(each for each in Sensor if getattr(self, each.value) is not None)
 
 
 @dataclass(frozen=True, slots=True)
 class AuthoritySettings:
-    """Who may command.
+    """Settings of the command authority.
 
     Attributes:
-        needed: whether commands need the authority; None for where others than this computer can
+        needed: whether commands need the authority; None: if other hosts can
             reach the rover.
-        lease_s: how long a holder may be silent.
-        longest_lease_s: how long at most one may be that gets it by hand-over, such as an orbiter.
+        lease_s: lease of a holder in seconds.
+        longest_lease_s: maximum lease granted by a hand-over, such as to an orbiter.
         may_take: the sources that may take it from its holder.
-        relay: under which name the relay holds it.
+        relay: name under which the relay holds it.
     """
 
     needed: bool | None = None
@@ -216,12 +216,12 @@ class AuthoritySettings:
     relay: str = "MOPS"
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a lease is none."""
+        """Raise ValueError unless the leases are positive."""
         require_above_zero(self, "lease_s", "longest_lease_s")
 
 
 class LinkLossAction(Enum):
-    """What the rover does when nothing is heard of the ground."""
+    """Action of the rover after the loss of the ground link."""
 
     GO_ON = "go_on"
     HOLD = "hold"
@@ -233,37 +233,37 @@ _AFTER: Final = {
     LinkLossAction.STOP: LinkLossAction.RETURN,
     LinkLossAction.RETURN: LinkLossAction.STOP,
 }
-"""What alone has a meaning after what."""
+"""The only action that may follow another one."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkLossStage:
-    """What is done after so many seconds without a sign of the ground.
+    """A reaction after a time without contact with the ground.
 
     Attributes:
-        then: go on; let the command under way end and begin no other until the ground is heard
-            again; stop until resumed; or drive back the way the rover came to where the ground was
-            last heard.
+        then: continue; let the active command end and start no other until the link is
+            recovered; stop until resumed; or drive back along the track to the position of the
+            last contact.
     """
 
     after_s: float
     then: LinkLossAction
 
     def __post_init__(self) -> None:
-        """Raise ValueError where it would be reached at once."""
+        """Raise ValueError unless the time is positive."""
         require_above_zero(self, "after_s")
 
 
 @dataclass(frozen=True, slots=True)
 class LinkLossSettings:
-    """The stages of what is done in a mode, the earliest first; without any the rover goes on."""
+    """The stages of each mode, the earliest first; without stages the rover continues."""
 
     teleop: tuple[LinkLossStage, ...] = ()
     motion: tuple[LinkLossStage, ...] = ()
     plan: tuple[LinkLossStage, ...] = ()
 
     def __post_init__(self) -> None:
-        """Raise ValueError where stages are not in their order."""
+        """Raise ValueError unless the stages are in order."""
         for stages in (self.teleop, self.motion, self.plan):
             for before, after in pairwise(stages):
                 if after.after_s <= before.after_s:
@@ -279,18 +279,18 @@ class LinkLossSettings:
 
     @property
     def returns(self) -> bool:
-        """Whether the rover returns in any of them."""
+        """Whether any stage makes the rover return."""
         stages = (*self.teleop, *self.motion, *self.plan)
         return any(each.then is LinkLossAction.RETURN for each in stages)
 
 
 @dataclass(frozen=True, slots=True)
 class VideoSettings:
-    """Between which UDP ports the camera's video stream is forwarded.
+    """UDP ports between which the camera's video stream is forwarded.
 
     Attributes:
-        listen_host, listen_port: where sources send it.
-        to_host, to_port: where it goes on to.
+        listen_host, listen_port: address to which sources send it.
+        to_host, to_port: address to which it is forwarded.
     """
 
     listen_host: str
@@ -299,7 +299,7 @@ class VideoSettings:
     to_port: int
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a port is none."""
+        """Raise ValueError unless the ports are valid."""
         for port in (self.listen_port, self.to_port):
             if not 0 < port <= HIGHEST_PORT:
                 raise ValueError(f"{port} is not a port of 1 to {HIGHEST_PORT}")
@@ -307,13 +307,13 @@ class VideoSettings:
 
 @dataclass(frozen=True, slots=True)
 class MuxEntry:
-    """An input or a lock of a mux, in the words of twist_mux.
+    """An input or a lock of a mux, in the terms of twist_mux.
 
     Attributes:
-        topic: where it is heard: geometry_msgs/Twist of an input, std_msgs/Bool of a lock.
-        timeout: seconds without a message after which an input does not count, and a lock is
+        topic: topic of the messages: geometry_msgs/Twist of an input, std_msgs/Bool of a lock.
+        timeout: seconds without a message after which an input is inactive, and a lock is
             locked; 0 for never.
-        priority: an input gives way to others of a higher one, and to locks of a higher one.
+        priority: an input is masked by inputs and locks of a higher priority.
     """
 
     topic: str
@@ -321,7 +321,7 @@ class MuxEntry:
     priority: int
 
     def __post_init__(self) -> None:
-        """Raise ValueError where twist_mux would take something else."""
+        """Raise ValueError if twist_mux would interpret a value differently."""
         if not 0.0 <= self.timeout <= HIGHEST_FIGURE:
             raise ValueError(f"timeout is {self.timeout}: 0 for never, or seconds above it")
         if not 0 <= self.priority <= HIGHEST_PRIORITY:
@@ -330,14 +330,14 @@ class MuxEntry:
 
 @dataclass(frozen=True, slots=True)
 class MuxSettings:
-    """The mux between those who publish velocities and the base.
+    """The mux between velocity publishers and the base.
 
     Attributes:
-        input: the input of `topics` that is the executive's own.
-        lock: the lock of `locks` that the executive holds while the rover has to stand.
+        input: the executive's own input in `topics`.
+        lock: the lock in `locks` that the executive holds while the rover must be stationary.
         topics, locks: as in the file of twist_mux.
-        stop: the input of `topics` on which the executive publishes zero meanwhile, of the lock's
-            priority or a higher one; None: a locked base stops when its own timeout is over.
+        stop: the input in `topics` on which the executive then publishes zero, of the lock's
+            priority or a higher one; None: a locked base stops after its own timeout.
         lower_may_drive: whether inputs of a lower priority than the executive's may drive the rover
             while it is idle; if not, it is STOPPED when it moves by them.
     """
@@ -350,7 +350,7 @@ class MuxSettings:
     lower_may_drive: bool = True
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the executive's own input or lock is not there, or has no say."""
+        """Raise ValueError if the executive's own input or lock is missing or ineffective."""
         for key, name, there in (
             ("input", self.input, self.topics),
             ("lock", self.lock, self.locks),
@@ -363,7 +363,7 @@ class MuxSettings:
         if lock <= own:
             raise ValueError(
                 f"lock {self.lock} has priority {lock}: it must be above {own}, that of"
-                f" {self.input}, or it stops nobody"
+                f" {self.input}, or it has no effect"
             )
         if self.stop is not None and self.topics[self.stop].priority < lock:
             raise ValueError(
@@ -374,12 +374,12 @@ class MuxSettings:
 
 @dataclass(frozen=True, slots=True)
 class RecordingSettings:
-    """What is kept of what the executive does, to be replayed.
+    """Recording of the executive, for replay.
 
     Attributes:
-        enabled: whether anything is.
-        most_mb: of all recordings, beyond which the oldest are deleted, in 10⁶ octets.
-        most_days: how old they get.
+        enabled: whether it is recorded.
+        most_mb: maximum size of all recordings, in 10⁶ octets; the oldest are deleted.
+        most_days: maximum age of recordings in days.
     """
 
     enabled: bool = True
@@ -387,7 +387,7 @@ class RecordingSettings:
     most_days: float = 7.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where nothing could be kept."""
+        """Raise ValueError unless the limits permit a recording."""
         if not FEWEST_MB <= self.most_mb <= HIGHEST_FIGURE:
             raise ValueError(f"most_mb is {self.most_mb:g}: at least {FEWEST_MB:g}")
         require_above_zero(self, "most_days")
@@ -399,24 +399,24 @@ class Settings:
 
     Attributes:
         domain: the MAL domain that names it.
-        intent_stale_ticks: dead-man: ticks without an intent after which the rover stands.
-        faults: what the rover does about each fault.
-        rover: the class that speaks with it, `module:Class`; None for a rover on `cmd_vel`.
-        kept_reports: how many the ledger keeps at least; commands are forgotten with their last.
-        clock_tolerance_s: how far ahead of the clock aboard a command may have been made.
-        video: None where the asset has no video stream.
-        sensors: what it senses with, beside its odometry.
-        mass_kg: what it weighs as it drives; None where that is not known.
-        footprint: None where nothing needs it: zones do.
-        zones: where it may drive, in the frame of its odometry.
-        link_loss: what is done when nothing is heard of the ground.
-        controller: what drives to a place, where the rover takes velocities and the command says
-            nothing else.
-        mpc: what model predictive control knows of the rover.
-        mux: None where the base takes velocities from one topic, whoever publishes there.
-        prediction: how exactly previews foretell its motion.
-        battery: what its battery may give; None where nothing is refused for its sake.
-        recording: what `rover-executive` keeps of what it does.
+        intent_stale_ticks: dead-man: ticks without an intent after which the rover stops.
+        faults: reactions of the rover to each fault.
+        rover: the class of its adapter, `module:Class`; None for a rover on `cmd_vel`.
+        kept_reports: minimum number of retained reports; commands are deleted with their last.
+        clock_tolerance_s: maximum lead of a creation time over the onboard clock.
+        video: None if the asset has no video stream.
+        sensors: sensors besides its odometry.
+        mass_kg: its mass as it drives; None if unknown.
+        footprint: None if not needed; zones need it.
+        zones: permitted areas, in the frame of its odometry.
+        link_loss: reactions to the loss of the ground link.
+        controller: motion controller to targets, for a rover with velocity commands, unless the
+            command selects another.
+        mpc: model of the rover for model predictive control.
+        mux: None if the base receives velocities from one topic, from any publisher.
+        prediction: accuracy of predicted motion.
+        battery: battery figures; None if no motion is refused for energy.
+        recording: recording of `rover-executive`.
     """
 
     asset: str
@@ -449,7 +449,7 @@ class Settings:
     recording: RecordingSettings = field(default_factory=RecordingSettings)
 
     def __post_init__(self) -> None:
-        """Raise ValueError where settings do not fit each other, or their bounds."""
+        """Raise ValueError unless all settings are consistent and within bounds."""
         if self.zones.any and self.footprint is None:
             raise ValueError("zones need footprint, the rover's length_m and width_m")
         offers = "controller is mpc" if self.controller is Controller.MPC else "mpc.offered is true"
@@ -461,7 +461,7 @@ class Settings:
         if self.battery is not None and self.prediction.standing_w is None:
             raise ValueError(
                 "battery needs prediction.standing_w, travel_j_per_m and rotate_j_per_rad: without"
-                " them it is not known what a motion takes of it"
+                " them the energy of a motion is unknown"
             )
         if self.kept_reports < FEWEST_REPORTS:
             raise ValueError(f"kept_reports is {self.kept_reports}: at least {FEWEST_REPORTS}")
@@ -469,13 +469,13 @@ class Settings:
 
     @property
     def offers_mpc(self) -> bool:
-        """Whether model predictive control may drive the rover: always, or for a command."""
+        """Whether model predictive control may drive the rover: by default, or for a command."""
         return self.controller is Controller.MPC or self.mpc.offered
 
     def reached(self, *, by_others: bool) -> "Settings":
-        """Return what holds where others than this computer can reach the rover, or cannot.
+        """Return the settings for a rover that other hosts can reach, or cannot.
 
-        Commands need the authority where others can, unless the file decides otherwise.
+        Commands need the authority if other hosts can, unless the file decides otherwise.
         """
         if self.authority.needed is not None:
             return self
@@ -486,7 +486,7 @@ def load_settings(asset: str) -> Settings:
     """Return the settings of an asset by name (`jackal`) or by the path of its YAML file.
 
     Raises:
-        SettingsError: there is no such asset or file, or it does not fit.
+        SettingsError: the asset or file does not exist, or does not fit.
     """
     if asset.endswith((".yaml", ".yml")):
         return read_yaml(Path(asset), Settings)

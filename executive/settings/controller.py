@@ -1,11 +1,11 @@
-"""What drives a rover that takes velocities to a place: settings name it, and commands can."""
+"""Motion controller to targets of a rover with velocity commands, for settings and commands."""
 
 from enum import Enum, unique
 
 
 @unique
 class Controller(Enum):
-    """What drives a rover that takes velocities to a place."""
+    """Motion controller to targets of a rover that is driven by velocity commands."""
 
     TURN_DRIVE = "turn_drive"
     MPC = "mpc"

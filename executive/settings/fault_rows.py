@@ -1,7 +1,7 @@
-"""Reads and writes settings with the rows of faults in them, which have keys of their own.
+"""Reads and writes settings that contain rows of faults, which have keys of their own.
 
-A row has `when`, `then` and `clears`, and the figures of its window: beside them where a fault has
-one window, else under the name of each. It has only what differs from the fault's declaration.
+A row has `when`, `then` and `clears`, and the figures of its window: directly if the fault has
+one window, otherwise under the name of each. It contains only deviations from the declaration.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -30,7 +30,7 @@ def settings_reader(
     """Return a reader of settings.
 
     Args:
-        special: reads each of these types, in place of what its type says.
+        special: functions that read these types instead of the default.
         units: whether keys carry the units of their fields.
     """
     read = {**(special or {}), FaultTable: _read_faults}

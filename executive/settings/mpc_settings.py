@@ -1,4 +1,4 @@
-"""What model predictive control knows of a rover: how it turns and slips, and what comes late."""
+"""Settings of model predictive control: yaw response, slip, delays."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -8,11 +8,11 @@ from executive.settings.settings_files import require_above_zero
 
 @dataclass(frozen=True, slots=True)
 class YawResponse:
-    """How fast a rover turns, w, when wc is commanded at the speed v and acceleration a.
+    """Yaw response: turning rate w for the commanded rate wc at speed v and acceleration a.
 
-    w = gain wc - drag_radps tanh(wc / drag_at_radps) + e, where e goes to
+    w = gain wc - drag_radps tanh(wc / drag_at_radps) + e, where e approaches
     wc |wc| (travel v + travel_squared v^2 + speed |v| - (acceleration + acceleration_travel v) a)
-    - load a wc with the time constant lag_s. SI units and radians; without any of it w is wc.
+    - load a wc with the time constant lag_s. SI units and radians; by default w equals wc.
     """
 
     gain: float = 1.0
@@ -27,25 +27,25 @@ class YawResponse:
     load: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a divisor is none, or the rover would not turn."""
+        """Raise ValueError unless divisors and gain are positive."""
         require_above_zero(self, "gain", "drag_at_radps", "lag_s")
 
 
 @dataclass(frozen=True, slots=True)
 class SlipSettings:
-    """How a turning rover slips, at the speed v, the rate of turn w and the acceleration a.
+    """Slip of a turning rover, at speed v, turning rate w and acceleration a.
 
-    To its left by -(offset + gain sign(v) sqrt|v w| - acceleration a) w: the point about which it
-    turns lies ahead of base_link by what is in brackets. Braking puts load on the front wheels,
-    which then slip less, and so moves that point ahead. Ahead by -creep a |w|: wheels that are
-    dragged aside push the rover only where they slip along, too.
+    Velocity to the left: -(offset + gain sign(v) sqrt|v w| - acceleration a) w. The centre of
+    rotation lies ahead of base_link by the expression in brackets. Braking loads the front wheels,
+    which then slip less, and so moves this centre ahead. Velocity ahead: -creep a |w|. Wheels that
+    are dragged laterally push the rover only while they also slip longitudinally.
 
     Attributes:
-        offset_m: in a spin.
+        offset_m: offset of the centre of rotation in a spin.
         gain_m: for v in m/s and w in rad/s.
         acceleration_s2: m for each m/s².
         creep_s2: m/s for each m/s² and rad/s.
-        lag_s: the time constant with which all but the offset settles.
+        lag_s: time constant with which all except the offset settles.
     """
 
     offset_m: float = 0.0
@@ -55,7 +55,7 @@ class SlipSettings:
     lag_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the lag is none that can be."""
+        """Raise ValueError unless the lag is 0 to 1 s."""
         if not 0.0 <= self.lag_s <= 1.0:
             raise ValueError(f"lag_s is {self.lag_s}: 0 to 1")
 
@@ -69,14 +69,14 @@ class MpcSettings:
     """Model predictive control.
 
     Attributes:
-        steps: intervals of a plan; more are finer and cost more.
-        command_delay_s: from a tick to the velocity that it commands, as the ramp between ticks.
-        odometry_age_s: how old odometry is when it arrives.
-        yaw: how the rover turns.
-        slip: how it slips.
-        odometry_slip: the part of that which its odometry allows for; the executive allows for the
-            rest. None: all of it.
-        offered: whether commands may choose it where the asset's controller is another.
+        steps: intervals of a trajectory; more are finer and cost more.
+        command_delay_s: delay from a tick to its commanded velocity, as the ramp between ticks.
+        odometry_age_s: age of odometry on arrival.
+        yaw: yaw response of the rover.
+        slip: slip of the rover.
+        odometry_slip: the part of the slip that its odometry compensates; the executive compensates
+            the rest. None: all of it.
+        offered: whether commands may select it if the asset's controller is another.
     """
 
     steps: int = 20
@@ -88,7 +88,7 @@ class MpcSettings:
     offered: bool = False
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure is none that can be."""
+        """Raise ValueError unless every figure is within its bounds."""
         if not FEWEST_STEPS <= self.steps <= MOST_STEPS:
             raise ValueError(f"steps is {self.steps}: {FEWEST_STEPS} to {MOST_STEPS}")
         for name in ("command_delay_s", "odometry_age_s"):

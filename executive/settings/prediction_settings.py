@@ -1,4 +1,4 @@
-"""How exactly a motion is foretold, what it takes of the battery, and what that may give."""
+"""Settings of a motion's prediction accuracy, of its energy, and of the battery."""
 
 from dataclasses import dataclass, field
 from enum import Enum, auto
@@ -11,22 +11,22 @@ from executive.values.geometry import Point
 
 
 class MotionEndKind(Enum):
-    """How the last motion of a way ends."""
+    """End of the last motion of a path."""
 
     LINE = auto()
     CURVE = auto()
     FREE_CURVE = auto()
-    """A curve to a place, at whatever heading."""
+    """A curve to a position, at any heading."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionExtent:
-    """What a deviation or an energy depends on.
+    """Quantities on which a deviation or an energy depends.
 
     Attributes:
         turned_rad: sum of all turning, without sign.
-        curved_m: of all pieces of it the lesser of length and turning times 1 m, in metres.
-        end: of its last motion.
+        curved_m: sum over all pieces of the lesser of length and turning times 1 m, in metres.
+        end: end of its last motion.
     """
 
     duration_s: float
@@ -38,19 +38,19 @@ class MotionExtent:
 
 @dataclass(frozen=True, slots=True)
 class PredictionSettings:
-    """How exactly a motion is foretold, and what it takes of the battery.
+    """Accuracy of a predicted motion, and its energy.
 
     Deviations at 2 sigma: independent parts that are added as squares.
 
     Attributes:
-        place_m, place_m_per_m, place_m_per_rad: of the place: of each end, for each metre of way,
-            for each radian of turning.
-        heading_rad, heading_rad_per_m, heading_rad_per_rad: of the heading, alike.
-        curve_place_m, curve_heading_rad: of place and heading where mpc ends a curve.
-        free_heading_rad: of the heading where no heading is asked for there.
-        standing_w: power that the asset takes while it stands; None where energy is not foretold.
-        travel_j_per_m, rotate_j_per_rad: what its motion takes beside that.
-        curve_j_per_m: what driving and turning at once takes beside both, for each metre.
+        place_m, place_m_per_m, place_m_per_rad: position deviation: constant, per metre of path,
+            per radian of turning.
+        heading_rad, heading_rad_per_m, heading_rad_per_rad: heading deviation, likewise.
+        curve_place_m, curve_heading_rad: position and heading deviation after a curve of mpc.
+        free_heading_rad: heading deviation if the curve ends without a commanded heading.
+        standing_w: power of the stationary asset; None if energy is not predicted.
+        travel_j_per_m, rotate_j_per_rad: additional energy of its motion.
+        curve_j_per_m: further energy of driving and turning at once, per metre.
     """
 
     place_m: float = 0.02
@@ -68,7 +68,7 @@ class PredictionSettings:
     curve_j_per_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure is none."""
+        """Raise ValueError unless every figure is within its bounds."""
         require_above_zero(self, "place_m", "heading_rad", "standing_w")
         for name in (
             *("place_m_per_m", "place_m_per_rad", "heading_rad_per_m", "heading_rad_per_rad"),
@@ -80,13 +80,13 @@ class PredictionSettings:
                 raise ValueError(f"{name} must be 0 to {HIGHEST_FIGURE:g}, not {figure}")
 
     def within_m(self, way: MotionExtent) -> float:
-        """Return the deviation of the place after a way, at 2 sigma."""
+        """Return the position deviation after a motion, at 2 sigma."""
         grown = (self.place_m_per_m * way.length_m, self.place_m_per_rad * way.turned_rad)
         curve_m = 0.0 if way.end is MotionEndKind.LINE else self.curve_place_m
         return hypot(self.place_m, curve_m, *grown)
 
     def within_rad(self, way: MotionExtent) -> float:
-        """Return the deviation of the heading after a way, at 2 sigma."""
+        """Return the heading deviation after a motion, at 2 sigma."""
         grown = (self.heading_rad_per_m * way.length_m, self.heading_rad_per_rad * way.turned_rad)
         match way.end:
             case MotionEndKind.LINE:
@@ -100,7 +100,7 @@ class PredictionSettings:
         return hypot(self.heading_rad, end_rad, *grown)
 
     def energy_j(self, way: MotionExtent) -> float | None:
-        """Return what a motion takes of the battery, None where that is not known."""
+        """Return the energy of a motion in joules, None if it is not predicted."""
         if self.standing_w is None:
             return None
         moving_j = self.travel_j_per_m * way.length_m + self.rotate_j_per_rad * way.turned_rad
@@ -108,7 +108,7 @@ class PredictionSettings:
 
 
 def curved_m(length_m: float, turned_rad: float) -> float:
-    """Return the lesser of the length of a piece of way and its turning times 1 m."""
+    """Return the lesser of a path's length and its turning times 1 m."""
     return min(abs(length_m), abs(turned_rad))
 
 
@@ -117,12 +117,12 @@ HIGHEST_RESERVE: Final = 0.9
 
 @dataclass(frozen=True, slots=True)
 class BatterySettings:
-    """What a battery may give: nothing begins from which it could not bring the rover back.
+    """Battery energy available to motion: each motion must leave enough for the return.
 
     Attributes:
         capacity_j: energy when full.
-        reserve_ratio: charge that is kept for what nobody foresees, of the whole.
-        home: where the rover has to be able to come back to, in the frame of its odometry.
+        reserve_ratio: charge reserved for the unexpected, as a ratio of the capacity.
+        home: position to which the rover must be able to return, in the odometry frame.
     """
 
     capacity_j: float
@@ -130,7 +130,7 @@ class BatterySettings:
     home: Point = field(default_factory=lambda: Point(0.0, 0.0))
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure is none."""
+        """Raise ValueError unless every figure is within its bounds."""
         require_above_zero(self, "capacity_j")
         if not 0.0 <= self.reserve_ratio <= HIGHEST_RESERVE:
             raise ValueError(f"reserve_ratio is {self.reserve_ratio}: 0 to {HIGHEST_RESERVE}")
@@ -138,5 +138,5 @@ class BatterySettings:
             raise ValueError(f"home is farther than {FARTHEST_M:g} m from the origin")
 
     def left_j(self, charge_ratio: float) -> float:
-        """Return what is left above the reserve, negative below it."""
+        """Return the energy above the reserve, negative below it."""
         return (charge_ratio - self.reserve_ratio) * self.capacity_j

@@ -1,7 +1,7 @@
-"""Settings files: YAML that is read strictly into dataclasses, and the folder of configurations.
+"""Settings files: YAML that is read strictly into dataclasses, and the configuration folder.
 
 All settings of the project are read here: assets, scenarios, campaigns, the MOPS dictionary. The
-one error, `SettingsError`, names the file, the key and what would be right.
+one error, `SettingsError`, names the file, the key and the correct form.
 """
 
 import os
@@ -20,24 +20,24 @@ from executive.settings.strict_reader import FormatError, StrictReader
 T = TypeVar("T")
 
 HIGHEST_FIGURE: Final = 1e10
-"""Of settings: three hundred years in seconds."""
+"""Maximum value in settings: three hundred years in seconds."""
 
 MAX_YAML_NODES: Final = 100_000
-"""Nodes of a YAML text with its aliases expanded; files of the product have at most 500."""
+"""Maximum nodes of a YAML text with aliases expanded; the product's files have at most 500."""
 MAX_YAML_DEPTH: Final = 50
 
 _MERGE: Final = "tag:yaml.org,2002:merge"
 
 
 class SettingsError(ValueError):
-    """A settings file is missing or wrong; the text says where and what to do."""
+    """A settings file is missing or invalid; the text says where and how to correct it."""
 
 
 def require_above_zero(settings: object, *names: str) -> None:
-    """Do nothing where fields of a settings dataclass are above zero and no mistake, or None.
+    """Raise ValueError unless each named field is None or in (0, 1e10].
 
     Raises:
-        ValueError: one is not.
+        ValueError: a field is out of range.
     """
     for name in names:
         figure = getattr(settings, name)
@@ -46,7 +46,7 @@ def require_above_zero(settings: object, *names: str) -> None:
 
 
 def structure(raw: object, kind: type[T], origin: str) -> T:
-    """Return a value of a settings dataclass made from the plain data of a file.
+    """Convert the plain data of a file to a value of a settings dataclass.
 
     Raises:
         SettingsError: a key is unknown, missing, or of the wrong kind.
@@ -56,16 +56,16 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
 
 
 def unstructure(value: object) -> object:
-    """Return the plain data that `structure` makes a value of."""
+    """Return the plain data from which `structure` creates a value."""
     return _reader().plain(value)
 
 
 @contextmanager
 def faults_of(origin: object) -> Iterator[None]:
-    """Make data that does not fit an error that names its file.
+    """Convert errors of the data format to errors that name the file.
 
     Raises:
-        SettingsError: data does not fit.
+        SettingsError: the data do not fit.
     """
     try:
         yield
@@ -75,16 +75,16 @@ def faults_of(origin: object) -> Iterator[None]:
 
 @cache
 def _reader() -> StrictReader:
-    """Return the reader of settings, which compiles code for each dataclass that it meets first."""
+    """Return the reader of settings, which compiles code for each dataclass on first use."""
     return settings_reader(units=True)
 
 
 class _Loader(yaml.CSafeLoader):
-    """Refuses a key that is said twice, where YAML would forget the first; takes 1e-5 for a number.
+    """Rejects a duplicate key, which YAML would override; reads 1e-5 as a number.
 
-    A key such as on, which YAML takes for true, is refused, too.
+    A key such as on, which YAML reads as true, is rejected, too.
 
-    YAML 1.1, which PyYAML reads, wants a point and a sign: 1.0e-5.
+    YAML 1.1, as PyYAML reads it, requires a point and a sign: 1.0e-5.
     """
 
 
@@ -94,7 +94,7 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
         if key.tag == _MERGE:
             continue
         name = loader.construct_object(key, deep=True)
-        fault = f"key {name!r} is said twice" if name in seen else ""
+        fault = f"duplicate key {name!r}" if name in seen else ""
         if isinstance(name, bool):
             fault = f"key {key.value} means {name} in YAML: quote it"
         if fault:
@@ -112,10 +112,10 @@ _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping
 
 
 def load_yaml(path: Path) -> object:
-    """Return what a YAML file holds, whoever wrote it: data, or one error.
+    """Return the data of an untrusted YAML file, or raise a single kind of error.
 
     Raises:
-        SettingsError: the file cannot be read, or is no YAML.
+        SettingsError: the file cannot be read, or is not YAML.
     """
     return parse_yaml(_text(path), str(path))
 
@@ -130,15 +130,15 @@ def _text(path: Path) -> str:
 
 
 def parse_yaml(text: str, origin: str) -> object:
-    """Return what a YAML text holds; the origin is for the error.
+    """Return the data of a YAML text; `origin` names it in errors.
 
     Raises:
-        SettingsError: it is no YAML, nested too deeply, or too large with its aliases expanded.
+        SettingsError: not YAML, nested too deeply, or too large with its aliases expanded.
     """
     try:
         fault = _oversize(text)
         read = None if fault else yaml.load(text, Loader=_Loader)
-    except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or key may be none
+    except (yaml.YAMLError, ValueError, TypeError) as error:  # a date or key may be invalid
         raise _not_yaml(origin, error) from error
     if fault:
         raise SettingsError(f"{origin}: {fault}")
@@ -146,10 +146,10 @@ def parse_yaml(text: str, origin: str) -> object:
 
 
 def _oversize(text: str) -> str | None:
-    """Return why a YAML text is too large to be loaded and walked, or None.
+    """Return an error if a YAML text is too large to be loaded and traversed, or None.
 
-    Loading shares what an alias repeats, but whoever walks the data meets it each time. The sizes
-    are added up without expanding anything.
+    Loading shares the nodes of an alias, but a traversal visits them each time. Sizes are summed
+    without expanding aliases.
     """
     sizes: dict[str | None, int] = {}
     nodes: list[tuple[str | None, int]] = [(None, 0)]
@@ -185,7 +185,7 @@ def read_yaml(path: Path, kind: type[T]) -> T:
     """Return the contents of a YAML file as a settings dataclass.
 
     Raises:
-        SettingsError: the file cannot be read, is no YAML, or does not fit.
+        SettingsError: the file cannot be read, is not YAML, or does not fit.
     """
     hashable: Any = kind
     value: T = _structured(_text(path), hashable, str(path))
@@ -194,27 +194,27 @@ def read_yaml(path: Path, kind: type[T]) -> T:
 
 @lru_cache(maxsize=16)
 def _structured(text: str, kind: Any, origin: str) -> Any:
-    """Return the value of a text; a campaign reads the same asset hundreds of times."""
+    """Return the value of a text. Cached: a campaign reads the same asset hundreds of times."""
     return structure(parse_yaml(text, origin), kind, origin)
 
 
 def config_folder() -> Path:
-    """Return where configuration files lie: $ROVER_CONFIG, the checkout, or the installation."""
+    """Return the configuration folder: $ROVER_CONFIG, the checkout, or the installation."""
     override = os.environ.get("ROVER_CONFIG")
     if override:
         return Path(override)
     checkout = Path(__file__).resolve().parents[2] / "config"
     if checkout.is_dir():
         return checkout
-    prefix = Path(__file__).parents[5]  # of a pip install and of a colcon install alike
+    prefix = Path(__file__).parents[5]  # for pip and colcon installs alike
     return prefix / "share" / "rover_executive" / "config"
 
 
 def named_file(kind: str, name: str, folder: Path) -> Path:
-    """Return the YAML file in a folder of what is known by a name; the kind is for the error.
+    """Return the YAML file of a name in a folder; the kind is for the error.
 
     Raises:
-        SettingsError: there is none of that name; the text says which there are.
+        SettingsError: no such file; the text lists the names.
     """
     path = folder / f"{name}.yaml"
     if path.is_file():

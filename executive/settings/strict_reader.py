@@ -1,7 +1,7 @@
-"""Plain YAML data into dataclasses, strictly: an error lists every fault with the path of its key.
+"""Converts plain YAML data to dataclasses strictly: an error lists every fault with its key path.
 
 A key is the name of its field: `x_m`, or `x` for a reader without units. An angle, or an angle per
-second, may be written in degrees. One of several dataclasses is recognised by its first field.
+second, may be given in degrees. One of several dataclasses is identified by its first field.
 """
 
 import re
@@ -35,12 +35,12 @@ _UNIT: Final = re.compile(r"(?<!_per)_(m|rad|s|mps|radps|mps2|radps2|px|v|ratio|
 _ANGLES: Final = ("_rad", "_radps", "_radps2")
 _DEGREES: Final = re.compile(r"([-+]?\d+(?:\.\d*)?)\s*deg")
 MANY: Final = 30
-"""More keys than these are not listed where a near one is named."""
+"""Maximum number of keys that an error lists if it suggests a similar one; chosen."""
 _WORDS: Final = {str: "a text", int: "a whole number", bool: "true or false"}
 
 
 def figure(least: float = 0.0, most: float = inf, **settings: Any) -> Any:
-    """Return a field for a figure within bounds, which are checked when it is read."""
+    """Return a field for a number within bounds, which are checked when it is read."""
     return field(metadata={"least": least, "most": most}, **settings)
 
 
@@ -50,7 +50,7 @@ def angle(least: float = -inf, **settings: Any) -> Any:
 
 
 def in_degrees(text: str) -> float | None:
-    """Return in radians an angle that is written in degrees, as `5deg`; None if it is not."""
+    """Return an angle in degrees, as `5deg`, in radians; None for any other text."""
     found = _DEGREES.fullmatch(text.strip())
     return radians(float(found[1])) if found else None
 
@@ -66,10 +66,10 @@ def angle_of(raw: object) -> float:
 
 
 class FormatError(ValueError):
-    """Data that does not fit.
+    """Data that do not fit.
 
     Attributes:
-        faults: the path of each key at fault, and what is wrong there.
+        faults: key path and text of each error.
     """
 
     def __init__(self, path: str, text: str, *more: tuple[str, str]) -> None:
@@ -78,11 +78,11 @@ class FormatError(ValueError):
 
 
 class StrictReader:
-    """Makes values of dataclasses, and plain data of them.
+    """Creates values of dataclasses from plain data, and plain data from values.
 
     Args:
-        special: reads each of these types, in place of what its type says.
-        plain: writes values of each of these classes.
+        special: functions that read these types instead of the default.
+        plain: functions that write values of these classes.
         units: whether keys carry the units of their fields.
     """
 
@@ -98,7 +98,7 @@ class StrictReader:
         for kind in _WORDS:
             made.register_structure_hook(kind, _scalar)
         made.register_structure_hook(float, _number)
-        # cattrs would compile the hook of a dataclass anew for each field of it.
+        # cattrs would compile the hook of a dataclass again for each field of it.
         made.register_structure_hook_factory(is_dataclass, cache(self._dataclass_hook))
         made.register_unstructure_hook_factory(
             is_dataclass,
@@ -133,7 +133,7 @@ class StrictReader:
             raise FormatError(*first, *more) from error
 
     def overlay(self, base: T, raw: object, path: str) -> T:
-        """Return a dataclass value with what the data says instead, at any depth.
+        """Return a dataclass value updated with the data, at any depth.
 
         Raises:
             FormatError: the data does not fit the type.
@@ -143,7 +143,7 @@ class StrictReader:
         return self.read(_merged(self.plain(base), raw), type(base), path)
 
     def plain(self, value: object) -> dict[str, Any]:
-        """Return a dataclass value as the plain data that `read` makes it of."""
+        """Return a dataclass value as the plain data from which `read` creates it."""
         made: dict[str, Any] = self._converter.unstructure(value)
         return made
 
@@ -181,7 +181,7 @@ class StrictReader:
         return self._converter.structure(raw, tags[found[0]])
 
     def _keys(self, kind: Any) -> dict[str, Any]:
-        """Return how each field of a dataclass is written."""
+        """Return the keys of a dataclass's fields."""
         return {
             each.name: override(
                 rename=self._key(each.name),
@@ -246,7 +246,7 @@ def _check_bounds(key: str, value: Any, bounds: Mapping[Any, Any]) -> None:
 
 
 def _merged(base: Any, changes: Any) -> Any:
-    """Return data with changes at any depth; what is no mapping replaces what was there."""
+    """Return data updated with changes at any depth; other values than mappings are replaced."""
     if not (isinstance(base, dict) and isinstance(changes, dict)):
         return changes
     return {**base, **{key: _merged(base.get(key), value) for key, value in changes.items()}}
@@ -257,13 +257,13 @@ def _without_unit(name: str) -> str:
 
 
 def hint(name: object, known: Iterable[str]) -> str:
-    """Return the nearest of the known names in brackets; empty if none is near."""
+    """Return the nearest known name in brackets; empty without one."""
     near = get_close_matches(str(name), known, 1)
     return f" (did you mean {near[0]}?)" if near else ""
 
 
 def unknown_keys(keys: Collection[str], known: Sequence[str]) -> str:
-    """Return what is wrong with keys that are none of the known ones."""
+    """Return an error text for unknown keys."""
     near = {shown(key): hint(key, known) for key in sorted(keys, key=str)}
     text = "unknown key " + ", ".join(key + found for key, found in near.items())
     if all(near.values()) and len(known) > MANY:
@@ -272,10 +272,10 @@ def unknown_keys(keys: Collection[str], known: Sequence[str]) -> str:
 
 
 def shown(raw: object) -> str:
-    """Return a value as an error quotes it, cut short."""
+    """Return a value as quoted in an error, truncated."""
     try:
         text = repr(raw)
-    except ValueError:  # Python prints no number of thousands of digits
+    except ValueError:  # Python does not print a number of thousands of digits
         return "a number of thousands of digits"
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -309,6 +309,6 @@ def _angle(raw: Any, kind: Any) -> float | None:
 def _number(raw: Any, _: Any, hint: str = "") -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         raise ValueError(f"expected a number{hint}, got {shown(raw)}")
-    if not -1e300 <= raw <= 1e300:  # greater whole numbers fit no float, and NaN fits nothing
+    if not -1e300 <= raw <= 1e300:  # greater integers fit no float, and NaN compares false
         raise ValueError(f"expected a finite number, got {shown(raw)}")
     return float(raw)

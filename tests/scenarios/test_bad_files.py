@@ -44,7 +44,7 @@ def play(path: Path) -> Result:
         ),
         ("expect:", "expect:\n  - {video: 1}", "expect[0]: key 'for' is missing"),
         ("expect:", "expect:\n  - {video: 0, for: 1}", "expect[0].video: video works with"),
-        ("lasts: 2", "lasts: 2\nlasts: 3", "'lasts' is said twice"),
+        ("lasts: 2", "lasts: 2\nlasts: 3", "duplicate key 'lasts'"),
         ("lasts: 2", "lasts: 2\non: 3", "key on means True in YAML: quote it"),
         ("lasts: 2", "lasts: 0.5", "timeline[0]: is later than the end"),
         ("lasts: 2", "lasts: 2\nseed: 1.5", "seed: expected a whole number, got 1.5"),
