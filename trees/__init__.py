@@ -1,4 +1,4 @@
-"""The behaviour tree of the rover. py_trees lives only here."""
+"""The behaviour tree of the rover. Only this package imports py_trees."""
 
 from trees.rover import RoverTree as RoverTree
 from trees.rover import leaf_paths as leaf_paths

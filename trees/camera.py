@@ -1,4 +1,4 @@
-"""Camera primitives: point it, take a picture."""
+"""Camera primitives: pointing, taking pictures."""
 
 from py_trees.common import Status
 
@@ -17,8 +17,8 @@ MARGIN_S = 3.0
 class PanTilt(GoalLeaf):
     """Points the camera and waits until it has arrived.
 
-    Angles are worked out once a goal, so that a relative one is not added again when the leaf goes
-    on after a hazard; as long as nothing is measured, there is nothing to add to or to keep.
+    Angles are computed once per goal, so that a relative one is not added again when the leaf
+    continues after a hazard. Without a measurement there is no angle to add to or to hold.
     """
 
     late = Reason.PAN_TILT_DEADLINE
@@ -30,12 +30,12 @@ class PanTilt(GoalLeaf):
         self._wanted = CameraAngles(0.0, 0.0)
 
     def begin(self) -> float:
-        """Allow time for the camera to tell where it points."""
+        """Allow time for the first measured angles."""
         self._speed_radps = 0.0
         return MARGIN_S
 
     def act(self) -> Status:
-        """Want the angles until they are measured."""
+        """Request the angles until they are measured."""
         measured = self.context.status.camera
         if measured is None:
             return Status.RUNNING
@@ -58,9 +58,9 @@ class PanTilt(GoalLeaf):
         return Status.SUCCESS
 
     def terminate(self, new_status: Status) -> None:
-        """Where its goal was ended on the way there, want the camera to stay where it is.
+        """Hold the camera at its present angles if its goal ended before they were reached.
 
-        No other leaf wants angles, so this undoes nothing.
+        No other leaf sets a camera intent, so this overwrites none.
         """
         if self._aimed_for is None or self._aimed_for is self.queue.active:
             return
@@ -78,7 +78,7 @@ class PanTilt(GoalLeaf):
         )
 
     def _aim(self, present: CameraAngles) -> CameraAngles:
-        """Return the angles, within what the mast can do."""
+        """Return the target angles, within the limits of the mast."""
         request = self.goal.command.request
         limits = self.context.settings.camera
         match request:
@@ -95,7 +95,7 @@ class PanTilt(GoalLeaf):
         )
 
     def _allow(self, left_rad: float) -> None:
-        """Set the deadline by the camera's speed; again when that was changed, or as it waits."""
+        """Set the deadline by the camera's speed; again if it changes, or while motion blocks."""
         speed_radps = self.context.status.camera_speed_radps
         waits = self.context.locomotion.alone and self.context.goals.motion.active is not None
         if waits or speed_radps != self._speed_radps:
@@ -104,10 +104,10 @@ class PanTilt(GoalLeaf):
 
 
 class Capture(GoalLeaf):
-    """Stores the first camera frame that was taken after it asked for one, and is whole."""
+    """Stores the first complete camera frame that was taken after its request."""
 
     late = Reason.CAPTURE_DEADLINE
-    late_text = "no camera frame came"
+    late_text = "no camera frame received"
     needs = Source.CAMERA
 
     def __init__(self, name: str, context: Context, queue: GoalQueue) -> None:
@@ -115,14 +115,14 @@ class Capture(GoalLeaf):
         self._last_stamp_s: float | None = None
 
     def begin(self) -> float:
-        """Ask for a frame."""
+        """Request a frame."""
         self._asked_s = self.context.clock.now_s()
         self._wrong: Refusal | None = None
         self._ask()
         return self.context.settings.camera.capture_deadline_s
 
     def act(self) -> Status:
-        """Wait for the frame and store it; ask again for one that is no picture of now."""
+        """Wait for the frame and store it; request another if it is invalid or outdated."""
         frame = self.context.status.frame
         if frame is None or self.context.status.frames == self._seen:
             self.feedback_message = "waiting for a frame"
@@ -145,7 +145,7 @@ class Capture(GoalLeaf):
         return Status.SUCCESS
 
     def give_up(self) -> Status:
-        """Fail the goal, with what was wrong with the last frame."""
+        """Fail the goal, with the fault of the last frame."""
         return super().give_up() if self._wrong is None else self.fail(self._wrong)
 
     def _ask(self) -> None:

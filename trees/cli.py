@@ -10,7 +10,7 @@ import click
     type=click.Choice(["unicode", "mermaid", "svg"]),
     default="unicode",
     show_default=True,
-    help="How to draw it.",
+    help="Output format.",
 )
 @click.option("--asset", default="jackal", show_default=True, help="Asset name, or its YAML file.")
 def tree(form: str, asset: str) -> None:

@@ -1,6 +1,6 @@
 """Base classes of leaves: a deadline on the core's clock, and containment of exceptions.
 
-Whatever is raised within a leaf leaves the tree as a `LeafError` that has the leaf's path.
+Any exception within a leaf leaves the tree as a `LeafError` with the leaf's path.
 """
 
 from abc import abstractmethod
@@ -18,7 +18,7 @@ from executive.values.reports import Identity
 
 
 def path_of(behaviour: Behaviour) -> str:
-    """Return the stable path of a node: the names from the root, joined by slashes."""
+    """Return the stable path of a node: names from the root, joined by slashes."""
     names = [behaviour.name]
     while behaviour.parent is not None:
         behaviour = behaviour.parent
@@ -27,13 +27,13 @@ def path_of(behaviour: Behaviour) -> str:
 
 
 class ContainedNode(Behaviour):
-    """A node without children; what it raises leaves the tree with its path."""
+    """A node without children; its exceptions leave the tree with its path."""
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick as every behaviour.
+        """Tick as any behaviour.
 
         Raises:
-            LeafError: it raised something.
+            LeafError: the node raised.
         """
         try:
             yield from super().tick()
@@ -42,13 +42,13 @@ class ContainedNode(Behaviour):
 
 
 class Condition(ContainedNode):
-    """A leaf that tests something: it never acts and is never RUNNING.
+    """A leaf that tests a condition: it never acts and is never RUNNING.
 
-    Its message names the command for which it held last.
+    Its message names the last command for which the condition held.
 
     Args:
-        holds: whether it does.
-        whose: for which command, where it holds; None where that is for none.
+        holds: returns whether the condition holds.
+        whose: returns the command for which it holds; None if there is none.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Condition(ContainedNode):
         self._whose = whose
 
     def update(self) -> Status:
-        """Return SUCCESS if it holds, else FAILURE."""
+        """Return SUCCESS if the condition holds, otherwise FAILURE."""
         if not self._holds():
             return Status.FAILURE
         if self._whose is not None:
@@ -68,11 +68,11 @@ class Condition(ContainedNode):
 
 
 class Leaf(ContainedNode):
-    """A primitive. It wants things of the actuators through intents and never publishes.
+    """A primitive. It requests actuator motion through intents and never publishes.
 
     Attributes:
-        allowed_s: how long it may take.
-        deadline_s: when it gives up, on the core's clock.
+        allowed_s: its timeout in seconds.
+        deadline_s: time of its timeout, on the core's clock.
     """
 
     def __init__(self, name: str, context: Context) -> None:
@@ -81,40 +81,40 @@ class Leaf(ContainedNode):
         self.allowed_s = self.deadline_s = 0.0
 
     def allow(self, allowed_s: float) -> None:
-        """Set the deadline, this many seconds from now."""
+        """Set the deadline this many seconds from now."""
         self.allowed_s = allowed_s
         self.deadline_s = self.context.clock.now_s() + allowed_s
 
     def initialise(self) -> None:
-        """Begin, and set the deadline."""
+        """Start, and set the deadline."""
         self.allow(self.begin())
 
     def update(self) -> Status:
-        """Act; past the deadline, give up."""
+        """Act; after the deadline, time out."""
         status = self.act()
         late = self.context.clock.now_s() > self.deadline_s
         return self.give_up() if late and status is Status.RUNNING else status
 
     @abstractmethod
     def begin(self) -> float:
-        """Prepare, and return the seconds after which the leaf gives up."""
+        """Prepare, and return the timeout in seconds."""
 
     @abstractmethod
     def act(self) -> Status:
-        """Do one tick's work."""
+        """Do the work of one tick."""
 
     @abstractmethod
     def give_up(self) -> Status:
-        """Handle a missed deadline, and return the leaf's status."""
+        """Handle the timeout, and return the leaf's status."""
 
 
 class GoalLeaf(Leaf):
-    """A primitive that works on the active goal of a queue, and on no other.
+    """A primitive that executes the active goal of a queue, and no other.
 
     Attributes:
-        goal: the goal that was active when it began.
-        late: why the goal fails past the deadline.
-        late_text: what is said of it then, before the seconds allowed.
+        goal: the goal that was active when the leaf started.
+        late: reason of the failure on timeout.
+        late_text: text of the failure on timeout, before the seconds allowed.
         needs: the source whose data it waits for.
     """
 
@@ -128,43 +128,43 @@ class GoalLeaf(Leaf):
         self.queue = queue
 
     def initialise(self) -> None:
-        """Take the active goal and begin."""
+        """Start on the active goal."""
         if self.queue.active is not None:
             self.goal = self.queue.active
         super().initialise()
 
     def update(self) -> Status:
-        """Act on the goal; once it has ended or was replaced, there is nothing left to do."""
+        """Act on the goal; fail once it has ended or was replaced."""
         return super().update() if self.queue.active is self.goal else Status.FAILURE
 
     def give_up(self) -> Status:
-        """Fail the goal, which took too long."""
+        """Fail the goal on timeout."""
         text = f"{self.late_text} within {self.allowed_s:.1f} s"
         text = self.context.status.rejections.explain(text, self.needs)
         return self.fail(Refusal(self.late, text, (Figure("bound", self.allowed_s, "s"),)))
 
     def fail(self, refusal: Refusal) -> Status:
-        """End the goal without success."""
+        """Fail the goal."""
         self.queue.fail(refusal)
         return Status.FAILURE
 
 
 class Idle(Behaviour):
-    """Has nothing to do."""
+    """A leaf without work."""
 
     def update(self) -> Status:
-        """Want nothing."""
+        """Succeed without an intent."""
         return Status.SUCCESS
 
 
 class TakeGoal(ContainedNode):
-    """Takes the next goal of a queue, which starts it, for the leaves after it in a sequence.
+    """Activates the next goal of a queue for the following leaves of a sequence.
 
-    Its message names the command whose goal it took last.
+    Its message names the command of the last goal.
 
     Args:
-        requests: those of goals that are for them; else the goal is left to the next branch.
-        waits: whether no goal may be worked on now.
+        requests: request types of the following leaves; other goals are left to the next branch.
+        waits: returns whether goals must wait now.
     """
 
     def __init__(
@@ -180,7 +180,7 @@ class TakeGoal(ContainedNode):
         self._waits = waits
 
     def update(self) -> Status:
-        """Return SUCCESS if there is a goal for the leaves after this one."""
+        """Return SUCCESS if there is a goal for the following leaves."""
         if self._waits():
             return Status.FAILURE
         goal = self._queue.take()

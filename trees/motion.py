@@ -1,4 +1,4 @@
-"""Motion primitives: take a leg of a goal, turn, drive, hold a velocity, finish the leg."""
+"""Motion primitives: plan a leg of a goal, turn, drive, hold a velocity, finish the leg."""
 
 from dataclasses import replace
 from functools import partial
@@ -49,17 +49,17 @@ from trees.standstill import STOP_DEADLINE_S, beside_odometry, refusal, unconfir
 MARGIN_S = 5.0
 ATTEMPTS = 3
 MOST_EVADED = 20
-"""Lines to one place that end before something that comes into view."""
+"""Maximum detours to one target that a new obstacle may interrupt; chosen, not measured."""
 PROMPT = 0.5
-"""Of the age of odometry that counts as stale: a motion begins with none that is older."""
+"""Maximum odometry age at the start of a motion, as a ratio of the stale age; chosen."""
 HEARING_S = 0.5
-"""In which a rover that moves by itself may say that it carries the command out already."""
+"""Time in which a rover may report that another link has it execute the command already."""
 
 
 def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint, ...]]:
-    """Return the step at whose end the rover stands next, and the waypoints to pass before it.
+    """Return the step at whose end the rover next stands, and the waypoints to pass before it.
 
-    A waypoint that was missed is tried again by itself.
+    A missed waypoint is retried on its own.
     """
     match goal.command.request:
         case MoveTo(target):
@@ -77,13 +77,13 @@ def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint
 
 
 OFF_RAD = 0.08
-"""How far a heading may be off at the end of a leg, or of a velocity that was held."""
+"""Heading tolerance at the end of a leg, or of a held velocity."""
 SLID_M, SLID_PER_M = 0.1, 0.05
-"""How far a rover without second odometry may slide, and for each metre of its way."""
+"""Slide tolerance of a rover without second odometry, constant and per metre of its path."""
 HELD_M, HELD_PER_M = 0.08, 0.02
-"""How far the way of a velocity that was held may be off."""
+"""Distance tolerance of a held velocity, constant and per metre."""
 HELD_OFF_M, HELD_OFF_PER_M = 0.12, 0.04
-"""How far from the end of its arc the rover may stand."""
+"""Position tolerance at the end of the arc of a held velocity, constant and per metre."""
 
 
 class _MotionLeaf(GoalLeaf):
@@ -100,14 +100,14 @@ class _MotionLeaf(GoalLeaf):
 
     @property
     def _known_by(self) -> str:
-        """By which sources it is known where the rover is."""
+        """Return the pose sources that confirm the motion."""
         if self.context.status.fusion is None:
             return listed(["odometry"])
         return listed(["odometry", "second odometry"])
 
     @property
     def _where(self) -> tuple[Figure, ...]:
-        """Where the rover is, and how sure its odometry is of that, if it says so."""
+        """Figures of the pose, with its uncertainty and standard deviations if known."""
         pose, odometry = self.context.status.pose, self.context.status.odometry
         place: tuple[Figure, ...] = (
             Figure("x", pose.x_m, "m"),
@@ -125,14 +125,14 @@ class _MotionLeaf(GoalLeaf):
         )
 
     def _from_where(self, start: Pose) -> str:
-        """Return from where a motion ran, where that is uncertain; else nothing."""
+        """Return the start pose of a motion as text if the pose is uncertain; otherwise empty."""
         uncertainty = self.context.status.uncertainty
         if not uncertainty:
             return ""
         return f", from ({start.x_m:.2f}, {start.y_m:.2f}), uncertain by {uncertainty}"
 
     def _check_begin(self) -> Refusal | None:
-        """Return why a goal may not begin here, by pose and battery, or None."""
+        """Return a refusal if a goal may not start here, by pose or battery, or None."""
         context, goal, status = self.context, self.goal, self.context.status
         request = goal.command.request
         if not goal.progress.new:
@@ -145,23 +145,23 @@ class _MotionLeaf(GoalLeaf):
 
     @property
     def _unsure(self) -> bool:
-        """Whether odometry is late just now: a motion waits for it before it moves the rover."""
+        """Return whether odometry is too old to start a motion."""
         bound_s = self.context.settings.faults.odometry_stale.bound
         return self.context.status.odometry_age_s > PROMPT * bound_s
 
     @property
     def _slid_m(self) -> float:
-        """How far the rover slid since the start, less what is allowed for its way."""
+        """Distance slid since the start, less the tolerance for its path."""
         over_ground = self.context.safety.history.over_ground
         slid_m = 0.0 if over_ground is None else over_ground.slid_m
         return slid_m - SLID_PER_M * self.context.status.travelled_m
 
     def _ended(self) -> None:
-        """Note that the motion has ended, and is to be verified."""
+        """Note the end of the motion, before its verification."""
         self._ended_s = self.context.clock.now_s()
 
     def _verify(self) -> Verified | Refusal | None:
-        """Stand, and return what the sources say of the motion; None while one is awaited."""
+        """Hold, and return the result of the pose sources; None while one is awaited."""
         context, verification = self.context, self.goal.verification
         waited_s = context.clock.now_s() - self._ended_s
         over_ground = context.safety.history.over_ground
@@ -174,12 +174,10 @@ class _MotionLeaf(GoalLeaf):
             late = waited_s >= STOP_DEADLINE_S
             outcome = refusal(context, found, STOP_DEADLINE_S) if late else None
         elif verification is not None:
-            self.feedback_message = "waits for a frame of the second odometry"
+            self.feedback_message = "waiting for a second-odometry frame"
             outcome = verification.outcome(waited_s)
         elif (slid_m := self._slid_m - self.goal.slid_m) > SLID_M:
-            text = (
-                f"the rover slid {slid_m:.2f} m that its wheels do not show, by its accelerometer"
-            )
+            text = f"the rover slid {slid_m:.2f} m by its accelerometer, not measured by its wheels"
             figures = Figure("slid", slid_m, "m"), Figure("bound", SLID_M, "m")
             outcome = Refusal(Reason.SLIDES, text, figures)
             context.status.grow_uncertainty(slid_m, 0.0, text)
@@ -195,7 +193,7 @@ class _MotionLeaf(GoalLeaf):
         return self._allow(0.0 if motion is None else motion.expected_s)
 
     def _go_on(self, standing: bool) -> Status:
-        """Give the intents of a motion until it has ended, or another may take over."""
+        """Set the intents of a motion until it has ended, or the next may start."""
         motion, goal = self._motion, self.goal
         if motion is not None:
             for _ in range(motion.passed - self._passed):
@@ -220,7 +218,7 @@ class _MotionLeaf(GoalLeaf):
         return Status.RUNNING
 
     def _abandon(self, motion: Motion) -> None:
-        """Note how the goal is to go on from where a motion left the rover."""
+        """Select how the goal continues after an abandoned motion."""
         progress, through = self.goal.progress, bool(self.goal.leg.through)
         progress.left_path = True
         if motion.again and not through and progress.obstacle_stops < MOST_EVADED:
@@ -238,10 +236,10 @@ class _MotionLeaf(GoalLeaf):
 
 
 class PlanLeg(_MotionLeaf):
-    """Waits until the rover stands, then plans the leg from there."""
+    """Waits for standstill, then plans the leg from there."""
 
     def begin(self) -> float:
-        """Allow the time of a stop from full speed, and of waiting for a second odometry."""
+        """Allow the time of a stop from full speed, and of the wait for a second odometry."""
         context, goal = self.context, self.goal
         self._begun_s = context.clock.now_s()
         if goal.progress.new:
@@ -250,11 +248,11 @@ class PlanLeg(_MotionLeaf):
         return self._allow(0.0 if goal.verification is None else WAIT_S)
 
     def act(self) -> Status:
-        """Stand, unless this command moves the rover already; then plan."""
+        """Hold, unless this command already moves the rover; then plan."""
         now_s = self.context.clock.now_s()
         if self._elsewhere:
             self.allow(self._allow(0.0))
-            self.feedback_message = "carried out by another way"
+            self.feedback_message = "executed over the relay link"
             return Status.RUNNING
         if self._unsure or not self.context.status.standing:
             if now_s - self._begun_s >= HEARING_S:
@@ -262,7 +260,7 @@ class PlanLeg(_MotionLeaf):
             return Status.RUNNING
         verification = self.goal.verification
         if verification is not None and not verification.ready(now_s - self._begun_s):
-            self.feedback_message = "waits for a frame of the second odometry"
+            self.feedback_message = "waiting for a second-odometry frame"
             return Status.RUNNING
         self._note_passed()
         step, through = _next_step(self.goal, self.context.locomotion)
@@ -290,7 +288,7 @@ class PlanLeg(_MotionLeaf):
         return Status.SUCCESS
 
     def _note_passed(self) -> None:
-        """Count the waypoints that the rover passed since no motion led it: braking for a pause."""
+        """Count the waypoints that the rover passed without a motion: while braking for a pause."""
         goal, progress, now = self.goal, self.goal.progress, self.context.status.pose.point
         before, progress.last_driven = progress.last_driven, None
         drive, law = self.context.settings.drive, self.context.settings.turn_drive
@@ -305,9 +303,9 @@ class PlanLeg(_MotionLeaf):
             self._advance()
 
     def _way(self, step: Step, through: tuple[Waypoint, ...]) -> tuple[Waypoint, ...] | Refusal:
-        """Return the corners of the way to the end of a step, or why it may not be begun.
+        """Return the corners of the path to the end of a step, or a refusal.
 
-        The straight lines of a path are kept to, but for what is seen across them.
+        The straight lines of a path are followed, except around scanned obstacles across them.
         """
         goal, status, settings = self.goal, self.context.status, self.context.settings
         request = goal.command.request
@@ -322,9 +320,9 @@ class PlanLeg(_MotionLeaf):
         return way_to(step, status.pose, settings, obstacles)
 
     def _note_way(self, way: tuple[Waypoint, ...], in_one: bool) -> None:
-        """Report which way around obstacles is taken, once, and after something came into view.
+        """Report a detour once, and again after a new obstacle.
 
-        Where it is driven in one curve, it has no stops.
+        A detour in one curve has no stops.
         """
         goal, progress = self.goal, self.goal.progress
         blocking = progress.blocking
@@ -332,7 +330,7 @@ class PlanLeg(_MotionLeaf):
         if way and (blocking is not None or progress.untried):
             what = "obstacles" if blocking is None else blocking.obstacle.title
             listing = ", ".join(f"({each.x_m:.2f}, {each.y_m:.2f})" for each in way)
-            goal.life.advance(progress.step, goal.step_count, f"goes around {what}, by {listing}")
+            goal.life.advance(progress.step, goal.step_count, f"detour around {what} by {listing}")
 
 
 class Turn(_MotionLeaf):
@@ -345,38 +343,38 @@ class Turn(_MotionLeaf):
         self._final = final
 
     def begin(self) -> float:
-        """Begin the turn, if the leg has one."""
+        """Start the turn, if the leg has one."""
         return self._begin(
             self.context.locomotion.turn(self.goal.command, self.goal.leg, self._final)
         )
 
     def act(self) -> Status:
-        """Go on until the rover is there; a final turn ends standing."""
+        """Continue until the heading is reached; a final turn ends at standstill."""
         return self._go_on(standing=self._final)
 
 
 class Drive(_MotionLeaf):
-    """Drives a line, until something that comes into view lies across it."""
+    """Drives a line, until a new obstacle blocks it."""
 
     def begin(self) -> float:
-        """Begin the line, if the leg has one."""
+        """Start the line, if the leg has one."""
         return self._begin(self.context.locomotion.line(self.goal.command, self.goal.leg))
 
     def act(self) -> Status:
-        """Go on until the rover is there; it stands if no turn follows."""
+        """Continue until the target is reached; end at standstill if no turn follows."""
         met = self._met()
         if met is None:
             return self._go_on(standing=self.goal.leg.heading_rad is None)
         progress = self.goal.progress
         progress.stop_before(met)
         if progress.obstacle_stops > MOST_EVADED:
-            text = f"{met.obstacle.title} is in the way, after {MOST_EVADED} ways around others"
+            text = f"path blocked by {met.obstacle.title} after {MOST_EVADED} detours"
             figures = Figure("way", met.way_m, "m"), Figure("gap", met.gap_m, "m")
             return self.fail(Refusal(Reason.PATH_BLOCKED, text, figures))
         return Status.FAILURE
 
     def _met(self) -> ClearanceViolation | None:
-        """Return what is seen across what is left of a line to a place, if something is."""
+        """Return the scanned obstacle that blocks the rest of a line to a target, or None."""
         goal, settings, status = self.goal, self.context.settings, self.context.status
         leg, motion = goal.leg, self._motion
         if leg.target is None or leg.toward_rad is None or self._elsewhere:
@@ -390,20 +388,19 @@ class Drive(_MotionLeaf):
 
 
 class FinishLeg(_MotionLeaf):
-    """Moves the goal on to its next step, or ends it with success.
+    """Advances the goal to its next step, or ends it successfully.
 
-    A waypoint that was missed is tried again from where the rover stands, up to `ATTEMPTS` times;
-    no goal ends with success away from its target. A second odometry has to agree with the whole
-    goal.
+    A missed waypoint is retried from the rover's present pose, up to `ATTEMPTS` times. A goal
+    off its target never succeeds. A second odometry must agree with the whole goal.
     """
 
     def begin(self) -> float:
-        """Take no time, but what a frame of a second odometry takes."""
+        """Allow the time of a second-odometry frame."""
         self._ended()
         return self._allow(WAIT_S)
 
     def act(self) -> Status:
-        """Count the step, unless the rover ended away from its target."""
+        """Complete the step, unless the rover ended off its target."""
         goal, progress = self.goal, self.goal.progress
         verified: Verified | Refusal | None = Verified(())
         if progress.step + 1 == goal.step_count and not progress.at_detour:
@@ -418,7 +415,7 @@ class FinishLeg(_MotionLeaf):
             relative = not isinstance(goal.command.request, MoveTo | FollowPath)
             if not relative and progress.attempts < ATTEMPTS:
                 return Status.FAILURE
-            text = f"the rover stands {place_m:.3f} m and {heading_rad:.3f} rad from its target"
+            text = f"off target by {place_m:.3f} m and {heading_rad:.3f} rad"
             figures = (
                 Figure("position error", place_m, "m"),
                 Figure("bound", near_m, "m"),
@@ -450,7 +447,7 @@ class FinishLeg(_MotionLeaf):
         return Status.SUCCESS
 
     def _uncertain(self) -> Refusal | None:
-        """Return that the pose has become too uncertain for the target of the step, or None."""
+        """Return a refusal if the pose has become too uncertain for the step's target, or None."""
         context, goal, request = self.context, self.goal, self.goal.command.request
         if not isinstance(request, MoveTo | FollowPath | RotateTo):
             return None
@@ -460,9 +457,9 @@ class FinishLeg(_MotionLeaf):
         return check_target(distance_m, position_m, uncertainty, context.settings)
 
     def _errors(self) -> tuple[float, float, float]:
-        """Return the distance from the target, how near is near enough, and the heading's error.
+        """Return the distance from the target, its tolerance, and the heading error.
 
-        Where the pose is corrected, a turn on the spot has to stay where it began.
+        If the pose is corrected, a turn on the spot must end at its start position.
         """
         context, goal, leg = self.context, self.goal, self.goal.leg
         place_m, heading_rad = leg_errors(leg, context.settings, context.status)
@@ -481,10 +478,10 @@ class FinishLeg(_MotionLeaf):
 
 
 class HoldVelocity(_MotionLeaf):
-    """Holds a velocity for its time, then stands."""
+    """Holds a velocity for its time, then stops."""
 
     def begin(self) -> float:
-        """Allow the time of waiting for odometry."""
+        """Allow the time of the wait for odometry."""
         self._begun = False
         return self._allow(0.0)
 
@@ -503,7 +500,7 @@ class HoldVelocity(_MotionLeaf):
         self.allow(self._begin(self.context.locomotion.hold(command, request)))
 
     def act(self) -> Status:
-        """Go on until its time is over and the rover stands."""
+        """Continue until its time is over and the rover is stationary."""
         if not self._begun:
             if self._unsure:
                 return Status.RUNNING
@@ -531,7 +528,7 @@ class HoldVelocity(_MotionLeaf):
         return Status.SUCCESS
 
     def _short(self) -> Refusal | None:
-        """Return why the rover did not move as the velocity says, by its odometry, or None."""
+        """Return a refusal if the motion by odometry deviates from the velocity, or None."""
         request, (way0_m, turn0_rad) = self._request, self._from
         way1_m, turn1_rad = self.context.safety.history.driven
         way_m, turn_rad = way1_m - way0_m, turn1_rad - turn0_rad
@@ -544,7 +541,7 @@ class HoldVelocity(_MotionLeaf):
         turned = abs(turn_rad - wanted_rad) <= OFF_RAD
         if abs(way_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
             return None
-        # Whether the rover or its odometry is elsewhere, nothing here can tell.
+        # Nothing here can tell a deviating rover from deviating odometry.
         self.context.status.grow_uncertainty(
             max(off_m, abs(way_m - wanted_m)),
             abs(turn_rad - wanted_rad),
@@ -552,8 +549,8 @@ class HoldVelocity(_MotionLeaf):
         )
         return Refusal(
             Reason.OFF_TARGET,
-            f"the rover went {way_m:.2f} m and turned by {turn_rad:.2f} rad of {wanted_m:.2f} m and"
-            f" {wanted_rad:.2f} rad, and stands {off_m:.2f} m from the end of that",
+            f"moved {way_m:.2f} m and turned {turn_rad:.2f} rad, commanded {wanted_m:.2f} m and"
+            f" {wanted_rad:.2f} rad; {off_m:.2f} m from the end of the arc",
             (
                 Figure("commanded", wanted_m, "m"),
                 Figure("odometry", way_m, "m"),

@@ -1,7 +1,7 @@
 """The tree of a plan: the nodes of BehaviorTree.CPP v4 that plans may have, by py_trees.
 
-Its leaves command nothing themselves: they ask the `PlanExecution`, which knows what was done
-before. A node that is halted while it runs halts what runs below it.
+Its leaves command nothing themselves: they poll the `PlanExecution`, which knows the completed
+steps. A node that is halted while it runs halts its running descendants.
 """
 
 from collections import Counter
@@ -35,7 +35,7 @@ _PROGRESS = {status: progress for progress, status in _STATUS.items()}
 
 
 class Cycle:
-    """Which cycle of a loop is under way, from 1."""
+    """The present cycle of a loop, from 1."""
 
     def __init__(self) -> None:
         self.now = 1
@@ -56,7 +56,7 @@ class PlanTree:
 
 
 class CommandLeaf(ContainedNode):
-    """A leaf: waits for the end of its command, which its message names, up to its deadline."""
+    """A leaf: waits up to its deadline for the end of its command, which its message names."""
 
     def __init__(self, step: PlanStep, execution: PlanExecution, cycles: Sequence[Cycle]) -> None:
         super().__init__(step.place.name)
@@ -65,7 +65,7 @@ class CommandLeaf(ContainedNode):
         self._cycles = cycles
 
     def initialise(self) -> None:
-        """Note the cycle of each loop around it, and the time."""
+        """Store the cycle of each loop around it, and the start time."""
         self._key = step_key(self._step.place, [cycle.now for cycle in self._cycles])
         self._began_s = self._execution.clock.now_s()
 
@@ -82,13 +82,13 @@ class CommandLeaf(ContainedNode):
         return self._execution.clock.now_s() >= self._began_s + allowed_s
 
     def terminate(self, new_status: Status) -> None:
-        """Drop the command, when halted while it is under way."""
+        """Cancel the command, if halted while it is active."""
         if new_status is Status.INVALID and self.status is Status.RUNNING:
             self._execution.halt(self._key)
 
 
 class LoopDecorator(Decorator):
-    """`Repeat` and `RetryUntilSuccessful`: runs its child again as long as it ends so."""
+    """`Repeat` and `RetryUntilSuccessful`: repeats its child while it has the loop's result."""
 
     def __init__(
         self, loop: LoopNode, child: Behaviour, execution: PlanExecution, cycle: Cycle
@@ -100,17 +100,17 @@ class LoopDecorator(Decorator):
         self._cycle = cycle
 
     def initialise(self) -> None:
-        """Begin the first cycle."""
+        """Start the first cycle."""
         self._cycle.now = 1
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the child; once it has ended, the next time in the same tick, if that may be."""
+        """Tick the child; after its end start the next cycle in the same tick, if permitted."""
         if self.status is not Status.RUNNING:
             self.initialise()
         yield from self.decorated.tick()
         while self._goes_on:
             self._cycle.now += 1
-            self.decorated.stop(Status.INVALID)  # else what the last cycle did is shown in this one
+            self.decorated.stop(Status.INVALID)  # or the last cycle's results would be shown
             if self._execution.exhausted:
                 yield from _ended(self, Status.RUNNING)
                 return
@@ -123,7 +123,7 @@ class LoopDecorator(Decorator):
         return self.decorated.status is self._again and self._cycle.now < self._times
 
     def update(self) -> Status:
-        """Return how the last cycle went."""
+        """Return the status of the last cycle."""
         return _status_of(self.decorated)
 
 
@@ -143,12 +143,12 @@ class TimeoutDecorator(Decorator):
         self._cycles = cycles
 
     def initialise(self) -> None:
-        """Begin to count."""
+        """Start the time limit."""
         self._key = step_key(self._limit.place, [cycle.now for cycle in self._cycles])
         self._until_s = self._execution.clock.now_s() + self._limit.duration_s
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the child, unless its time is known to have run out."""
+        """Tick the child, unless the journal records that its time expired."""
         if self.status is not Status.RUNNING:
             self.initialise()
         if self._execution.timed_out(self._key):
@@ -158,7 +158,7 @@ class TimeoutDecorator(Decorator):
         yield from _ended(self, self.update())
 
     def update(self) -> Status:
-        """Return how the child goes, or that its time has run out now."""
+        """Return the status of the child, or FAILURE if its time has expired."""
         left_s = self._until_s - self._execution.clock.now_s()
         self.feedback_message = f"{max(left_s, 0.0):.0f} s left"
         if self.decorated.status is Status.RUNNING and left_s <= 0:
@@ -175,7 +175,7 @@ class ParallelBranch(composites.Composite):
         self._parallel = parallel
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the children in their order until the outcome is decided."""
+        """Tick the children in order until the result is decided."""
         if self.status is not Status.RUNNING:
             for child in self.children:
                 child.stop(Status.INVALID)
@@ -195,7 +195,7 @@ class ParallelBranch(composites.Composite):
         yield self
 
     def _decided(self, ends: Counter[Status]) -> Status:
-        """Return what follows from how many children have succeeded and failed."""
+        """Return the status that follows from the numbers of successes and failures."""
         failed = ends[Status.FAILURE]
         if ends[Status.SUCCESS] >= self._parallel.successes:
             return Status.SUCCESS

@@ -39,17 +39,17 @@ from trees.standstill import STOP_DEADLINE_S, awaited, refusal, sources, unconfi
 
 ALMOST_S: Final = 1e-6
 AWAITED_S: Final = 3.0
-"""For which a source is waited for beyond the deadline: a second odometry has gaps of 4 s."""
+"""Extra time to wait for a source: a second odometry has gaps of 4 s."""
 SHOWN_S: Final = 0.2
-"""Of accelerating, after which odometry shows the rover moving."""
+"""Acceleration time until odometry shows motion. A zero twist at 1 m/s ended a stop after 0 s."""
 
 
 class StopRover(Leaf):
-    """Stands; ends the stop commands once every source there is shows the rover standing.
+    """Commands zero; ends the stop commands once every available source shows standstill.
 
-    Until then it reports once a second how the rover still moves. Odometry that had not shown the
-    motion that was commanded is not believed until braking must be over. A source that was not
-    received since standstill is waited for, longer than for the others.
+    Until then it reports the remaining motion once a second. Odometry that has not shown the
+    commanded motion is ignored until braking must have ended. A source that was not received since
+    standstill gets more time than the others.
     """
 
     def begin(self) -> float:
@@ -68,7 +68,7 @@ class StopRover(Leaf):
         return STOP_DEADLINE_S
 
     def act(self) -> Status:
-        """Want to stand until the rover does."""
+        """Request standstill until it is confirmed."""
         self.context.intents.motion = STANDING
         now_s = self.context.clock.now_s()
         took_s = now_s - self._began_s
@@ -82,12 +82,12 @@ class StopRover(Leaf):
         by = listed([each.source for each in found])
         for life in self.context.latches.take_stopping():
             life.execute(
-                f"the rover stands after {took_s:.2f} s, {by}", (Figure("duration", took_s, "s"),)
+                f"stationary after {took_s:.2f} s, {by}", (Figure("duration", took_s, "s"),)
             )
         return Status.SUCCESS
 
     def give_up(self) -> Status:
-        """Fail the stop commands: zero was sent, but not every source shows the rover standing."""
+        """Fail the stop commands: zero was sent, but not every source shows standstill."""
         found = sources(self.context)
         if awaited(self.context, found) and self._bound_s == STOP_DEADLINE_S:
             self._bound_s += AWAITED_S
@@ -101,25 +101,25 @@ class StopRover(Leaf):
         seconds = floor(took_s + ALMOST_S)
         if self._told_s < seconds < self._bound_s:
             self._told_s = seconds
-            text = f"not seen standing {seconds} s after the stop: {left}"
+            text = f"standstill not confirmed {seconds} s after the stop: {left}"
             for life in self.context.latches.stopping:
                 life.advance(seconds, round(self._bound_s), text)
 
 
 class HoldWhileUnsafe(Leaf):
-    """Stands while a hazard lasts."""
+    """Holds zero velocity while a hazard lasts."""
 
     def begin(self) -> float:
         """Allow the time of a stop from full speed."""
         return STOP_DEADLINE_S
 
     def act(self) -> Status:
-        """Want to stand."""
+        """Request standstill."""
         self.context.intents.motion = STANDING
         return Status.RUNNING
 
     def give_up(self) -> Status:
-        """Leave it to the latch, which holds on: the camera may work again."""
+        """Leave the stop to the latch, so that the camera can work again."""
         return Status.FAILURE
 
 
@@ -127,21 +127,21 @@ INSTANT_DEADLINE_S: Final = 5.0
 
 
 class RunInstantCommand(GoalLeaf):
-    """Does what can be done at once, and ends the goal."""
+    """Executes an instant command, and ends the goal."""
 
     late = Reason.ERRAND_FAILED
     late_text = "not done"
 
     def begin(self) -> float:
-        """Allow more than it needs: it is done in the tick in which it begins."""
+        """Allow more than needed: it is executed in the tick in which it starts."""
         return INSTANT_DEADLINE_S
 
     def act(self) -> Status:
-        """Do it."""
+        """Execute the command."""
         try:
             refusal = self._do()
         except OSError as error:
-            refusal = Refusal(Reason.ERRAND_FAILED, f"it could not be done: {error.strerror}")
+            refusal = Refusal(Reason.ERRAND_FAILED, f"command failed: {error.strerror}")
         if refusal is not None:
             return self.fail(refusal)
         self.queue.execute()
@@ -161,11 +161,11 @@ class RunInstantCommand(GoalLeaf):
 
 
 class RoverTree:
-    """The tree as the runner needs it.
+    """The tree, with the interface that the runner needs.
 
     Attributes:
-        ticked: the nodes that the last tick came to.
-        plan: the tree of the plan that executes, if one does.
+        ticked: the nodes that the last tick reached.
+        plan: the tree of the executing plan, if any.
     """
 
     def __init__(self, context: Context) -> None:
@@ -181,22 +181,22 @@ class RoverTree:
         self.ticked = frozenset(self.root.tick())
 
     def stop(self) -> None:
-        """End every running node."""
+        """Terminate every running node."""
         self.root.stop(Status.INVALID)
 
     def attach(self, plan: PlanNode, execution: PlanExecution) -> PlanTree:
-        """Return the tree of a plan, which stays here until it is detached."""
+        """Return the tree of a plan, which remains attached until it is detached."""
         self.plan = PlanTree(plan, execution)
         return self.plan
 
     def detach(self) -> None:
-        """Drop the plan's tree."""
+        """Remove the plan's tree."""
         self.plan = None
 
     def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
-        """Return all nodes as of the last tick; a plan's stand first below the root.
+        """Return all nodes as of the last tick; those of a plan first, below the root.
 
-        What a plan has done stays as it ended, until a loop around it begins its next cycle.
+        Nodes of a plan keep their results until a loop around them starts its next cycle.
         """
         root, *others = nodes(self.root, self.ticked)
         plan = self.plan.root if self.plan else None
@@ -205,11 +205,11 @@ class RoverTree:
 
 
 def snapshot_of(executive: Executive, utc_s: float) -> TreeSnapshot:
-    """Return the tree of an executive, and what that says of itself; on the executive's thread.
+    """Return a snapshot of an executive's tree and status; on the executive's thread.
 
     Args:
-        executive: with a `RoverTree`.
-        utc_s: now, seconds since 1970-01-01 UTC.
+        executive: an executive with a `RoverTree`.
+        utc_s: present time, seconds since 1970-01-01 UTC.
     """
     tree = executive.tree
     assert isinstance(tree, RoverTree)
@@ -226,7 +226,7 @@ def snapshot_of(executive: Executive, utc_s: float) -> TreeSnapshot:
 
 
 def build(context: Context) -> Selector:
-    """Return the root of the tree over a context."""
+    """Return the root of the tree for a context."""
     latches, status = context.latches, context.status
 
     def unsafe() -> bool:
@@ -318,12 +318,12 @@ def _sequence(name: str, *children: Behaviour) -> Sequence:
 
 
 def leaf_paths(settings: Settings) -> frozenset[str]:
-    """Return the paths of the leaves of the tree of an asset."""
+    """Return the paths of the leaves of an asset's tree."""
     return frozenset(each.path for each in preview(settings) if each.kind is NodeKind.LEAF)
 
 
 def preview(settings: Settings) -> tuple[TreeNodeSnapshot, ...]:
-    """Return the nodes of the tree of an asset that is not running."""
+    """Return the nodes of an asset's tree that is not running."""
     clock = ManualClock()
     status = AssetStatus(clock, settings)
     locomotion = VelocityLocomotion(clock, settings, status)

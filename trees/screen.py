@@ -1,4 +1,4 @@
-"""The tree of a moment in the terminal, with the mode, the reason and the faults above it."""
+"""Displays a tree snapshot in the terminal, below its mode, reason and faults."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -31,10 +31,10 @@ _NONE: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 class Screen:
-    """Draws each snapshot over the last, as a context; into a pipe, one after the other.
+    """Draws each snapshot over the last, as a context manager; into a pipe, one after the other.
 
     Args:
-        asset: its name.
+        asset: name of the asset.
     """
 
     def __init__(self, asset: str) -> None:
@@ -59,20 +59,20 @@ class Screen:
 
 
 def show_once(asset: str, snapshot: TreeSnapshot) -> None:
-    """Print one snapshot, whole."""
+    """Print one complete snapshot."""
     Console().print(drawn(asset, snapshot))
 
 
 def drawn(
     asset: str, snapshot: TreeSnapshot, height: int | None = None, notes: Mapping[str, str] = _NONE
 ) -> RenderableType:
-    """Return a snapshot for the terminal: a head line, the reason, faults, the tree.
+    """Render a snapshot for the terminal: a head line, the reason, faults, the tree.
 
     Args:
-        asset: its name.
-        snapshot: what to draw.
-        height: lines there are; where they are too few, branches that came to nothing are folded.
-        notes: what is written behind nodes, by their paths.
+        asset: name of the asset.
+        snapshot: the snapshot.
+        height: available lines; if they are too few, idle and failed branches are collapsed.
+        notes: notes printed after nodes, by their paths.
     """
     nodes, told = snapshot.nodes, list(snapshot.faults)
     if snapshot.unmonitored:
@@ -94,7 +94,7 @@ def drawn(
 def drawn_nodes(
     nodes: Sequence[TreeNodeSnapshot], notes: Mapping[str, str] = _NONE
 ) -> RenderableType:
-    """Return nodes for the terminal, a line each, with the notes behind them."""
+    """Render nodes for the terminal, one per line, followed by their notes."""
     return Group(
         *(
             Text.assemble(

@@ -1,4 +1,4 @@
-"""The tree at a moment, as values, and drawn as text, Mermaid or SVG."""
+"""Snapshot of the tree as values, and its drawings as text, Mermaid or SVG."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from trees.plan import ParallelBranch
 
 @unique
 class NodeKind(Enum):
-    """What a node is: TAKE takes a goal of a queue; PLANNED is of a plan, its kind unknown."""
+    """Kind of a node: TAKE activates a goal of a queue; PLANNED is a node of a plan."""
 
     SELECTOR = "selector"
     SEQUENCE = "sequence"
@@ -34,7 +34,7 @@ class NodeKind(Enum):
 
 @unique
 class NodeStatus(Enum):
-    """What a node did when last ticked; IDLE if that was not in this tick."""
+    """Status of a node's last tick; IDLE if the last tick did not reach it."""
 
     IDLE = "idle"
     RUNNING = "running"
@@ -44,7 +44,7 @@ class NodeStatus(Enum):
 
 @unique
 class DisplayStatus(Enum):
-    """How a node is drawn: as its status, but DECLINED where it failed because nothing was due."""
+    """Displayed status of a node: DECLINED if it failed because there was no work."""
 
     IDLE = "not ticked"
     RUNNING = "running"
@@ -59,9 +59,9 @@ class TreeNodeSnapshot:
 
     Attributes:
         path: stable path id, names from the root joined by slashes.
-        depth: steps from the root.
-        message: what it says of itself. What takes a goal, a condition that holds for a command,
-            and a leaf of a plan name that one, as SOURCE:NUMBER, until they do so for another.
+        depth: depth below the root.
+        message: its feedback message. A TAKE node, a condition that holds for a command, and a leaf
+            of a plan name their last command, as SOURCE:NUMBER.
     """
 
     path: str
@@ -74,15 +74,15 @@ class TreeNodeSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class TreeSnapshot:
-    """All nodes in depth-first order, with what the executive says of itself.
+    """All nodes in depth-first order, with the executive's status.
 
     Attributes:
-        tick: number of the tick after which it was taken.
-        utc_s: when, seconds since 1970-01-01 UTC.
-        why: one line on why the rover stands, or what moves it.
-        faults: a line for each that is not over.
-        unmonitored: one line on what is not monitored.
-        active: the command under way.
+        tick: number of the last tick before the snapshot.
+        utc_s: time of the snapshot, seconds since 1970-01-01 UTC.
+        why: one line on the rover's motion and its reason.
+        faults: one line for each active fault.
+        unmonitored: one line on missing monitors.
+        active: the active command.
     """
 
     tick: int
@@ -98,9 +98,9 @@ class TreeSnapshot:
 def nodes(
     root: Behaviour, ticked: Collection[Behaviour], depth: int = 0
 ) -> tuple[TreeNodeSnapshot, ...]:
-    """Return all nodes below and with a root, in depth-first order.
+    """Return a root and all its descendants, in depth-first order.
 
-    Those that the last tick did not come to are IDLE: py_trees leaves them as they were.
+    Nodes that the last tick did not reach are IDLE: py_trees leaves their status unchanged.
     """
     found: list[TreeNodeSnapshot] = []
     _add(found, root, ticked, root.name, depth)
@@ -175,15 +175,15 @@ COLOURS: Final = {
     DisplayStatus.DECLINED: ("#ececf2", "#77778a"),
     DisplayStatus.FAILURE: ("#f7e3e0", "#a3422f"),
 }
-"""Fill and edge."""
+"""Fill and edge colours."""
 _ROW, _INDENT, _BOX_HEIGHT, _CHARACTER = 34, 34, 26, 7.6
 
 
 def looks(nodes: Sequence[TreeNodeSnapshot]) -> tuple[DisplayStatus, ...]:
-    """Return how each node is drawn.
+    """Return the displayed status of each node.
 
-    A condition that does not hold and a queue without a goal are no failures, nor is a branch that
-    failed because of them; a leaf that gave up is one, and so are the branches above it.
+    A false condition and an empty queue are no failures, nor is a branch that
+    failed because of them; a leaf that failed is one, and so are the branches above it.
     """
     found = [
         DisplayStatus.DECLINED
@@ -206,10 +206,10 @@ def looks(nodes: Sequence[TreeNodeSnapshot]) -> tuple[DisplayStatus, ...]:
 
 
 def served(nodes: Sequence[TreeNodeSnapshot]) -> tuple[str | None, ...]:
-    """Return the command that each node works on, or worked on last, as SOURCE:NUMBER.
+    """Return the present or last command of each node, as SOURCE:NUMBER.
 
-    It is the one that it names as a leaf of a plan, or else the one that the guard at the
-    beginning of its branch names; None where neither does.
+    It is named by the node itself if it is a leaf of a plan, otherwise by the guard at the start of
+    its branch; None if neither names one.
     """
     found: list[str | None] = []
     above: list[int] = []
@@ -226,13 +226,13 @@ def served(nodes: Sequence[TreeNodeSnapshot]) -> tuple[str | None, ...]:
 
 
 def line(node: TreeNodeSnapshot, look: DisplayStatus) -> str:
-    """Return a node without its place in the tree: its mark, its name, how it looks."""
+    """Return the text of a node: its mark, its name, its status."""
     message = f"  {node.message}" if node.message and node.status is NodeStatus.RUNNING else ""
     return f"{_MARK[node.kind]} {node.name} {_SIGN[look]}{message}".rstrip()
 
 
 def as_text(nodes: Sequence[TreeNodeSnapshot]) -> str:
-    """Return the tree drawn with box characters, a node a line."""
+    """Return the tree drawn with box characters, one node per line."""
     return "\n".join(
         branch + line(node, look)
         for branch, node, look in zip(branches(nodes), nodes, looks(nodes), strict=True)
@@ -240,7 +240,7 @@ def as_text(nodes: Sequence[TreeNodeSnapshot]) -> str:
 
 
 def branches(nodes: Sequence[TreeNodeSnapshot]) -> list[str]:
-    """Return, for each node, the box characters that lead to it."""
+    """Return the box characters before each node."""
     drawn: list[str] = []
     open_below: list[bool] = []
     for index, node in enumerate(nodes):
@@ -274,7 +274,7 @@ def as_mermaid(nodes: Sequence[TreeNodeSnapshot]) -> str:
 
 
 def as_svg(nodes: Sequence[TreeNodeSnapshot], title: str = "") -> str:
-    """Return a picture of the tree, a node a row, coloured by its look, with a legend if it ran."""
+    """Return an SVG of the tree, one row per node, coloured by status, with a legend if it ran."""
     top = 44 if title else 12
     seen = looks(nodes)
     lines = [line(node, look) for node, look in zip(nodes, seen, strict=True)]

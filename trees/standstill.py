@@ -1,4 +1,4 @@
-"""What a stop and the end of a motion wait for: that each source confirms that the rover stands."""
+"""Confirmation of standstill by each source, at a stop and at the end of a motion."""
 
 from typing import Final
 
@@ -7,12 +7,12 @@ from executive.state import SourceMotion
 from executive.values.reasons import Figure, Reason, Refusal
 
 STOP_DEADLINE_S: Final = 5.0
-"""For each source to confirm that the rover stands, from a stop or the end of a motion."""
+"""Time for each source to confirm standstill, from a stop or the end of a motion."""
 _BY_WHEELS: Final = frozenset({"odometry", "joints", "gyro"})
 
 
 def sources(context: Context) -> tuple[SourceMotion, ...]:
-    """Return how the rover moves by each source that was ever received."""
+    """Return the motion of the rover by each source that was ever received."""
     over_ground = context.safety.history.over_ground
     felt = None if over_ground is None else over_ground.motion(context.clock.now_s())
     known = context.status.standstill.by_source()
@@ -20,7 +20,7 @@ def sources(context: Context) -> tuple[SourceMotion, ...]:
 
 
 def beside_odometry(context: Context) -> tuple[SourceMotion, ...]:
-    """Return the sources that the end of a motion waits for, beside what verifies it."""
+    """Return the sources that the end of a motion waits for, besides those that verify it."""
     return tuple(
         each
         for each in sources(context)
@@ -29,30 +29,30 @@ def beside_odometry(context: Context) -> tuple[SourceMotion, ...]:
 
 
 def unconfirmed(context: Context, found: tuple[SourceMotion, ...]) -> str:
-    """Return by what the rover moves, or may move, for people; nothing where it stands."""
+    """Return a text of the sources without confirmed standstill; empty if all confirm it."""
     texts = [str(each) for each in found if not each.stands]
     if not _odometry_shows(context):
-        texts.insert(0, "there is no odometry")
+        texts.insert(0, "no odometry")
     if context.safety.sliding is not None:
         texts.append(context.safety.sliding.refusal.text)
     return "; ".join(texts)
 
 
 def _odometry_shows(context: Context) -> bool:
-    """Return whether odometry is fresh enough to drive by, and to show standstill."""
+    """Return whether odometry is fresh enough for control, and shows standstill."""
     shows = (each.source == "odometry" for each in context.status.standstill.by_source())
     return context.status.odometry_fresh and any(shows)
 
 
 def awaited(context: Context, found: tuple[SourceMotion, ...]) -> bool:
-    """Return whether nothing shows that the rover moves, but a source is waited for."""
+    """Return whether no source shows motion, but one has not been received yet."""
     sure = _odometry_shows(context) and context.safety.sliding is None
     return sure and all(each.stands or each.awaited for each in found)
 
 
 def refusal(context: Context, found: tuple[SourceMotion, ...], bound_s: float) -> Refusal:
-    """Return why it is not confirmed that the rover stands, with the figures of each source."""
-    text = f"it was not confirmed within {bound_s:.0f} s that the rover stands: "
+    """Return the refusal for an unconfirmed standstill, with the figures of each source."""
+    text = f"standstill not confirmed within {bound_s:.0f} s: "
     text += unconfirmed(context, found)
     figures = (
         Figure("bound", bound_s, "s"),
@@ -68,4 +68,4 @@ def refusal(context: Context, found: tuple[SourceMotion, ...], bound_s: float) -
         text += f"; {', '.join(f'{each.name} {each.value:.2f} m/s' for each in over_ground.lost)}"
         figures += over_ground.lost
     reason = Reason.SLIDES if slid is None else slid.refusal.reason
-    return Refusal(reason, f"{text}. See that it stands before you resume", figures)
+    return Refusal(reason, f"{text}. Check that the rover is stationary before resume", figures)

@@ -258,7 +258,7 @@ class FaultTable:
     )
     turns_uncommanded: FaultResponse = _fault(
         Reason.MOVES_UNCOMMANDED,
-        "Odometry or gyro turns although the rover should be stationary, without another publisher.",
+        "The rover should be stationary without another publisher, but turns by odometry or gyro.",
         _row(MonitoredWhen.ALWAYS, _STOPPED, Window(for_s=0.1, beyond=0.01, within_s=1.0)),
         disproves=Disproves.COMMANDS,
         beyond=FaultParameter("rate", "rad/s", 0.001, 1.0),

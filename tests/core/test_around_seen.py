@@ -71,7 +71,7 @@ def test_what_is_in_view_is_gone_around(tmp_path: Path) -> None:
     with Looking(tmp_path, ROCK) as bench:
         bench.execute(THERE, 1)
         assert bench.rover.nearest_m > 0.08
-        assert bench.texts[0].startswith("goes around obstacles, by (")
+        assert bench.texts[0].startswith("detour around obstacles by (")
         assert Reason.OBSTACLE_AHEAD not in bench.reasons
 
 
@@ -82,7 +82,7 @@ def test_what_comes_into_view_stops_the_line_and_is_gone_around(tmp_path: Path) 
         bench.rover.discs.append(ROCK)
         assert bench.finish(1) is Stage.EXECUTED
         assert bench.rover.nearest_m > 0.05
-        assert bench.texts[0].startswith("goes around something seen at (1.9")
+        assert bench.texts[0].startswith("detour around something seen at (1.9")
         assert Reason.OBSTACLE_AHEAD not in bench.reasons
 
 
@@ -143,7 +143,7 @@ def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> 
         places = (Waypoint(4.0, 0.0), Waypoint(4.5, 1.0), Waypoint(4.5, 2.5))
         bench.execute(FollowPath(places), 1)
         assert bench.rover.nearest_m > 0.08
-        assert sum(text.startswith("goes around") for text in bench.texts) == 1
+        assert sum(text.startswith("detour around") for text in bench.texts) == 1
         assert sum(text.startswith("waypoint ") for text in bench.texts) == 2
         blocked = bench.refusal(FollowPath((Waypoint(7.0, 0.5),)), 2)
         assert blocked.text.startswith("path blocked by rock 'boulder'")
@@ -194,7 +194,7 @@ def test_after_a_monitor_paused_the_motion_goes_around_or_straight_on(
         if away:
             bench.rover.discs.clear()
         assert bench.finish(1) is Stage.EXECUTED
-        assert any(text.startswith("goes around") for text in bench.texts) != away
+        assert any(text.startswith("detour around") for text in bench.texts) != away
         assert bench.rover.nearest_m > 0.0 or away
 
 
@@ -224,7 +224,7 @@ def test_ways_around_are_bounded(tmp_path: Path) -> None:
         assert bench.finish(1, 600.0) is Stage.FAILED
         last = bench.last(1)
         assert last.reason is Reason.PATH_BLOCKED
-        assert last.text.endswith(f"is in the way, after {MOST_EVADED} ways around others")
+        assert last.text.endswith(f" after {MOST_EVADED} detours")
 
 
 def test_what_was_seen_is_forgotten_when_the_pose_becomes_another(tmp_path: Path) -> None:

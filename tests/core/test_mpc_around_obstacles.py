@@ -175,7 +175,7 @@ def test_a_place_behind_a_rock_is_driven_to_in_one_curve(
     with Driven(tmp_path, solver, known(ROCK)) as bench:
         assert bench.drive(THERE) is Stage.EXECUTED
         assert bench.gap_m > MARGIN_M - OFF_M
-        assert bench.texts[0].startswith("goes around obstacles, by (")
+        assert bench.texts[0].startswith("detour around obstacles by (")
         assert len(bench.texts) == 1
         assert bench.stood_s < 1.0
 
@@ -350,5 +350,5 @@ def test_where_a_plan_comes_near_to_others_than_its_guess_it_is_made_again(
     lockstep = in_simulation(tmp_path, settings, world, target, jackal_solver, seed=161)
     texts = [each.text for each in lockstep.heard.reports if each.stage is Stage.PROGRESS]
     assert len(texts) == 1
-    assert texts[0].startswith("goes around obstacles, by (")
+    assert texts[0].startswith("detour around obstacles by (")
     assert lockstep.rover.contacts == 0

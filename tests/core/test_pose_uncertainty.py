@@ -180,7 +180,7 @@ def test_zones_are_widened_by_the_uncertainty(tmp_path: Path) -> None:
         jump(bench, x_m=0.5)
         refusal = bench.refusal(MoveForward(3.0), 1)
         assert refusal.reason is Reason.PATH_BLOCKED
-        assert "0.50 m of it for the uncertainty" in refusal.text
+        assert "0.50 m of it for the position uncertainty" in refusal.text
         assert {Figure("position uncertainty", 0.5, "m")} <= {
             replace(each, value=round(each.value, 2)) for each in refusal.figures
         }

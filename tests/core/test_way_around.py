@@ -91,7 +91,7 @@ def test_a_way_leads_past_zones_and_stays_within_the_yard(tmp_path: Path) -> Non
         assert stage is Stage.EXECUTED, bench.last(1).text
         assert gap_m > MARGIN_M - 0.02
         texts = [each.text for each in bench.heard.reports if each.stage is Stage.PROGRESS]
-        assert texts[0].startswith("goes around obstacles, by (")
+        assert texts[0].startswith("detour around obstacles by (")
 
 
 def test_the_way_of_a_command_is_searched_once_until_it_begins(
