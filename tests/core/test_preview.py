@@ -215,7 +215,11 @@ def test_a_plan_is_taken_step_by_step(bench: Bench) -> None:
             Reason.PLAN_DEADLINE,
             "Timeout: duration",
         ),
-        (f"<Sequence>{AHEAD}{AHEAD}</Sequence>", Reason.PATH_BLOCKED, "moveForward 2: rock"),
+        (
+            f"<Sequence>{AHEAD}{AHEAD}</Sequence>",
+            Reason.PATH_BLOCKED,
+            "moveForward 2: path blocked by rock",
+        ),
         ('<moveForward distance="4000" deadline_s="2"/>', Reason.PLAN_BAD_ARGUMENT, "4000"),
     ],
 )

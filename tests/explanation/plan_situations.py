@@ -59,7 +59,7 @@ def _goes_on(bench: Bench) -> None:
 PLANS: Final = (
     _refused(Reason.PLAN_FORMAT, xml(AHEAD), form="SCXML"),
     _refused(Reason.PLAN_TOO_LARGE, b" " * (LARGEST_PLAN + 1)),
-    _refused(Reason.PLAN_STRUCTURE, xml("<Sequence/>"), "needs a child"),
+    _refused(Reason.PLAN_STRUCTURE, xml("<Sequence/>"), "needs at least 1 child"),
     _refused(Reason.PLAN_UNKNOWN_NODE, xml("<fly/>"), "unknown node 'fly'"),
     _refused(Reason.PLAN_BAD_ARGUMENT, xml('<moveForward distance="far" deadline_s="9"/>')),
     Case("plan there already", _runs(AHEAD, SubmitPlan(plan(BACK))), "MOE:1", Reason.PLAN_EXISTS),
