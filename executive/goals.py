@@ -34,8 +34,8 @@ class Goal:
     Attributes:
         progress: progress through its legs.
         leg: the leg as last planned, or a leg of the detour to it.
-        begun: the pose from which the leg was last planned.
-        origin: the pose from which the leg was first planned.
+        begun: start pose of the leg as last planned.
+        origin: start pose of the leg as first planned.
         verification: compares the motion with the second odometry; None without one.
         slid_m: distance slid before this leg, beyond what its motion allows.
         journey: statistics of the motion; None if they are not needed.
@@ -109,7 +109,7 @@ class GoalQueue:
         return goal
 
     def take(self) -> Goal | None:
-        """Return the active goal, or start the next one whose lifetime has not expired."""
+        """Return the active goal, or start the next unexpired one."""
         while self.active is None and self._waiting and self.held is None:
             goal = self._waiting.popleft()
             waited_s = self._clock.now_s() - goal.arrived_s
@@ -165,7 +165,7 @@ class Goals:
 
     Attributes:
         motion, camera, instant: goals that move the rover, that use the camera, and that end in
-            the tick in which they start.
+            their first tick.
     """
 
     def __init__(self, clock: Clock) -> None:

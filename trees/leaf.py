@@ -44,11 +44,11 @@ class ContainedNode(Behaviour):
 class Condition(ContainedNode):
     """A leaf that tests a condition: it never acts and is never RUNNING.
 
-    Its message names the last command for which the condition held.
+    Its message names the last command that met the condition.
 
     Args:
         holds: returns whether the condition holds.
-        whose: returns the command for which it holds; None if there is none.
+        whose: returns the command that meets it; None if it concerns no command.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class GoalLeaf(Leaf):
         goal: the goal that was active when the leaf started.
         late: reason of the failure on timeout.
         late_text: text of the failure on timeout, before the seconds allowed.
-        needs: the source whose data it waits for.
+        needs: source of the data that it waits for.
     """
 
     goal: Goal

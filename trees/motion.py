@@ -57,7 +57,7 @@ HEARING_S = 0.5
 
 
 def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint, ...]]:
-    """Return the step at whose end the rover next stands, and the waypoints to pass before it.
+    """Return the step with the next standstill at its end, and the waypoints to pass before it.
 
     A missed waypoint is retried on its own.
     """
@@ -541,7 +541,7 @@ class HoldVelocity(_MotionLeaf):
         turned = abs(turn_rad - wanted_rad) <= OFF_RAD
         if abs(way_m - wanted_m) <= bound_m and turned and off_m <= off_bound_m:
             return None
-        # Nothing here can tell a deviating rover from deviating odometry.
+        # Nothing here distinguishes a deviating rover from deviating odometry.
         self.context.status.grow_uncertainty(
             max(off_m, abs(way_m - wanted_m)),
             abs(turn_rad - wanted_rad),

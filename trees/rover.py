@@ -133,7 +133,7 @@ class RunInstantCommand(GoalLeaf):
     late_text = "not done"
 
     def begin(self) -> float:
-        """Allow more than needed: it is executed in the tick in which it starts."""
+        """Allow more than needed: it is executed in its first tick."""
         return INSTANT_DEADLINE_S
 
     def act(self) -> Status:

@@ -2,8 +2,8 @@
 
 For a single target a detour is searched. Scanned obstacles are avoided by detours to targets, and
 left to the monitors in other motions. The check covers the path of base_link: straight lines of
-drives, arcs of held velocities. Turns on the spot are covered by the disc in which the footprint
-turns.
+drives, arcs of held velocities. Turns on the spot are covered by the disc that the footprint
+sweeps.
 """
 
 from collections.abc import Iterable, Sequence
@@ -147,7 +147,7 @@ def seen_ahead(
 def way_around(
     target: Waypoint, pose: Pose, settings: Settings, zones: Zones
 ) -> tuple[Waypoint, ...]:
-    """Return the corners of a detour on which every line to a target keeps the clearance.
+    """Return the corners of a detour to a target whose lines all have the clearance.
 
     Empty if the straight line is free. Without a complete detour, the one that ends nearest to it.
     """

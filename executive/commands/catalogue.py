@@ -385,7 +385,7 @@ DIRECT_LINK: Final = "direct"
 RELAY_LINK: Final = "relay"
 """Link of commands that the orbiter forwards, under its own authority."""
 GROUND_LINKS: Final = frozenset({DIRECT_LINK, RELAY_LINK})
-"""Links whose other end is the ground."""
+"""Links from the ground."""
 PLAN_LINK: Final = "plan"
 """Link of commands of a plan."""
 ABOARD_LINK: Final = "aboard"

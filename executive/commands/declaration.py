@@ -217,7 +217,7 @@ class CommandDeclaration:
 
     @property
     def composite(self) -> type[Any] | None:
-        """Class of its first argument, if a `record` whose parts the user types."""
+        """Class of its first argument, if it is a `record`: the user types its parts."""
         if not self.arguments or self.arguments[0].many:
             return None
         kind = self.arguments[0].kind

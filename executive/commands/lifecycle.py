@@ -105,7 +105,7 @@ class CommandLifecycle:
         refusal: the reason if it ended without success.
 
     Raises:
-        transitions.MachineError: from any method whose event has no edge from this stage.
+        transitions.MachineError: from any method, if its event has no edge from this stage.
     """
 
     def __init__(self, command: Command, notify: Notify, stage: Stage | None = None) -> None:

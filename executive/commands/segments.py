@@ -1,7 +1,7 @@
 """Segments of a motion: turns, lines, arcs and rests of base_link from its start to its end.
 
-Each motion of the catalogue declares its segments, from which checks, previews and energy estimates
-read its end, length and turns. They are ideal: controller and duration are not part of them.
+Each motion of the catalogue declares its segments. Checks, previews and energy estimates read its
+end, length and turns there. They are ideal: controller and duration are not part of them.
 
 Every segment has a `start` and an `end`, a length `by_m` (negative backward), a turn `by_rad`
 (counter-clockwise positive; beyond pi if commanded so), and the `reference` of its end.
@@ -15,14 +15,14 @@ from executive.values.geometry import Pose, Velocity, on_arc
 
 
 class Reference(Enum):
-    """Reference in which the end of a segment is given."""
+    """Reference of the end of a segment."""
 
     START = "start"
     """Its start: a distance, an angle, or a velocity and a time."""
     FRAME = "frame"
     """The odometry frame: a position or a heading in it."""
     NEXT_LINE = "next line"
-    """The next line: a turn towards its end, whose heading is not commanded itself."""
+    """The next line: a turn towards its end, without a commanded heading of its own."""
 
 
 @dataclass(frozen=True, slots=True)

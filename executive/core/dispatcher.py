@@ -118,7 +118,7 @@ class Dispatcher:
             self._restore(setting)
 
     def _not_taken(self, command: Command, refusal: Refusal) -> Refused:
-        """Reject a command whose id belongs to another, so that it has no life cycle reports."""
+        """Reject a command under the id of another: it has no life cycle reports."""
         refusal = _as_told(refusal, command)
         self._notifications.event(
             Severity.WARNING, refusal.text, refusal.reason, refusal.figures, foreign=True

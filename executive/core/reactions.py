@@ -29,9 +29,9 @@ from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Severity, Stage, printable
 
 SLOW_RATIO: Final = 0.3
-"""Ratio to the speed limits to which the reaction SLOW_DOWN reduces speed; chosen, not measured."""
+"""Speed limit under the reaction SLOW_DOWN, relative to the asset's; chosen, not measured."""
 RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
-"""Source of the command by which the rover returns to the place of the last ground contact."""
+"""Source of the command that returns the rover to the position of the last ground contact."""
 HARD_STOP_FAULTS: Final = frozenset({"zone_ahead", "obstacle_ahead", "tick_late"})
 """Faults that brake as a stop does: with normal deceleration the rover ran into the obstacle."""
 _MOVING: Final = frozenset({Mode.MOVING, Mode.TELEOP, Mode.PLAN})

@@ -61,8 +61,8 @@ class Recorder:
     """Writes the calls, inputs and states of an executive to a tape; does nothing without one.
 
     Of queries of other threads, the reports and decisions are recorded. Errors of the stop latch,
-    of the file folder and of the video stream are not: runs in which they affect a decision cannot
-    be replayed.
+    of the file folder and of the video stream are not: a run cannot be replayed if they affect a
+    decision.
 
     Attributes:
         tape: receives the recording, or None.
@@ -144,7 +144,7 @@ def life_of(
     solver: SharedSolver | None,
     video: Video | None,
 ) -> Life:
-    """Return the initial state of an executive, before it changes anything."""
+    """Return the initial state of an executive, before its first change."""
     latch = Path(ledger.path).with_suffix(".stop")
     return Life(
         settings,

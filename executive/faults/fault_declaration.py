@@ -10,7 +10,7 @@ from executive.values.reasons import Reason
 
 @unique
 class MonitoredWhen(Enum):
-    """Modes in which a fault is monitored."""
+    """When a fault is monitored."""
 
     MOVING = "moving"
     ALWAYS = "always"

@@ -25,7 +25,7 @@ class ReceivedCommand:
     Attributes:
         text: human-readable name and arguments.
         name: name of the request, as in its declaration.
-        utc_s: time at which it was first examined.
+        utc_s: time of its first examination.
         created_utc_s, lifetime_s: creation time and lifetime, as given by its sender.
     """
 
@@ -41,7 +41,7 @@ class ReceivedCommand:
 
 @dataclass(frozen=True, slots=True)
 class CommandHistory:
-    """The life cycle of a command so far.
+    """The life cycle of a command up to now.
 
     Attributes:
         received: the command as received; None if unknown.
@@ -164,8 +164,8 @@ class RunHistory:
         received: commands in order of arrival.
         reports: reports in order of their numbers.
         situations, leaves: in order of time; empty if unknown.
-        slowing: reasons of the faults for which the rover slows down.
-        absences: intervals in which no executive ran.
+        slowing: reasons of the faults that slow the rover down.
+        absences: intervals without a running executive.
     """
 
     until_utc_s: float

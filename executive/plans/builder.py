@@ -60,7 +60,7 @@ LONGEST_S: Final = 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class _BuildContext:
-    """Context in which a node is built.
+    """Context of a node that is built.
 
     Attributes:
         place: location of the node, or of its parent.

@@ -6,7 +6,7 @@ are commanded.
 
 - A step has a key: the number of its node, and the cycles of the loops around it. Each key is
   commanded at most once.
-- The journal holds the number of a step's command, written in the commit in which the command is
+- The journal holds the number of a step's command, written in the commit of its stage
   RECEIVED. The outcome is the command's own stage, so the two never disagree.
 - Abandoned branches (the rest of a decided `Parallel`, nodes below an expired `Timeout`) are in the
   journal, too: on replay they stay RUNNING without a command until the same node decides again.
@@ -99,7 +99,7 @@ class PlanExecution:
     """The steps of one plan. A key names a step and the cycles of the loops around it.
 
     Args:
-        plan: the plan whose journal is continued, and whose progress is updated.
+        plan: the plan; its journal is continued, and its progress updated.
         root: its root node.
         cancel: cancels a command that has not ended.
 
@@ -175,7 +175,7 @@ class PlanExecution:
         self.plan.node = step.place.path
 
     def refused(self, key: str, step: PlanStep, identity: Identity, refusal: Refusal) -> None:
-        """Fail a step whose command was rejected."""
+        """Fail a step after the rejection of its command."""
         self._note_command(key, identity)
         self._note(key, step, StepOutcome.FAILURE)
         self.why = f"{step.place.path}: REJECTED ({refusal.text})"

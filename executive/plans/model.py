@@ -17,7 +17,7 @@ _STEERING: Final = {
     Family.RESUME,
     Family.CONFIRMATION,
 }
-"""Commands that a plan may not give; only an operator who has checked the pose confirms it."""
+"""Commands that a plan may not give; only an operator may confirm the pose, after a check."""
 
 LEAVES: Final = {
     declaration.name: declaration

@@ -92,7 +92,7 @@ _MACHINE: Final = make_machine(PLAN_EDGES, "state")
 
 
 def sources(event: PlanEvent) -> tuple[PlanStatus, ...]:
-    """Return the statuses in which an event is permitted."""
+    """Return the statuses that permit an event."""
     return tuple(edge.source for edge in PLAN_EDGES if edge.event is event)
 
 

@@ -21,7 +21,7 @@ from executive.values.ports import CameraIntent, Hold, WholeMotion
 
 FINEST_S: Final = 1e-9
 FOLLOWED_S: Final = 0.5
-"""Time for which a trajectory is reused: between its states the model deviates by centimetres."""
+"""Reuse time of a trajectory: between its states the model deviates by centimetres."""
 
 
 class StationaryBase:
@@ -141,7 +141,7 @@ class DelegatedMotionBase(StationaryBase):
 
 
 class DynamicModelBase(StationaryBase):
-    """Base that responds to velocities by the dynamic model with which mpc plans."""
+    """Base that responds to velocities by the dynamic model of mpc."""
 
     def __init__(self, clock: ManualClock, settings: Settings, pose: Pose) -> None:
         super().__init__(clock, settings, pose)
@@ -187,7 +187,7 @@ class DynamicModelBase(StationaryBase):
         return Velocity(self._state.travel_mps, self._state.rotate_radps)
 
     def _move(self, until_s: float, velocity: Velocity) -> None:
-        """Advance to a time at which a command is in effect."""
+        """Advance to a time, with a command in effect."""
         step_s, self._at_s = until_s - self._at_s, max(until_s, self._at_s)
         if step_s > FINEST_S:
             self._state = self._model.moved(self._state, velocity, step_s)

@@ -61,11 +61,11 @@ class Predictor:
     """Predicts each accepted motion, and each plan that starts.
 
     Not predicted are motions longer than a preview may be, velocities that replace another, as from
-    a joystick, single steps of a plan, and commands whose sender requests no progress
+    a joystick, single steps of a plan, and commands sent without a request for progress
     reports.
 
     Args:
-        context: context of the asset, from which values are copied.
+        context: context of the asset; its values are copied.
         build_tree: builds the tree of a copy.
         solver: trajectory solver for mpc, if the asset offers it.
     """

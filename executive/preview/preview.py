@@ -51,7 +51,7 @@ from executive.values.reports import Identity
 LONGEST_S: Final = 300.0
 """Maximum duration of a previewed motion, which bounds the computation; chosen, not measured."""
 CONFIRMATION_S: Final = 0.1
-"""Time in which an inertial sensor confirms the standstill at the end of a motion."""
+"""Time that an inertial sensor needs to confirm the standstill after a motion."""
 MOST_POSES: Final = 200
 _IDENTITY: Final = Identity(f"{ABOARD_PREFIX}preview", 1)
 

@@ -160,7 +160,7 @@ class Ledger(Database):
         self.last_sequence = report.sequence
 
     def extend(self, schema: str, on_prune: OnPrune | None = None) -> None:
-        """Create further tables for a separate store, whose rows are written in the same commits.
+        """Create further tables for a separate store, written in the same commits.
 
         Args:
             schema: creates the tables if missing.

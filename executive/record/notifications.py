@@ -23,7 +23,7 @@ _SEVERITY = {
 
 
 class Notifications:
-    """The only path by which reports leave the core."""
+    """The only output of the core for reports."""
 
     def __init__(self, clock: Clock, ledger: Ledger, downlinks: Sequence[Downlink]) -> None:
         self._clock = clock

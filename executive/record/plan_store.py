@@ -123,7 +123,7 @@ class PlanStore:
         return {step: Identity(source_of(plan_id), number) for step, number in rows}
 
     def forget_unfinished_steps(self, plan_id: str) -> None:
-        """Delete the steps whose command has not ended by now, so that they start again."""
+        """Delete the steps with an unfinished command, so that they start again."""
         self._ledger.write(
             "DELETE FROM plan_steps WHERE plan_id = ? AND outcome IS NULL AND command_id NOT IN"
             f" (SELECT command_id FROM stages WHERE source = ? AND stage IN ({TERMINAL_STAGES}))",
@@ -135,7 +135,7 @@ class PlanStore:
         self._ledger.write("DELETE FROM plan_steps WHERE plan_id = ?", (plan_id,))
 
     def _settle_pruned(self, identity: Identity, stage: Stage) -> None:
-        """Store the outcome of a step whose command is being pruned."""
+        """Store the outcome of a step before its command is pruned."""
         if identity.source.startswith(SOURCE_PREFIX):
             self._ledger.write(
                 "UPDATE plan_steps SET outcome = ? WHERE plan_id = ? AND command_id = ?"

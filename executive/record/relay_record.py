@@ -30,10 +30,10 @@ class RelayedCommand:
 
 
 class RelayRecord:
-    """Records commands received over the relay, and the number up to which reports were delivered.
+    """Records commands received over the relay, and the last report delivered to it.
 
     Args:
-        ledger: the ledger whose file stores the record.
+        ledger: the ledger; its file stores the record.
         random_octets: returns unpredictable octets, for the name of a new ledger.
 
     Attributes:
@@ -58,7 +58,7 @@ class RelayRecord:
 
     @property
     def kept(self) -> int:
-        """The number up to which reports were delivered to the relay."""
+        """The number of the last report delivered to the relay."""
         ((sequence,),) = self._ledger.rows("SELECT sequence FROM relay_kept")
         return int(sequence)
 

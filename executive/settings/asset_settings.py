@@ -206,7 +206,7 @@ class AuthoritySettings:
         lease_s: lease of a holder in seconds.
         longest_lease_s: maximum lease granted by a hand-over, such as to an orbiter.
         may_take: the sources that may take it from its holder.
-        relay: name under which the relay holds it.
+        relay: name of the relay as a holder.
     """
 
     needed: bool | None = None
@@ -289,8 +289,8 @@ class VideoSettings:
     """UDP ports between which the camera's video stream is forwarded.
 
     Attributes:
-        listen_host, listen_port: address to which sources send it.
-        to_host, to_port: address to which it is forwarded.
+        listen_host, listen_port: address that sources send it to.
+        to_host, to_port: destination of the forwarded stream.
     """
 
     listen_host: str
@@ -336,7 +336,7 @@ class MuxSettings:
         input: the executive's own input in `topics`.
         lock: the lock in `locks` that the executive holds while the rover must be stationary.
         topics, locks: as in the file of twist_mux.
-        stop: the input in `topics` on which the executive then publishes zero, of the lock's
+        stop: the input in `topics` that then receives zero from the executive, of the lock's
             priority or a higher one; None: a locked base stops after its own timeout.
         lower_may_drive: whether inputs of a lower priority than the executive's may drive the rover
             while it is idle; if not, it is STOPPED when it moves by them.

@@ -45,7 +45,7 @@ class SlipSettings:
         gain_m: for v in m/s and w in rad/s.
         acceleration_s2: m for each m/s².
         creep_s2: m/s for each m/s² and rad/s.
-        lag_s: time constant with which all except the offset settles.
+        lag_s: time constant of all terms except the offset.
     """
 
     offset_m: float = 0.0

@@ -21,7 +21,7 @@ class MotionEndKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MotionExtent:
-    """Quantities on which a deviation or an energy depends.
+    """Extent of a motion, which determines its deviation and energy.
 
     Attributes:
         turned_rad: sum of all turning, without sign.
@@ -122,7 +122,7 @@ class BatterySettings:
     Attributes:
         capacity_j: energy when full.
         reserve_ratio: charge reserved for the unexpected, as a ratio of the capacity.
-        home: position to which the rover must be able to return, in the odometry frame.
+        home: position that the rover must be able to reach again, in the odometry frame.
     """
 
     capacity_j: float

@@ -30,7 +30,7 @@ _MERGE: Final = "tag:yaml.org,2002:merge"
 
 
 class SettingsError(ValueError):
-    """A settings file is missing or invalid; the text says where and how to correct it."""
+    """A settings file is missing or invalid; the text gives the location and the correction."""
 
 
 def require_above_zero(settings: object, *names: str) -> None:
@@ -56,7 +56,7 @@ def structure(raw: object, kind: type[T], origin: str) -> T:
 
 
 def unstructure(value: object) -> object:
-    """Return the plain data from which `structure` creates a value."""
+    """Return a value as plain data, the inverse of `structure`."""
     return _reader().plain(value)
 
 

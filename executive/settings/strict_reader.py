@@ -143,7 +143,7 @@ class StrictReader:
         return self.read(_merged(self.plain(base), raw), type(base), path)
 
     def plain(self, value: object) -> dict[str, Any]:
-        """Return a dataclass value as the plain data from which `read` creates it."""
+        """Return a dataclass value as plain data, the inverse of `read`."""
         made: dict[str, Any] = self._converter.unstructure(value)
         return made
 

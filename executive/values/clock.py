@@ -23,7 +23,7 @@ class SystemClock:
     """Real time of this machine."""
 
     def now_s(self) -> float:
-        """Return seconds since boot, including time in which the computer was suspended."""
+        """Return seconds since boot, including the time suspended."""
         return kept_s(time.clock_gettime(time.CLOCK_BOOTTIME))
 
     def utc_s(self) -> float:

@@ -24,7 +24,7 @@ def without_figures(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Command id: source and number. Key under which a command is executed at most once."""
+    """Command id: source and number, the key of at-most-once execution."""
 
     source: str
     command_id: int
