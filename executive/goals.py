@@ -32,7 +32,7 @@ class Goal:
     """One accepted command, and its progress.
 
     Attributes:
-        progress: progress through its legs.
+        progress: progress through its steps.
         leg: the leg as last planned, or a leg of the detour to it.
         begun: start pose of the leg as last planned.
         origin: start pose of the leg as first planned.

@@ -53,7 +53,7 @@ MOST_EVADED = 20
 PROMPT = 0.5
 """Maximum odometry age at the start of a motion, as a ratio of the stale age; chosen."""
 HEARING_S = 0.5
-"""Time in which a rover may report that another link has it execute the command already."""
+"""Time for a rover to report that it already executes the command from another link."""
 
 
 def _next_step(goal: Goal, locomotion: Locomotion) -> tuple[Step, tuple[Waypoint, ...]]:

@@ -49,7 +49,7 @@ class StopRover(Leaf):
 
     Until then it reports the remaining motion once a second. Odometry that has not shown the
     commanded motion is ignored until braking must have ended. A source that was not received since
-    standstill gets more time than the others.
+    standstill has more time than the others.
     """
 
     def begin(self) -> float:

@@ -317,7 +317,7 @@ class SubmitPlan:
 
 @command(Family.PLAN_START, "Plan.activatePlan")
 class ActivatePlan:
-    """Activate a plan: it gets control of the rover."""
+    """Activate a plan, which then controls the rover."""
 
     plan_id: str
 

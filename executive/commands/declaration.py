@@ -269,7 +269,7 @@ def command(
     at_least_one: bool = False,
     examples: tuple[str, ...] = (),
 ) -> Callable[[type[T]], type[T]]:
-    """Turn a class into a request: a frozen dataclass, with its `CommandDeclaration`, which see.
+    """Turn a class into a request: a frozen dataclass, with its `CommandDeclaration`.
 
     The operation is given with its service, as `MotionControl.moveTo`.
     """

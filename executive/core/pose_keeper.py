@@ -63,7 +63,7 @@ class PoseKeeper:
         """Write the pose with the next commit, if reports are about to be committed.
 
         Another commit would make the tick wait for the disk again. Only the first pose and the
-        first frame of a second odometry get their own, for a stationary rover without a report.
+        first frame of a second odometry have their own, for a stationary rover without a report.
 
         Args:
             still: whether the rover is commanded to be stationary.

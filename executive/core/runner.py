@@ -511,7 +511,7 @@ class Executive:
             downlink.file(event)
 
     def _run_plan(self) -> None:
-        """Let the plan submit its commands; they start once committed."""
+        """Tick the executing plan, which submits its commands; they start once committed."""
         executing = self._context.plans.executing
         if executing is None:
             return

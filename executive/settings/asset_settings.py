@@ -241,7 +241,7 @@ class LinkLossStage:
     """A reaction after a time without contact with the ground.
 
     Attributes:
-        then: continue; let the active command end and start no other until the link is
+        then: continue; finish the active command and start no other until the link is
             recovered; stop until resumed; or drive back along the track to the position of the
             last contact.
     """
@@ -269,7 +269,7 @@ class LinkLossSettings:
                 if after.after_s <= before.after_s:
                     raise ValueError(
                         f"a stage after {after.after_s:g} s follows one after {before.after_s:g} s:"
-                        " the earliest comes first"
+                        " put the earliest first"
                     )
                 if _AFTER.get(before.then, after.then) is not after.then:
                     raise ValueError(
