@@ -29,7 +29,7 @@ from executive.values.reasons import Figure, Reason, Refusal
 from executive.values.reports import Identity, Severity, Stage, printable
 
 SLOW_RATIO: Final = 0.3
-"""Speed limit under the reaction SLOW_DOWN, relative to the asset's; chosen, not measured."""
+"""Ratio of the speed limits that remains under SLOW_DOWN; chosen, not measured."""
 RETURN_SOURCE: Final = f"{ABOARD_PREFIX}return"
 """Source of the command that returns the rover to the position of the last ground contact."""
 HARD_STOP_FAULTS: Final = frozenset({"zone_ahead", "obstacle_ahead", "tick_late"})

@@ -195,7 +195,7 @@ class PlanExecution:
             return
         life = self._lives.pop(key, None)
         if life is not None:
-            self._cancel(life, Refusal(Reason.PLAN_WENT_ON, "abandoned: the plan continues without it"))
+            self._cancel(life, Refusal(Reason.PLAN_WENT_ON, "the plan continued without it"))
         self._settle(key, StepOutcome.HALTED)
 
     def timed_out(self, key: str) -> bool:

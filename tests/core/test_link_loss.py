@@ -273,7 +273,7 @@ def test_the_way_back_is_never_far_from_where_the_rover_came(
 @pytest.mark.parametrize(
     ("stages", "says"),
     [
-        ([(10, "stop"), (2, "hold")], "the earliest comes first"),
+        ([(10, "stop"), (2, "hold")], "put the earliest first"),
         ([(1, "wait")], "'wait' is none of go_on, hold, stop, return"),
         ([(1, "stop"), (2, "hold")], "hold follows stop: only return can"),
         ([(1, "return"), (2, "go_on")], "go_on follows return: only stop can"),
