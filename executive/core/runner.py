@@ -88,9 +88,9 @@ class Executive:
     call `submit` and `ask`. A stop overtakes all pending commands, and stops the rover before
     `submit` returns, regardless of the core's thread.
 
-    Commands that the ledger holds unfinished end as interrupted, and the rover is commanded to zero
+    Commands that the ledger holds unfinished end as interrupted. The rover is commanded to zero
     velocity if a previous process may have left it moving. The state of the stop is stored in a
-    file beside the ledger, `StopLatch`.
+    file next to the ledger, `StopLatch`.
 
     Args:
         tape: receives a recording for a full replay; None for none.

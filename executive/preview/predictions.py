@@ -60,9 +60,8 @@ class _PredictionJob:
 class Predictor:
     """Predicts each accepted motion, and each plan that starts.
 
-    Not predicted are motions longer than a preview may be, velocities that replace another, as from
-    a joystick, single steps of a plan, and commands sent without a request for progress
-    reports.
+    Motions longer than a preview may be are not predicted. Nor are velocities that replace another,
+    as from a joystick, single steps of a plan, and commands without progress reports.
 
     Args:
         context: context of the asset; its values are copied.

@@ -15,9 +15,9 @@ _UNREADABLE: Final = "unknown: the stop record is damaged"
 class StopLatch:
     """The command id that stopped the rover, in a file of one sector.
 
-    Its space is allocated on creation and overwritten in place, so that it can be written on
-    a full disk (except on file systems that write copies, as btrfs and ZFS). A damaged file
-    counts as stopped.
+    Its space is allocated on creation and overwritten in place, so that it can be written on a full
+    disk. This fails on file systems that write copies, as btrfs and ZFS. A damaged file counts as
+    stopped.
 
     Args:
         path: the file; if missing it is created with its folders, as not stopped.
