@@ -1,16 +1,16 @@
-"""How motion goals become commands of the actuators.
+"""Turns motion goals into actuator commands.
 
     leaf ──> plan_leg ──> Leg ──> Locomotion.turn / line / hold ──> Motion
                                                                       │ want, each tick
-    rover <── Mover <── arbiter (stop latch, dead-man) <── intents <──+
+    rover <── BaseDriver <── arbiter (latch, dead-man) <── intents <──+
 
-`Locomotion.expected` says what the rover should be doing now, with which `executive.safety`
-compares it.
+`Locomotion.expected` gives the velocity that the rover should have now. `executive.safety` compares
+the rover with it.
 
 With `controller: mpc`, `predictive_control` is the control law. `minimum_time` solves its problems
-(`plan`) as a non-linear `programme`, from the first guesses of `polylines`; `motion_model` and
-`motion_observer` say how the rover answers and moves, and `obstacles` which rows of the programme
-keep each place of a plan away from rocks and zones.
+(`plan`) as a non-linear `programme`, from the initial guesses of `polylines`. `motion_model` and
+`motion_observer` model the rover and estimate its state. `obstacles` gives the constraints that
+hold each point of a trajectory off rocks and zones.
 """
 
 from executive.motion.arbiter import Arbiter as Arbiter

@@ -1,12 +1,12 @@
-"""The only writer of the actuators: once a tick, after the tick, and at once on a stop.
+"""The only writer of the actuators: once a tick, after the tick, and immediately on a stop.
 
-A stop is the one thing that does not wait for the core's thread: `emergency_stop` makes the rover
-stand from the thread that received it. No lock is needed, since the stop stands in the queue
-before: the core looks there before it commands a motion and again after it, so that whatever the
-order of the two threads, the last that the rover is told is to stand.
+Only a stop does not wait for the core's thread: `emergency_stop` commands zero velocity from the
+thread that received it. No lock is needed. The stop is queued first, and the core checks the queue
+before it commands a motion and again after it. In any order of the two threads, zero velocity is
+commanded last.
 
-It takes the intents of the leaves, keeps the stop latch and the dead-man, and holds whatever the
-tree does. `make_locomotion` chooses how the rover of an asset is moved.
+The arbiter merges the intents of the leaves and owns the stop latch and the dead-man. Its hold does
+not depend on the tree. `make_locomotion` selects the locomotion of an asset.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,12 @@ from executive.values.geometry import STANDING, Velocity
 from executive.values.ports import CameraIntent, DelegatedMotionRover, Rover, VelocityRover, Wanted
 from executive.values.reasons import Refusal
 
-NO_SOLVER: Final = "mpc needs a solver of plans, and the executive was started without one"
+NO_SOLVER: Final = "mpc needs a trajectory solver, and the executive was started without one"
 
 
 @dataclass(slots=True)
 class Intents:
-    """What the leaves want of each actuator in this tick; emptied before the next."""
+    """The actuator commands that the leaves request in this tick; cleared before the next."""
 
     motion: Wanted | None = None
     camera: CameraIntent | None = None
@@ -45,10 +45,10 @@ class Intents:
 
 
 class Arbiter:
-    """Turns intents into actuator commands. While latched it makes the rover stand in each tick.
+    """Turns intents into actuator commands. While latched it holds zero velocity in each tick.
 
     Args:
-        stop_waits: whether a stop has been received that the core has not come to yet.
+        stop_waits: whether a received stop is still pending in the core's queue.
     """
 
     def __init__(
@@ -69,24 +69,24 @@ class Arbiter:
 
     @property
     def velocity(self) -> Velocity:
-        """What the rover is made to do now."""
+        """The velocity that is commanded now."""
         return self._mover.velocity
 
     @property
     def expected(self) -> tuple[Velocity, Velocity]:
-        """Between which velocities the rover should be now; the same twice where that is known."""
+        """The lower and upper bound of the expected velocity; equal where it is known exactly."""
         return self._mover.expected
 
     def emergency_stop(self) -> None:
-        """Make the rover stand, from any thread; for a stop, once `stop_waits`."""
+        """Command zero velocity, from any thread; for a stop, once `stop_waits`."""
         self._rover.emergency_stop()
 
     def stand(self) -> None:
-        """Make the rover stand now."""
+        """Command zero velocity now."""
         self._mover.stop()
 
     def stop(self) -> None:
-        """Make the rover stand now, and hold it until `release`."""
+        """Command zero velocity now, and hold it until `release`."""
         self.latched = True
         self.stand()
         self._rover.lock(True)
@@ -98,7 +98,7 @@ class Arbiter:
             self._rover.lock(False)
 
     def commit(self, intents: Intents) -> None:
-        """Command the actuators by this tick's intents."""
+        """Command the actuators according to the intents of this tick."""
         now_s = self._clock.now_s()
         step_s = min(max(now_s - self._committed_at_s, 0.0), 2 * self._settings.tick_s)
         self._committed_at_s = now_s
@@ -117,22 +117,22 @@ class Arbiter:
             self._rover.request_frame()
 
     def guard(self) -> None:
-        """Dead-man: stand if intents have gone stale while moving. Called between ticks."""
+        """Dead-man: stop if intents are stale while moving. Called between ticks."""
         stale_s = self._settings.intent_stale_ticks * self._settings.tick_s
         if self.velocity != STANDING and self._clock.now_s() - self._committed_at_s > stale_s:
             self.stand()
 
 
 class Latches:
-    """Set by stop commands and faults, cleared by resume, or with the fault.
+    """Set by stop commands and faults, cleared by a resume, or with the fault.
 
     Attributes:
-        stopped_by: the command that stopped the rover, for people; None when not stopped.
-        hazard: why the rover must stand; None when it may move.
-        safe: whether a hazard makes it SAFE; else it is STOPPED by it.
-        paused: why motion waits; None when it does not.
-        stopping: stop commands under way, until the rover stands.
-        stopped_from: what the rover was last made to do when a stop came.
+        stopped_by: the command that stopped the rover, for display; None when not stopped.
+        hazard: why the rover must not move; None when it may.
+        safe: whether a hazard puts it into SAFE; otherwise into STOPPED.
+        paused: why motion is paused; None when it is not.
+        stopping: stop commands in execution, until the rover is stationary.
+        stopped_from: the velocity that was commanded when a stop arrived.
     """
 
     def __init__(self) -> None:
@@ -149,7 +149,7 @@ class Latches:
         return self.stopped_by is not None or self.hazard is not None
 
     def take_stopping(self) -> list[CommandLifecycle]:
-        """Return the stop commands under way, for the caller to end."""
+        """Return the stop commands in execution, which the caller ends."""
         stopping, self.stopping = self.stopping, []
         return stopping
 
@@ -168,9 +168,9 @@ def make_locomotion(
     status: Status,
     solver: TrajectorySolver | None = None,
 ) -> tuple[Locomotion, BaseDriver]:
-    """Return what makes motions, and what commands them, of an asset.
+    """Return the locomotion of an asset, and the driver that commands its base.
 
-    The solver plans for model predictive control, where the asset offers that.
+    The solver computes trajectories for model predictive control, if the asset offers that.
 
     Raises:
         SettingsError: the settings offer model predictive control, and there is no solver.
@@ -189,6 +189,6 @@ def make_locomotion(
                 clock, settings, status, rover
             )
         case LocomotionKind.VELOCITY | LocomotionKind.WHOLE_MOTION:
-            raise TypeError(f"{rover} does not move by {settings.locomotion.value}")
+            raise TypeError(f"{rover} does not support locomotion {settings.locomotion.value}")
         case _:
             assert_never(settings.locomotion)

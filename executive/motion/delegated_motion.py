@@ -1,4 +1,4 @@
-"""Motion of a rover that carries out whole motions by itself, as MOCUP's brick (thesis 6.1)."""
+"""Motion of a rover that executes whole motions itself, as MOCUP's brick (thesis 6.1)."""
 
 from dataclasses import dataclass, replace
 from itertools import count
@@ -16,18 +16,18 @@ from executive.values.ports import Advance, DelegatedMotionRover, Hold, TurnBy, 
 from executive.values.reasons import Reason, Refusal
 
 BEGINS_WITHIN_S: Final = 4.0
-"""In which a rover that does not say when has begun a motion, also if messages were lost."""
+"""Maximum start delay of a rover that does not report the start, also after lost messages."""
 STEADY_WITHIN_S: Final = 0.15
-"""By which a rover may gain its speed later, or lose it earlier, than its acceleration says."""
+"""Tolerance of the time at which the rover reaches its speed, or starts to brake."""
 TOLD_EVERY_S: Final = 0.3
-"""In which odometry is told, at least: so long before, it shows that the end is near."""
+"""Maximum period of odometry. The end of a motion is detected this much in advance."""
 REPEAT_HALT_S: Final = 1.0
-"""After which a halt is repeated to a rover that still moves."""
+"""Retry interval of a halt while the rover still moves."""
 SETTLE_S: Final = 2.0
 
 
 class DelegatedLocomotion:
-    """Makes motions that command one whole motion and wait for the rover's answer."""
+    """Makes motions that command one whole motion and wait for the rover's reply."""
 
     alone = True
 
@@ -37,15 +37,15 @@ class DelegatedLocomotion:
         self._numbers = count(1)
 
     def curves(self, _: Command, __: Waypoint) -> bool:
-        """Return False: it drives straight lines."""
+        """Return False: it drives straight lines only."""
         return False
 
     def passes(self, _: Command, __: Waypoint) -> bool:
-        """Return False: it stands at each."""
+        """Return False: it stops at each waypoint."""
         return False
 
     def turn(self, command: Command, leg: Leg, final: bool) -> "PendingMotion | None":
-        """Return the turn of a leg, if it has one larger than half the tolerance."""
+        """Return the turn of a leg, or None if it is at most half the tolerance."""
         heading_rad = leg.heading_rad if final else leg.toward_rad
         if heading_rad is None:
             return None
@@ -59,7 +59,7 @@ class DelegatedLocomotion:
         return self._awaited(command, what, abs(angle_rad) / speed_radps)
 
     def line(self, command: Command, leg: Leg) -> "PendingMotion | None":
-        """Return the straight line of a leg, if it has one."""
+        """Return the straight line of a leg, or None if it has none."""
         if leg.target is None:
             return None
         start = self._status.pose.ahead(self._settings.turn_drive.control_point_m)
@@ -68,9 +68,9 @@ class DelegatedLocomotion:
         return self._awaited(command, Advance(distance_m, speed_mps), length_m / speed_mps)
 
     def hold(self, command: Command, request: DriveFor) -> "PendingMotion":
-        """Return the holding of a velocity, for as much longer as it takes to lose it.
+        """Return a velocity hold, longer by the time of its deceleration.
 
-        The way is then that of the velocity in its time, as of a rover that takes velocities.
+        Its distance is then velocity times duration, as with a rover that accepts velocities.
         """
         what = Hold(Velocity(request.travel_mps, request.rotate_radps), request.duration_s)
         gain_s = profile_of(what, self._settings.drive).gain_s
@@ -85,7 +85,7 @@ class DelegatedLocomotion:
 
 
 class PendingMotion(Motion):
-    """A whole motion under way, until the rover reports its end."""
+    """A whole motion in execution, until the rover reports its end."""
 
     def __init__(self, motion: WholeMotion, expected_s: float, status: Status) -> None:
         self.expected_s = expected_s
@@ -94,17 +94,17 @@ class PendingMotion(Motion):
 
     @property
     def done(self) -> bool:
-        """Whether the rover has carried it out, and stands."""
+        """Whether the rover has executed it, and is stationary."""
         ended = self._ended
         return ended is not None and ended.executed and self._status.stood_since_motion
 
     @property
     def fault(self) -> Refusal | None:
-        """Why the rover did not carry it out."""
+        """Why the rover did not execute it; None if it did or has not ended."""
         ended = self._ended
         if ended is None or ended.executed:
             return None
-        return Refusal(Reason.MOTION_NOT_EXECUTED, f"the rover did not carry it out: {ended.text}")
+        return Refusal(Reason.MOTION_NOT_EXECUTED, f"the rover did not execute it: {ended.text}")
 
     @property
     def _ended(self) -> MotionEnded | None:
@@ -113,22 +113,22 @@ class PendingMotion(Motion):
 
     @property
     def left(self) -> str:
-        """What is under way, for people."""
+        """The motion in execution, for display."""
         match self._motion.what:
             case TurnBy(angle_rad):
-                return f"turns by {angle_rad:+.3f} rad by itself"
+                return f"rover turns by {angle_rad:+.3f} rad"
             case Advance(distance_m):
-                return f"drives {distance_m:+.3f} m by itself"
+                return f"rover drives {distance_m:+.3f} m"
             case Hold(_, duration_s):
-                return f"holds a velocity for {duration_s:g} s by itself"
+                return f"rover holds a velocity for {duration_s:g} s"
 
     def want(self, _: float) -> WholeMotion:
-        """Return the motion."""
+        """Return the motion as the intent of this tick."""
         return self._motion
 
 
 class DelegatedDriver:
-    """Commands each whole motion once, and a halt when none is wanted any more."""
+    """Commands each whole motion once, and a halt when no motion is wanted."""
 
     def __init__(
         self, clock: Clock, settings: Settings, status: Status, rover: DelegatedMotionRover
@@ -145,14 +145,14 @@ class DelegatedDriver:
 
     @property
     def velocity(self) -> Velocity:
-        """What the rover does of the motion under way."""
+        """The measured velocity while a motion is in execution, else zero."""
         return STANDING if self._motion is None else self._status.velocity
 
     @property
     def expected(self) -> tuple[Velocity, Velocity]:
-        """The velocity of the motion under way, and to stand while the rover gains or loses that.
+        """The bounds of the expected velocity: that of the motion, or zero while it changes.
 
-        What it does of a command that it has by another link is not known here: anything.
+        A command that the rover received over another link is unknown here: up to the speed limits.
         """
         motion, drive = self._motion, self._settings.drive
         own = motion is not None and self._under_way
@@ -165,7 +165,7 @@ class DelegatedDriver:
         return full if self._steady(motion) else STANDING, full
 
     def _steady(self, motion: WholeMotion) -> bool:
-        """Return whether the rover should have its full speed now, whenever it may have begun."""
+        """Return whether the rover should be at full speed now, for any possible start time."""
         started, earliest_s, latest_s = (
             self._status.motion_started,
             self._sent_at_s,
@@ -181,9 +181,9 @@ class DelegatedDriver:
         return in_time and not self._near_end(motion.what, since_s, before_s)
 
     def _near_end(self, what: TurnBy | Advance | Hold, since_s: float, before_s: float) -> bool:
-        """Return whether odometry shows that less is left than what the speed does in a time.
+        """Return whether odometry shows less remaining than full speed covers in `before_s`.
 
-        That the rover has begun may have been heard late.
+        The report that the rover started may have been delayed.
         """
         pose = self._status.pose
         match what:
@@ -200,13 +200,13 @@ class DelegatedDriver:
                 assert_never(what)
 
     def stop(self) -> None:
-        """Have the rover stand."""
+        """Halt the rover."""
         self._motion = None
         self._told_at_s = self._clock.now_s()
         self._rover.halt()
 
     def hold(self) -> None:
-        """Repeat the halt until the rover has stood once; later motion is another link's."""
+        """Repeat the halt until the rover was stationary once: later motion is another link's."""
         if self._told_at_s is None:
             return
         if self._status.standing:
@@ -215,13 +215,13 @@ class DelegatedDriver:
             self.stop()
 
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
-        """Begin a motion that is wanted for the first time; halt one that is not any more.
+        """Command a motion that is wanted for the first time; halt one that is no longer wanted.
 
-        A halted motion is not begun again, since the rover would do all of it once more.
+        A halted motion is not started again, since the rover would repeat all of it.
         """
         del step_s
         if isinstance(wanted, Velocity) and wanted != STANDING:
-            raise TypeError(f"{wanted} is no motion that this rover carries out by itself")
+            raise TypeError(f"{wanted} is no whole motion, as this rover requires")
         if isinstance(wanted, WholeMotion) and self._status.odometry_fresh:
             if wanted.number > self._begun:
                 self._motion, self._begun, self._sent_at_s = wanted, wanted.number, now_s
@@ -246,12 +246,12 @@ class DelegatedDriver:
 
 @dataclass(frozen=True, slots=True)
 class MotionProfile:
-    """The velocity of a whole motion over time: gained evenly, held, and lost as evenly.
+    """The velocity of a whole motion over time: a ramp up, full speed, a ramp down.
 
     Attributes:
-        velocity: what is gained.
-        gain_s: how long it takes to gain it.
-        duration_s: from standing to standing; what is shorter than gaining and losing peaks below.
+        velocity: at full speed.
+        gain_s: duration of each ramp.
+        duration_s: from standstill to standstill; a motion shorter than both ramps peaks lower.
     """
 
     velocity: Velocity
@@ -259,7 +259,7 @@ class MotionProfile:
     duration_s: float
 
     def held_s(self, since_s: float) -> float:
-        """Return in what time the full velocity leads as far as the motion since its beginning."""
+        """Return the time in which full velocity covers the distance moved up to `since_s`."""
         ramp_s = min(self.gain_s, self.duration_s / 2)
         if ramp_s == 0.0:
             return min(max(since_s, 0.0), self.duration_s)
@@ -271,7 +271,7 @@ class MotionProfile:
 
 
 def profile_of(what: TurnBy | Advance | Hold, drive: DriveLimits) -> MotionProfile:
-    """Return how a rover with these accelerations carries out a motion."""
+    """Return the profile of a whole motion with these accelerations."""
     match what:
         case TurnBy(angle_rad, speed_radps):
             bounds = Bounds(speed_radps, drive.rotate_acceleration_radps2)

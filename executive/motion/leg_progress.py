@@ -1,4 +1,4 @@
-"""How far a motion has come through its steps, and how its next leg is to be planned."""
+"""The progress of a motion through its steps, which determines how its next leg is planned."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,18 @@ from executive.values.geometry import Point
 
 @dataclass(slots=True)
 class LegProgress:
-    """The progress of a goal through its steps, as its leaves note it; a step takes legs.
+    """The progress of a goal through its steps, as its leaves record it; a step has legs.
 
     Attributes:
-        step: index of the step under way.
-        attempts: how often the step was ended away from its target.
-        detour_stops: how many places the goal has stood at on ways around obstacles.
-        obstacle_stops: how often something that came into view has ended a line of the step.
-        at_detour: whether the leg ends at a place on a way around, and not at that of the step.
-        left_path: whether the step leads around something seen, and not straight to its waypoint.
-        turn_then_drive: whether the step is driven by turns and lines, since no curve led there.
-        blocking: what came into view last, until the way around it is planned.
-        last_driven: where a motion led the rover last, until the next is planned.
+        step: index of the step in execution.
+        attempts: how often the step ended off its target.
+        detour_stops: number of stops of the goal on detours around obstacles.
+        obstacle_stops: how often a newly detected obstacle ended a line of the step.
+        at_detour: whether the leg ends at a detour point, and not at the target of the step.
+        left_path: whether the step detours around a scanned obstacle.
+        turn_then_drive: whether turns and lines drive the step, since its curve failed.
+        blocking: the newly detected obstacle, until the detour around it is planned.
+        last_driven: where a motion ended last, until the next is planned.
     """
 
     step: int = 0
@@ -34,7 +34,7 @@ class LegProgress:
 
     @property
     def untried(self) -> bool:
-        """Whether no leg of the step has ended yet, nor one on a way around before."""
+        """Whether no leg of the step has ended yet, nor a detour leg before it."""
         return not self.attempts and not self.detour_stops
 
     @property
@@ -43,7 +43,7 @@ class LegProgress:
         return not self.step and self.untried
 
     def end_step(self) -> None:
-        """Go on with the next step."""
+        """Continue with the next step."""
         self.step += 1
         self.attempts = self.obstacle_stops = 0
         self.left_path = self.turn_then_drive = False
@@ -52,25 +52,25 @@ class LegProgress:
         """Begin a leg.
 
         Args:
-            detour: whether it leads around obstacles.
-            in_one: whether it is driven in one curve, without a stop on the way around.
+            detour: whether it is a detour around obstacles.
+            in_one: whether it is driven as one curve, without a stop on the detour.
         """
         self.at_detour = detour and not in_one
         self.left_path = self.left_path or detour
         self.blocking = None
 
     def stop_before(self, blocking: ClearanceViolation | None) -> None:
-        """End a leg before something that came into view, which the next leads around."""
+        """End a leg before a newly detected obstacle, which the next leg avoids."""
         self.blocking = blocking
         self.detour_stops += 1
         self.obstacle_stops += 1
 
     def end_detour(self) -> None:
-        """End a leg at a place on a way around."""
+        """End a leg at a detour point."""
         self.detour_stops += 1
         self.attempts = 0
 
     def give_up_curve(self, through: bool) -> None:
-        """End a curve that leads nowhere: one to a single place is not tried again."""
+        """Abandon a curve without a solution: one to a single waypoint is not tried again."""
         self.attempts += 1
         self.turn_then_drive = not through

@@ -1,11 +1,11 @@
-"""How an asset moves: legs, speed profiles, and the port between leaves and rovers.
+"""Locomotion of an asset: legs, speed profiles, and the port between leaves and rovers.
 
-Leaves plan a `Leg`, ask a `Locomotion` for a `Motion` and write what it wants into the intents.
-The arbiter gives that to a `BaseDriver`, which alone commands the rover. `velocity_control` is for
-rovers that take velocities, `delegated_motion` for those that carry out whole motions themselves.
+Leaves plan a `Leg`, request a `Motion` of a `Locomotion` and write its intent. The arbiter passes
+that to a `BaseDriver`, which alone commands the rover. `velocity_control` is for rovers that accept
+velocities, `delegated_motion` for those that execute whole motions themselves.
 
-What is steered is the control point, the point ahead of base_link that stands still when the
-rover spins; the target is shifted by as much, so that base_link ends where it was sent.
+The steered point is the control point: the point ahead of base_link that rests while the rover
+spins. The target is shifted by the same offset, so that base_link ends at the commanded position.
 """
 
 from abc import ABC, abstractmethod
@@ -24,14 +24,14 @@ from executive.values.reasons import Refusal
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Greatest speed and acceleration, in units of the dimension (m or rad) and seconds."""
+    """Maximum speed and acceleration, in units of the dimension (m or rad) and seconds."""
 
     speed: float
     acceleration: float
 
 
 def duration_s(way: float, bounds: Bounds) -> float:
-    """Return the shortest time from rest to rest over a way (bang-bang or trapezoid)."""
+    """Return the minimum time from rest to rest over a distance (bang-bang or trapezoid)."""
     way = abs(way)
     if way <= bounds.speed**2 / bounds.acceleration:
         return 2.0 * sqrt(way / bounds.acceleration)
@@ -39,14 +39,14 @@ def duration_s(way: float, bounds: Bounds) -> float:
 
 
 STEEPEST_PER_S: Final = 10.0
-"""Greatest speed per way left of `SquareRoot`, so that the end is reached without hunting."""
+"""Maximum speed per remaining distance of `SquareRoot`: it reaches the end without hunting."""
 CATCH_UP_PER_S: Final = 2.0
-"""Speed of `Trapezoid` per unit behind the schedule."""
+"""Gain of `Trapezoid`: speed per unit of lag behind the schedule."""
 
 
 @dataclass(frozen=True, slots=True)
 class SquareRoot:
-    """The fastest speed from which braking step by step, tick after tick, ends at the target."""
+    """The maximum speed from which braking in steps of one tick ends at the target."""
 
     bounds: Bounds
     tick_s: float
@@ -55,8 +55,8 @@ class SquareRoot:
         """Return the speed to command.
 
         Args:
-            left: signed way left when the command takes effect, in m or rad.
-            elapsed_s: seconds since the motion began; here it does not matter.
+            left: signed remaining distance when the command takes effect, in m or rad.
+            elapsed_s: seconds since the motion began; not used here.
         """
         step = self.bounds.acceleration * self.tick_s / 2.0
         fastest = sqrt(step**2 + 2.0 * self.bounds.acceleration * abs(left)) - step
@@ -65,19 +65,19 @@ class SquareRoot:
 
 @dataclass(frozen=True, slots=True)
 class Trapezoid:
-    """A schedule of place over time, followed with proportional feedback.
+    """A schedule of distance over time, followed with proportional feedback.
 
     Attributes:
-        way: signed way of the whole motion.
+        way: signed distance of the whole motion.
     """
 
     bounds: Bounds
     way: float
 
     def speed(self, left: float, elapsed_s: float) -> float:
-        """Return the scheduled speed, corrected by how far behind the schedule the rover is.
+        """Return the scheduled speed, corrected by the lag behind the schedule.
 
-        One that is ahead of it waits; it turns round only beyond the target.
+        Ahead of the schedule the rover waits. It reverses only beyond the target.
         """
         left_scheduled, speed = self._schedule(elapsed_s)
         behind = left - copysign(left_scheduled, self.way)
@@ -103,7 +103,7 @@ SpeedProfile = SquareRoot | Trapezoid
 
 
 def make_profile(kind: SpeedProfileKind, bounds: Bounds, way: float, tick_s: float) -> SpeedProfile:
-    """Return the profile that the settings name, for a signed way."""
+    """Return the profile that the settings name, for a signed distance."""
     match kind:
         case SpeedProfileKind.TRAPEZOID:
             return Trapezoid(bounds, way)
@@ -121,19 +121,19 @@ Step = Waypoint | MoveForward | RotateTo | RotateBy
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One step of a motion goal, planned from where the rover stands.
+    """One step of a motion goal, planned from the present pose.
 
     Attributes:
-        toward_rad: heading to take before driving; None to begin as it stands.
-        target: where the control point is to go; None for a turn alone.
+        toward_rad: heading to turn to before driving; None to drive off without a turn.
+        target: end position of the control point; None for a turn alone.
         reverse: whether to drive backward.
-        heading_rad: heading to take at the end; None to stay as the drive ends.
-        tolerance_m: how near is near enough.
-        turn_rad: signed angle to turn to that heading; None for the shorter way.
-        aim: where the line ends, uphill of the target by what the last turn will slide.
-        through: waypoints to pass on the way without standing.
-        around: corners of a way around obstacles, where it is driven as a curve.
-        straight: whether it is to be driven by turns and lines, whatever drives the command.
+        heading_rad: heading at the end; None to stay as the drive ends.
+        tolerance_m: position tolerance.
+        turn_rad: signed angle of the turn to that heading; None for the shorter direction.
+        aim: end of the line, uphill of the target by the expected slide of the last turn.
+        through: waypoints to pass without stopping.
+        around: corners of a detour around obstacles, if it is driven as a curve.
+        straight: whether turns and lines drive it, regardless of the command's controller.
     """
 
     toward_rad: float | None
@@ -149,12 +149,12 @@ class Leg:
 
     @property
     def free(self) -> bool:
-        """Whether base_link is to stand at the target, at whatever heading."""
+        """Whether base_link ends at the target, at any heading."""
         return bool(self.through or self.around) and self.heading_rad is None
 
 
 def turn_bounds(settings: Settings, status: Status) -> Bounds:
-    """Return the bounds of a turn."""
+    """Return the maximum speed and acceleration of a turn."""
     return Bounds(status.rotate_limit_radps, settings.drive.rotate_acceleration_radps2)
 
 
@@ -165,14 +165,14 @@ def plan_leg(
     through: Sequence[Waypoint] = (),
     around: Sequence[Point] = (),
 ) -> Leg:
-    """Return the leg that leads from the present pose through a step.
+    """Return the leg from the present pose through a step.
 
     Args:
-        step: where it ends.
+        step: the end of the leg.
         settings: the asset.
-        status: where the rover is, and how fast it may go.
-        through: waypoints to pass before, without standing.
-        around: corners of a way around obstacles, without standing.
+        status: the pose and the speed limits.
+        through: waypoints to pass before, without stopping.
+        around: corners of a detour around obstacles, without stopping.
     """
     pose, law = status.pose, settings.turn_drive
     near_m = law.position_tolerance_m
@@ -234,7 +234,7 @@ def _to_waypoint(waypoint: Waypoint, settings: Settings, status: Status) -> Leg:
 
 
 def _uphill(leg: Leg, pose: Pose, settings: Settings, status: Status) -> Leg:
-    """Return a leg that allows for the slide of its turns on a slope, where that was learnt."""
+    """Return a leg that compensates the learnt slide of its turns on a slope."""
     if leg.target is None or leg.toward_rad is None:
         return leg
     start = pose.ahead(settings.turn_drive.control_point_m)
@@ -251,7 +251,7 @@ def _uphill(leg: Leg, pose: Pose, settings: Settings, status: Status) -> Leg:
 
 
 def aim_m(tolerance_m: float, settings: Settings) -> float:
-    """Return how near to drive: the asset's tolerance, where the wanted one is wider."""
+    """Return the tolerance to drive to: the smaller of the requested one and the asset's."""
     return min(tolerance_m, settings.turn_drive.position_tolerance_m)
 
 
@@ -278,7 +278,7 @@ def _turning_s(pose: Pose, leg: Leg, bounds: Bounds) -> float:
 
 
 def leg_errors(leg: Leg, settings: Settings, status: Status) -> tuple[float, float]:
-    """Return how far the rover stands from the end of a leg, in metres and radians."""
+    """Return the distance of the rover from the end of a leg, in metres and radians."""
     pose, place_m, heading_rad = status.pose, 0.0, 0.0
     if leg.target is not None:
         ahead_m = 0.0 if leg.free else settings.turn_drive.control_point_m
@@ -289,12 +289,12 @@ def leg_errors(leg: Leg, settings: Settings, status: Status) -> tuple[float, flo
 
 
 class Motion(ABC):
-    """A turn, a straight line or a velocity held, under way.
+    """A turn, a straight line or a velocity hold in execution.
 
     Attributes:
-        expected_s: how long it takes if nothing goes wrong.
-        notice: what is to be reported of how it goes, once there is something; else None.
-        passed: how many waypoints it has passed, of those that its leg leads through.
+        expected_s: expected duration without disturbances.
+        notice: a progress text to report; None without one.
+        passed: number of waypoints passed, of those of its leg.
     """
 
     expected_s: float
@@ -304,70 +304,70 @@ class Motion(ABC):
     @property
     @abstractmethod
     def done(self) -> bool:
-        """Whether the rover stands where the motion ends."""
+        """Whether the rover is stationary at the end of the motion."""
 
     @property
     def ending(self) -> bool:
-        """Whether another motion may take over now; by default once this one is done."""
+        """Whether the next motion may start now; by default once this one is done."""
         return self.done
 
     @property
     def fault(self) -> Refusal | None:
-        """Why it cannot be done, once that is known."""
+        """Why the motion failed, or None."""
         return None
 
     @property
     def evades(self) -> bool:
-        """Whether it keeps away itself from what comes into view."""
+        """Whether the motion itself avoids newly detected obstacles."""
         return False
 
     @property
     def abandoned(self) -> bool:
-        """Whether the rover stands, and is to go on by another leg: to the next waypoint alone."""
+        """Whether the rover is stationary and continues by a leg to the next waypoint alone."""
         return False
 
     @property
     def again(self) -> bool:
-        """Whether that leg may be a curve again; else it is driven by turns and lines."""
+        """Whether the leg may be retried as a curve; otherwise turns and lines drive it."""
         return False
 
     @property
     @abstractmethod
     def left(self) -> str:
-        """What is left of it, for people."""
+        """The remaining part of the motion, for display."""
 
     def renew(self, _: float) -> bool:
-        """Plan anew if another greatest speed was set; return whether there was need."""
+        """Plan again if the speed limit changed; return whether it did."""
         return False
 
     @abstractmethod
     def want(self, now_s: float) -> Wanted:
-        """Return what to command in this tick."""
+        """Return the intent of this tick."""
 
 
 class Locomotion(Protocol):
-    """Makes motions of commands, beginning now.
+    """Makes motions of commands, which begin now.
 
     Attributes:
-        alone: whether the rover points no camera while it carries out a motion.
+        alone: whether the camera must not be pointed during a motion.
     """
 
     alone: bool
 
     def curves(self, command: Command, waypoint: Waypoint) -> bool:
-        """Return whether it drives to a waypoint in one curve, around what lies between."""
+        """Return whether it drives to a waypoint in one curve, around obstacles between."""
 
     def passes(self, command: Command, waypoint: Waypoint) -> bool:
-        """Return whether it passes a waypoint of a path that goes on, without standing there."""
+        """Return whether it passes an intermediate waypoint of a path without stopping."""
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
-        """Return the turn of a leg, towards its target or to its last heading, if it has one."""
+        """Return the turn of a leg, towards its target or to its last heading; None without one."""
 
     def line(self, command: Command, leg: Leg) -> Motion | None:
-        """Return the straight line of a leg, if it has one."""
+        """Return the straight line of a leg, or None if it has none."""
 
     def hold(self, command: Command, request: DriveFor) -> Motion:
-        """Return the holding of a velocity."""
+        """Return a velocity hold."""
 
 
 class BaseDriver(Protocol):
@@ -375,17 +375,17 @@ class BaseDriver(Protocol):
 
     @property
     def velocity(self) -> Velocity:
-        """What the rover is made to do now."""
+        """The velocity that is commanded now."""
 
     @property
     def expected(self) -> tuple[Velocity, Velocity]:
-        """Between which velocities the rover should be now; the same twice where that is known."""
+        """The lower and upper bound of the expected velocity; equal where it is known exactly."""
 
     def stop(self) -> None:
-        """Make the rover stand, now."""
+        """Command zero velocity now."""
 
     def hold(self) -> None:
-        """Have the rover go on standing, in each tick after a stop."""
+        """Hold zero velocity, in each tick after a stop."""
 
     def commit(self, wanted: Wanted | None, now_s: float, step_s: float) -> None:
-        """Command what is wanted in this tick; None: nothing is."""
+        """Command the intent of this tick; None: no motion is wanted."""

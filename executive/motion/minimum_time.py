@@ -1,4 +1,4 @@
-"""The fastest motion from a state to rest at a place: from first guesses on."""
+"""The minimum-time motion from a state to rest at a target, solved from initial guesses."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -20,24 +20,24 @@ from executive.motion.programme import OptimalControlProblem
 from executive.values.geometry import Point, wrap_rad
 
 FASTEST_SHARE: Final = 0.6
-"""Of the least time by what is commanded: a rover that drives turns faster than commanded."""
+"""Minimum ratio of the duration to that of the commanded limits: the rover can turn faster."""
 STARTS: Final = 3
-"""Guesses that are tried at most, where those before them end beyond the aim or nowhere."""
+"""Maximum number of guesses; another is tried while the best plan misses the tolerance."""
 LOOKS: Final = 2
-"""At what a plan comes near to."""
+"""Number of solutions per guess, each with the obstacles near the one before."""
 NO_MISS: Final = 1e-3
 SLOW_MPS: Final = 0.01
 
 
 class MinimumTimeSolver:
-    """The programmes of one rover: a `SharedSolver` that answers in the call that asks.
+    """The optimal control problems of one rover: a `SharedSolver` that solves within the call.
 
     Args:
         model: the rover.
-        travel: its greatest acceleration, m/s².
-        rotate: its greatest acceleration of rotation, rad/s².
-        steps: intervals of a plan.
-        obstacles: whether there may be some.
+        travel: its maximum acceleration, m/s².
+        rotate: its maximum rotational acceleration, rad/s².
+        steps: intervals of a trajectory.
+        obstacles: whether there may be obstacles.
 
     Raises:
         SettingsError: casadi is not installed.
@@ -66,18 +66,18 @@ class MinimumTimeSolver:
         self._plan = self.solve(problem)
 
     def answer(self) -> Trajectory | None:
-        """Return the answer to the last question, once."""
+        """Return the result of the last request, once."""
         plan, self._plan = self._plan, None
         return plan
 
     def beside(self, apart: bool = False) -> "MinimumTimeSolver":
-        """Return another that has the same programmes."""
+        """Return another solver that shares the compiled problems."""
         return copy(self)
 
     def solve(self, problem: TrajectoryProblem) -> Trajectory | None:
-        """Return the plan of a problem, or None where none is found.
+        """Return the trajectory of a problem, or None if none is found.
 
-        From a guess that leads into something that came into view, a way around that is tried.
+        If the guess collides with a newly detected obstacle, a detour around it is tried.
         """
         programmes = self._among_none if problem.obstacles is None else self._among_obstacles
         programme = programmes[len(problem.through)]
@@ -105,9 +105,9 @@ class MinimumTimeSolver:
         guess: Trajectory,
         least_s: Sequence[float],
     ) -> Trajectory | None:
-        """Return a plan that leads past all obstacles, or None where none is found.
+        """Return a trajectory clear of all obstacles, or None if none is found.
 
-        Where the first one comes near to others than its guess did, it is the next guess.
+        If the first one approaches other obstacles than its guess, it is the next guess.
         """
         for _ in range(LOOKS):
             plan = programme.solve(problem, guess, least_s)
@@ -117,21 +117,21 @@ class MinimumTimeSolver:
         return None
 
     def _built(self, obstacles: bool) -> list[OptimalControlProblem]:
-        """Return the programmes for each number of places that are passed."""
+        """Return the optimal control problems for each number of via points."""
         return [
             OptimalControlProblem(self._model, self._most, self._steps, passes, obstacles)
             for passes in range(PASSED_AT_ONCE + 1)
         ]
 
     def _around(self, problem: TrajectoryProblem) -> tuple[Point, ...]:
-        """Return the corners of a way around obstacles to the first place of a problem."""
+        """Return the corners of a detour around obstacles to the first target of a problem."""
         if problem.around or problem.obstacles is None:
             return problem.around
         ahead_m, first = self._model.ahead_m, problem.targets[0]
         return problem.obstacles.way(problem.start.behind(ahead_m), first.base(ahead_m))
 
     def _onward(self, problem: TrajectoryProblem, guess: Trajectory) -> Trajectory:
-        """Return a guess that leads to all places of a problem, by polylines from its end."""
+        """Extend a guess by polylines to all targets of a problem."""
         for target in problem.targets[len(guess.passes_s) + 1 :]:
             end, speeds_mps = guess.states[-1], [each.travel_mps for each in guess.states]
             along = next((each for each in reversed(speeds_mps) if abs(each) > SLOW_MPS), 0.0)
@@ -146,10 +146,10 @@ class MinimumTimeSolver:
         along: float = 0.0,
         around: tuple[Point, ...] = (),
     ) -> list[Trajectory]:
-        """Return the fastest guesses from rest, for a rover that came forward or backward.
+        """Return the fastest guesses from rest, for a rover that arrived forward or backward.
 
-        One that goes on the same way need not stand where it passes. Those that lead into
-        obstacles are left out, unless all do.
+        A guess that keeps the direction need not stop at the via point. Guesses that collide are
+        left out, unless all do.
         """
         travel = Bounds(problem.travel_mps, self._most[0])
         rotate = Bounds(problem.rotate_radps, self._most[1])
@@ -167,13 +167,13 @@ class MinimumTimeSolver:
 
     @staticmethod
     def _free(found: list[Polyline], obstacles: ObstacleConstraints | None) -> list[Polyline]:
-        """Return the first polylines that lead into no obstacles."""
+        """Return the first polylines that are clear of obstacles."""
         if obstacles is None:
             return found[:STARTS]
         return list(islice((each for each in found if obstacles.free(each.corners)), STARTS))
 
     def _least_s(self, problem: TrajectoryProblem) -> tuple[float, ...]:
-        """Return times that no plan from rest is shorter than, so that none is of no length."""
+        """Return lower bounds of the durations from rest, so that none is zero."""
         start, target = problem.start, problem.target
         travel = Bounds(problem.travel_mps, self._most[0])
         places = [TrajectoryTarget(start.x_m, start.y_m, start.heading_rad, 0.0), *problem.targets]

@@ -1,4 +1,4 @@
-"""How a rover that takes velocities answers to them: with numbers, or with expressions."""
+"""Motion model of a rover that accepts velocities, for numbers or for symbolic expressions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from executive.settings import SlipSettings, YawResponse
 from executive.values.geometry import Point, Pose, Velocity
 
 _GAUSS: Final = (0.5 - sqrt(3.0) / 6, 0.5 + sqrt(3.0) / 6)
-"""Of a step, where it is integrated from: two points of Gauss make it of fourth order."""
+"""Points of a step at which it is integrated: two Gauss points give fourth order."""
 _SMOOTH: Final = 1e-6
 _SLIP_FROM: Final = 0.02
 """Squares of speeds, below which magnitudes and the root of the side slip are smoothed."""
@@ -18,12 +18,12 @@ _SLIP_FROM: Final = 0.02
 
 @dataclass(frozen=True, slots=True)
 class MotionState:
-    """How the control point moves.
+    """State of motion of the control point.
 
     Attributes:
-        heading_rad: not wrapped: turning goes on beyond pi.
+        heading_rad: not wrapped: it continues beyond pi.
         travel_mps, rotate_radps: the commanded velocity that is in effect.
-        lag_radps: the part of the true rotation that follows the command late.
+        lag_radps: the part of the true rotation that follows the command with a lag.
     """
 
     x_m: float
@@ -35,12 +35,12 @@ class MotionState:
 
     @property
     def figures(self) -> tuple[float, ...]:
-        """All of it, in its order."""
+        """All figures in the order of the fields."""
         speeds = (self.travel_mps, self.rotate_radps, self.lag_radps)
         return self.x_m, self.y_m, self.heading_rad, *speeds
 
     def behind(self, way_m: float) -> Point:
-        """Return the point that lies so far behind the control point."""
+        """Return the point at a distance behind the control point."""
         return Pose(self.x_m, self.y_m, heading_rad=self.heading_rad).ahead(-way_m)
 
 
@@ -49,10 +49,10 @@ _PLAIN: Final = SimpleNamespace(sin=sin, cos=cos, sqrt=sqrt, tanh=tanh, exp=exp)
 
 @dataclass(frozen=True, slots=True)
 class MotionModel:
-    """How a rover answers to commands: with numbers, or with the expressions of a module `ops`.
+    """The response of a rover to commands, for numbers or for expressions of a module `ops`.
 
     Attributes:
-        ahead_m: of the control point, from base_link.
+        ahead_m: distance of the control point ahead of base_link.
     """
 
     yaw: YawResponse
@@ -60,19 +60,19 @@ class MotionModel:
     ahead_m: float
 
     def true_rotation(self, rotate: Any, lag: Any, ops: Any = _PLAIN) -> Any:
-        """Return how fast the rover turns, in rad/s, with a rotation commanded and a lag."""
+        """Return the yaw rate in rad/s for a commanded rotation and a lag."""
         yaw = self.yaw
         return yaw.gain * rotate - yaw.drag_radps * ops.tanh(rotate / yaw.drag_at_radps) + lag
 
     def advance(
         self, state: Sequence[Any], controls: tuple[Any, Any], step: Any, ops: Any = _PLAIN
     ) -> list[Any]:
-        """Return a state after a step of so many seconds, of fourth order.
+        """Return the state after a step, integrated with fourth order.
 
         Args:
             state: the figures of a `MotionState`, in its order.
             controls: the accelerations of the commanded travel and rotation.
-            step: how long.
+            step: in seconds.
             ops: has `sin`, `cos`, `sqrt`, `tanh` and `exp` of these figures.
         """
         travel_mps2, rotate_radps2 = controls
@@ -97,7 +97,7 @@ class MotionModel:
         return [x, y, heading + step * turning, *end, late + (lag - late) * decay]
 
     def moved(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
-        """Return a state after a step at whose end another command is in effect."""
+        """Return the state after a step at whose end another command is in effect."""
         controls = (
             (command.travel_mps - state.travel_mps) / step_s,
             (command.rotate_radps - state.rotate_radps) / step_s,
@@ -106,7 +106,7 @@ class MotionModel:
         return replace(after, travel_mps=command.travel_mps, rotate_radps=command.rotate_radps)
 
     def _late(self, travel: Any, rotate: Any, travel_mps2: Any, ops: Any) -> Any:
-        """Return what the lag goes to."""
+        """Return the steady-state value of the lag."""
         yaw = self.yaw
         of_turning = (
             yaw.travel * travel
@@ -118,7 +118,7 @@ class MotionModel:
         return late - yaw.load * travel_mps2 * rotate
 
     def _speeds(self, travel: Any, true: Any, travel_mps2: Any, ops: Any) -> tuple[Any, Any]:
-        """Return how fast the control point moves ahead and to its left; slip is settled."""
+        """Return the velocity of the control point ahead and to its left, at steady-state slip."""
         magnitude = ops.sqrt(travel**2 + _SLIP_FROM)
         turning = ops.sqrt(true**2 + _SLIP_FROM)
         root, slip = ops.sqrt(turning / magnitude), self.slip

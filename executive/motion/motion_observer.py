@@ -1,4 +1,4 @@
-"""How the rover moves, while commands come into effect late and odometry arrives late."""
+"""Estimates the motion of the rover, with delays of commands and of odometry."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,30 +13,30 @@ from executive.values.facts import Odometry
 from executive.values.geometry import Velocity, wrap_rad
 
 LEARN: Final = 0.3
-"""Of a difference in the rate of turn, what each tick makes of it."""
+"""Share of the yaw-rate error that each tick adds to the estimate."""
 KEPT: Final = 8
-"""Commands that are kept: longer than odometry is old."""
+"""Number of commands in the history: it covers more than the age of odometry."""
 LATE_TICKS: Final = 1.5
-"""From one tick to the next, beyond which the rover was not led meanwhile."""
+"""Period between two ticks, in ticks, beyond which control was interrupted."""
 HELD_S: Final = 1e-3
-"""By how much odometry has to come later than at best, to count as late."""
+"""Delay of odometry above the minimum so far, beyond which it counts as late."""
 FINEST_S: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class _Knot:
-    """A command, and from when on it is in effect, between which it goes in ramps."""
+    """A command and the time at which it is in effect; ramps connect the commands."""
 
     time_s: float
     velocity: Velocity
 
 
 class MotionObserver:
-    """Knows how the control point moves, by odometry, the commands in effect and the model.
+    """Estimates the state of the control point from odometry, the commands in effect and the model.
 
     Attributes:
-        ahead_m: of the control point, from base_link.
-        late_s: when a tick last came so late that the rover was not led meanwhile.
+        ahead_m: distance of the control point ahead of base_link.
+        late_s: time of the last tick that was too late, so that control was interrupted.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class MotionObserver:
         self.ahead_m = model.ahead_m
         self.late_s = -inf
         self._sent_s = 0.0
-        self._apart_s = inf  # least so far, from the stamp of odometry to its arrival
+        self._apart_s = inf  # minimum so far, from the stamp of odometry to its arrival
         self._knots: list[_Knot] = []
         self._seen: Odometry | None = None
         self._lag_radps = 0.0
 
     def observe(self, now_s: float) -> MotionState:
-        """Return the state in which the last command is in effect, and learn from odometry."""
+        """Return the state at which the last command is in effect, and learn from odometry."""
         delay_s, tick_s = self._settings.mpc.command_delay_s, self._settings.tick_s
         sent_s = self._sent_s if self._knots else now_s - tick_s
         self._add(_Knot(sent_s + delay_s, self._mover.velocity))
@@ -80,11 +80,11 @@ class MotionObserver:
 
     @property
     def effect_s(self) -> float:
-        """When the last command is in effect."""
+        """The time at which the last command is in effect."""
         return self._knots[-1].time_s
 
     def _arrived_s(self, now_s: float) -> float:
-        """Return when odometry would have arrived that takes no longer than the fastest so far."""
+        """Return when odometry would have arrived with the minimum delay so far."""
         arrived_s = now_s - self._status.odometry_age_s
         if self._status.odometry is None:
             return arrived_s
@@ -99,7 +99,7 @@ class MotionObserver:
         self._knots = [*self._knots[1 - KEPT :], knot]
 
     def _commanded(self, time_s: float) -> Velocity:
-        """Return the command that is in effect at a time."""
+        """Return the command in effect at a time."""
         if time_s <= self._knots[0].time_s:
             return self._knots[0].velocity
         for before, after in pairwise(self._knots):
@@ -109,7 +109,7 @@ class MotionObserver:
         return self._knots[-1].velocity
 
     def _roll(self, state: MotionState, from_s: float, to_s: float) -> MotionState:
-        """Return a state as it is later, by the commands in effect."""
+        """Propagate a state to a later time with the commands in effect."""
         times_s = [knot.time_s for knot in self._knots if from_s < knot.time_s < to_s]
         for before_s, after_s in pairwise([from_s, *times_s, to_s]):
             if after_s - before_s > FINEST_S:
@@ -117,7 +117,7 @@ class MotionObserver:
         return state
 
     def _learn(self, measured_s: float, odometry: Odometry | None) -> None:
-        """Take the lag on to the last odometry, corrected by how far the rover turned since."""
+        """Propagate the lag to the last odometry, and correct it by the measured turn since."""
         seen, self._seen = self._seen, odometry
         if seen is None or odometry is None or odometry is seen:
             return

@@ -1,4 +1,4 @@
-"""What a plan keeps away from: rows of its programme, for what is near to a guess."""
+"""Obstacle constraints of a trajectory: rows of its problem, for obstacles near the guess."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,27 +10,27 @@ from executive.obstacles.zones import KeepIn, KeepOut, Zones
 from executive.values.geometry import Point
 
 SLOTS: Final = 2
-"""Rows of each place: for so many obstacles, those that are nearest."""
+"""Rows of each point: one for each of the nearest obstacles."""
 ROW: Final = 6
-"""Figures of a row: x, y, curvature, the normal's x and y, distance."""
+"""Number of figures of a row: x, y, curvature, the normal's x and y, distance."""
 ROOM_M: Final = 0.012
-"""Beside the margin, for how exactly a rover keeps to its plans."""
+"""Clearance above the margin, for the tracking error of the rover. Chosen, not measured."""
 ROUGH_M: Final = 0.01
-"""Of the margin, that a plan may use up where the rover is beside the one before."""
+"""Part of the margin that a trajectory may use, as the rover may be off the previous one."""
 HEEDED_M: Final = 1.0
-"""Beyond the distance that is kept: what is farther away has no row."""
+"""Range beyond the required distance; obstacles farther away have no row."""
 LEAVES_SHARE: Final = 0.3
-"""Of its way, by which a rover that begins too near to something leaves it."""
+"""Clearance gained per distance travelled, if the rover begins too close to an obstacle."""
 _NONE: Final = (0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
 _FINEST_M: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class _Edge:
-    """A side of a zone; or a rock, whose side has no length.
+    """A side of a zone, or a rock as a side of no length.
 
     Attributes:
-        radius_m: of a rock; 0 of a side.
+        radius_m: of a rock; 0 for a side.
     """
 
     start: Point
@@ -38,7 +38,7 @@ class _Edge:
     radius_m: float = 0.0
 
     def beside(self, low: Point, high: Point, apart_m: float) -> bool:
-        """Return whether it lies farther away from a rectangle."""
+        """Return whether it lies farther than `apart_m` from a rectangle."""
         reach_m = apart_m + self.radius_m
         return (
             max(self.start.x_m, self.end.x_m) < low.x_m - reach_m
@@ -50,11 +50,11 @@ class _Edge:
 
 @dataclass(frozen=True, slots=True)
 class _Proximity:
-    """How near a place comes to an edge.
+    """The distance of a point from an edge.
 
     Attributes:
-        gap_m: to the edge; negative within what is not to be touched.
-        at: the nearest place of the edge.
+        gap_m: distance to the edge; negative inside a forbidden area.
+        at: the nearest point of the edge.
         away: a unit vector away from it.
     """
 
@@ -64,7 +64,7 @@ class _Proximity:
     away: tuple[float, float]
 
     def row(self, kept_m: float) -> tuple[float, ...]:
-        """Return what keeps a place so far away: outside of a circle, or beyond a tangent."""
+        """Return the row for a minimum distance: outside of a circle, or beyond a tangent."""
         x_m, y_m = self.at.x_m, self.at.y_m
         if not self.edge.radius_m:
             return x_m, y_m, 0.0, *self.away, kept_m
@@ -73,14 +73,13 @@ class _Proximity:
 
 
 class ObstacleConstraints:
-    """All that the disc of a rover keeps away from.
+    """All obstacles of the disc that encloses the rover.
 
-    The rows of a place hold in their true geometry for rocks. Sides of zones are taken for
-    straight lines without end, so that what is beside them counts as forbidden; where the guess
-    of the next plan leads elsewhere, so do they.
+    The rows of rocks are exact. Those of zone sides are infinite straight lines, which also forbid
+    the area beside the side. They move with the guess of the next trajectory.
 
     Args:
-        zones: what it is.
+        zones: the obstacles.
         radius_m: of the disc, about base_link.
     """
 
@@ -96,12 +95,12 @@ class ObstacleConstraints:
         self._areas = [(area, [_Edge(*edge) for edge in area.edges]) for area in areas]
 
     def __repr__(self) -> str:
-        """Return what it was made of: recordings compare problems by their texts."""
+        """Return its arguments as text: recordings compare problems by their texts."""
         return f"Obstacles({self.zones!r}, {self._radius_m!r})"
 
     @property
     def needed_m(self) -> float:
-        """How far the middle of the disc stays away at least."""
+        """The minimum distance of the disc's centre from an obstacle."""
         return self._radius_m + self.zones.margin_m
 
     def free(self, path: Sequence[Point]) -> bool:
@@ -110,9 +109,9 @@ class ObstacleConstraints:
         return self.zones.encounter(path, self._radius_m, apart_m) is None
 
     def way(self, start: Point, end: Point) -> tuple[Point, ...]:
-        """Return the corners of a way of straight lines; none where one line leads there.
+        """Return the corners of a detour of straight lines; empty if a straight line is free.
 
-        None either where no way is found.
+        Also empty if no detour is found.
         """
         if self.free((start, end)):
             return ()
@@ -121,7 +120,7 @@ class ObstacleConstraints:
         return way.through if way.complete else ()
 
     def rows(self, path: Sequence[Point]) -> list[float]:
-        """Return the rows of each place of a path but the first, one after the other."""
+        """Return the rows of each point of a path except the first, concatenated."""
         kept_m = self.needed_m + ROOM_M
         low = Point(min(each.x_m for each in path), min(each.y_m for each in path))
         high = Point(max(each.x_m for each in path), max(each.y_m for each in path))
@@ -147,7 +146,7 @@ class ObstacleConstraints:
 
 
 def _nearest(found: Iterator[_Proximity]) -> list[_Proximity]:
-    """Return the nearest, without those that meet where they are nearest: two sides at a corner."""
+    """Return the nearest, without those at the same nearest point: two sides at a corner."""
     kept: list[_Proximity] = []
     for near in sorted(found, key=lambda each: each.gap_m):
         if len(kept) == SLOTS:
@@ -163,7 +162,7 @@ def _all_near(
     areas: Sequence[tuple[KeepIn | KeepOut, Sequence[_Edge]]],
     within_m: float,
 ) -> Iterator[_Proximity]:
-    """Yield how near a place comes to edges; where it lies within, or without, to the nearest."""
+    """Yield the distances to edges; inside a forbidden area only that to the nearest edge."""
     for rock in rocks:
         if rock.start.distance_m(place) <= rock.radius_m + within_m:
             yield _near(place, rock)

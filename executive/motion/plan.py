@@ -1,4 +1,4 @@
-"""A motion from a state to rest at a place: what is asked for, and the plan that answers it."""
+"""A trajectory from a state to rest at a target, and the problem that it solves."""
 
 from bisect import bisect_right
 from collections.abc import Callable
@@ -13,20 +13,20 @@ from executive.values.geometry import Point, Pose, Velocity
 
 SHORTEST_S: Final = 0.05
 PASSED_AT_ONCE: Final = 1
-"""Places that one plan leads through at most, before it ends."""
+"""Maximum number of via points of a trajectory before its end."""
 ANY_RAD: Final = 10.0
-"""An aim of the heading that all headings are within."""
+"""A tolerance of the heading that admits every heading."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryTarget:
-    """Where the control point is to stand, or to pass.
+    """End position of the control point, or a via point.
 
     Attributes:
-        heading_rad: of the rover; with a guess beside it, not wrapped.
-        aim_m, aim_rad: within which of it a plan ends: narrower than the tolerances, since less
-            than a point takes less time. `ANY_RAD`: the heading is free.
-        behind_m: how far behind the control point is what is to be there.
+        heading_rad: of the rover; with a guess, not wrapped.
+        aim_m, aim_rad: tolerances of the trajectory's end. They are narrower than those of the
+            motion: stopping at their edge takes less time. `ANY_RAD`: the heading is free.
+        behind_m: distance of the point to be placed there, behind the control point.
     """
 
     x_m: float
@@ -38,11 +38,11 @@ class TrajectoryTarget:
 
     @property
     def point(self) -> Point:
-        """The place."""
+        """The position."""
         return Point(self.x_m, self.y_m)
 
     def base(self, ahead_m: float) -> Point:
-        """Return where base_link is there, so far behind the control point."""
+        """Return the position of base_link at the target, `ahead_m` behind the control point."""
         pose = Pose(self.x_m, self.y_m, heading_rad=self.heading_rad)
         return pose.ahead(self.behind_m - ahead_m)
 
@@ -54,12 +54,12 @@ class TrajectoryTarget:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """States from the start to rest, at equal intervals between the places that are passed.
+    """States from the start to rest, at equal intervals between the via points.
 
     Attributes:
-        heading_rad: of the target, as its headings go on beyond pi.
-        miss: metres and radians beyond the aim in which it ends, or passes a place.
-        passes_s: when it passes the places before the end; as many intervals lead to each.
+        heading_rad: of the target, continued beyond pi as the headings are.
+        miss: error beyond the tolerance at the end or at a via point, in metres and radians.
+        passes_s: times of the via points; each has the same number of intervals.
     """
 
     duration_s: float
@@ -69,7 +69,7 @@ class Trajectory:
     passes_s: tuple[float, ...] = ()
 
     def at(self, time_s: float) -> MotionState:
-        """Return the state so many seconds after the start; the last one beyond the end."""
+        """Return the state at a time after the start; the last one beyond the end."""
         edges_s = (0.0, *self.passes_s, self.duration_s)
         segment = min(max(bisect_right(edges_s, time_s) - 1, 0), len(self.passes_s))
         begin_s, end_s = edges_s[segment : segment + 2]
@@ -81,18 +81,18 @@ class Trajectory:
         return MotionState(*(low + part * (high - low) for low, high in pair))
 
     def velocity(self, time_s: float) -> Velocity:
-        """Return the velocity that is commanded so many seconds after the start."""
+        """Return the commanded velocity at a time after the start."""
         state = self.at(time_s)
         return Velocity(state.travel_mps, state.rotate_radps)
 
     def after(self, time_s: float, most: int = 0) -> "Trajectory":
-        """Return the rest of it, from so many seconds after the start.
+        """Return the remainder from a time after the start.
 
-        A place that is passed within `SHORTEST_S` of that is behind it.
+        A via point passed within `SHORTEST_S` of that time is left out.
 
         Args:
-            time_s: how many seconds after the start.
-            most: how many places it may still pass; the first ones are left out.
+            time_s: seconds after the start.
+            most: maximum number of via points; the first ones are left out.
         """
         left_s = max(self.duration_s - time_s, SHORTEST_S)
         kept_s = self.passes_s[max(len(self.passes_s) - most, 0) :]
@@ -102,7 +102,7 @@ class Trajectory:
         return replace(rest, heading_rad=self.heading_rad, miss=self.miss)
 
     def extended(self, onward: "Trajectory") -> "Trajectory":
-        """Return it with another plan after it, which passes where this one ends."""
+        """Return it joined with the next trajectory, which starts where this one ends."""
 
         def at(time_s: float) -> MotionState:
             left_s = time_s - self.duration_s
@@ -118,7 +118,7 @@ class Trajectory:
 def sampled(
     at: Callable[[float], MotionState], passes_s: tuple[float, ...], duration_s: float, count: int
 ) -> Trajectory:
-    """Return a plan of so many equal intervals to each place that is passed, and to the end."""
+    """Return a trajectory with `count` equal intervals to each via point, and to the end."""
     edges_s = (0.0, *passes_s, duration_s)
     times_s = [
         begin_s + (end_s - begin_s) * index / count
@@ -131,15 +131,15 @@ def sampled(
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryProblem:
-    """What a plan is asked for.
+    """The problem that a trajectory solves.
 
     Attributes:
-        travel_mps, rotate_radps: greatest speeds.
-        guess: a plan near the answer, to fewer places perhaps; None: from rest, where polylines
-            are tried.
-        through: places to pass before the target, of any heading: `PASSED_AT_ONCE` at most.
-        obstacles: what to keep away from; None where there is nothing.
-        around: corners of a way around that, to the first of the places: for the first guess.
+        travel_mps, rotate_radps: speed limits.
+        guess: a trajectory near the solution, possibly with fewer via points; None: start from
+            rest, with polylines as guesses.
+        through: via points before the target, at any heading: `PASSED_AT_ONCE` at most.
+        obstacles: obstacles to avoid; None without any.
+        around: corners of a detour to the first of the targets, for the first guess.
     """
 
     start: MotionState
@@ -153,36 +153,36 @@ class TrajectoryProblem:
 
     @property
     def targets(self) -> tuple[TrajectoryTarget, ...]:
-        """The places to pass, and the target."""
+        """The via points, and the target."""
         return *self.through, self.target
 
 
 class TrajectorySolver(Protocol):
-    """Answers problems, in the call that asks or beside the thread that does.
+    """Solves problems within the call, or on another thread.
 
     Attributes:
-        lead_ticks: how many ticks after its question an answer is used.
+        lead_ticks: number of ticks between a request and the use of its result.
     """
 
     lead_ticks: int
 
     @property
     def busy(self) -> bool:
-        """Whether it is at a question still, and takes no other."""
+        """Whether a request is in progress; it accepts no other."""
 
     def ask(self, problem: TrajectoryProblem) -> None:
-        """Have a problem solved."""
+        """Request the solution of a problem."""
 
     def answer(self) -> Trajectory | None:
-        """Return the answer to the last question, once; None where there is none, or none yet."""
+        """Return the result of the last request, once; None without a result."""
 
 
 class SharedSolver(TrajectorySolver, Protocol):
-    """A `TrajectorySolver` that others can use, too."""
+    """A `TrajectorySolver` that several clients can use."""
 
     def beside(self, apart: bool = False) -> "SharedSolver":
-        """Return another, for questions of somebody else.
+        """Return another solver, for the requests of another client.
 
         Args:
-            apart: whether these are no part of what the core does, and may be another thread's.
+            apart: whether the requests are outside of the core, possibly on another thread.
         """

@@ -1,4 +1,4 @@
-"""First guesses of a plan: straight lines between turns on the spot, each forward or backward."""
+"""Initial guesses of a trajectory: straight lines between turns on the spot."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from executive.motion.locomotion import Bounds, duration_s
 from executive.values.geometry import Point, wrap_rad
 
 OFFSETS_M: Final = (0.3, 0.8)
-"""How far ahead of the start and behind the end, or the reverse, lines may begin and end."""
+"""Lengths of a first or last line, along the start or end heading. Chosen, not measured."""
 OTHER_WAY_RAD: Final = 2.2
-"""Turns beyond this are tried the other way round, too."""
+"""Turn angle above which the opposite direction is tried, too."""
 SHORTEST_M: Final = 1e-3
 
 
@@ -27,7 +27,7 @@ class TurnSegment:
 
 @dataclass(frozen=True, slots=True)
 class LineSegment:
-    """A straight line, whose length is negative where it is driven backward."""
+    """A straight line; its length is negative if driven backward."""
 
     place: Point
     heading_rad: float
@@ -36,10 +36,10 @@ class LineSegment:
 
 @dataclass(frozen=True, slots=True)
 class Polyline:
-    """Turns and lines, each from rest to rest, and how long all of them take.
+    """Turns and lines, each from rest to rest, and their total duration.
 
     Attributes:
-        end_rad: the heading at its end, turns added up.
+        end_rad: the heading at its end, not wrapped.
     """
 
     parts: tuple[TurnSegment | LineSegment, ...]
@@ -48,7 +48,7 @@ class Polyline:
 
     @property
     def corners(self) -> list[Point]:
-        """Where its parts begin, and where it ends."""
+        """The start points of its parts, and its end."""
         places = [part.place for part in self.parts]
         match self.parts[-1]:
             case LineSegment(place, heading_rad, by_m):
@@ -59,11 +59,11 @@ class Polyline:
 
     @property
     def direction(self) -> float:
-        """Its first line's length: negative where it begins backward; 0 without a line."""
+        """The length of its first line: negative if driven backward; 0 without a line."""
         return next((part.by_m for part in self.parts if isinstance(part, LineSegment)), 0.0)
 
     def at(self, time_s: float, travel: Bounds, rotate: Bounds) -> tuple[float, ...]:
-        """Return x, y, heading, speed and rotation so many seconds after its start."""
+        """Return x, y, heading, speed and rotation at a time after its start."""
         for index, part in enumerate(self.parts):
             takes_s = _takes_s(part, travel, rotate)
             if time_s <= takes_s or index == len(self.parts) - 1:
@@ -90,7 +90,7 @@ def polylines(
 ) -> list[Polyline]:
     """Return the polylines from one pose to another, the fastest first.
 
-    Without `end_rad` any heading will do at the end. All lead by the places `around`.
+    Without `end_rad` the end heading is free. All pass through the points `around`.
     """
     found = [
         _join(places, signs, other, start_rad, end_rad, travel, rotate)
@@ -128,7 +128,7 @@ def _join(
     travel: Bounds,
     rotate: Bounds,
 ) -> Polyline | None:
-    """Return the polyline of corners; None where the other way round is not to be tried."""
+    """Return the polyline of corners; None if `other` is set and no turn is large enough."""
     parts: list[TurnSegment | LineSegment] = []
     heading_rad, differs = start_rad, False
 
@@ -168,7 +168,7 @@ def _takes_s(part: TurnSegment | LineSegment, travel: Bounds, rotate: Bounds) ->
 
 
 def _along(way: float, bounds: Bounds, time_s: float, takes_s: float) -> tuple[float, float]:
-    """Return the way done and the speed, by a trapezoid of speed."""
+    """Return the distance covered and the speed, by a trapezoidal speed profile."""
     peak = min(bounds.speed, bounds.acceleration * takes_s / 2)
     ramp_s = peak / bounds.acceleration
     left_s = max(takes_s - time_s, 0.0)

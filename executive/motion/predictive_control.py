@@ -1,7 +1,7 @@
-"""Model predictive control: drives a curve to a place in the least time, planned anew each tick.
+"""Model predictive control: drives a curve to a target in minimum time, replanned each tick.
 
-Where there is no plan in time, or none that leads there, the next sample of the plan before is
-commanded; where that lasts, the rover stands, and the motion is abandoned.
+Without a usable plan in time, the rover follows the previous one. If that persists, the rover stops
+and the motion is aborted. The model and its calibration are in docs/controllers.md.
 """
 
 from enum import Enum, unique
@@ -32,27 +32,27 @@ from executive.values.ports import Wanted
 
 BRAKE_SHARE: Final = 2 / 3
 KEEP_BRAKING_SHARE: Final = 0.93
-"""Of the tolerances: the rover brakes where it comes to rest within, and goes on braking."""
+"""Ratios to the tolerances: to begin to brake, and to continue. Chosen, not measured."""
 ANY_HEADING_RAD: Final = 0.35
-"""Off the direction of turn-then-drive at most, where no heading is asked for."""
+"""Maximum deviation from the heading of turn-then-drive, if no heading is requested."""
 SOON_S: Final = 1.0
-"""To the end of the plan, from where on it may brake."""
+"""Time to the end of the plan, from which braking is allowed."""
 
 
 @unique
 class Phase(Enum):
     """The phases of a predictive law; it ends in ABANDONED, or within the tolerances."""
 
-    PLANNING = "no plan has been received yet: the rover stands"
-    FOLLOWING = "it drives the last plan that leads on"
-    BRAKING = "it comes to rest within the tolerances if it only brakes"
-    ABANDONED = "the rover stands, and continues by another leg"
+    PLANNING = "no plan has been received yet: the rover is stationary"
+    FOLLOWING = "it follows the last usable plan"
+    BRAKING = "it stops within the tolerances by braking alone"
+    ABANDONED = "the rover is stationary and continues by another leg"
 
 
 class PredictiveLaw(Motion):
-    """Drives the control point to where a leg ends, in the least time, through its waypoints.
+    """Drives the control point to the end of a leg in minimum time, through its waypoints.
 
-    Where a waypoint is missed, or no plan leads on, the rover stands, and the motion is abandoned.
+    After a missed waypoint, or without a usable plan, the rover stops and the motion is aborted.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class PredictiveLaw(Motion):
         solver: TrajectorySolver,
     ) -> None:
         if leg.target is None or leg.toward_rad is None:
-            raise TypeError(f"{leg} has no line to a place")
+            raise TypeError(f"{leg} has no line to a target")
         self._leg, self._place = leg, leg.target
         self._settings, self._status = settings, status
         self._lead_ticks = solver.lead_ticks
@@ -95,30 +95,30 @@ class PredictiveLaw(Motion):
 
     @property
     def evades(self) -> bool:
-        """True: what it keeps away from is looked up for each plan."""
+        """True: each plan considers the present obstacles."""
         return True
 
     @property
     def abandoned(self) -> bool:
-        """Whether the rover stands, and is to go on by another leg."""
+        """Whether the rover is stationary and continues by another leg."""
         return self._phase is Phase.ABANDONED and self._status.standing
 
     @property
     def again(self) -> bool:
-        """Whether it passes waypoints, or something came into view so that no plan leads on."""
+        """Whether it has via points, or a newly detected obstacle leaves no usable plan."""
         seen = self._replanning.misses_all and self._present_obstacles is not self._known
         return bool(self._leg.through) or seen
 
     @property
     def done(self) -> bool:
-        """Whether the rover stands where the leg ends, and has passed what is before."""
+        """Whether the rover is stationary at the end of the leg, and has passed its waypoints."""
         if self._phase is Phase.ABANDONED or self.passed < self._route.end:
             return False
         return self._status.standing and self._within(*self._seen_off, 1.0)
 
     @property
     def left(self) -> str:
-        """The distance left, and for how long by the plan."""
+        """The remaining distance, and the remaining duration of the plan."""
         left_m, _ = self._seen_off
         course = self._replanning.course
         if course is None:
@@ -126,7 +126,7 @@ class PredictiveLaw(Motion):
         return f"{left_m:.3f} m and {course.plan.duration_s:.1f} s left"
 
     def renew(self, _: float) -> bool:
-        """Reckon anew how long it takes, if another greatest speed was set."""
+        """Estimate the duration again if the speed limit changed."""
         if self._present_limits == self._limits:
             return False
         self._limits = self._present_limits
@@ -171,7 +171,7 @@ class PredictiveLaw(Motion):
 
     @property
     def _present_obstacles(self) -> ObstacleConstraints | None:
-        """What is kept away from now; the same until that changes."""
+        """The obstacles to avoid now; the same object until they change."""
         zones, footprint = self._status.obstacles, self._settings.footprint
         if not zones.any or footprint is None:
             return None
@@ -180,7 +180,7 @@ class PredictiveLaw(Motion):
         return self._obstacles
 
     def _expected_s(self) -> float:
-        """Return what turn-then-drive takes, at most."""
+        """Return the maximum duration, that of turn-then-drive."""
         pose, rotate = self._status.pose, turn_bounds(self._settings, self._status)
         travel = Bounds(self._limits[0], self._settings.drive.travel_acceleration_mps2)
         takes_s, place, heading_rad = 0.0, pose.ahead(self._observer.ahead_m), pose.heading_rad
@@ -195,13 +195,13 @@ class PredictiveLaw(Motion):
         return takes_s + duration_s(wrap_rad(self._heading_rad - heading_rad), rotate)
 
     def _off(self, control: Point, heading_rad: float) -> tuple[float, float]:
-        """Return how far a place of the control point is from the end, in metres and radians."""
+        """Return the error of a control point position from the end, in metres and radians."""
         there = Pose(control.x_m, control.y_m, heading_rad=heading_rad).ahead(-self._behind_m)
         return there.distance_m(self._place), abs(wrap_rad(heading_rad - self._heading_rad))
 
     @property
     def _seen_off(self) -> tuple[float, float]:
-        """How far the rover is from the end by its odometry, in metres and radians."""
+        """The measured error from the end, in metres and radians."""
         pose = self._status.pose
         return self._off(pose.ahead(self._observer.ahead_m), pose.heading_rad)
 
@@ -209,7 +209,7 @@ class PredictiveLaw(Motion):
         return off_m <= share * self._near_m and off_rad <= share * self._near_rad
 
     def _lands(self, course: ActiveTrajectory, state: MotionState) -> bool:
-        """Return whether braking now, or on, brings the rover to rest within the tolerances."""
+        """Return whether braking from now on stops the rover within the tolerances."""
         plan, last = course.plan, course.request.end == self._route.end
         if plan.passes_s or not last or plan.duration_s > SOON_S:
             return False
@@ -229,9 +229,9 @@ class PredictiveLaw(Motion):
     def _abandon(self, reason: str) -> None:
         goes_on = "turn-then-drive takes over"
         if self._leg.through:
-            goes_on = "the rover stands, and drives to the next waypoint alone"
+            goes_on = "the rover stops, then drives to the next waypoint alone"
         elif self.again:
-            goes_on = "the rover stands, and looks for another way"
+            goes_on = "the rover stops and searches for a detour"
         self.notice = f"mpc: {reason}; {goes_on}"
         self._phase = Phase.ABANDONED
 
@@ -241,10 +241,10 @@ def _toward_zero(figure: float, step: float) -> float:
 
 
 class PredictiveLocomotion(VelocityLocomotion):
-    """Drives to places by `PredictiveLaw` where the command, or else the asset, says so.
+    """Drives to targets by `PredictiveLaw` if the command, or else the asset, selects it.
 
-    All else is turn-then-drive, and so is a place for which more precision is asked than usual:
-    odometry knows turns on the spot and straight lines better than fast curves.
+    Turn-then-drive executes all other motions, and targets with a finer tolerance than the asset's:
+    odometry measures turns on the spot and straight lines better than fast curves.
     """
 
     def __init__(
@@ -261,11 +261,11 @@ class PredictiveLocomotion(VelocityLocomotion):
         self._model = model_of(settings)
 
     def curves(self, command: Command, waypoint: Waypoint) -> bool:
-        """Return whether a waypoint asks for no more precision than usual."""
+        """Return whether a waypoint requests no finer tolerance than the asset's."""
         return not self._fine(waypoint.tolerance_m) and self._drives(command)
 
     def passes(self, command: Command, waypoint: Waypoint) -> bool:
-        """Return whether a waypoint asks for no heading, and for no more precision than usual."""
+        """Return whether a waypoint has no heading, and no finer tolerance than the asset's."""
         return waypoint.heading_rad is None and self.curves(command, waypoint)
 
     def turn(self, command: Command, leg: Leg, final: bool) -> Motion | None:
@@ -275,7 +275,7 @@ class PredictiveLocomotion(VelocityLocomotion):
         return super().turn(command, leg, final)
 
     def line(self, command: Command, leg: Leg) -> Motion | None:
-        """Return the curve of a leg that leads to a place, or its straight line."""
+        """Return the curve of a leg, or its straight line."""
         if not self._leads(command, leg):
             return super().line(command, leg)
         return PredictiveLaw(
@@ -291,25 +291,25 @@ class PredictiveLocomotion(VelocityLocomotion):
         return controller_of(command.request, self._settings.controller) is Controller.MPC
 
     def _leads(self, command: Command, leg: Leg) -> bool:
-        """Return whether a leg leads to a place by a curve."""
+        """Return whether a leg is driven as a curve."""
         leads = leg.target is not None and leg.toward_rad is not None and not leg.straight
         usual = bool(leg.through) or not self._fine(leg.tolerance_m)
         return leads and usual and self._drives(command)
 
     def _fine(self, tolerance_m: float | None) -> bool:
-        """Return whether a tolerance asks for more precision than usual."""
+        """Return whether a tolerance is finer than the asset's."""
         usual_m = self._settings.turn_drive.position_tolerance_m
         return (tolerance_m or usual_m) < usual_m
 
 
 def model_of(settings: Settings) -> MotionModel:
-    """Return how the rover of an asset moves, by its settings."""
+    """Return the motion model of an asset."""
     ahead_m = settings.turn_drive.control_point_m
     return MotionModel(settings.mpc.yaw, settings.mpc.slip, ahead_m)
 
 
 def make_solver(settings: Settings) -> MinimumTimeSolver:
-    """Return what solves the plans of an asset, in the call that asks.
+    """Return the trajectory solver of an asset, which solves within the call.
 
     Raises:
         SettingsError: casadi is not installed.

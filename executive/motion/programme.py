@@ -1,9 +1,9 @@
-"""The fastest motion as a non-linear programme, built and solved by casadi.
+"""The minimum-time motion as a non-linear programme, built and solved by casadi.
 
-Multiple shooting over a free duration, to the end and to each place passed before it: one step of
-the rover's model in each of so many intervals, with the accelerations of the
-commanded velocity as controls. Fatrop solves it stage by stage; ipopt does where casadi comes
-without fatrop. casadi is the extra `mpc`, imported when a programme is built.
+Direct multiple shooting with free durations, to each via point and to the end. Each interval is one
+step of the rover's model; the controls are the accelerations of the commanded velocity. Fatrop
+solves it stage by stage, or ipopt if casadi has no fatrop. casadi is the extra `mpc`, imported when
+a programme is built.
 """
 
 from collections.abc import Sequence
@@ -19,34 +19,34 @@ from executive.settings import SettingsError
 from executive.values.geometry import Point
 
 MISS_COST: Final = 30.0
-"""Seconds for each metre and radian beyond the aim: so there is an answer to every problem."""
+"""Cost of the miss (soft constraint), s per metre and radian. Chosen, not measured."""
 EFFORT_COST: Final = 2e-3
-"""Seconds for full acceleration all the time: smooths plans among which time does not decide."""
+"""Cost of full acceleration throughout, s: smooths plans. Chosen, not measured."""
 FASTER_RADPS: Final = 0.05
-"""By how much a rover that turns at its limit or faster may turn faster still."""
+"""Increase of the yaw rate allowed to a rover that turns at its limit or faster."""
 LONGEST_S: Final = 600.0
 ITERATIONS: Final = 40
 FEWEST_BETWEEN: Final = 10
-"""Intervals to each place, where some are passed, at least."""
+"""Minimum number of intervals to each via point."""
 _STATE: Final = 6
 _PASS: Final = 4
-"""Parameters of a place that is passed: x, y, aim, and how far behind the control point."""
+"""Parameters of a via point: x, y, tolerance, and its distance behind the control point."""
 _FIXED: Final = _STATE + 7
-"""Parameters before those of places that are passed: of the start, and of the end."""
+"""Parameters before those of the via points: of the start, and of the end."""
 
 
 class OptimalControlProblem:
-    """The programme for a number of places that are passed, among obstacles or on free ground.
+    """The programme for a number of via points, among obstacles or on free ground.
 
-    In each node there are a state, the durations to each place and to the end, and the miss; all
-    but the state are the same in every node.
+    Each node holds a state, the durations to each via point and to the end, and the miss. All
+    except the state are equal in every node.
 
     Args:
         model: the rover.
-        most: its greatest accelerations, of travel in m/s² and of rotation in rad/s².
-        steps: intervals of a plan that passes no place.
-        passes: how many places are passed.
-        obstacles: whether its places keep away from some.
+        most: its maximum accelerations, of travel in m/s² and of rotation in rad/s².
+        steps: intervals of a plan without via points.
+        passes: number of via points.
+        obstacles: whether it has obstacle constraints.
 
     Raises:
         SettingsError: casadi is not installed.
@@ -67,18 +67,18 @@ class OptimalControlProblem:
         self._count = steps if not passes else max(steps // 2, FEWEST_BETWEEN)
         self._durations = slice(_STATE, _STATE + passes + 1)
         self._miss = _STATE + passes + 1
-        self._lowest: list[float] = []  # of its constraints; all upper bounds are 0
+        self._lowest: list[float] = []  # lower bounds of its constraints; all upper bounds are 0
         self._solver = self._build(_casadi())
 
     def solve(
         self, problem: TrajectoryProblem, guess: Trajectory, least_s: Sequence[float]
     ) -> Trajectory | None:
-        """Return the plan of a problem that passes so many places; None where none is found.
+        """Return the plan of a problem with `passes` via points; None if none is found.
 
         Args:
-            problem: what is asked for.
-            guess: near the answer, with all places.
-            least_s: of the way to each place and to the end.
+            problem: the problem.
+            guess: near the solution, with all via points.
+            least_s: minimum duration to each via point and to the end.
         """
         start, target = problem.start, problem.target
         present_radps = abs(self._model.true_rotation(start.rotate_radps, start.lag_radps))
@@ -108,7 +108,7 @@ class OptimalControlProblem:
         return self._read(figures, guess.heading_rad)
 
     def leads(self, plan: Trajectory, obstacles: ObstacleConstraints | None) -> bool:
-        """Return whether a plan leads past all obstacles."""
+        """Return whether a plan is clear of all obstacles."""
         return obstacles is None or obstacles.free(self._path(plan))
 
     def _build(self, ca: Any) -> Any:
@@ -186,14 +186,14 @@ class OptimalControlProblem:
         return _nlpsol(ca, problem, equal)
 
     def _base(self, ca: Any, state: Sequence[Any]) -> tuple[Any, Any]:
-        """Return where base_link is in a state."""
+        """Return the position of base_link in a state."""
         ahead_m = self._model.ahead_m
         return state[0] - ahead_m * ca.cos(state[2]), state[1] - ahead_m * ca.sin(state[2])
 
     def _midway(
         self, ca: Any, state: Sequence[Any], after: Sequence[Any], step_s: Any
     ) -> tuple[Any, Any]:
-        """Return where base_link is half a step later, by the speeds at both ends of the step."""
+        """Return the position of base_link half a step later, from the speeds at both ends."""
         (x_m, y_m), (end_x_m, end_y_m) = self._base(ca, state), self._base(ca, after)
         slower_x = state[3] * ca.cos(state[2]) - after[3] * ca.cos(after[2])
         slower_y = state[3] * ca.sin(state[2]) - after[3] * ca.sin(after[2])
@@ -203,7 +203,7 @@ class OptimalControlProblem:
         )
 
     def _path(self, plan: Trajectory) -> list[Point]:
-        """Return where base_link is led at each node and midway between them, by the model."""
+        """Return the positions of base_link at each node and midway between them, by the model."""
         edges_s = (0.0, *plan.passes_s, plan.duration_s)
         ahead_m = self._model.ahead_m
         path = [plan.states[0].behind(ahead_m)]
@@ -221,7 +221,7 @@ class OptimalControlProblem:
     def _bounds(
         self, problem: TrajectoryProblem, least_s: Sequence[float]
     ) -> tuple[list[float], list[float]]:
-        """Return bounds of the variables; speeds that are above their limit now may go down."""
+        """Return bounds of the variables; speeds above their limit now may only decrease."""
         start, shared = problem.start, self._passes + 2
         travel = max(problem.travel_mps, abs(start.travel_mps))
         rotate = max(problem.rotate_radps, abs(start.rotate_radps))
@@ -268,8 +268,8 @@ def _casadi() -> Any:
         return import_module("casadi")
     except ImportError as error:
         raise SettingsError(
-            "controller: mpc needs casadi, which is not installed: it comes with the extra mpc"
-            " (pip install 'rover-executive[mpc]'); controller: turn_drive needs nothing more"
+            "controller: mpc needs casadi, which is not installed: install the extra mpc"
+            " (pip install 'rover-executive[mpc]'); controller: turn_drive needs no extra"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""Plans anew each tick: which problems the solver is given, and whether its plans lead on."""
+"""Replans each tick: makes the requests to the solver, and judges whether its plans are usable."""
 
 from dataclasses import dataclass, replace
 from math import hypot
@@ -12,20 +12,20 @@ from executive.state import Status
 from executive.values.geometry import Point, wrap_rad
 
 OVER_S: Final = 0.15
-"""Left of a plan, at the end of which the rover stands."""
+"""Remaining duration of a plan, below which a stationary rover is at its end."""
 AT_REST: Final = 0.01
-"""Below so many metres and radians per second a command is none: plans are exact to less."""
+"""Speed in m/s and rad/s that counts as zero: plans are accurate to less."""
 MISSES: Final = 5
-"""Ticks without a usable plan after which turn-then-drive takes over."""
+"""Number of ticks without a usable plan, above which turn-then-drive takes over."""
 LATEST_S: Final = 1.0
-"""For a plan to come: the one before is driven on meanwhile, then turn-then-drive takes over."""
+"""Maximum solving time: the previous plan is followed, then turn-then-drive takes over."""
 STANDS: Final = 3
-"""How often a plan may be made from rest before turn-then-drive takes over."""
+"""Maximum number of plans from rest, before turn-then-drive takes over."""
 OFF_M: Final = 0.1
 OFF_RAD: Final = 0.2
-"""From where the plan had it now: beyond it the odometry jumped, or something moved the rover."""
+"""Maximum deviation from the plan; above it the odometry jumped or the rover was pushed."""
 MISSED: Final = 0.05
-"""Metres and radians beyond its aim by which a plan does not lead there."""
+"""Miss in metres and radians, above which a plan is not usable. Chosen, not measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,10 @@ class SolverRequest:
     """The last request to the solver.
 
     Attributes:
-        asked_s: when it was made.
-        from_s: from when on the plan is to be driven.
-        end: which place of the route it is to end at.
-        waits: whether the rover stands, so that the plan leads from when it is there.
+        asked_s: time of the request.
+        from_s: start time of the plan.
+        end: index of the route's point at which the plan ends.
+        waits: whether the rover is stationary, so that the plan starts when it is received.
     """
 
     asked_s: float
@@ -47,10 +47,10 @@ class SolverRequest:
 
 @dataclass(frozen=True, slots=True)
 class ActiveTrajectory:
-    """The plan that is driven, and the request that it answers.
+    """The plan in execution, and its request.
 
     Attributes:
-        from_s: from when on it is driven.
+        from_s: its start time.
     """
 
     plan: Trajectory
@@ -59,10 +59,10 @@ class ActiveTrajectory:
 
 
 class Replanning:
-    """Requests plans along a route, each with the rest of the one before as a guess.
+    """Requests plans along a route, each with the rest of the previous one as a guess.
 
     Attributes:
-        course: the last plan that leads on; None before the first.
+        course: the last usable plan; None before the first.
     """
 
     def __init__(self, solver: TrajectorySolver, route: Route, status: Status) -> None:
@@ -75,7 +75,7 @@ class Replanning:
 
     @property
     def misses_all(self) -> bool:
-        """Whether no plan was usable for too many ticks."""
+        """Whether too many ticks passed without a usable plan."""
         return self._misses > MISSES
 
     def request(
@@ -86,15 +86,15 @@ class Replanning:
         obstacles: ObstacleConstraints | None,
         around: tuple[Point, ...],
     ) -> None:
-        """Have a plan made from a state, unless the solver is busy.
+        """Request a plan from a state, unless the solver is busy.
 
-        Where the rover stands at the end of the plan before, polylines are tried anew.
+        If the rover is stationary at the end of the previous plan, polylines are the guesses again.
 
         Args:
             state: at `from_s`.
-            from_s: from when on the plan is to be driven.
+            from_s: start time of the plan.
             now_s: the time.
-            obstacles: what it keeps away from.
+            obstacles: the obstacles to avoid.
             around: a detour, as the guess of the first plan.
         """
         if self._solver.busy:
@@ -125,13 +125,13 @@ class Replanning:
         )
 
     def receive(self, state: MotionState, effect_s: float, now_s: float, late_s: float) -> None:
-        """Go on with the answer to the last request, if there is one that leads there.
+        """Continue with the result of the last request, if it is usable.
 
         Args:
             state: of the rover at `effect_s`.
             effect_s: when the last command is in effect.
             now_s: the time.
-            late_s: when a tick last came so late that the rover was not led meanwhile.
+            late_s: time of the last tick that was too late, so that control was interrupted.
         """
         if self._received_s is None or not self._solver.busy:
             self._received_s = now_s
@@ -149,18 +149,18 @@ class Replanning:
         self.course = ActiveTrajectory(plan, from_s, self._request)
 
     def failure(self, now_s: float) -> str | None:
-        """Return why turn-then-drive is to take over, if it is."""
+        """Return the reason to fall back to turn-then-drive, or None."""
         if self.misses_all:
-            return "no plan leads there"
+            return "no usable plan"
         if self._starts > STANDS:
-            return "it stands beside its target"
+            return "stationary off the target"
         if self._received_s is not None and now_s - self._received_s > LATEST_S:
-            return "no plan comes in time"
+            return "no plan in time"
         return None
 
 
 def _jumped(course: ActiveTrajectory, state: MotionState, effect_s: float, late_s: float) -> bool:
-    """Return whether the rover is elsewhere, though it was led since the plan was requested."""
+    """Return whether the pose jumped off the plan, without an interruption of control."""
     if late_s > course.request.asked_s:
         return False
     planned = course.plan.at(effect_s - course.from_s)

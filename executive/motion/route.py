@@ -1,4 +1,4 @@
-"""The places that a leg leads through before it ends, and how far the rover has come along them."""
+"""The waypoints that a leg passes before it ends, and the progress of the rover along them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ from executive.motion.plan import ANY_RAD, PASSED_AT_ONCE, TrajectoryTarget
 from executive.values.geometry import Point
 
 AIM_SHARE: Final = 0.4
-"""Of the tolerances: within which a plan ends, or passes a place."""
+"""Ratio to a tolerance, within which a plan ends or passes a waypoint."""
 ROOM_M: Final = 0.03
-"""Between the aim and a wide tolerance: more than the rover is beside its plans."""
+"""Reserve of a wide tolerance: more than the tracking error of the rover."""
 SEEN_S: Final = 0.5
-"""After a plan has led past a place, within which odometry is to see the rover pass it."""
+"""Timeout of odometry to confirm that the rover passed a waypoint, after the plan did."""
 
 
 def aim_within_m(tolerance_m: float) -> float:
-    """Return within which distance of a place a plan ends there, or passes it."""
+    """Return the tolerance for plans that end at a waypoint or pass it."""
     return max(AIM_SHARE * tolerance_m, tolerance_m - ROOM_M)
 
 
@@ -29,16 +29,16 @@ class _ViaPoint:
 
 
 class Route:
-    """The places to pass, in their order, and the end.
+    """The waypoints to pass, in order, and the end.
 
     Args:
-        through: the places to pass with base_link.
-        default_m: the tolerance of those that have none.
-        ahead_m: of the control point, from base_link.
-        end: where the leg ends.
+        through: the waypoints to pass with base_link.
+        default_m: the tolerance of those without one.
+        ahead_m: distance of the control point ahead of base_link.
+        end: the end of the leg.
 
     Attributes:
-        passed: how many places odometry has seen the rover pass, within their tolerances.
+        passed: number of waypoints passed within their tolerances, by odometry.
     """
 
     def __init__(
@@ -57,16 +57,16 @@ class Route:
 
     @property
     def end(self) -> int:
-        """The index of the end, after those of the places."""
+        """The index of the end, after those of the waypoints."""
         return len(self._places)
 
     @property
     def left(self) -> tuple[Point, ...]:
-        """The places that are not passed yet, and the end."""
+        """The remaining waypoints, and the end."""
         return tuple(each.point for each in self._targets[self.passed :])
 
     def observe(self, point: Point, now_s: float) -> bool:
-        """Note where odometry has base_link; return whether it missed a place that it passed."""
+        """Update with the position of base_link; return whether a waypoint was missed."""
         before, self._seen = self._seen or point, point
         if self.passed < self.end:
             place = self._places[self.passed]
@@ -76,14 +76,14 @@ class Route:
         return bool(behind_s) and now_s - behind_s[0] > SEEN_S
 
     def plan_from(self, index: int, now_s: float) -> tuple[TrajectoryTarget, ...]:
-        """Return what to plan for once plans lead past so many places: some to pass, and an end."""
+        """Return the next via points and end, for plans after the first `index` waypoints."""
         self._behind_s = self._behind_s[:index]
         self._behind_s += [now_s] * (index - len(self._behind_s))
         return self._targets[index : index + PASSED_AT_ONCE + 1]
 
 
 def passes_by(place: Point, tolerance_m: float, before: Point, after: Point) -> bool:
-    """Return whether a straight line leads past a place, within a tolerance."""
+    """Return whether a straight line passes a point within a tolerance."""
     x_m, y_m = after.x_m - before.x_m, after.y_m - before.y_m
     squared = x_m**2 + y_m**2
     along = (place.x_m - before.x_m) * x_m + (place.y_m - before.y_m) * y_m

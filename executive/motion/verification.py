@@ -1,4 +1,8 @@
-"""Whether a second odometry agrees with a whole motion, by a frame taken after it, standing."""
+"""Verifies a whole motion with a second odometry, by a frame taken at standstill after it.
+
+Wheel odometry does not see sliding: on 10° slopes drives were up to 0.40 m off while pose, twist
+and wheels agreed.
+"""
 
 from dataclasses import dataclass
 from math import inf
@@ -9,13 +13,13 @@ from executive.state import FramePair, Status, disagreement
 from executive.values.reasons import Figure, Reason, Refusal
 
 WAIT_S: Final = 6.0
-"""For a frame that was taken standing: longer than frames usually fail to come."""
+"""Timeout of a frame taken at standstill: longer than usual gaps between frames."""
 OLDEST_S: Final = 10.0
-"""A frame before the motion that is older says nothing of where it began."""
+"""Maximum age of the frame before a motion, so that it confirms the start position."""
 FUSED_NEAR_M: Final = 0.06
-"""How near a place is near enough where the pose is corrected: the wheels cannot tell better."""
+"""Position tolerance while the pose is corrected: wheel odometry is no more accurate."""
 TURN_NEAR_M: Final = 0.13
-"""How far a turn on the spot may move base_link, which goes around the control point."""
+"""Maximum displacement of base_link by a turn on the spot, about the control point."""
 APART_M: Final = 0.07
 APART_PER_M: Final = 0.02
 APART_RAD: Final = 0.08
@@ -23,13 +27,13 @@ APART_RAD: Final = 0.08
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """The odometries agree; the figures say how well."""
+    """The odometries agree; the figures give the deviation."""
 
     figures: tuple[Figure, ...]
 
 
 class MotionVerification:
-    """Compares one motion, from the newest frame before it to one taken after it, standing."""
+    """Compares one motion, from the last frame before it to one taken at standstill after it."""
 
     def __init__(self, status: Status) -> None:
         self._status = status
@@ -42,32 +46,32 @@ class MotionVerification:
         return None if settings.sensors.second_odometry is None else cls(status)
 
     def ready(self, waited_s: float) -> bool:
-        """Return whether the motion may begin: a frame from before it is there, or fails to come.
+        """Return whether the motion may begin: a frame before it was received or timed out.
 
         Args:
-            waited_s: since the rover was ready to begin.
+            waited_s: time since the rover was ready to begin.
         """
         self._first = self._first or self._newest()
         return self._first is not None or waited_s >= WAIT_S
 
     def on_slide(self) -> None:
-        """Take no frame of before now: the rover slides after the motion, with standing wheels."""
+        """Discard frames up to now: the rover slides after the motion, with stationary wheels."""
         if self._status.odometry is not None:
             self._slid_s = self._status.odometry.stamp_s
 
     def outcome(self, waited_s: float) -> Verified | Refusal | None:
-        """Return what comes of it, or None while a frame is waited for.
+        """Return the result, or None while waiting for a frame.
 
         Args:
-            waited_s: since the motion ended.
+            waited_s: time since the motion ended.
         """
         fusion, last, odometry = self._status.fusion, self._newest(), self._status.odometry
         if fusion is None or odometry is None or last is None or last.stamp_s < self._standing_s:
-            return None if waited_s < WAIT_S else _unverified("was taken after it", waited_s)
+            return None if waited_s < WAIT_S else _unverified("after the motion", waited_s)
         if not fusion.settled:
             return None
         if self._first is None:
-            return _unverified("is known of the time before it", 0.0)
+            return _unverified("before the motion", 0.0)
         apart = disagreement(self._first, last)
         bound_m = APART_M + APART_PER_M * apart.way_m
         figures = (
@@ -81,8 +85,8 @@ class MotionVerification:
             return Verified((figures[0], figures[2], Figure("seen before", age_s, "s")))
         fusion.unconfirmed_since = self._first
         text = (
-            f"the second odometry does not agree with the motion: {apart.off_m:.2f} m and"
-            f" {apart.off_rad:.2f} rad apart"
+            f"the second odometry disagrees with the motion by {apart.off_m:.2f} m and"
+            f" {apart.off_rad:.2f} rad"
         )
         return Refusal(Reason.NOT_CONFIRMED, text, figures)
 
@@ -99,5 +103,5 @@ class MotionVerification:
 
 
 def _unverified(what: str, waited_s: float) -> Refusal:
-    text = f"where the rover is is not verified: no frame of the second odometry {what}"
+    text = f"pose not verified: no second-odometry frame {what}"
     return Refusal(Reason.UNVERIFIED, text, (Figure("waited", waited_s, "s"),))

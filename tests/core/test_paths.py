@@ -240,7 +240,7 @@ def test_without_plans_it_stands_and_drives_to_the_next_waypoint_alone(
             (
                 1,
                 4,
-                "mpc: no plan leads there; the rover stands, and drives to the next waypoint alone",
+                "mpc: no usable plan; the rover stops, then drives to the next waypoint alone",
             ),
             (2, 4, "waypoint 2 of 4 reached"),
         ]

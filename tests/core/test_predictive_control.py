@@ -328,7 +328,7 @@ def test_a_solver_that_never_answers_delays_nothing_and_is_replaced(tmp_path: Pa
     stages = [each.stage for each in reports(lockstep)]
     assert stages.count(Stage.EXECUTED) == 2
     texts = [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS]
-    assert texts == 2 * ["mpc: no plan comes in time; turn-then-drive takes over"]
+    assert texts == 2 * ["mpc: no plan in time; turn-then-drive takes over"]
 
 
 def test_two_runs_are_alike(tmp_path: Path) -> None:
@@ -353,7 +353,7 @@ def test_without_plans_that_lead_there_turn_then_drive_takes_over_and_says_so(
     lockstep = LockStep(JACKAL, World(), tmp_path, solver=failing)
     assert drive(lockstep, MoveTo(Waypoint(3.0, 2.0, 0.0))) is Stage.EXECUTED
     texts = [each.text for each in reports(lockstep) if each.stage is Stage.PROGRESS]
-    assert texts == ["mpc: no plan leads there; turn-then-drive takes over"]
+    assert texts == ["mpc: no usable plan; turn-then-drive takes over"]
     assert off(lockstep.executive.status.pose, Waypoint(3.0, 2.0, 0.0))[0] < 0.03
     assert alarms(lockstep) == []
 
@@ -376,7 +376,7 @@ def test_without_casadi_one_error_names_the_extra(monkeypatch: pytest.MonkeyPatc
 
 def test_an_executive_without_solver_and_rovers_that_move_by_themselves_are_refused() -> None:
     clock = ManualClock()
-    with pytest.raises(SettingsError, match="needs a solver"):
+    with pytest.raises(SettingsError, match="needs a trajectory solver"):
         make_locomotion(KinematicRover(), clock, JACKAL, Status(clock, JACKAL))
     with pytest.raises(ValueError, match="locomotion is velocity"):
         replace(load_settings("mocup"), controller=Controller.MPC)

@@ -166,7 +166,7 @@ def test_a_motion_of_which_no_frame_tells_is_not_verified(seeing: SeeingBench) -
     seeing.seen = lambda _: None
     assert seeing.finish(1) is Stage.FAILED
     assert seeing.last(1).reason is Reason.UNVERIFIED
-    assert "was taken after it" in seeing.last(1).text
+    assert "no second-odometry frame after the motion" in seeing.last(1).text
 
 
 def test_a_motion_waits_for_a_first_frame_before_it_begins(tmp_path: Path) -> None:
