@@ -1,1 +1,1 @@
-"""What a motion keeps away from: zones and what the laser has seen, and the ways around them."""
+"""Obstacles of a motion, zones and scanned ones, and the detours around them."""

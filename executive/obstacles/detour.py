@@ -1,7 +1,7 @@
-"""The shortest way past zones and known rocks: a visibility graph, searched by A*.
+"""The shortest detour past zones and known rocks: a visibility graph, searched by A*.
 
-Its nodes lie in a ring around each corner and rock, so far out that the straight line between two
-neighbours of a ring keeps the clearance. Lines are looked at only when the search comes to them.
+Its nodes lie on a ring around each corner and rock. The radius of the ring is such that a straight
+line between neighbours keeps the clearance. Lines are checked only when the search reaches them.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,20 +15,20 @@ from executive.obstacles.zones import FINEST_M, KeepIn, KeepOut, KnownRock, Obst
 from executive.values.geometry import Point
 
 RING: Final = 12
-"""Nodes around each corner and rock."""
+"""Number of nodes around each corner and rock."""
 MOST_LOOKS: Final = 20_000
-"""At rocks and sides of zones, for nodes and again for lines: it bounds by how much a search delays
-a tick, which may be several ticks among a hundred sides."""
+"""Maximum number of rocks and zone sides checked, for nodes and again for lines. It bounds the
+delay of a tick by a search, which may be several ticks among a hundred sides."""
 
 
 @dataclass(frozen=True, slots=True)
 class Detour:
-    """What a search came to.
+    """Result of a search.
 
     Attributes:
-        through: places to go through, each in a straight line, before the end.
-        complete: whether the last line to the end is free; if not, the last place is the nearest
-            to it that was found.
+        through: points to pass in order before the end, on straight lines.
+        complete: whether the last line to the end is free; if not, the last point is the nearest
+            one found.
     """
 
     through: tuple[Point, ...]
@@ -38,15 +38,15 @@ class Detour:
 def find_way(
     start: Point, end: Point, zones: Zones, clearance_m: float, leads: Callable[[Point], bool]
 ) -> Detour:
-    """Return the shortest way of straight lines.
+    """Return the shortest path of straight lines.
 
     Args:
-        start: where it begins.
-        end: where it ends; nearer to obstacles than the clearance, perhaps.
-        zones: what to keep away from.
-        clearance_m: what its lines keep between the middle of the rover and each obstacle, but the
-            first, and, near the end, the last.
-        leads: whether the rover may drive straight to a place from where it stands.
+        start: its start.
+        end: its end, which may be closer to obstacles than the clearance.
+        zones: the obstacles.
+        clearance_m: minimum distance of its lines from each obstacle, about the rover's centre.
+            The first line, and the last near the end, are exempt.
+        leads: whether the rover may drive straight to a point from the present position.
     """
     nodes = [end, *_nodes(zones, clearance_m)]
     obstacles = [(each, min(clearance_m, each.clearance_m(end, end))) for each in zones]
@@ -60,7 +60,7 @@ def find_way(
             left -= _sides(each)
             needed_m = clearance_m if index else at_end_m
             if each.clearance_m(nodes[parent], nodes[index]) < needed_m:
-                obstacles.insert(0, obstacles.pop(place))  # likely in the way of the next, too
+                obstacles.insert(0, obstacles.pop(place))  # likely to block the next line, too
                 return False
         return True
 
@@ -99,7 +99,7 @@ def _through(
 
 
 def _nodes(zones: Zones, clearance_m: float) -> list[Point]:
-    """Return the places of all rings that keep the clearance of everything."""
+    """Return the points of all rings that keep the clearance to every obstacle."""
     ring = [2 * pi * index / RING for index in range(RING)]
     found = (
         Point(centre.x_m + out_m * cos(angle_rad), centre.y_m + out_m * sin(angle_rad))

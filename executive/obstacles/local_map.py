@@ -1,7 +1,7 @@
-"""What a laser has seen of the surroundings lately, as circles in the frame of the rover's pose.
+"""Recent laser scans of the surroundings as circles, in the frame of the rover's pose.
 
-Returns are gathered in the cells of a grid, where they are merged with those of scans before, and
-forgotten once a place is seen to be free. Cells that touch each other are covered by circles.
+Returns are collected in the cells of a grid, merged with those of earlier scans, and removed once
+their position is scanned as free. Circles cover each group of adjacent cells.
 """
 
 from collections import deque
@@ -17,49 +17,49 @@ from executive.values.geometry import STANDING, Point, Pose, Velocity, on_arc, w
 
 CELL_M: Final = 0.1
 REACH_M: Final = 4.0
-"""Returns from farther away are left out: so sparse, and so wrong by the heading, are they."""
+"""Maximum range of returns; farther ones are too sparse, and too wrong by the heading."""
 FAR_M: Final = 6.0
-"""What lies farther from the rover is forgotten."""
+"""Range beyond which a cell is removed."""
 KEPT_S: Final = 60.0
-"""What was not seen again for so long is forgotten: the odometry drifts."""
+"""Age beyond which a cell is removed unless it is seen again: the odometry drifts."""
 FEWEST_SCANS: Final = 2
-"""That show something in a cell before it counts, or nothing before it is forgotten."""
+"""Minimum number of scans that show an obstacle in a cell to add it, or free space to remove it."""
 SETTLED: Final = 5
-"""Scans after which the place of what is in a cell is not averaged any more."""
+"""Number of scans over which the position of a cell is averaged."""
 BESIDE_M: Final = 0.1
 BESIDE_PER_M: Final = 0.05
-"""A return counts that has a neighbour at its range, within so much."""
+"""Maximum range difference between neighbouring returns: a single return is ignored."""
 FREE_M: Final = 0.15
 FREE_PER_M: Final = 0.03
-"""A place is seen to be free by rays that go on for so much behind it."""
+"""Minimum length of rays beyond a position that show it to be free."""
 SAME_M: Final = 0.15
-"""What is seen so near to a known rock, or to a keep-out zone, is that."""
+"""Distance within which a return belongs to a known rock or a keep-out zone (data association)."""
 WIDEST_M: Final = 0.2
-"""Half of the length of a face that one circle covers."""
+"""Half of the maximum length of a face that one circle covers."""
 FLATTEST: Final = 1.75
-"""By which the circle of a flat face is wider than it need be, so that it stands out less."""
+"""Maximum ratio of a circle's radius to the smallest one, for a flat face: it protrudes less."""
 ROUND_M: Final = 0.02
-"""By which a circle is larger than the places it covers, for what lies between them."""
+"""Margin of a circle's radius, for the surface between the measured points."""
 ANEW_M: Final = 0.25
-"""After so much way cells are covered anew, as they are seen from another side."""
+"""Distance after which circles are computed again, as the cells are seen from another side."""
 MOST_CIRCLES: Final = 48
-"""The nearest are kept."""
+"""Maximum number of circles; the nearest are retained."""
 MOST_POSES: Final = 50
-"""One a message of odometry: of more time than passes until a scan arrives."""
+"""Number of poses, one per odometry message: they cover more than the delay of a scan."""
 AHEAD_S: Final = 0.2
-"""By which a scan may be newer than the odometry, and the rover be where its velocity led."""
+"""Maximum lead of a scan over the odometry, for which the pose is extrapolated by the velocity."""
 HARDLY_RADPS: Final = 0.1
-"""So slowly may a rover turn that it does not matter when a scan was taken."""
+"""Maximum yaw rate at which the time of a scan is irrelevant."""
 
 _Key = tuple[int, int]
 
 
 @dataclass(slots=True)
 class _Cell:
-    """What is seen in a square of the ground, by the mean of the first scans that showed it.
+    """The obstacle in a square of the ground: the mean of the first scans that showed it.
 
     Attributes:
-        from_x_m, from_y_m: where the laser was that saw it last.
+        from_x_m, from_y_m: position of the laser at its last scan of the cell.
     """
 
     x_m: float
@@ -81,11 +81,11 @@ class _Cell:
 
 
 class LocalMap:
-    """A rolling map of what stands around the rover, beside what is known.
+    """A rolling map of obstacles around the rover, except the known ones.
 
     Args:
-        footprint: of the rover, which sees itself.
-        known: zones and rocks; what is seen of them is left out.
+        footprint: of the rover, whose own returns are ignored.
+        known: zones and rocks; their returns are ignored.
     """
 
     def __init__(self, footprint: Footprint, known: Zones) -> None:
@@ -98,24 +98,24 @@ class LocalMap:
         self._covered_at = Point(0.0, 0.0)
 
     def forget(self) -> None:
-        """Begin anew: by the pose, places are no longer where they were."""
+        """Discard all cells: the pose jumped, so that their positions are wrong."""
         self._poses.clear()
         self._cells.clear()
         self._circles = ()
 
     def follow(self, stamp_s: float, pose: Pose, velocity: Velocity) -> None:
-        """Note where the rover was at the time of an odometry message.
+        """Add the pose of the rover at an odometry message.
 
         Args:
-            stamp_s: on the clock of its publisher, which is taken to be that of the laser.
+            stamp_s: on the clock of its publisher, assumed to be that of the laser.
             pose: in the frame of the circles.
-            velocity: by which it went on.
+            velocity: for extrapolation.
         """
         self._poses.append((stamp_s, pose))
         self._velocity = velocity
 
     def see(self, scan: LaserScan, now_s: float) -> None:
-        """Take in a scan; nothing where it is not known from where it was taken.
+        """Add a scan, unless the pose at its stamp is unknown.
 
         Args:
             scan: in the axes of base_link.
@@ -138,7 +138,7 @@ class LocalMap:
 
     @property
     def circles(self) -> tuple[ScannedObstacle, ...]:
-        """What was seen and is not known; the same object until something changes."""
+        """The scanned obstacles that are not known; the same object until they change."""
         if self._circles is None:
             found = [circle for cluster in self._clusters() for circle in _covered(cluster)]
             here = self._poses[-1][1]
@@ -148,9 +148,9 @@ class LocalMap:
         return self._circles
 
     def _pose_at(self, stamp_s: float) -> Pose | None:
-        """Return where the rover was at a time of the odometry's clock; None where that is unknown.
+        """Return the pose at a time of the odometry's clock, or None if it is unknown.
 
-        Of a time that is far off, by another clock, the newest while the rover hardly turns.
+        For a stamp of another clock, the newest pose while the rover hardly turns.
         """
         if not self._poses:
             return None
@@ -166,7 +166,7 @@ class LocalMap:
         return self._poses[-1][1] if hardly else None
 
     def _returns(self, scan: LaserScan, pose: Pose) -> dict[_Key, tuple[int, float, float]]:
-        """Return for each cell how many returns lie in it, and the sums of their places."""
+        """Return the number of returns in each cell, and the sums of their positions."""
         directions = directions_of(scan)
         ranges_m, last = scan.ranges_m, len(scan.ranges_m) - 1
         least_m, most_m = scan.range_min_m, min(scan.range_max_m, REACH_M)
@@ -180,7 +180,7 @@ class LocalMap:
             after_m = ranges_m[index + 1 if index < last else 0]
             if not (
                 abs(ranges_m[index - 1] - range_m) <= near_m or abs(after_m - range_m) <= near_m
-            ):  # a neighbour that is NaN is none
+            ):  # a neighbour that is NaN does not count
                 continue
             ahead, aside = directions[index]
             ahead_m, left_m = range_m * ahead, range_m * aside
@@ -208,14 +208,14 @@ class LocalMap:
             self._circles = None
 
     def _is_known(self, place: Point) -> bool:
-        """Whether something seen at a place belongs to what is known, or matters to nobody."""
+        """Whether a return belongs to a known obstacle, or lies outside of a keep-in zone."""
         return any(
             each.clearance_m(place, place) < (0.0 if isinstance(each, KeepIn) else SAME_M)
             for each in self._known
         )
 
     def _is_gone(self, key: _Key, scan: LaserScan, pose: Pose, now_s: float) -> bool:
-        """Whether what a cell holds is to be forgotten, after a scan that does not show it."""
+        """Whether a cell is to be removed, after a scan that does not show it."""
         cell = self._cells[key]
         dx_m, dy_m = cell.x_m - pose.x_m, cell.y_m - pose.y_m
         away_m = hypot(dx_m, dy_m)
@@ -229,12 +229,12 @@ class LocalMap:
             return False
         ranges_m, last = scan.ranges_m, len(scan.ranges_m) - 1
         rays_m = ranges_m[ray - 1], ranges_m[ray], ranges_m[ray + 1 if ray < last else 0]
-        free = all(each > behind_m for each in rays_m)  # not where one is NaN
+        free = all(each > behind_m for each in rays_m)  # not free if one is NaN
         cell.misses = cell.misses + 1 if free else 0
         return cell.misses >= FEWEST_SCANS
 
     def _clusters(self) -> Iterator[list[_Cell]]:
-        """Yield cells that touch each other, also at a corner."""
+        """Yield groups of cells that are adjacent, also at a corner."""
         left = {key: each for key, each in self._cells.items() if each.counts}
         while left:
             key, cell = left.popitem()
@@ -264,7 +264,7 @@ _AROUND: Final = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
 
 def _covered(cells: list[_Cell]) -> Iterator[ScannedObstacle]:
-    """Yield a circle that covers cells, or a row of them along what is too long for one."""
+    """Yield a circle that covers cells, or several in a row if they are too long for one."""
     count = len(cells)
     x_m, y_m = sum(each.x_m for each in cells) / count, sum(each.y_m for each in cells) / count
     xx = sum((each.x_m - x_m) ** 2 for each in cells)
@@ -294,13 +294,13 @@ def _covered(cells: list[_Cell]) -> Iterator[ScannedObstacle]:
 
 
 def _arc(places: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return the circle that covers places and reaches the least before them.
+    """Return the circle that covers points and protrudes least in front of them.
 
     Args:
-        places: along a face, from its middle, and behind it.
+        places: points along a face, from its middle, and behind it.
 
     Returns:
-        How far behind the face its centre is, and its radius.
+        Distance of its centre behind the face, and its radius.
     """
     aside = [each for _, each in places]
     half_m = max(abs(each) for each, _ in places)
@@ -320,13 +320,13 @@ def directions_of(scan: LaserScan) -> tuple[tuple[float, float], ...]:
 
 @lru_cache(maxsize=8)
 def _directions(first_rad: float, step_rad: float, count: int) -> tuple[tuple[float, float], ...]:
-    """Return the same by angles: those of a laser are the same in each scan."""
+    """Return the same by angles, cached: a laser has the same ones in each scan."""
     angles_rad = [first_rad + step_rad * index for index in range(count)]
     return tuple((cos(angle_rad), sin(angle_rad)) for angle_rad in angles_rad)
 
 
 def _ray(scan: LaserScan, bearing_rad: float) -> int | None:
-    """Return which ray points in a direction of base_link, or None."""
+    """Return the index of the ray in a direction of base_link, or None."""
     step_rad, count = scan.angle_increment_rad, len(scan.ranges_m)
     from_first_rad = bearing_rad - scan.angle_min_rad
     from_first_rad = from_first_rad % (2 * pi) if step_rad > 0 else -from_first_rad % (2 * pi)

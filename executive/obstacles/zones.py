@@ -1,7 +1,7 @@
-"""Where a rover may drive: keep-in and keep-out zones and known rocks, in the odometry frame.
+"""Keep-in zones, keep-out zones and known rocks, in the odometry frame.
 
-Pure geometry. The rover counts as the disc about base_link in which its footprint turns, so that
-its heading does not matter.
+Pure geometry. The rover is the disc about base_link in which its footprint turns, so that its
+heading is irrelevant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,21 +17,21 @@ MAX_MARGIN_M: Final = 100.0
 FEWEST_CORNERS: Final = 3
 MOST_CORNERS: Final = 100
 FINEST_M: Final = 0.01
-"""How exactly it is told where a path comes too near."""
+"""Resolution of the distance along a path at which the clearance is violated."""
 LEAVING_STEP_M: Final = 0.05
 LEAVING_M: Final = 20.0
-"""On so much of a path a rover that stands too near may leave, and must not come nearer."""
+"""Maximum length of a path on which a rover that began too close may move away."""
 
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """What the rover covers of the ground: a rectangle about base_link, along its heading."""
+    """Outline of the rover on the ground: a rectangle about base_link, along its heading."""
 
     length_m: float
     width_m: float
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a rover has no such size."""
+        """Raise ValueError unless both sizes are in 0.01 .. 20 m."""
         for name, size_m in (("length_m", self.length_m), ("width_m", self.width_m)):
             if not 0.01 <= size_m <= 20:
                 raise ValueError(f"{name} {size_m:g} is not in 0.01 .. 20")
@@ -43,14 +43,14 @@ class Footprint:
 
 
 class Obstacle(Protocol):
-    """Something to which the rover keeps a distance."""
+    """An object to which the rover keeps a distance."""
 
     @property
     def title(self) -> str:
-        """What it is, with its name, for people."""
+        """Its kind and name, for display."""
 
     def clearance_m(self, start: Point, end: Point) -> float:
-        """Return how near a straight line comes to it, negative for a point that is in it.
+        """Return the distance of a straight line from it, negative for a point inside.
 
         For a line that is neither a point nor wholly outside, any figure that is not above zero.
         """
@@ -58,13 +58,13 @@ class Obstacle(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Area:
-    """A polygon, whose corners are in order; the first and the last are joined."""
+    """A polygon of ordered corners; the last side joins the last and the first corner."""
 
     name: str
     corners_m: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
-        """Raise ValueError where it is no polygon."""
+        """Raise ValueError unless it is a simple polygon."""
         check_name(self.name)
         if not FEWEST_CORNERS <= len(self.corners_m) <= MOST_CORNERS:
             raise ValueError(
@@ -74,7 +74,7 @@ class _Area:
         for corner in self.corners_m:
             if len(corner) != 2 or not _is_place(*corner):
                 raise ValueError(
-                    f"zone {self.name!r}: {list(corner)} is no corner, [x, y] within"
+                    f"zone {self.name!r}: {list(corner)} is not a corner [x, y] within"
                     f" {FARTHEST_M:g} m"
                 )
         self._check_edges()
@@ -90,8 +90,8 @@ class _Area:
                 continue
             if neighbours or _apart_m(*one_edge, *other_edge) == 0.0:
                 raise ValueError(
-                    f"zone {self.name!r} crosses itself: the side from {_shown(one_edge[0])} to"
-                    f" {_shown(one_edge[1])} meets that from {_shown(other_edge[0])} to"
+                    f"zone {self.name!r} intersects itself: the side from {_shown(one_edge[0])} to"
+                    f" {_shown(one_edge[1])} meets the side from {_shown(other_edge[0])} to"
                     f" {_shown(other_edge[1])}; give its corners in order"
                 )
 
@@ -102,7 +102,7 @@ class _Area:
         return tuple(pairwise([*places, places[0]]))
 
     def has(self, place: Point) -> bool:
-        """Return whether a place is within it; on its edge, either."""
+        """Return whether a point is inside; on an edge it may be either."""
         inside = False
         for start, end in self.edges:
             if (start.y_m > place.y_m) != (end.y_m > place.y_m):
@@ -112,7 +112,7 @@ class _Area:
         return inside
 
     def _edge_m(self, start: Point, end: Point) -> float:
-        """Return how near a straight line comes to its edge."""
+        """Return the distance of a straight line from the nearest edge."""
         return min(_apart_m(start, end, *edge) for edge in self.edges)
 
 
@@ -122,11 +122,11 @@ class KeepOut(_Area):
 
     @property
     def title(self) -> str:
-        """What it is, with its name, for people."""
+        """Its kind and name, for display."""
         return f"keep-out zone {self.name!r}"
 
     def clearance_m(self, start: Point, end: Point) -> float:
-        """Return how far a straight line stays outside."""
+        """Return the distance of a straight line outside of it."""
         edge_m = self._edge_m(start, end)
         return -edge_m if self.has(start) else edge_m
 
@@ -137,18 +137,18 @@ class KeepIn(_Area):
 
     @property
     def title(self) -> str:
-        """What it is, with its name, for people."""
+        """Its kind and name, for display."""
         return f"the edge of keep-in zone {self.name!r}"
 
     def clearance_m(self, start: Point, end: Point) -> float:
-        """Return how far a straight line stays inside."""
+        """Return the distance of a straight line inside of it from its edge."""
         edge_m = self._edge_m(start, end)
         return edge_m if self.has(start) else -edge_m
 
 
 @dataclass(frozen=True, slots=True)
 class KnownRock:
-    """A rock, or what else is round."""
+    """A rock or another round obstacle."""
 
     name: str
     x_m: float
@@ -156,41 +156,41 @@ class KnownRock:
     radius_m: float
 
     def __post_init__(self) -> None:
-        """Raise ValueError where it is nowhere or has no size."""
+        """Raise ValueError unless its position and radius are in range."""
         check_name(self.name)
         if not _is_place(self.x_m, self.y_m):
-            raise ValueError(f"rock {self.name!r} does not lie within {FARTHEST_M:g} m")
+            raise ValueError(f"rock {self.name!r} is not within {FARTHEST_M:g} m")
         if not 0 < self.radius_m <= FARTHEST_M:
             raise ValueError(f"rock {self.name!r}: radius_m {self.radius_m:g} is not above 0")
 
     @property
     def title(self) -> str:
-        """What it is, with its name, for people."""
+        """Its kind and name, for display."""
         return f"rock {self.name!r}"
 
     def clearance_m(self, start: Point, end: Point) -> float:
-        """Return how far a straight line stays away."""
+        """Return the distance of a straight line from its surface."""
         return _to_line_m(Point(self.x_m, self.y_m), start, end) - self.radius_m
 
 
 @dataclass(frozen=True, slots=True)
 class ScannedObstacle(KnownRock):
-    """A part of what the rover sees itself, and was not told of; the name tells nothing."""
+    """A part of an obstacle that the laser detected; its name is not unique."""
 
     @property
     def title(self) -> str:
-        """Where it is, for people."""
-        return f"something seen at ({self.x_m:.2f}, {self.y_m:.2f})"
+        """Its position, for display."""
+        return f"scanned obstacle at ({self.x_m:.2f}, {self.y_m:.2f})"
 
 
 @dataclass(frozen=True, slots=True)
 class ClearanceViolation:
-    """Where a path comes too near to something.
+    """The first point of a path at which the clearance is too small.
 
     Attributes:
-        obstacle: what it is.
-        gap_m: what is left at the nearest between it and the rover; not above 0 if they meet.
-        way_m: how far the rover can go until it is too near.
+        obstacle: the obstacle.
+        gap_m: minimum clearance of the rover; not above 0 in a collision.
+        way_m: distance along the path up to that point.
     """
 
     obstacle: Obstacle
@@ -200,11 +200,11 @@ class ClearanceViolation:
 
 @dataclass(frozen=True, slots=True)
 class Zones:
-    """All that is known of where the asset may drive; names are used once, but of what is seen.
+    """All obstacles of the asset. Names are unique, except those of scanned obstacles.
 
     Attributes:
-        keep_in: the rover stays in each of them.
-        margin_m: what is left at least between a planned motion and any of these.
+        keep_in: the rover stays inside all of them.
+        margin_m: minimum clearance of a planned motion from each obstacle.
     """
 
     keep_in: tuple[KeepIn, ...] = ()
@@ -213,14 +213,14 @@ class Zones:
     margin_m: float = 0.1
 
     def __post_init__(self) -> None:
-        """Raise ValueError where a figure or a name cannot be."""
+        """Raise ValueError unless all figures are in range and the names unique."""
         if not 0 <= self.margin_m <= MAX_MARGIN_M:
             raise ValueError(f"margin_m {self.margin_m:g} is not in 0 .. {MAX_MARGIN_M:g}")
         named = (each for each in self if not isinstance(each, ScannedObstacle))
         names = [each.name for each in named]
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
-            raise ValueError(f"{twice!r} is the name of two zones or rocks")
+            raise ValueError(f"{twice!r} names two zones or rocks")
 
     def __iter__(self) -> Iterator[KeepIn | KeepOut | KnownRock]:
         yield from self.keep_in
@@ -229,12 +229,12 @@ class Zones:
 
     @property
     def seen(self) -> tuple[ScannedObstacle, ...]:
-        """Those that the rover sees itself."""
+        """The scanned obstacles."""
         return tuple(each for each in self.rocks if isinstance(each, ScannedObstacle))
 
     @property
     def told(self) -> "Zones":
-        """Those that it was told of."""
+        """The known obstacles, from settings."""
         rocks = tuple(each for each in self.rocks if not isinstance(each, ScannedObstacle))
         return self if len(rocks) == len(self.rocks) else replace(self, rocks=rocks)
 
@@ -246,14 +246,14 @@ class Zones:
     def encounter(
         self, path: Sequence[Point], radius_m: float, apart_m: float
     ) -> ClearanceViolation | None:
-        """Return where a disc that follows straight lines first comes too near to something.
+        """Return where a disc on straight lines first violates a clearance, or None.
 
-        A disc that is too near at the beginning may go away, but not come nearer.
+        A disc that is too close at the beginning may move away, but not closer.
 
         Args:
-            path: from where to where its middle goes.
+            path: of the disc's centre.
             radius_m: of the disc.
-            apart_m: what must be left between it and all obstacles.
+            apart_m: required clearance from all obstacles.
         """
         first: ClearanceViolation | None = None
         middle, reach_m = _disc_of(path)
@@ -268,17 +268,17 @@ class Zones:
 
 
 def check_name(name: str) -> None:
-    """Do nothing where a zone or a rock can be told by a name.
+    """Raise ValueError unless a name of a zone or a rock is valid.
 
     Raises:
-        ValueError: it cannot.
+        ValueError: it is empty, blank, too long or not printable.
     """
     if not (0 < len(name) <= 80 and name.strip() and name.isprintable()):
-        raise ValueError(f"{name[:80]!r} is no name: 1 to 80 printable characters")
+        raise ValueError(f"{name[:80]!r} is not a valid name: 1 to 80 printable characters")
 
 
 def _disc_of(path: Sequence[Point]) -> tuple[Point, float]:
-    """Return the middle and the radius of a disc that a path lies within."""
+    """Return centre and radius of a disc that contains a path."""
     xs_m, ys_m = [each.x_m for each in path], [each.y_m for each in path]
     low, high = Point(min(xs_m), min(ys_m)), Point(max(xs_m), max(ys_m))
     return _along(low, high, low.distance_m(high) / 2), low.distance_m(high) / 2
@@ -287,7 +287,7 @@ def _disc_of(path: Sequence[Point]) -> tuple[Point, float]:
 def _first_on(
     path: Sequence[Point], obstacle: Obstacle, needed_m: float
 ) -> tuple[float, float] | None:
-    """Return after which way a path first is too near to an obstacle, and how near it comes."""
+    """Return the distance at which a path is first too close to an obstacle, and that clearance."""
     nearest_m = inf
     now_m = obstacle.clearance_m(path[0], path[0])
     leaving = now_m < needed_m
@@ -321,17 +321,17 @@ def _first_on(
 def _way_out_m(
     start: Point, end: Point, obstacle: Obstacle, needed_m: float, bounds: tuple[float, float]
 ) -> float | None:
-    """Return after which way of a line it is far enough from an obstacle that it begins too near.
+    """Return the distance along a line after which it is far enough from an obstacle.
 
-    More than the length of the line, if that is nowhere on it; None, if it comes nearer, or is
-    still too near after `LEAVING_M`.
+    More than the length of the line, if nowhere on it. None if it approaches the obstacle, or is
+    still too close after `LEAVING_M`.
 
     Args:
-        start: where the line begins.
-        end: where it ends.
-        obstacle: to what the distance is.
-        needed_m: how far is far enough.
-        bounds: the way before the line, and how near it may come.
+        start: start of the line, too close to the obstacle.
+        end: its end.
+        obstacle: the obstacle.
+        needed_m: required distance.
+        bounds: the distance before the line, and the minimum clearance on it.
     """
     length_m = start.distance_m(end)
     before_m, least_m = bounds
@@ -348,7 +348,7 @@ def _way_out_m(
 
 
 def _until_m(start: Point, end: Point, obstacle: Obstacle, needed_m: float) -> float:
-    """Return after which way of a line it is too near, by steps as long as there is room."""
+    """Return the distance along a line at which it is too close, in steps of the free distance."""
     length_m, way_m = start.distance_m(end), 0.0
     while way_m < length_m:
         place = _along(start, end, way_m)
@@ -374,7 +374,7 @@ def _shown(place: Point) -> str:
 
 
 def _folds(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
-    """Return whether two sides that share a corner lie on each other."""
+    """Return whether two sides with a common corner overlap."""
     (a, b), (c, d) = one, other
     shared, far, near = (b, a, d) if b == c else (a, b, c)
     ahead_m2 = (far.x_m - shared.x_m) * (near.x_m - shared.x_m) + (far.y_m - shared.y_m) * (
@@ -389,7 +389,7 @@ def _turn(a: Point, b: Point, c: Point) -> float:
 
 
 def _to_line_m(place: Point, start: Point, end: Point) -> float:
-    """Return the distance of a place from a straight line between two others."""
+    """Return the distance of a point from a straight line between two others."""
     dx_m, dy_m = end.x_m - start.x_m, end.y_m - start.y_m
     squared_m2 = dx_m * dx_m + dy_m * dy_m
     part = 0.0

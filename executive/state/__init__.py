@@ -1,4 +1,4 @@
-"""What the rover knows: status, telemetry, files and pictures."""
+"""State of the rover: status, telemetry, files and pictures."""
 
 from executive.state.files import LONGEST_PATH as LONGEST_PATH
 from executive.state.files import FileFolder as FileFolder

@@ -1,8 +1,8 @@
-"""The folder aboard that mission control sees.
+"""The onboard file folder of mission control.
 
-Paths are relative to the folder and separated by slashes. Names that begin with a dot are not part
-of it: files being written, and what is known about files (`.about`), lie under such names. Nor are
-names that are not printable UTF-8, nor links that lead out.
+Paths are relative to the folder and separated by slashes. Names that begin with a dot are excluded:
+they hold files being written and the metadata of files (`.about`). Names that are not printable
+UTF-8 and links to targets outside are excluded, too.
 """
 
 import json
@@ -22,18 +22,18 @@ from executive.values.reports import FileEvent, FileEventKind, Identity
 
 LONGEST_PATH: Final = 255
 LONGEST_NAME: Final = 240
-"""Octets of one part of a path, so that a file system's 255 hold the part file's name too."""
+"""Maximum octets of one path component; the part file's name then fits a file system's 255."""
 ABOUT: Final = ".about"
 PART: Final = ".part"
 
 
 @dataclass(frozen=True, slots=True)
 class FileStamp:
-    """What tells a file's content from what it was before, without reading it.
+    """Identifies a version of a file's content, without reading it.
 
     Attributes:
-        modified_ns: when it was last changed, ns since 1970 UTC.
-        inode: which file of the file system it is.
+        modified_ns: time of the last change, ns since 1970 UTC.
+        inode: of the file system.
     """
 
     size_octets: int
@@ -42,12 +42,12 @@ class FileStamp:
 
     @classmethod
     def of(cls, stat: os.stat_result) -> "FileStamp":
-        """Return the stamp that a file's status holds."""
+        """Return the stamp from a file's status."""
         return cls(stat.st_size, stat.st_mtime_ns, stat.st_ino)
 
 
 def check_path(path: str, argument: int = 1) -> Refusal | None:
-    """Return why a path cannot name a file of the folder, or None; looks at the text alone."""
+    """Return a refusal if a path cannot name a file of the folder; checks the text alone."""
     parts = path.split("/")
     if not path or len(path) > LONGEST_PATH or not path.isprintable():
         why = f"a path has 1 to {LONGEST_PATH} printable characters"
@@ -65,11 +65,11 @@ def check_path(path: str, argument: int = 1) -> Refusal | None:
 
 
 class FileFolder:
-    """The monitored folder. Reading is safe from any thread, changing is the core's.
+    """The monitored folder. Reading is safe from any thread, only the core changes it.
 
     Args:
-        root: the folder; made on the first store.
-        tell: called with each change that is made here.
+        root: the folder; created by the first store.
+        tell: callback for each change made here.
     """
 
     def __init__(self, root: Path, tell: Callable[[FileEvent], None]) -> None:
@@ -77,9 +77,9 @@ class FileFolder:
         self._tell = tell
 
     def find(self, path: str) -> Path | Refusal:
-        """Return the file of this name, or why there is none.
+        """Return the file of this name, or a refusal.
 
-        A link that leads out of the folder leads nowhere.
+        A link to a target outside of the folder is refused as no file.
         """
         refusal = check_path(path)
         if refusal is not None:
@@ -90,7 +90,7 @@ class FileFolder:
         return Refusal(Reason.NO_SUCH_FILE, f"there is no file {path}", subject=path)
 
     def target(self, path: str) -> Path | Refusal:
-        """Return where a new file of this name would lie, or why there can be none."""
+        """Return the path of a new file of this name, or a refusal."""
         refusal = check_path(path, argument=2)
         if refusal is not None:
             return refusal
@@ -102,7 +102,7 @@ class FileFolder:
         return place
 
     def stamp(self, path: str) -> FileStamp | None:
-        """Return the stamp of a file, or None if there is none."""
+        """Return the stamp of a file, or None without one."""
         place = self.find(path)
         if isinstance(place, Refusal):
             return None
@@ -112,9 +112,9 @@ class FileFolder:
             return None
 
     def entries(self, folder: str = "") -> Iterator[tuple[str, FileStamp]]:
-        """Yield the files below a folder with their stamps, in no order.
+        """Yield the files below a folder with their stamps, unordered.
 
-        What cannot be read, or goes while this runs, is left out.
+        Unreadable files, and files removed during the call, are left out.
 
         Raises:
             NotADirectoryError: there is no such folder.
@@ -130,7 +130,7 @@ class FileFolder:
         yield from sorted(path for path, _ in self.entries(folder))
 
     def about(self, path: str) -> tuple[Figure, ...]:
-        """Return the figures stored with a file; none if the file was replaced since."""
+        """Return the figures stored with a file; empty if the file was replaced since."""
         try:
             known, figures = json.loads(self._about(path).read_text(encoding="utf-8"))
             if known != _mark((self.root / path).stat()):
@@ -140,7 +140,7 @@ class FileFolder:
             return ()
 
     def store(self, path: str, data: bytes, about: tuple[Figure, ...] = ()) -> None:
-        """Write a file whole or not at all, with what is known about it.
+        """Write a file with its metadata, atomically.
 
         Raises:
             OSError: it cannot be written.
@@ -164,7 +164,7 @@ class FileFolder:
         self._tell(FileEvent(kind, path))
 
     def delete(self, path: str) -> Refusal | None:
-        """Delete a file; return why it cannot be.
+        """Delete a file; return a refusal if it cannot be.
 
         Raises:
             OSError: it cannot be deleted.
@@ -179,7 +179,7 @@ class FileFolder:
         return None
 
     def move(self, path: str, target: str) -> Refusal | None:
-        """Give a file another path, where nothing lies yet; return why it cannot be.
+        """Move a file to an unused path; return a refusal if it cannot be.
 
         Raises:
             OSError: it cannot be moved.
@@ -235,7 +235,7 @@ class FileFolder:
 
 
 def _mark(stat: os.stat_result) -> list[int]:
-    """Return a mark that a move keeps and a replacement changes."""
+    """Return a mark that a move preserves and a replacement changes."""
     return [stat.st_size, stat.st_mtime_ns]
 
 
@@ -249,13 +249,13 @@ PICTURE_PARAMETERS: Final = {
     Parameter.CAM_PAN,
     Parameter.CAM_TILT,
 }
-"""The parameters that are kept with a picture."""
+"""The parameters stored with a picture."""
 
 
 def store_picture(
     files: FileFolder, frame: Frame, identity: Identity, values: tuple[ParameterValue, ...]
 ) -> str:
-    """Store a camera frame and where it was taken; return its path, named by its command.
+    """Store a camera frame with the pose and angles at its time; return its path.
 
     Raises:
         OSError: the file cannot be written.
@@ -273,7 +273,7 @@ def store_picture(
 
 
 def _file_name(source: str) -> str:
-    """Return a short name for a file, no two sources' alike."""
+    """Return a short file name that is unique for each source."""
     name = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in source)
     name = name[:LONGEST_SOURCE]
     return name if name == source else f"{name}-{sha256(source.encode()).hexdigest()[:12]}"

@@ -1,15 +1,15 @@
-"""The pose by the odometry of the wheels and, where there is one, by a second odometry.
+"""The pose from wheel odometry and, if configured, a second odometry.
 
-Each frame of the second odometry is put beside the pose at its stamp: pairs, by which the end of a
-motion is verified. Where it is fused, its steps correct the place. The heading is left alone: a
-gyro is better.
+Each frame of the second odometry is paired with the pose at its stamp; pairs verify the end of a
+motion. If fused, its steps correct the position. The heading is not corrected: a gyro is better.
 
-The gain is that of a Kalman filter of one dimension. Wheels are as good as `WHEELS_PER_M` on level
-ground and slide in proportion to the slope, above all in turns; the second odometry is as good as
-`FRAME_M` and `FRAME_PER_M`. So on level ground hardly anything is corrected that agrees within
-these, and on slopes nearly all. What is not corrected is kept: a slow slide adds up.
+The gain is that of a one-dimensional Kalman filter. The standard deviation of the wheels is
+`WHEELS_PER_M` on level ground and grows with the slope, above all in turns; that of the second
+odometry is `FRAME_M` and `FRAME_PER_M`. So differences within these are hardly corrected on level
+ground, and almost fully on slopes. The rest is carried over: a slow slide adds up.
 
-How far a turn slides downhill is learnt: metres for each radian turned and sine of the slope.
+The downhill slide of turns is learnt: metres per radian turned and sine of the slope. The figures
+below are chosen, not measured.
 """
 
 from collections import deque
@@ -22,25 +22,25 @@ from executive.values.geometry import Point, Pose, wrap_rad
 
 KEPT_S: Final = 3.0
 MOST_KEPT: Final = 1024
-"""Frames that come later than this are left out."""
+"""Bounds of the pose buffer; older frames are left out."""
 AHEAD_S: Final = 0.1
-"""A frame that is newer than the odometry by more is left out."""
+"""Maximum lead of a frame over the odometry; frames with more are left out."""
 FRAME_M: Final = 0.01
 FRAME_PER_M: Final = 0.015
 WHEELS_PER_M: Final = 0.002
 WHEELS_PER_RAD: Final = 0.002
 SLIDE_M_PER_RAD: Final = 0.5
-"""In a turn, for each sine of the slope, before more is learnt; and so below."""
+"""Slide of a turn per sine of the slope, before more is learnt; likewise below."""
 SLIDE_PER_M: Final = 0.3
 SLIDE_MPS: Final = 0.05
 GATE_SD: Final = 2.5
-"""Beyond so many standard deviations of the second odometry the wheels must be wrong."""
+"""Gate in standard deviations of the second odometry, beyond which the wheels must be wrong."""
 STEP_M: Final = 0.02
-"""At most corrected with each message of the odometry."""
+"""Maximum correction per odometry message."""
 LEARNT_AFTER: Final = 0.05
-"""Radians times sine of the slope that count as much as not having seen any."""
+"""Weight of the prior of no slide, in radians times sine of the slope."""
 FORGOTTEN: Final = 0.9
-"""What is left of what was learnt after each frame in which the rover turned on a slope."""
+"""Forgetting factor of the learnt slide, per frame with a turn on a slope."""
 LEAST_TURN_RAD: Final = 0.15
 LEAST_SLOPE: Final = 0.05
 
@@ -50,9 +50,9 @@ class FramePair:
     """A frame of the second odometry and the pose at its stamp.
 
     Attributes:
-        way_m: driven since the start.
+        way_m: distance driven since the start.
         pose, second: in the frames of both odometries.
-        position_sd_m, heading_sd_rad: of the second; 0 where it says none.
+        position_sd_m, heading_sd_rad: of the second; 0 if it reports none.
     """
 
     stamp_s: float
@@ -65,7 +65,7 @@ class FramePair:
 
 @dataclass(frozen=True, slots=True)
 class PoseDisagreement:
-    """By how much two odometries differ over a way."""
+    """Difference of two odometries over a distance."""
 
     off_m: float
     off_rad: float
@@ -73,7 +73,7 @@ class PoseDisagreement:
 
 
 def disagreement(first: FramePair, last: FramePair) -> PoseDisagreement:
-    """Return by how much two odometries differ over the way between two pairs."""
+    """Return the difference of two odometries over the motion between two pairs."""
     own, other = _seen_from(first.pose, last.pose), _seen_from(first.second, last.second)
     turned_rad = wrap_rad(last.pose.heading_rad - first.pose.heading_rad)
     other_rad = wrap_rad(last.second.heading_rad - first.second.heading_rad)
@@ -84,7 +84,7 @@ def disagreement(first: FramePair, last: FramePair) -> PoseDisagreement:
 
 @dataclass(frozen=True, slots=True)
 class _OdometrySample:
-    """Where dead reckoning has come to, and what was summed up on the way."""
+    """Dead-reckoned pose at one stamp, with distance, turn and slide accumulated up to it."""
 
     stamp_s: float
     pose: Pose
@@ -96,13 +96,13 @@ class _OdometrySample:
 
 
 class PoseFusion:
-    """Takes both odometries, and gives the pose.
+    """Fuses both odometries into the pose.
 
     Attributes:
         fused: whether the second odometry corrects the pose.
-        latest: the newest frame that has a pose beside it.
-        unconfirmed_since: the frame before a motion that the second odometry did not confirm, until
-            the uncertainty of the pose has grown by that.
+        latest: the newest frame with a pose at its stamp.
+        unconfirmed_since: the frame before a motion that the second odometry did not confirm;
+            until that has increased the uncertainty of the pose.
     """
 
     def __init__(self, fused: bool) -> None:
@@ -120,30 +120,30 @@ class PoseFusion:
 
     @property
     def pose(self) -> Pose:
-        """The pose; at the origin until odometry comes."""
+        """The pose; at the origin before the first odometry."""
         return self._corrected(self._places[-1].pose) if self._places else Pose()
 
     @property
     def settled(self) -> bool:
-        """Whether what the frames say has been taken over."""
+        """Whether the correction is fully applied."""
         return self._applied == self._target
 
     @property
     def correction(self) -> Point:
-        """By how much the frames have corrected the position."""
+        """The correction of the position by the frames."""
         return self._target
 
     def restore(self, correction: Point) -> None:
-        """Correct the position by as much as the process before this one did."""
+        """Restore the correction of the previous process."""
         self._target = self._applied = correction
 
     @property
     def slide_m_per_rad(self) -> float:
-        """How far a turn slides downhill, for each radian and sine of the slope."""
+        """Downhill slide of a turn, per radian and sine of the slope."""
         return self._slid / (self._turns2 + LEARNT_AFTER**2)
 
     def slide(self, turn_rad: float) -> Point:
-        """Return by how much a turn on the spot will slide, here and in the plane."""
+        """Return the expected slide of a turn on the spot here, in the plane."""
         if not self._places:
             return Point(0.0, 0.0)
         x, y = _downhill(self._places[-1].pose)
@@ -151,7 +151,7 @@ class PoseFusion:
         return Point(slid * x, slid * y)
 
     def odometry(self, fact: Odometry) -> None:
-        """Take the odometry of the wheels."""
+        """Add a sample of the wheel odometry."""
         before, self._raw = self._raw, fact
         if self._places and fact.stamp_s < self._places[-1].stamp_s:
             self._places.clear()
@@ -187,7 +187,7 @@ class PoseFusion:
         self._approach()
 
     def second_odometry(self, fact: SecondOdometry) -> None:
-        """Take a frame, stamped by the clock of the odometry; one that is too old is left out."""
+        """Add a frame, stamped by the odometry's clock; frames that are too old are ignored."""
         newest = self.latest
         if not fact.pose.finite:
             return
@@ -236,7 +236,7 @@ class PoseFusion:
     def _learn(
         self, before: _OdometrySample, here: _OdometrySample, apart_x: float, apart_y: float
     ) -> None:
-        """Learn the slide of turns from one step in which the rover turned on a slope."""
+        """Learn the slide of turns from one step with a turn on a slope."""
         turn_rad = here.turn_rad - before.turn_rad
         x, y = here.downhill_x - before.downhill_x, here.downhill_y - before.downhill_y
         turned = hypot(x, y)
@@ -247,7 +247,7 @@ class PoseFusion:
         self._slid = FORGOTTEN * self._slid + turned * downhill_m
 
     def _at(self, stamp_s: float) -> _OdometrySample | None:
-        """Return where dead reckoning was at a stamp; None where that is not known."""
+        """Return the dead-reckoned sample at a stamp; None if it is outside of the buffer."""
         places = self._places
         if not places or not places[0].stamp_s <= stamp_s <= places[-1].stamp_s + AHEAD_S:
             return None
@@ -278,7 +278,7 @@ def _seen_from(pose: Pose, other: Pose) -> Point:
 
 
 def _downhill(pose: Pose) -> tuple[float, float]:
-    """Return the direction downhill in the plane, as long as the sine of the slope."""
+    """Return the downhill direction in the plane; its length is the sine of the slope."""
     ahead, left = sin(pose.pitch_rad), -sin(pose.roll_rad)
     cosine, sine = cos(pose.heading_rad), sin(pose.heading_rad)
     return ahead * cosine - left * sine, ahead * sine + left * cosine

@@ -1,4 +1,4 @@
-"""How long, how far and with how much energy a motion or a plan was driven, and as predicted."""
+"""Duration, length and energy of a motion or a plan, measured and predicted."""
 
 from executive.state.status import Status
 from executive.values.clock import Clock
@@ -6,13 +6,13 @@ from executive.values.reasons import Figure
 
 
 class MotionStatistics:
-    """One motion or plan: what it took so far, and what it was predicted to take.
+    """The measured and predicted figures of one motion or plan.
 
     Attributes:
-        predicted: figures of the prediction; none until it is worked out, or where there is none.
+        predicted: figures of the prediction; empty until it is computed, or without one.
 
     Args:
-        capacity_j: of the battery; None where that is not known.
+        capacity_j: of the battery; None if unknown.
     """
 
     def __init__(self, clock: Clock, status: Status, capacity_j: float | None = None) -> None:
@@ -25,13 +25,13 @@ class MotionStatistics:
         self.predicted: tuple[Figure, ...] = ()
 
     def begin(self) -> None:
-        """Begin to count."""
+        """Start the measurement."""
         self._began_s = self._clock.now_s()
         self._from_m = self._status.travelled_m
         self._charge_ratio = self._charge
 
     def figures(self) -> tuple[Figure, ...]:
-        """Return what it took until now, and then what was predicted; nothing before it began."""
+        """Return the figures up to now, then the predicted ones; empty before the start."""
         if self._began_s is None:
             return ()
         pose, energy_j = self._status.pose, self._energy_j()
@@ -51,7 +51,7 @@ class MotionStatistics:
         return None if battery is None else battery.charge_ratio
 
     def _energy_j(self) -> float | None:
-        """Return what the battery gave, where it says so finely enough to see it."""
+        """Return the energy from the battery; None if its resolution does not show any."""
         before, now = self._charge_ratio, self._charge
         if self._capacity_j is None or before is None or now is None or now >= before:
             return None

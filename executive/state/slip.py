@@ -1,8 +1,8 @@
-"""Slip that the odometry of a skid-steered rover does not know of.
+"""Slip of a skid-steered rover that its odometry does not include.
 
-Wheels and gyro do not feel it. What the odometry of a rover takes it for and what it is are two
-laws of the asset's settings; the pose is corrected by what lies between them, for assets that may
-be driven by `mpc`.
+Wheels and gyro do not measure it. The slip in the odometry and the true slip are two laws of the
+asset's settings (docs/controllers.md). The pose is corrected by their difference, for assets that
+`mpc` may drive.
 """
 
 from dataclasses import replace
@@ -14,18 +14,18 @@ from executive.values.facts import Odometry
 from executive.values.geometry import Velocity, wrap_rad
 
 LONGEST_S: Final = 0.2
-"""Between two messages of odometry; beyond it nothing is known of the motion between them."""
+"""Maximum time between two odometry messages; a longer gap is not corrected."""
 
 
 class SlipModel:
-    """How fast a rover slips, by what it moves at one time after another."""
+    """The slip velocity of a rover, from the history of its motion."""
 
     def __init__(self, law: SlipSettings) -> None:
         self._law = law
         self._ahead_mps = self._left_mps = 0.0
 
     def step(self, velocity: Velocity, travel_mps2: float, step_s: float) -> tuple[float, float]:
-        """Return how fast the rover slips ahead and to its left, a step after the last time."""
+        """Return the slip velocity ahead and to the left, one step after the last call."""
         law, travel, rotate = self._law, velocity.travel_mps, velocity.rotate_radps
         root = copysign(sqrt(abs(travel * rotate)), travel)
         ahead_mps = -law.creep_s2 * travel_mps2 * abs(rotate)
@@ -37,11 +37,11 @@ class SlipModel:
 
 
 class SlipCorrection:
-    """Adds to odometry the slip that it does not allow for.
+    """Adds to odometry the slip that it does not include.
 
     Args:
-        rover: how the rover slips.
-        known: what its odometry takes that for.
+        rover: true slip of the rover.
+        known: slip that its odometry includes.
     """
 
     def __init__(self, rover: SlipSettings, known: SlipSettings) -> None:

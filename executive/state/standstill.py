@@ -1,8 +1,8 @@
-"""Whether the rover stands, by each source that can tell.
+"""Detects standstill by each source of motion.
 
-A source that was received once is waited for when it is silent. Places are compared over a window
-beside the speeds that are told, since an odometry may have lost its twist, and a twist alone
-may be zero for a moment.
+A source that was received once is required, also while it is stale. Positions are compared over a
+window besides the velocities: an odometry may have lost its twist, and a twist alone may be zero
+for a moment.
 """
 
 from collections import deque
@@ -17,35 +17,35 @@ from executive.values.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
 from executive.values.reasons import Figure
 
 WINDOW_S: Final = 0.2
-"""For how long each fast source must show the rover standing."""
+"""Time for which each fast source must show standstill."""
 STANDING_TRAVEL_MPS: Final = 0.03
 STANDING_ROTATE_RADPS: Final = 0.06
 STANDING_WAY_M: Final = 0.01
 STANDING_TURN_RAD: Final = 0.02
-"""Of the pose within the window."""
+"""Maximum motion of the pose within the window."""
 STANDING_WHEEL_RADPS: Final = 0.5
-"""A rim of 0.1 m then goes at 0.05 m/s."""
+"""Maximum wheel rate; a rim of 0.1 m then moves at 0.05 m/s."""
 FRAME_WAY_M: Final = 0.03
 FRAME_TURN_RAD: Final = 0.02
-"""Between two frames of the second odometry: more than its noise."""
+"""Maximum motion between two frames of the second odometry: more than its noise."""
 SHAKEN_MPS2: Final = 1.5
-"""Level acceleration of a rover whose wheels stand, which somebody pushes: more than noise."""
+"""Level acceleration that shows a push while the wheels are stationary: more than noise."""
 SETTLED_S: Final = 0.06
-"""From the last sign of motion in the odometry until braking can be felt no more."""
+"""Time from the last motion in the odometry until braking no longer shows in the acceleration."""
 FELT_S: Final = 0.1
-"""For which a push lasts, and by which odometry and inertial sensors may be apart."""
+"""Duration of a push, and maximum time offset between odometry and inertial sensors."""
 SILENT_S: Final = 0.5
 FRAMES_SILENT_S: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class SourceMotion:
-    """How the rover moves by one source.
+    """The motion of the rover by one source.
 
     Attributes:
-        stands: whether it shows the rover standing for long enough.
-        figures: how fast the rover goes by it, without sign.
-        awaited: whether it shows nothing of now, neither that the rover stands nor that it moves.
+        stands: whether it shows standstill for the required time.
+        figures: the speeds, without sign.
+        awaited: whether it shows neither standstill nor motion now.
     """
 
     source: str
@@ -60,10 +60,10 @@ class SourceMotion:
 
 
 class _Odometry:
-    """The poses and speeds of the last `WINDOW_S`, by arrival.
+    """The poses and velocities of the last `WINDOW_S`, by arrival.
 
     Attributes:
-        since_s: the stamp from which on it shows the rover standing; infinite while it moves.
+        since_s: the stamp since which it shows standstill; infinite while it moves.
     """
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class _Odometry:
         return self._seen[-1][1] if self._seen else -inf
 
     def motion(self, now_s: float) -> SourceMotion | None:
-        """Return what it shows; None if it has not shown anything lately."""
+        """Return the motion that it shows; None without a recent sample."""
         if not self._seen or now_s - self._seen[-1][0] > SILENT_S:
             return None
         first_s, _, first, _ = self._seen[0]
@@ -112,7 +112,7 @@ class _Odometry:
 
 
 class _Rate:
-    """A speed or rate that is zero while the rover stands."""
+    """A speed or rate that is zero at standstill."""
 
     def __init__(self, source: str, bound: float) -> None:
         self._source = source
@@ -128,7 +128,7 @@ class _Rate:
         self._rate, self._heard_s = abs(rate_radps), now_s
 
     def motion(self, now_s: float) -> SourceMotion | None:
-        """Return what it shows; None if it was never received."""
+        """Return the motion that it shows; None before the first sample."""
         if self._heard_s == -inf:
             return None
         silent = now_s - self._heard_s > SILENT_S
@@ -138,7 +138,7 @@ class _Rate:
 
 
 class _Frames:
-    """Frames of the second odometry, compared with the first that was taken while standing."""
+    """Frames of the second odometry, compared with the first one at standstill."""
 
     def __init__(self) -> None:
         self._reference: tuple[float, Pose] | None = None
@@ -148,7 +148,7 @@ class _Frames:
         self._stands = self._compared = False
 
     def take(self, now_s: float, stamp_s: float, pose: Pose, since_s: float) -> None:
-        """Take a frame; the odometry shows the rover standing since a stamp."""
+        """Add a frame. `since_s` is the stamp since which odometry shows standstill."""
         if not pose.finite:
             return
         before, self._last, self._heard_s = self._last, (stamp_s, pose), now_s
@@ -164,7 +164,7 @@ class _Frames:
             self._reference = (stamp_s, pose)
 
     def motion(self, now_s: float, since_s: float) -> SourceMotion | None:
-        """Return what it shows; None if it was never received."""
+        """Return the motion that it shows; None before the first frame."""
         if self._reference is None:
             return None
         known = now_s - self._heard_s <= FRAMES_SILENT_S and self._reference[0] >= since_s
@@ -174,7 +174,7 @@ class _Frames:
 
 
 class StandstillDetector:
-    """Takes what the sources tell, and says whether the rover stands by all that are there."""
+    """Detects standstill by all sources received so far."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -185,7 +185,7 @@ class StandstillDetector:
         self._shaken_s = -inf
 
     def observe(self, fact: Odometry | Imu | Joints | SecondOdometry) -> None:
-        """Take what a source tells; the two odometries are stamped by one clock."""
+        """Add a sample of a source; the two odometries are stamped by one clock."""
         now_s = self._clock.now_s()
         match fact:
             case Odometry(stamp_s, pose, velocity):
@@ -203,20 +203,20 @@ class StandstillDetector:
 
     @property
     def since_s(self) -> float:
-        """The stamp from which on the odometry shows the rover standing; infinite if it moves."""
+        """The stamp since which the odometry shows standstill; infinite while it moves."""
         return self._odometry.since_s
 
     @property
     def undisturbed_since_s(self) -> float:
-        """The stamp from which on it stands, and nobody has pushed it by the inertial sensors.
+        """The stamp since which it is stationary and the inertial sensors show no push.
 
-        While the rover brakes, they tell nothing of that.
+        While the rover brakes, they cannot show a push.
         """
         pushed = self._shaken_s > self.since_s + SETTLED_S
         return self._shaken_s + FELT_S if pushed else self.since_s
 
     def by_source(self) -> tuple[SourceMotion, ...]:
-        """Return how the rover moves by each source that was ever received."""
+        """Return the motion by each source that was ever received."""
         now_s = self._clock.now_s()
         motions = (
             self._odometry.motion(now_s),
@@ -228,14 +228,14 @@ class StandstillDetector:
 
 
 def listed(sources: Sequence[str]) -> str:
-    """Return by which sources something is known, for people."""
+    """Return a list of sources, for display."""
     if len(sources) == 1:
         return f"by {sources[0]} alone"
     return f"by {', '.join(sources[:-1])} and {sources[-1]}"
 
 
 def is_slow(velocity: Velocity) -> bool:
-    """Return whether a rover that goes as slowly as this stands."""
+    """Return whether a velocity counts as standstill."""
     return (
         abs(velocity.travel_mps) < STANDING_TRAVEL_MPS
         and abs(velocity.rotate_radps) < STANDING_ROTATE_RADPS
@@ -243,7 +243,7 @@ def is_slow(velocity: Velocity) -> bool:
 
 
 def _level_mps2(fact: Imu) -> float:
-    """Return the acceleration along the ground, 0 where it is not known."""
+    """Return the acceleration along the ground, 0 if it is unknown."""
     x_mps2 = fact.acceleration_x_mps2 + GRAVITY_MPS2 * sin(fact.pitch_rad)
     aside_mps2 = GRAVITY_MPS2 * cos(fact.pitch_rad) * sin(fact.roll_rad)
     found_mps2 = hypot(x_mps2, fact.acceleration_y_mps2 - aside_mps2)

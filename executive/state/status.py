@@ -1,4 +1,4 @@
-"""The state of the asset that follows from the facts that sensors report."""
+"""State of the asset, derived from the facts of sensors."""
 
 from dataclasses import replace
 from math import cos, inf, isfinite, nan, sin
@@ -38,27 +38,27 @@ from executive.values.parameters import Parameter, ParameterValue
 from executive.values.reports import Identity
 
 COUNTED_M: Final = 0.01
-"""Of way, in pieces of which it is counted, so that the noise of odometry at rest is not."""
+"""Minimum step that counts for the distance travelled: noise of odometry at rest does not count."""
 
 
 class Status:
-    """The one place where facts are kept. Ages are counted from arrival aboard.
+    """The state of the asset; facts are stored only here. Ages count from arrival aboard.
 
     Attributes:
-        travel_speed_mps, rotate_speed_radps, camera_speed_radps: the greatest speeds now set.
-        slow_ratio: of these speeds, what a fault leaves while it slows the rover down.
-        compensation: what is added to the measured pose before it is used.
-        odometry: the newest that is finite, with the slip that it does not know of.
-        frame: the last camera frame, with its number in `frames`.
-        motion_started: the last whole motion that the rover has begun, where it moves by itself,
-            and `motion_started_at_s`, when it said so.
-        motion_ended: the last whole motion that the rover ended, where it moves by itself.
+        travel_speed_mps, rotate_speed_radps, camera_speed_radps: the speed limits set now.
+        slow_ratio: factor of these speeds while a fault slows the rover down, else 1.
+        compensation: offset of the measured pose, applied before use.
+        odometry: the newest finite one, with the slip that it does not include itself.
+        frame: the last camera frame; `frames` is its number.
+        motion_started: the last whole motion that a rover of delegated motion started, and
+            `motion_started_at_s`, the time of that report.
+        motion_ended: the last whole motion that such a rover ended.
         elsewhere: the command that the rover last received over another link.
         foreign: other publishers of the rover's velocity.
-        standstill: whether the rover stands, by each source that can tell.
-        rejections: which sources send data that cannot be used.
-        fusion: what a second odometry says of the pose; None where there is none.
-        uncertainty: how far the rover may be from `pose`.
+        standstill: detects standstill by each source.
+        rejections: the sources whose data are rejected.
+        fusion: corrects the pose by a second odometry; None without one.
+        uncertainty: bounds of the error of `pose`.
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
@@ -100,7 +100,7 @@ class Status:
         self._counted_at: Point | None = None
 
     def observe(self, fact: Fact) -> None:
-        """Take in a fact. Odometry or a voltage that is not finite counts as missing."""
+        """Update the state. Odometry or a voltage that is not finite counts as missing."""
         match fact:
             case Odometry():
                 self._observe_odometry(fact)
@@ -135,14 +135,14 @@ class Status:
             case RejectedData():
                 self.rejections.observe(fact)
             case CommandEnded() | Stopped() | AuthorityUsed() | OtherInput():
-                pass  # says nothing of the asset's state
+                pass  # independent of the asset's state
 
     @property
     def obstacles(self) -> Zones:
-        """All that the rover keeps away from now, known or scanned, in the frame of `pose`.
+        """All obstacles now, known or scanned, in the frame of `pose`.
 
-        The margin around them grows by the uncertainty of the position. The same object until
-        something changes.
+        The margin around them grows by the uncertainty of the position. The same object until a
+        change.
         """
         circles = () if self._local_map is None else self._local_map.circles
         position_m = self.uncertainty.position_m
@@ -153,37 +153,37 @@ class Status:
         return self._obstacles
 
     def raise_uncertainty(self, position_m: float, heading_rad: float, cause: str) -> None:
-        """Note that the pose may be wrong by as much; less than is known changes nothing."""
+        """Raise the uncertainty to these bounds; smaller ones change nothing."""
         known = self.uncertainty
         if position_m > known.position_m or heading_rad > known.heading_rad:
             position_m = max(position_m, known.position_m)
             self.uncertainty = Uncertainty(position_m, max(heading_rad, known.heading_rad), cause)
 
     def grow_uncertainty(self, position_m: float, heading_rad: float, cause: str) -> None:
-        """Note that the pose may be wrong by so much more."""
+        """Increase the uncertainty by these amounts."""
         known = self.uncertainty
         self.raise_uncertainty(
             known.position_m + position_m, known.heading_rad + heading_rad, cause
         )
 
     def forget_seen(self) -> None:
-        """Forget what was seen around: the pose has become another, by no motion."""
+        """Clear the local map: the pose changed without a motion."""
         if self._local_map is not None:
             self._local_map.forget()
 
     @property
     def travel_limit_mps(self) -> float:
-        """The greatest speed now."""
+        """The speed limit now."""
         return self.travel_speed_mps * self.slow_ratio
 
     @property
     def rotate_limit_radps(self) -> float:
-        """The greatest rate of turn now."""
+        """The yaw-rate limit now."""
         return self.rotate_speed_radps * self.slow_ratio
 
     @property
     def pose(self) -> Pose:
-        """The compensated pose of base_link: at the origin until odometry comes."""
+        """The compensated pose of base_link; at the origin before the first odometry."""
         if self.odometry is None:
             return Pose()
         raw = self.odometry.pose if self.fusion is None else self.fusion.pose
@@ -199,7 +199,7 @@ class Status:
         )
 
     def slide(self, turn_rad: float) -> Point:
-        """Return by how much a turn on the spot is known to slide here, in the frame of `pose`."""
+        """Return the expected slide of a turn on the spot here, in the frame of `pose`."""
         if self.fusion is None:
             return Point(0.0, 0.0)
         slid, heading_rad = self.fusion.slide(turn_rad), self.compensation.heading_rad
@@ -210,14 +210,14 @@ class Status:
 
     @property
     def travelled_m(self) -> float:
-        """Length of the whole way of base_link since the start, by odometry."""
+        """Length of the path of base_link since the start, by odometry."""
         if self.odometry is None or self._counted_at is None:
             return 0.0
         return self._counted_m + self._counted_at.distance_m(self.odometry.pose.point)
 
     @property
     def velocity(self) -> Velocity:
-        """The measured velocity of base_link: standing until odometry comes."""
+        """The measured velocity of base_link; zero before the first odometry."""
         return STANDING if self.odometry is None else self.odometry.velocity
 
     @property
@@ -227,14 +227,14 @@ class Status:
 
     @property
     def odometry_fresh(self) -> bool:
-        """Whether odometry is young enough to move by."""
+        """Whether odometry is recent enough to move."""
         return self.odometry_age_s <= self._settings.faults.odometry_stale.bound
 
     @property
     def standing(self) -> bool:
-        """Whether the twist of fresh odometry says that the rover stands: enough to go on by.
+        """Whether the twist of fresh odometry shows standstill, which suffices to continue.
 
-        `standstill` says whether it stands by all sources, over a while.
+        `standstill` checks all sources over a window.
         """
         if self.odometry is None or not self.odometry_fresh:
             return False
@@ -242,13 +242,13 @@ class Status:
 
     @property
     def stood_since_motion(self) -> bool:
-        """Whether odometry that came no earlier than the end of the last whole motion stands."""
+        """Whether odometry received since the end of the last whole motion shows standstill."""
         return self.standing and self._odometry_at_s >= self._motion_ended_at_s
 
     def values(self) -> tuple[ParameterValue, ...]:
         """Return all twelve parameters, in the order of their definition.
 
-        What old odometry or an old voltage says is not known now.
+        Values from stale odometry or a stale voltage are unknown.
         """
         figures: dict[Parameter, float] = {
             Parameter.TRAVEL_SPEED: self.travel_speed_mps,

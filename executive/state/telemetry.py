@@ -7,10 +7,10 @@ from executive.values.parameters import Parameter, ParameterValue
 
 
 class Telemetry:
-    """Sends the status (thesis 5.1.3, status interval), the first time at once.
+    """Sends the status (thesis 5.1.3, status interval), first immediately.
 
     Attributes:
-        interval_s: seconds between two sendings of all values; 0 sends those that changed.
+        interval_s: seconds between two transmissions of all values; 0 sends changed values only.
     """
 
     def __init__(
@@ -28,13 +28,13 @@ class Telemetry:
         self._sent: dict[Parameter, float | None] = {}
 
     def set_interval(self, interval_s: float) -> None:
-        """Change the interval, and send at once."""
+        """Change the interval, and send immediately."""
         self.interval_s = interval_s
         self._next_s = self._clock.now_s()
         self._sent.clear()
 
     def update(self) -> None:
-        """Send what is due. Called once a tick."""
+        """Send the values that are due. Called once a tick."""
         now_s = self._clock.now_s()
         if self.interval_s > 0.0:
             if now_s < self._next_s:

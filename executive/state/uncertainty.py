@@ -1,8 +1,7 @@
-"""How far the rover may be from its pose, after something has shown that the pose may be wrong.
+"""Bounds of the error of the pose, after a fault has shown that the pose may be wrong.
 
-Zero until a fault shows otherwise: ordinary drift of the odometry is within the tolerances of
-motions and of the second odometry's verification. It is lowered by
-`executive.safety.pose_uncertainty` alone.
+Zero until then: ordinary drift of the odometry is within the tolerances of motions and of the
+verification by the second odometry. Only `executive.safety.pose_uncertainty` lowers it.
 """
 
 from dataclasses import dataclass
@@ -14,11 +13,11 @@ from executive.values.reasons import Figure
 PROMISED_M: Final = 0.15
 PROMISED_RATIO: Final = 0.05
 PROMISED_RAD: Final = 0.1
-"""How near to its target an absolute motion ends: 15 cm and 5 % of the distance; its heading."""
+"""Guaranteed accuracy of an absolute motion: 15 cm and 5 % of the distance; its heading."""
 MIN_M, MIN_RAD = 0.01, 0.005
-"""An uncertainty that is smaller is none: sources differ by their noise."""
+"""Minimum uncertainty; a smaller one is zero, since sources differ by their noise."""
 DRIFT_PER_M: Final = 0.02
-"""Growth of an uncertainty that is not zero with the distance driven on dead reckoning."""
+"""Growth of an uncertainty above zero, per distance driven by dead reckoning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,7 @@ class Uncertainty:
     Attributes:
         position_m: distance from the position, in the plane.
         heading_rad: angle from the heading.
-        cause: the fault, or whatever else showed that the pose may be wrong; empty where nothing.
+        cause: the fault or other event that showed a wrong pose; empty without one.
     """
 
     position_m: float = 0.0
@@ -36,7 +35,7 @@ class Uncertainty:
     cause: str = ""
 
     def __bool__(self) -> bool:
-        """Whether the pose may be wrong by more than counts."""
+        """Whether the bounds are above `MIN_M` or `MIN_RAD`."""
         return self.position_m >= MIN_M or self.heading_rad >= MIN_RAD
 
     def __str__(self) -> str:
@@ -51,5 +50,5 @@ class Uncertainty:
         )
 
     def position_at_m(self, distance_m: float) -> float:
-        """Return the uncertainty of the position after so much was driven by dead reckoning."""
+        """Return the uncertainty of the position after a distance driven by dead reckoning."""
         return self.position_m + (DRIFT_PER_M + self.heading_rad) * distance_m

@@ -82,7 +82,7 @@ def test_what_comes_into_view_stops_the_line_and_is_gone_around(tmp_path: Path) 
         bench.rover.discs.append(ROCK)
         assert bench.finish(1) is Stage.EXECUTED
         assert bench.rover.nearest_m > 0.05
-        assert bench.texts[0].startswith("detour around something seen at (1.9")
+        assert bench.texts[0].startswith("detour around scanned obstacle at (1.9")
         assert Reason.OBSTACLE_AHEAD not in bench.reasons
 
 
@@ -120,7 +120,7 @@ def test_where_no_way_is_left_the_place_that_blocks_it_is_told(tmp_path: Path) -
         assert bench.finish(1) is Stage.FAILED
         last = bench.last(1)
         assert last.reason is Reason.PATH_BLOCKED
-        assert last.text.startswith("path blocked by something seen at (")
+        assert last.text.startswith("path blocked by scanned obstacle at (")
         assert last.text.endswith("; no detour found")
         figures = {each.name: each.value for each in last.figures}
         place = Point(figures["obstacle x"], figures["obstacle y"])
@@ -133,7 +133,7 @@ def test_a_place_that_lies_in_something_is_refused(tmp_path: Path) -> None:
     with Looking(tmp_path, ROCK) as bench:
         refusal = bench.refusal(MoveTo(Waypoint(2.0, 0.2)), 1)
         assert refusal.reason is Reason.PATH_BLOCKED
-        assert "; target too near to something seen at (" in refusal.text
+        assert "; target too near to scanned obstacle at (" in refusal.text
 
 
 def test_a_path_goes_around_what_is_seen_and_on_by_its_lines(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_a_waypoint_that_lies_in_something_is_named(tmp_path: Path) -> None:
         refusal = bench.refusal(near, 1)
         assert refusal.reason is Reason.PATH_BLOCKED
         assert refusal.text.startswith("at the waypoint (2, -0.3) the rover would be in")
-        assert "something seen at (" in refusal.text
+        assert "scanned obstacle at (" in refusal.text
         bench.submit(FollowPath((Waypoint(4.0, 0.0), Waypoint(6.4, 0.2))), 2)
         assert bench.finish(2) is Stage.FAILED
         last = bench.last(2)
@@ -290,5 +290,5 @@ def test_among_unknown_rocks_the_place_is_reached_or_what_is_in_it_told(
     if not reached:
         blocked = next(each for each in lockstep.heard.reports if each.stage is Stage.FAILED)
         assert blocked.reason is Reason.PATH_BLOCKED
-        assert "target too near to something seen at (" in blocked.text
+        assert "target too near to scanned obstacle at (" in blocked.text
     assert lockstep.rover.contacts == 0

@@ -278,7 +278,7 @@ def test_where_what_came_into_view_leaves_no_way_the_place_that_blocks_it_is_tol
         assert until(bench, THERE, 0.1, ring) is Stage.FAILED
         last = bench.last(1)
         assert last.reason is Reason.PATH_BLOCKED
-        assert last.text.startswith("path blocked by something seen at (")
+        assert last.text.startswith("path blocked by scanned obstacle at (")
         assert last.text.endswith("; no detour found")
         figures = {each.name: each.value for each in last.figures}
         place = Point(figures["obstacle x"], figures["obstacle y"])

@@ -46,11 +46,11 @@ def read(zones: dict[str, Any]) -> Zones:
     ("zone", "said"),
     [
         ([[0, 0], [1, 0]], "zone 'bed' has 2 corners, not 3 .. 100"),
-        ([[0, 0], [1, 1], [1, 0], [0, 1]], "zone 'bed' crosses itself: the side from [0, 0] to"),
+        ([[0, 0], [1, 1], [1, 0], [0, 1]], "zone 'bed' intersects itself: the side from [0, 0] to"),
         ([[0, 0], [1, 0], [1, 0], [0, 1]], "zone 'bed' has the corner [1.0, 0.0] twice in a row"),
-        ([[0, 0], [2, 0], [1, 0]], "zone 'bed' crosses itself"),
-        ([[0, 0, 0], [1, 0], [0, 1]], "is no corner, [x, y] within 10000 m"),
-        ([[0, 0], [1e9, 0], [0, 1]], "is no corner"),
+        ([[0, 0], [2, 0], [1, 0]], "zone 'bed' intersects itself"),
+        ([[0, 0, 0], [1, 0], [0, 1]], "is not a corner [x, y] within 10000 m"),
+        ([[0, 0], [1e9, 0], [0, 1]], "is not a corner"),
         (
             [[0, 0], [1, 0], [0, "b"]],
             ": keep_out[0].corners_m[2][1]: expected a number, got 'b'",
@@ -67,10 +67,10 @@ def test_names_and_sizes_are_checked() -> None:
     rock = {"name": "a", "x_m": 1, "y_m": 1, "radius_m": 0.1}
     bed = {"name": "a", "corners_m": [[0, 0], [1, 0], [0, 1]]}
     for wrong, said in (
-        ({"rocks": [rock], "keep_out": [bed]}, "'a' is the name of two zones or rocks"),
+        ({"rocks": [rock], "keep_out": [bed]}, "'a' names two zones or rocks"),
         ({"rocks": [rock | {"radius_m": 0}]}, "radius_m 0 is not above 0"),
-        ({"rocks": [rock | {"name": " "}]}, "' ' is no name"),
-        ({"rocks": [rock | {"x_m": 1e6}]}, "does not lie within"),
+        ({"rocks": [rock | {"name": " "}]}, "' ' is not a valid name"),
+        ({"rocks": [rock | {"x_m": 1e6}]}, "is not within 10000 m"),
         ({"margin_m": -1}, "margin_m -1 is not in 0 .. 100"),
         ({"keepout": []}, "(did you mean keep_out?); known are keep_in, keep_out, rocks"),
     ):
