@@ -1,4 +1,4 @@
-"""What the executive watches for, and when a fault begins and ends."""
+"""Fault monitors: which faults are detected, and when a fault begins and ends."""
 
 from executive.safety.camera_checks import END_WITHIN as END_WITHIN
 from executive.safety.camera_checks import frame_fault as frame_fault

@@ -1,4 +1,4 @@
-"""Monitors of the rover as a whole: how it leans, its battery, and who else drives it."""
+"""Monitors of the whole rover: its tilt, its battery, and other publishers that drive it."""
 
 from math import isfinite
 
@@ -10,7 +10,7 @@ from executive.values.reasons import Figure
 
 
 def tilted(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the rover leans, by its odometry."""
+    """Detect an excessive tilt, by odometry."""
     if history.odometry is None:
         return None
     pose = history.odometry.pose
@@ -22,7 +22,7 @@ def tilted(history: MotionHistory, window: Window, _: float) -> Evidence | None:
 
 
 def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the battery is nearly empty."""
+    """Detect a battery that is nearly empty."""
     if history.battery is None or history.battery.voltage_v >= window.bound:
         return None
     voltage_v = history.battery.voltage_v
@@ -31,13 +31,13 @@ def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | 
 
 
 def other_publisher(history: MotionHistory, _: Window, __: float) -> Evidence | None:
-    """See that the base obeys somebody else."""
+    """Detect that another publisher drives the base."""
     drivers = ", ".join(str(each) for each in history.inputs if each.above)
     return Evidence(f"{drivers} drives the rover") if drivers else None
 
 
 def battery_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the battery no longer tells its voltage."""
+    """Detect that the battery no longer reports its voltage."""
     age_s = now_s - history.battery_at_s
     if history.battery is None or age_s <= window.bound:
         return None
@@ -46,17 +46,17 @@ def battery_silent(history: MotionHistory, window: Window, now_s: float) -> Evid
 
 
 def battery_not_finite(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See a voltage that is no number, or higher than this battery can have."""
+    """Detect a voltage that is not a number, or higher than this battery can have."""
     if (voltage_v := history.invalid_v) is None:
         return None
     if not isfinite(voltage_v):
-        return Evidence("the battery's voltage is not a number")
+        return Evidence("battery voltage is not a number")
     text = f"battery voltage {voltage_v:g} V exceeds {window.bound:g} V: it is not measured"
     return Evidence(text, (Figure("voltage", voltage_v, "V"), Figure("bound", window.bound, "V")))
 
 
 def rejected(history: MotionHistory, _: Window, __: float, *, source: Source) -> Evidence | None:
-    """See data of a source that arrive and cannot be used, or that are not received."""
+    """Detect data of a source that are rejected, or not received."""
     found = history.rejections.of(source)
     if found is None:
         return None

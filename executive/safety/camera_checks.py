@@ -1,4 +1,4 @@
-"""Whether a camera frame is the picture that was asked for."""
+"""Checks whether a camera frame is the requested picture."""
 
 from typing import Final
 
@@ -6,33 +6,33 @@ from executive.values.facts import Frame
 from executive.values.reasons import Figure, Reason, Refusal
 
 EARLY_S: Final = 0.1
-"""By which a stamp may lie before the request: offsets of clocks are known no better."""
+"""Maximum lead of the request over a stamp: clock offsets are known no better."""
 END_WITHIN: Final = 1024
-"""Octets from the end, in which a picture ends: some cameras pad."""
+"""Octets from the end within which the end marker must be: some cameras pad."""
 _ENDS: Final = {"JPG": b"\xff\xd9", "PNG": b"IEND"}
 
 
 def frame_fault(
     frame: Frame, taken_s: float | None, asked_s: float, last_stamp_s: float | None
 ) -> Refusal | None:
-    """Return what is wrong with a frame, or None.
+    """Return a refusal if the frame is truncated or outdated, or None.
 
     Args:
-        frame: what arrived after the request.
-        taken_s: when it was taken, on the core's time; None where its clock is not known.
-        asked_s: when it was asked for.
-        last_stamp_s: of the picture before.
+        frame: the first one after the request.
+        taken_s: time of exposure, on the core's time; None if its clock is unknown.
+        asked_s: time of the request.
+        last_stamp_s: of the previous picture.
     """
     end = _ENDS.get(frame.format)
     if end is not None and end not in frame.data[-END_WITHIN:]:
         size = len(frame.data)
-        text = f"the camera's picture is cut: it has no end within its {size} octets"
+        text = f"camera picture truncated: no end marker in its {size} octets"
         return Refusal(Reason.CAPTURE_CUT, text, (Figure("size", size, "octet"),))
     if taken_s is not None and taken_s < asked_s - EARLY_S:
         age_s = asked_s - taken_s
-        text = f"the camera's picture is old: it was taken {age_s:.1f} s before it was asked for"
+        text = f"camera picture outdated: taken {age_s:.1f} s before the request"
         return Refusal(Reason.CAPTURE_STALE, text, (Figure("age", age_s, "s"),))
     if frame.stamp_s == last_stamp_s:
-        text = "the camera's picture is old: it has the stamp of the one before"
+        text = "camera picture outdated: it has the stamp of the previous one"
         return Refusal(Reason.CAPTURE_STALE, text)
     return None

@@ -1,8 +1,8 @@
-"""Stamps on the time of the core, and running sums of a source over that time.
+"""Stamps on the core's time, and running sums of a source over that time.
 
-The clock of a publisher may be another one than the core's: its offset is learnt as the smallest
-difference of arrival and stamp, so that what counts as late is what comes later than usual. What
-happened between any two times is two look-ups in the channel of a source.
+A publisher's clock may differ from the core's. Its offset is learnt as the minimum difference of
+arrival and stamp, so that a message counts as late if it is later than usual. The motion between
+any two times is the difference of two look-ups in the channel of a source.
 """
 
 from collections.abc import Sequence
@@ -11,24 +11,24 @@ from typing import Final
 
 GRID_S: Final = 0.02
 SLOTS: Final = 512
-"""Of a channel: about ten seconds."""
+"""Number of grid points of a channel: about ten seconds."""
 USUAL_LATENCY_S: Final = 0.05
-"""At most taken for usual of the first message, where its stamp is of the core's own clocks."""
+"""Maximum latency assumed for the first message, if its stamp is of a clock of the core."""
 OWN_CLOCK_S: Final = 0.5
-"""A first message that is no older by a clock of the core was stamped by that clock."""
+"""Maximum age of a first message by a clock of the core, for it to be stamped by that clock."""
 SAME_CLOCK_S: Final = 1.0
-"""Publishers whose offsets differ by less share a clock."""
+"""Maximum difference of the offsets of publishers that share a clock."""
 OTHER_CLOCK_S: Final = 86_400.0
-"""A stamp that is further off is of a clock that nobody here knows."""
+"""Maximum offset of a stamp; beyond it the clock is unknown."""
 DRIFT_RATIO: Final = 1e-3
-"""By how much a publisher's clock may lose on the core's."""
+"""Maximum drift of a publisher's clock behind the core's."""
 
 
 class StampClock:
-    """Puts stamps of all sources on the core's time.
+    """Converts stamps of all sources to the core's time.
 
-    Sources of one clock share one offset, so that what takes longer to arrive is not taken for
-    newer.
+    Sources of one clock share one offset, so that a longer latency does not look like a newer
+    measurement.
     """
 
     def __init__(self) -> None:
@@ -36,12 +36,12 @@ class StampClock:
         self._last: dict[type, tuple[float, float]] = {}
 
     def time_s(self, source: type, stamp_s: float, now_s: float, utc_s: float) -> float:
-        """Return when something was measured, on the core's time.
+        """Return the measurement time, on the core's time.
 
         Args:
             source: the kind of fact.
             stamp_s: on the clock of its publisher.
-            now_s: when it arrived.
+            now_s: time of arrival.
             utc_s: the same, in UTC.
         """
         offset_s = now_s - stamp_s
@@ -59,12 +59,12 @@ class StampClock:
         return stamp_s + shared_s
 
     def seen_s(self, like: type, stamp_s: float, now_s: float, utc_s: float) -> float | None:
-        """Return when something was measured that comes seldom; None where its clock is unknown.
+        """Return the measurement time of a sparse source; None if its clock is unknown.
 
         Args:
             like: the source whose clock may have stamped it, if it was not UTC.
             stamp_s: on the clock of its publisher.
-            now_s: when it arrived.
+            now_s: time of arrival.
             utc_s: the same, in UTC.
         """
         ages_s = (now_s - stamp_s - self._offsets_s.get(like, 0.0), utc_s - stamp_s)
@@ -72,10 +72,10 @@ class StampClock:
 
 
 class Channel:
-    """Running sums of one source over time, on a grid, interpolated in between.
+    """Running sums of one source over time, on a grid, with linear interpolation.
 
     Attributes:
-        time_s: of the newest; before the first it is minus infinity.
+        time_s: of the newest sums; minus infinity before the first.
         sums: the newest.
     """
 
@@ -86,7 +86,7 @@ class Channel:
         self.sums: Sequence[float] = (0.0,) * width
 
     def add(self, time_s: float, sums: Sequence[float]) -> None:
-        """Take the sums up to a time; what is not newer is left out."""
+        """Add the sums at a time; a time that is not newer is ignored."""
         if time_s <= self.time_s:
             return
         last, since_s = floor(time_s / GRID_S), time_s - self.time_s
@@ -103,7 +103,7 @@ class Channel:
 
     @property
     def first_s(self) -> float:
-        """From when on the sums are known."""
+        """The earliest time at which the sums are known."""
         return max(self._first, self._filled - SLOTS + 2) * GRID_S
 
     def covers(self, time_s: float) -> bool:
@@ -124,7 +124,7 @@ class Channel:
         return [old + part * (new - old) for old, new in zip(low, high, strict=True)]
 
     def between(self, from_s: float, to_s: float) -> list[float] | None:
-        """Return what was added between two times; None where that is not known."""
+        """Return the increase between two times; None if it is unknown."""
         if not (self.covers(from_s) and self.covers(to_s)):
             return None
         return [new - old for old, new in zip(self.at(from_s), self.at(to_s), strict=True)]

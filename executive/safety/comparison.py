@@ -1,4 +1,4 @@
-"""Evidence of sources that disagree, in words and in figures."""
+"""Evidence that sources disagree, as text and figures."""
 
 from collections.abc import Mapping
 from math import inf
@@ -10,17 +10,17 @@ from executive.safety.history import MotionHistory
 from executive.values.reasons import Figure
 
 FIRST_HEARD_S: Final = 10.0
-"""After the start, in which nodes find each other: so long a sensor may be unheard."""
+"""Grace period after the start, for the discovery of nodes: no message is required yet."""
 
 
 def compared(what: str, figures: tuple[Figure, ...], bound: float, window_s: float) -> Evidence:
-    """Return evidence of what sources say of a window.
+    """Return evidence of a disagreement over a window.
 
     Args:
-        what: is wrong, for people.
-        figures: what each source says, of one unit.
+        what: the disagreement, for display.
+        figures: the value of each source, in one unit.
         bound: of the difference, in that unit.
-        window_s: how long the window is.
+        window_s: length of the window.
     """
     said = ", ".join(f"{each.name} {each.value:.2f} {each.unit}" for each in figures)
     limits = Figure("bound", bound, figures[-1].unit), Figure("window", window_s, "s")
@@ -30,13 +30,13 @@ def compared(what: str, figures: tuple[Figure, ...], bound: float, window_s: flo
 def speeds(
     history: MotionHistory, window_s: float, to_s: float, ways_m: Mapping[str, float]
 ) -> tuple[Figure, ...]:
-    """Return the mean speed that was commanded, and those that sources tell, as figures.
+    """Return the commanded mean speed and those by sources, as figures.
 
     Args:
-        history: has what was commanded.
-        window_s: the window.
+        history: has the commands.
+        window_s: length of the window.
         to_s: its end.
-        ways_m: in the window, by who tells of them.
+        ways_m: distance in the window by source.
     """
     wanted = history.commanded_in(window_s, to_s)
     known_m = ways_m if wanted is None else {"commanded": wanted.way_m, **ways_m}
@@ -46,13 +46,13 @@ def speeds(
 def turns(
     history: MotionHistory, window_s: float, to_s: float, turned_rad: Mapping[str, float]
 ) -> tuple[Figure, ...]:
-    """Return the turn that was commanded, and those that sources tell, as figures.
+    """Return the commanded turn and those by sources, as figures.
 
     Args:
-        history: has what was commanded.
-        window_s: the window.
+        history: has the commands.
+        window_s: length of the window.
         to_s: its end.
-        turned_rad: in the window, by who tells of them.
+        turned_rad: turn in the window by source.
     """
     wanted = history.commanded_in(window_s, to_s)
     known = turned_rad if wanted is None else {"commanded": wanted.turn_rad, **turned_rad}
@@ -62,14 +62,14 @@ def turns(
 def silent(
     history: MotionHistory, who: str, what: str, last_s: float, window: Window, now_s: float
 ) -> Evidence | None:
-    """Return evidence that a source tells nothing, if so.
+    """Return evidence that no recent message of a source was received, or None.
 
     Args:
-        history: has when it began.
-        who: the source, for people.
-        what: is not monitored then, with its verb.
-        last_s: when what it told last was measured; minus infinity if it never told anything.
-        window: with the greatest age.
+        history: has the time of the start.
+        who: the source, for display.
+        what: the quantity that is not monitored then, with its verb.
+        last_s: time of the last measurement; minus infinity before the first.
+        window: with the maximum age.
         now_s: the time.
     """
     unheard = last_s == -inf
@@ -78,5 +78,5 @@ def silent(
         return None
     figures = Figure("age", age_s, "s"), Figure("bound", window.bound, "s")
     if unheard:
-        return Evidence(f"{who} has told nothing yet: {what} not monitored", figures)
-    return Evidence(f"{who} tells nothing for {age_s:.1f} s: {what} not monitored", figures)
+        return Evidence(f"no {who} message yet: {what} not monitored", figures)
+    return Evidence(f"no {who} message for {age_s:.1f} s: {what} not monitored", figures)

@@ -1,4 +1,4 @@
-"""What an asset cannot monitor, for want of a sensor, or because its file says so."""
+"""Faults that an asset cannot monitor, without the sensor or by its settings."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -10,12 +10,12 @@ from executive.settings import LocomotionKind, Settings
 
 @dataclass(frozen=True, slots=True)
 class Unmonitored:
-    """Something that is not monitored.
+    """A quantity that is not monitored.
 
     Attributes:
-        what: for people, without a verb.
-        why: the sensor that is missing, or who decided so.
-        faults: the faults of the table that cannot begin for it.
+        what: its name, for display, without a verb.
+        why: the missing sensor or the setting.
+        faults: the faults of the table that cannot begin.
     """
 
     what: str
@@ -28,7 +28,7 @@ class Unmonitored:
 
 _BY_JOINTS_AND_IMU = ("wheels_off_gyro", "wheels_slip", "blocked")
 NO_JOINTS = Unmonitored(
-    "what the wheels do",
+    "wheel motion",
     "no wheel sensors",
     (
         *("wheels_off_command", "wheels_off_command_slowly", "wheels_unpowered"),
@@ -47,9 +47,9 @@ NO_SECOND_ODOMETRY = Unmonitored(
     ("slips", "turn_slips", "slides"),
 )
 NO_LASER = Unmonitored(
-    "what stands in the way", "no laser", ("obstacle_ahead", "obstacle_near", "laser_blind")
+    "the path ahead", "no laser", ("obstacle_ahead", "obstacle_near", "laser_blind")
 )
-NO_MASS = Unmonitored("pushing against something", "mass_kg is not given", ("blocked",))
+NO_MASS = Unmonitored("pushing against an obstacle", "mass_kg is not given", ("blocked",))
 NO_LEAN = Unmonitored(
     "wheel spin and tilt by the IMU",
     "it measures no orientation",
@@ -61,7 +61,7 @@ NO_TORQUES = Unmonitored(
 NO_VOLTAGE = Unmonitored("the battery", "no voltage received", ("battery_low", "battery_silent"))
 NO_CHARGE = Unmonitored("charge for the way home", "the battery reports no charge", ())
 WHOLE_MOTION = Unmonitored(
-    "motion that nobody commanded",
+    "uncommanded motion",
     "another link may command it without the executive",
     ("drives_uncommanded", "turns_uncommanded"),
 )
@@ -70,18 +70,18 @@ WHOLE_MOTION = Unmonitored(
 def unmonitored(
     settings: Settings, history: MotionHistory | None = None
 ) -> tuple[Unmonitored, ...]:
-    """Return what is not monitored on an asset, missing sensors first.
+    """Return the quantities that an asset does not monitor, missing sensors first.
 
     Args:
         settings: of the asset.
-        history: where it runs, to add what its sensors do not measure.
+        history: if given, adds the quantities that its sensors do not measure.
     """
     found = tuple(_unmonitored(settings))
     return found if history is None else (*found, *_unmeasured(settings, history))
 
 
 def summary(gaps: Iterable[Unmonitored]) -> str:
-    """Return in one line what is not monitored, what has the same cause together."""
+    """Return the unmonitored quantities in one line, grouped by cause."""
     by_why: dict[str, list[str]] = {}
     for each in gaps:
         by_why.setdefault(each.why, []).append(each.what)
@@ -119,4 +119,4 @@ def _unmonitored(settings: Settings) -> Iterator[Unmonitored]:
         yield WHOLE_MOTION
     for declared, row in settings.faults:
         if row.then is Reaction.IGNORE:
-            yield Unmonitored(declared.name, "its row says ignore", (declared.name,))
+            yield Unmonitored(declared.name, "its reaction is ignore", (declared.name,))

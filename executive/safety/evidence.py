@@ -1,4 +1,4 @@
-"""What monitors return, and how they are declared."""
+"""Result and signature of a fault monitor."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ from executive.values.reasons import Figure
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What shows a fault: one sentence, and the figures behind it with their bound."""
+    """Evidence of a fault: one sentence, and its figures with their bound."""
 
     text: str
     figures: tuple[Figure, ...] = ()
 
 
 Monitor = Callable[[MotionHistory, Window, float], Evidence | None]
-"""Looks at the history with the figures of a window, at a time; None where it shows no fault."""
+"""Checks the history against a window of a fault, at a time; None without evidence."""

@@ -1,7 +1,7 @@
-"""The last seconds of what was commanded and sensed, on one time base.
+"""Motion history: the last seconds of commands and sensor data, on one time base.
 
-Facts are placed by their stamps. Each source has a channel of running sums, from which what
-happened between any two times is two look-ups.
+Facts are ordered by their stamps. Each source has a channel of running sums; the motion between any
+two times is the difference of two look-ups.
 """
 
 from collections import deque
@@ -43,21 +43,21 @@ from executive.values.facts import (
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 
 STALL_S: Final = 0.25
-"""A base that is commanded more seldom may have stopped by itself in between."""
+"""Maximum interval of commands; the base's own timeout may have stopped it in a longer one."""
 SEEN_S: Final = 0.4
-"""Shortest window in which a second odometry shows the rover standing."""
+"""Minimum window in which a second odometry shows standstill."""
 
 
 class OdometryWindow(NamedTuple):
-    """What the odometry says of a window; what was commanded has the first four figures.
+    """The motion by odometry in a window; commanded motion has the first four figures.
 
     Attributes:
-        way_m, turn_rad: by its velocities.
+        way_m, turn_rad: integrals of its velocity.
         driven_m, turned_rad: the same without signs.
-        ahead_m, left_m, heading_rad: by how much its pose moved beyond its velocities.
+        ahead_m, left_m, heading_rad: pose change minus the integrals of the velocity.
         pose_m: length of the path of its pose.
         pose_ahead_m: the same along its heading, signed.
-        pose_rad: by how much its heading changed.
+        pose_rad: change of its heading.
     """
 
     way_m: float
@@ -73,7 +73,7 @@ class OdometryWindow(NamedTuple):
 
 
 class CommandedRange(NamedTuple):
-    """The least and the greatest velocities that were commanded in a window."""
+    """Minimum and maximum of the velocities commanded in a window."""
 
     travel_low_mps: float
     travel_high_mps: float
@@ -83,10 +83,10 @@ class CommandedRange(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PoseJump:
-    """A step of the odometry that no motion of the rover explains, beside what it may be.
+    """A step of the odometry pose beyond the bound for the speed of the rover.
 
     Attributes:
-        at_s: when it arrived.
+        at_s: time of arrival.
     """
 
     at_s: float
@@ -97,34 +97,34 @@ class PoseJump:
 
 
 class MotionHistory:
-    """What was commanded and sensed.
+    """The recent commands and sensor data.
 
     Attributes:
-        odometry: the newest that is finite, and `odometry_time_s`, when it was measured.
-        odometry_late_s: how old it was when it came first.
+        odometry: the newest finite one, and `odometry_time_s`, when it was measured.
+        odometry_late_s: its age at its first arrival.
         moved: the channel of the odometry, by its stamps.
-        arrivals: how many messages of odometry came, and the sum of their ages, by arrival.
-        commands: the channel of what was commanded.
-        standing_since_s: since when nothing but to stand is commanded; infinite while it is not.
-            At first since now: an executive before this one may have left the rover moving.
-        motion_since_s: when the motion under way began; infinite where none is.
-        unchanged_since_s: since when the odometry is the same to the last bit.
-        frame_time_s: when the newest camera frame was taken; None where its clock is not known.
-        others: who else may move the rover.
+        arrivals: number of odometry messages and the sum of their ages, by arrival.
+        commands: the channel of the commands.
+        standing_since_s: since when zero velocity is commanded; infinite while it is not. Begins
+            at the start: an earlier executive may have left the rover moving.
+        motion_since_s: start of the motion in execution; infinite without one.
+        unchanged_since_s: since when the odometry is identical to the last bit.
+        frame_time_s: exposure time of the newest camera frame; None if its clock is unknown.
+        others: other publishers that may move the rover.
         other_drivers: publishers whose velocities were received.
         lower_may_drive: whether inputs below the executive's may drive the rover while it is idle.
-        begun_s: no window reaches back beyond this time.
-        jump: the last step of the odometry that nothing explains.
-        battery: the newest voltage that can be, and `battery_at_s`, when it came.
-        invalid_v: one that came since and cannot be.
-        charge_ratio: the newest charge, where one is reported.
-        wheels, inertia, second: of the sensors that the asset has; None of those that it has not.
-        over_ground: the velocity by the inertial sensors; None where there are none.
-        mass_kg: of the asset, where that is known.
-        pose: where the rover is taken to be, in the frame of commands.
-        surroundings: what stands around it; None where nothing is watched for.
-        start_s: when this began.
-        rejections: which sources send data that cannot be used.
+        begun_s: start of the evidence; no window extends before it.
+        jump: the last pose jump of the odometry.
+        battery: the newest valid voltage, and `battery_at_s`, when it arrived.
+        invalid_v: a later voltage that is invalid.
+        charge_ratio: the newest charge, if one is reported.
+        wheels, inertia, second: of the sensors that the asset has; else None.
+        over_ground: the velocity by the inertial sensors; None without them.
+        mass_kg: of the asset, if known.
+        pose: estimated pose of the rover, in the frame of commands.
+        surroundings: the obstacles around it; None if they are not monitored.
+        start_s: time of the start.
+        rejections: the sources whose data are rejected.
     """
 
     def __init__(
@@ -175,7 +175,7 @@ class MotionHistory:
         self.charge_ratio: float | None = None
 
     def observe(self, fact: Fact) -> None:
-        """Take in a fact."""
+        """Add a fact."""
         now_s = self._clock.now_s()
         match fact:
             case Odometry():
@@ -224,16 +224,16 @@ class MotionHistory:
 
     @property
     def inputs(self) -> tuple[OtherInput, ...]:
-        """The inputs that they use."""
+        """The mux inputs of these publishers."""
         return tuple(each.input for each in self.drivers)
 
     def command(self, velocity: Velocity, at_least: Velocity | None = None) -> None:
-        """Note what is commanded from now on; after a stall it is not known what came before.
+        """Record the commanded velocity. After a gap longer than `STALL_S` the history restarts.
 
         Args:
-            velocity: of the rover; to stand where it should.
-            at_least: where the rover gains or loses the velocity by itself, the other end of what
-                it may have.
+            velocity: of the rover; zero for standstill.
+            at_least: while the rover accelerates or brakes on its own, the other bound of its
+                expected velocity.
         """
         now_s = self._clock.now_s()
         if now_s - self.commands.time_s > STALL_S:
@@ -256,15 +256,15 @@ class MotionHistory:
 
     @property
     def driven(self) -> tuple[float, float]:
-        """The way and the turn that odometry has shown since it first came, signed."""
+        """The signed distance and turn by odometry since its first message."""
         moved = OdometryWindow(*self.moved.sums)
         return moved.pose_ahead_m, moved.pose_rad
 
     @property
     def fastest(self) -> Velocity:
-        """What is commanded or what odometry says, whichever is faster; none, once to stand is.
+        """The commanded or the measured velocity, if that is higher; zero once zero is commanded.
 
-        Where the rover gains or loses its velocity by itself, what odometry says.
+        While the rover accelerates or brakes on its own, the measured one.
         """
         _, at_least, commanded = self._velocities[-1]
         if commanded == STANDING or self.odometry is None:
@@ -278,42 +278,42 @@ class MotionHistory:
         )
 
     def accept(self) -> None:
-        """Take what odometry says now as good, and look at nothing that was before."""
+        """Accept the present odometry as the new reference and discard earlier evidence."""
         self.jump = None
         self.begun_s = self._clock.now_s()
 
     @property
     def commanding(self) -> bool:
-        """Whether another velocity than to stand is commanded."""
+        """Whether a velocity other than zero is commanded."""
         return self.standing_since_s == inf
 
     @property
     def waiting(self) -> bool:
-        """Whether a motion is under way that has not moved the rover yet."""
+        """Whether a motion in execution has not moved the rover yet."""
         return self.standing_since_s <= self.motion_since_s < inf
 
     def window(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
-        """Return what a channel added in the seconds before a time; None where it is not known."""
+        """Return the increase of a channel in the seconds before a time; None if it is unknown."""
         from_s = to_s - window_s
         return None if from_s < self.begun_s else channel.between(from_s, to_s)
 
     def lately(self, channel: Channel, window_s: float, to_s: float) -> list[float] | None:
-        """Return the same of as much of the seconds before a time as is known."""
+        """Return the same for the known part of the seconds before a time."""
         from_s = max(to_s - window_s, self.begun_s, channel.first_s)
         return None if from_s >= to_s else channel.between(from_s, to_s)
 
     def moved_in(self, window_s: float, to_s: float) -> OdometryWindow | None:
-        """Return what the odometry says of the seconds before a time."""
+        """Return the motion by odometry in the seconds before a time."""
         sums = self.window(self.moved, window_s, to_s)
         return None if sums is None else OdometryWindow(*sums)
 
     def commanded_in(self, window_s: float, to_s: float) -> OdometryWindow | None:
-        """Return which way and turn were commanded in the seconds before a time."""
+        """Return the commanded distance and turn in the seconds before a time."""
         sums = self.window(self.commands, window_s, min(to_s, self.commands.time_s))
         return None if sums is None else OdometryWindow(*sums)
 
     def commands_in(self, window_s: float, to_s: float) -> CommandedRange:
-        """Return between which velocities the commands were, in the seconds before a time."""
+        """Return the range of the commands in force in the seconds before a time."""
         found: list[Velocity] = []
         for since_s, at_least, velocity in reversed(self._velocities):
             if since_s < to_s:
@@ -325,14 +325,14 @@ class MotionHistory:
         return CommandedRange(min(travel), max(travel), min(rotate), max(rotate))
 
     def wheels_in(self, window_s: float, to_s: float) -> WheelSums | None:
-        """Return what the wheels turned in the seconds before a time."""
+        """Return the distances and torques of the wheels in the seconds before a time."""
         if self.wheels is None:
             return None
         sums = self.window(self.wheels.sums, window_s, to_s)
         return None if sums is None else WheelSums(*sums)
 
     def inertia_in(self, window_s: float, to_s: float) -> InertialSums | None:
-        """Return what the inertial sensors felt in the seconds before a time, less their bias."""
+        """Return the inertial measurements in the seconds before a time, minus their bias."""
         if self.inertia is None:
             return None
         sums = self.window(self.inertia.sums, window_s, to_s)
@@ -343,13 +343,13 @@ class MotionHistory:
 
     @property
     def _travel_mps(self) -> float:
-        """How fast the rover goes ahead, by its wheels, or by its odometry."""
+        """The speed ahead, by wheels if present, else by odometry."""
         if self.wheels is not None:
             return self.wheels.travel_mps
         return 0.0 if self.odometry is None else self.odometry.velocity.travel_mps
 
     def _resting(self, time_s: float) -> bool:
-        """Whether nothing but to stand is commanded, and the wheels stand, for a while."""
+        """Whether zero velocity is commanded and the wheels are stationary, for `REST_S`."""
         if self.standing_since_s > time_s - REST_S:
             return False
         if self.wheels is None:
@@ -426,7 +426,7 @@ class MotionHistory:
             self.jump = self._unexplained(before, after, since_s) or self.jump
 
     def _unexplained(self, before: Odometry, after: Odometry, since_s: float) -> PoseJump | None:
-        """Return the step between two messages, if it is longer than their speeds explain."""
+        """Return the step between two messages, if it exceeds the bound for their speeds."""
         first, second = before.velocity, after.velocity
         found = PoseJump(
             self._clock.now_s(),
@@ -442,12 +442,12 @@ class MotionHistory:
 
 
 def _beyond(step: float, one: float, other: float) -> float:
-    """Return what a step is beyond all between two, since a velocity changes between messages."""
+    """Return the excess of a step over the range of two: velocity changes between messages."""
     return step - max(min(step, max(one, other)), min(one, other))
 
 
 def step_between(before: Pose, after: Pose) -> tuple[float, float, float]:
-    """Return how far a pose moved ahead, to the left, and turned, seen along the mean heading."""
+    """Return the displacement ahead and to the left, along the mean heading, and the turn."""
     turned_rad = wrap_rad(after.heading_rad - before.heading_rad)
     along_rad = before.heading_rad + turned_rad / 2
     dx_m, dy_m = after.x_m - before.x_m, after.y_m - before.y_m

@@ -1,6 +1,6 @@
-"""Monitors by inertial sensors: turns and speeds that nobody feels, a hold on the rover, tilt.
+"""Monitors by inertial sensors: false turns and speeds, blocked wheels, tilt.
 
-A gyro that the odometry shares is checked by the wheels alone, and by a second odometry.
+A gyro shared with the odometry is checked only by the wheels and by a second odometry.
 """
 
 from math import copysign
@@ -13,16 +13,16 @@ from executive.safety.history import MotionHistory
 from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.06
-"""Over which speeds of the wheels at both ends of a window are taken."""
+"""Averaging time of the wheel speeds at both ends of a window."""
 ROLLING_NM_PER_RADPS: Final = 0.02
-"""Torque that turning a wheel takes by itself."""
+"""Rolling resistance of a wheel: torque per wheel rate."""
 
 UNLEVELLED: Final = 0.1
-"""Share of a turn that a gyro misses whose lean is not known: 1 - cos 25 deg."""
+"""Share of a turn that a gyro misses if its tilt is unknown: 1 - cos 25 deg."""
 
 
 def odometry_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See odometry that tells of another turn than the gyro felt, by its rate or its heading."""
+    """Detect odometry whose twist or heading disagrees with the turn by the gyro."""
     inertia = history.inertia
     if inertia is None or not inertia.fresh(now_s):
         return None
@@ -42,7 +42,7 @@ def odometry_off_gyro(history: MotionHistory, window: Window, now_s: float) -> E
 
 
 def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See wheels that turn the rover, and a gyro that feels another turn."""
+    """Detect wheels whose turn of the rover disagrees with the gyro."""
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not (wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None
@@ -59,7 +59,7 @@ def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evi
 
 
 def wheels_slip(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See wheels that gain or lose a speed that the rover does not feel; its lean must be known."""
+    """Detect a speed change of the wheels that the IMU does not measure; requires its tilt."""
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not inertia.leans:
         return None
@@ -82,10 +82,10 @@ def wheels_slip(history: MotionHistory, window: Window, now_s: float) -> Evidenc
 
 
 def blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See motors that push with a force that does not move the rover.
+    """Detect a motor force without the acceleration of the rover that it should cause.
 
-    A load that is not known, and what accelerates the motors themselves, add to the force in the
-    same direction as what is felt: that is what the ratio of the window is for.
+    An unknown load and the inertia of the motors add to the force in the direction of the measured
+    one. The ratio of the window allows for that.
     """
     wheels, inertia, mass_kg = history.wheels, history.inertia, history.mass_kg
     if wheels is None or inertia is None or mass_kg is None:
@@ -104,24 +104,24 @@ def blocked(history: MotionHistory, window: Window, now_s: float) -> Evidence | 
     if abs(pushed_n - felt_n) <= bound_n:
         return None
     figures = Figure("force of the wheels", pushed_n, "N"), Figure("felt", felt_n, "N")
-    return compared("something holds the rover", figures, bound_n, window_s)
+    return compared("the rover is blocked", figures, bound_n, window_s)
 
 
 def tilted_by_imu(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the rover leans, by its inertial sensors."""
+    """Detect an excessive tilt, by the inertial sensors."""
     inertia = history.inertia
     if inertia is None or inertia.newest is None or not inertia.fresh(now_s):
         return None
     tilt_rad = max(abs(inertia.newest.roll_rad), abs(inertia.newest.pitch_rad))
-    if not tilt_rad > window.bound:  # nor where it is not measured
+    if not tilt_rad > window.bound:  # also false if it is not measured
         return None
     figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
     return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)
 
 
 def imu_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the inertial sensors no longer tell anything."""
+    """Detect that the inertial sensors no longer report."""
     inertia = history.inertia
     if inertia is None:
         return None
-    return silent(history, "the inertial sensor", "slip is", inertia.sums.time_s, window, now_s)
+    return silent(history, "IMU", "slip is", inertia.sums.time_s, window, now_s)

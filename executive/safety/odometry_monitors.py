@@ -1,7 +1,7 @@
-"""Monitors that need odometry, and what was commanded.
+"""Monitors of odometry and commands.
 
-Windows end with the newest odometry, at its stamp: what comes late says nothing wrong. What was
-commanded is taken as all velocities that were in force in the window, since a base needs time.
+Windows end with the newest odometry, at its stamp, so that latency is no evidence. It is compared
+with all velocities in force in the window, since a base needs time to respond.
 """
 
 from collections.abc import Callable
@@ -14,27 +14,27 @@ from executive.safety.history import MotionHistory, OdometryWindow, PoseJump
 from executive.values.reasons import Figure
 
 SHOWN_S: Final = 0.1
-"""For which a single message is evidence."""
+"""Time for which a single message is evidence."""
 REACTION_S: Final = 0.06
-"""By which a base moves later than it is commanded to."""
+"""Latency of a base from a command to its motion."""
 PATIENCE_S: Final = 2.0
-"""So much older odometry may be before a motion moves the rover, which waits for it."""
+"""Additional age of odometry that is allowed before a motion starts, as that waits for it."""
 SIDE_SLIP_M: Final = 0.15
-"""How far base_link skids sideways for each radian of a turn, at most: the twist has none of it."""
+"""Maximum side slip of base_link per radian turned, not in the twist. Chosen, not measured."""
 SETTLE_S: Final = 1.4
-"""In which a base that was commanded to stand has come to rest."""
+"""Time in which a base with zero velocity commanded has stopped."""
 LEAST_MPS, LEAST_RADPS = 0.05, 0.1
-"""Commands that any base follows."""
+"""Minimum command that any base follows."""
 
 
 def jumped(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
-    """See a step of the pose that is longer than the speed explains."""
+    """Detect a step of the pose that exceeds the speed."""
     jump = history.jump
     return _told(jump) if _recent(jump, now_s) and jump.step_m > jump.bound_m else None
 
 
 def turned(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
-    """See a turn in one step of the pose that is greater than the rate explains."""
+    """Detect a turn in one step of the pose that exceeds the yaw rate."""
     jump = history.jump
     return _told(jump) if _recent(jump, now_s) and jump.step_m <= jump.bound_m else None
 
@@ -56,40 +56,40 @@ def _told(jump: PoseJump) -> Evidence:
 
 
 def not_finite(history: MotionHistory, _: Window, now_s: float) -> Evidence | None:
-    """See odometry with figures that are no numbers."""
+    """Detect odometry with figures that are not finite."""
     if now_s - history.not_finite_at_s > SHOWN_S:
         return None
-    return Evidence("odometry has figures that are not finite")
+    return Evidence("odometry has values that are not finite")
 
 
 def stale(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the newest odometry was measured too long ago to move by."""
+    """Detect that the newest odometry is too old to move."""
     age_s = now_s - min(history.odometry_time_s, history.odometry_at_s)
     return _old("odometry is", age_s, history, window)
 
 
 def behind(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the newest odometry is older than what all other fast sensors have told.
+    """Detect that the newest odometry is older than the data of all other fast sensors.
 
-    What delays all of them alike, such as a busy computer, does not count.
+    A delay of all of them, as on a busy computer, does not count.
     """
     others = [each.sums.time_s for each in (history.wheels, history.inertia) if each is not None]
     if history.odometry is None or not others:
         return None
     behind_s = min(others) - history.odometry_time_s
-    return _old("beside other sensors odometry is", behind_s, history, window)
+    return _old("relative to other sensors odometry is", behind_s, history, window)
 
 
 def late(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that odometry comes so late that the rover cannot be steered by it."""
+    """Detect odometry that arrives too late for control."""
     age_s = history.odometry_late_s
     if age_s <= window.bound or now_s - history.odometry_at_s > window.bound:
         return None
-    return _told_age("odometry comes late: it is", age_s, window.bound)
+    return _told_age("odometry arrives late: it is", age_s, window.bound)
 
 
 def silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that there is no odometry any more."""
+    """Detect that odometry is no longer received."""
     if history.odometry is None:
         return None
     age_s = now_s - history.odometry_at_s
@@ -99,7 +99,7 @@ def silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | N
 
 
 def _old(what: str, age_s: float, history: MotionHistory, window: Window) -> Evidence | None:
-    """Return evidence of odometry that is too old to move by, or to wait for any longer."""
+    """Return evidence of odometry that is too old to move, or to wait for any longer."""
     bound_s = window.bound + (PATIENCE_S if history.waiting else 0.0)
     return _told_age(what, age_s, bound_s) if age_s > bound_s else None
 
@@ -110,17 +110,17 @@ def _told_age(what: str, age_s: float, bound_s: float) -> Evidence:
 
 
 def slow(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that odometry comes too seldom to steer by."""
+    """Detect an odometry rate that is too low for control."""
     came = history.window(history.arrivals, window.length_s, history.odometry_at_s)
     if came is None or came[0] / window.length_s >= window.bound:
         return None
     rate_hz = came[0] / window.length_s
     figures = Figure("rate", rate_hz, "Hz"), Figure("bound", window.bound, "Hz")
-    return Evidence(f"odometry comes {rate_hz:.1f} times a second", figures)
+    return Evidence(f"odometry arrives {rate_hz:.1f} times a second", figures)
 
 
 def frozen(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that odometry does not change at all though the rover is commanded to move."""
+    """Detect odometry that does not change although motion is commanded."""
     unchanged_s = now_s - history.unchanged_since_s
     wanted = history.commands_in(window.length_s, now_s)
     moves = not wanted.travel_low_mps < LEAST_MPS or not wanted.travel_high_mps > -LEAST_MPS
@@ -129,13 +129,13 @@ def frozen(history: MotionHistory, window: Window, now_s: float) -> Evidence | N
     if unchanged_s < window.length_s or old or not (moves or turns):
         return None
     return Evidence(
-        f"odometry has been the same for {unchanged_s:.2f} s",
+        f"odometry is unchanged for {unchanged_s:.2f} s",
         (Figure("unchanged", unchanged_s, "s"), Figure("bound", window.length_s, "s")),
     )
 
 
 def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the pose goes elsewhere than its own velocity says."""
+    """Detect a pose that disagrees with the integral of its twist."""
     moved = _moved(history, window)
     if moved is None:
         return None
@@ -145,7 +145,7 @@ def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | No
     if off_m <= bound_m:
         return None
     return Evidence(
-        f"the pose of the odometry and its velocity are {off_m:.2f} m apart",
+        f"odometry pose and twist disagree by {off_m:.2f} m",
         (
             Figure("by velocity", moved.way_m, "m"),
             Figure("apart", off_m, "m"),
@@ -155,12 +155,12 @@ def off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | No
 
 
 def heading_off_twist(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the heading turns otherwise than its own rate says."""
+    """Detect a heading that disagrees with the integral of its yaw rate."""
     moved = _moved(history, window)
     if moved is None or abs(moved.heading_rad) <= window.allowed(moved.turned_rad):
         return None
     return Evidence(
-        f"the heading of the odometry and its rate are {abs(moved.heading_rad):.2f} rad apart",
+        f"odometry heading and yaw rate disagree by {abs(moved.heading_rad):.2f} rad",
         (
             Figure("by rate", moved.turn_rad, "rad"),
             Figure("by heading", moved.pose_rad, "rad"),
@@ -175,7 +175,7 @@ def _moved(history: MotionHistory, window: Window) -> OdometryWindow | None:
 
 
 def off_command(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See a speed that is outside of all that was commanded lately."""
+    """Detect a speed outside of the range of recent commands."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
     wanted = history.commands_in(window.length_s, history.odometry_time_s)
@@ -184,7 +184,7 @@ def off_command(history: MotionHistory, window: Window, now_s: float) -> Evidenc
 
 
 def turn_off_command(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See a rate of turn that is outside of all that was commanded lately."""
+    """Detect a yaw rate outside of the range of recent commands."""
     if history.odometry is None or now_s - history.odometry_time_s > SETTLE_S:
         return None
     wanted = history.commands_in(window.length_s, history.odometry_time_s)
@@ -196,7 +196,7 @@ def turn_off_command(history: MotionHistory, window: Window, now_s: float) -> Ev
 def _outside(
     window: Window, low: float, high: float, measured: float, verb: str, unit: str
 ) -> Evidence | None:
-    """Return evidence of what is measured outside of what was commanded, low to high, if it is."""
+    """Return evidence of a measurement outside of the commanded range, or None."""
     bound = max(window.bound, (window.ratio or 0.0) * max(abs(low), abs(high)))
     nearest = min(max(measured, low), high)
     if abs(measured - nearest) <= bound:
@@ -213,10 +213,10 @@ def _outside(
 
 
 def steady_off_command(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See another mean speed than the one that was commanded all the time.
+    """Detect a mean speed that differs from a constant command.
 
-    Both the pose and the speeds must show it: a pose that comes late is put too late, and speeds of
-    a rover that counts its wheels are coarse.
+    Both the pose and the speeds must show it: a delayed pose lags, and speeds by wheel encoders are
+    coarse.
     """
     to_s = history.odometry_time_s
     moved = history.moved_in(window.length_s, to_s)
@@ -230,12 +230,12 @@ def steady_off_command(history: MotionHistory, window: Window, _: float) -> Evid
     if abs(way_m - wanted_m) <= bound_m:
         return None
     figures = speeds(history, window.length_s, to_s, {"odometry": way_m})
-    what = "the rover does not go as fast as commanded"
+    what = "the rover does not drive as fast as commanded"
     return compared(what, figures, bound_m / window.length_s, window.length_s)
 
 
 def steady_turn_off_command(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See another mean rate of turn than the one that was commanded all the time, likewise."""
+    """Detect a mean yaw rate that differs from a constant command, likewise."""
     to_s = history.odometry_time_s
     moved = history.moved_in(window.length_s, to_s)
     wanted = history.commands_in(window.length_s, to_s)
@@ -257,7 +257,7 @@ def _nearer(wanted: float, one: float, other: float) -> float:
 
 
 def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the rover has turned more or less than it was commanded to."""
+    """Detect a turn larger or smaller than commanded."""
     to_s = history.odometry_time_s
     moved = history.moved_in(window.length_s, to_s)
     wanted = history.commanded_in(window.length_s, to_s - REACTION_S)
@@ -278,21 +278,21 @@ def turn_amiss(history: MotionHistory, window: Window, _: float) -> Evidence | N
 
 
 def drives_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the rover drives though it should stand."""
+    """Detect driving while zero velocity is commanded."""
     return _uncommanded(history, window, lambda moved: moved.pose_m, "drives at {:.2f} m/s")
 
 
 def turns_uncommanded(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that the rover turns though it should stand."""
+    """Detect turning while zero velocity is commanded."""
     return _uncommanded(history, window, lambda moved: moved.pose_rad, "turns at {:.3f} rad/s")
 
 
 def _uncommanded(
     history: MotionHistory, window: Window, amount: Callable[[OdometryWindow], float], what: str
 ) -> Evidence | None:
-    """Return evidence of motion in a window in which the rover should have stood.
+    """Return evidence of motion in a window of commanded standstill.
 
-    A publisher that exists and sends nothing explains no motion: what is sent is an `OtherInput`.
+    A publisher that sends nothing explains no motion: sent velocities are `OtherInput` facts.
     """
     to_s = history.odometry_time_s
     rests = to_s - window.length_s >= history.standing_since_s + SETTLE_S
@@ -301,14 +301,14 @@ def _uncommanded(
     if rate <= window.bound:
         return None
     names = ", ".join((*map(str, history.inputs), *history.others))
-    by = f" (publishers of velocities: {names})" if names else ""
+    by = f" (velocity publishers: {names})" if names else ""
     unit = what.rpartition(" ")[2]
     figures = Figure("odometry", rate, unit), Figure("bound", window.bound, unit)
-    return Evidence(f"the rover should stand, and {what.format(rate)}{by}", figures)
+    return Evidence(f"the rover {what.format(rate)} without a command{by}", figures)
 
 
 def no_progress(history: MotionHistory, window: Window, _: float) -> Evidence | None:
-    """See that nothing comes of what is commanded."""
+    """Detect that the commanded motion has no effect."""
     to_s = history.odometry_time_s
     moved = history.moved_in(window.length_s, to_s)
     wanted = history.commanded_in(window.length_s, to_s - REACTION_S)
@@ -323,8 +323,8 @@ def no_progress(history: MotionHistory, window: Window, _: float) -> Evidence | 
     if not (drives or turns) or share >= window.bound:
         return None
     return Evidence(
-        f"the rover does not come on: in {window.length_s:g} s it went {moved.pose_m:.2f} m and"
-        f" turned {moved.turned_rad:.2f} rad, of {wanted.driven_m:.2f} m and"
+        f"no progress in {window.length_s:g} s: {moved.pose_m:.2f} m and"
+        f" {moved.turned_rad:.2f} rad, commanded {wanted.driven_m:.2f} m and"
         f" {wanted.turned_rad:.2f} rad",
         (
             Figure("commanded", wanted.driven_m, "m"),

@@ -1,7 +1,7 @@
 """Other publishers of velocities: since when they drive the base, and how far.
 
-They publish on other inputs of the base's mux, or on the executive's own topic, and are identified
-by their messages. The motion that results is not commanded here; it is reported.
+They publish to other inputs of the base's mux, or to the executive's own topic, and are identified
+by their messages. Their motion is not commanded here; it is reported.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ class Driver:
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """For how long it has published, and how far the rover went by it."""
+        """Duration of its publishing, and distance and turn of the rover meanwhile."""
         return (
             Figure("duration", round(self.last_s - self.since_s, 2), "s"),
             Figure("driven", round(self.path_m, 2), "m"),
@@ -46,7 +46,7 @@ class Driver:
 
 
 class OtherDrivers:
-    """Publishers of velocities beside the executive."""
+    """Publishers of velocities other than the executive."""
 
     def __init__(self) -> None:
         self._drivers: dict[str, Driver] = {}
@@ -61,7 +61,7 @@ class OtherDrivers:
         driver.input, driver.last_s = fact, now_s
 
     def active(self, now_s: float) -> list[Driver]:
-        """Return the publishers of now."""
+        """Return the present publishers."""
         return [each for each in self._drivers.values() if now_s - each.last_s <= INPUT_S]
 
     def update(
@@ -70,9 +70,9 @@ class OtherDrivers:
         """Yield events of publishers that begin or end.
 
         Args:
-            active: the publishers of now.
-            path_m: how far the rover has gone, by its odometry, without signs.
-            turn_rad: how far it has turned, likewise.
+            active: the present publishers.
+            path_m: length of the rover's path by odometry, without signs.
+            turn_rad: its accumulated turn, likewise.
             commanding: whether the executive moves it, so that lower inputs are masked.
         """
         for driver in active:
@@ -83,7 +83,7 @@ class OtherDrivers:
                 how = (
                     "drives the rover in place of the executive"
                     if driver.input.above
-                    else "commands the rover too, and is obeyed while the executive is silent"
+                    else "is active; it drives the base while the executive sends nothing"
                 )
                 yield Severity.WARNING, f"{driver.input} {how}", ()
         for driver in self._reported:

@@ -1,4 +1,4 @@
-"""By how much the pose of the odometry goes elsewhere than other sources, summed up."""
+"""Accumulated divergence of the odometry pose from other sources."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -10,17 +10,17 @@ from executive.safety.history import MotionHistory, OdometryWindow
 from executive.safety.odometry_monitors import REACTION_S
 
 LOOKBACK_S: Final = 5.0
-"""Before a fault, in which its cause may have acted: a little over the longest window (4 s)."""
+"""Time before a fault in which its cause may have acted: above the maximum window (4 s)."""
 SAMPLE_S: Final = 0.25
 
 
 class Divergence(NamedTuple):
-    """The sums at one time.
+    """The accumulated divergence at one time.
 
     Attributes:
-        ahead_m, left_m, heading_rad: than the odometry's own velocity.
-        wheels_m, gyro_rad: than the wheels ahead, and the gyro.
-        commanded_m, commanded_rad: than what was commanded.
+        ahead_m, left_m, heading_rad: from the odometry's own velocity.
+        wheels_m, gyro_rad: from the wheels ahead, and from the gyro.
+        commanded_m, commanded_rad: from the commands.
         path_m: length of the path of the pose itself.
     """
 
@@ -34,11 +34,11 @@ class Divergence(NamedTuple):
     path_m: float = 0.0
 
     def since(self, before: "Divergence", by_command: bool) -> tuple[float, float]:
-        """Return the errors of position and heading that the sources show since, at most.
+        """Return the maximum errors of position and heading since then, by the sources.
 
         Args:
-            before: the sums then.
-            by_command: whether what was commanded is such a source.
+            before: the divergence then.
+            by_command: whether the commands are such a source.
         """
         grown = Divergence(*(abs(new - old) for new, old in zip(self, before, strict=True)))
         heading_rad = max(grown.heading_rad, grown.gyro_rad)
@@ -50,10 +50,10 @@ class Divergence(NamedTuple):
 
 
 class _Comparison:
-    """What the pose shows beyond another channel, over the times that both cover.
+    """Divergence of the pose from another channel, over the times that both cover.
 
     Attributes:
-        total: summed up since the start, but for gaps of the other channel.
+        total: accumulated since the start, without gaps of the other channel.
     """
 
     def __init__(
@@ -66,24 +66,24 @@ class _Comparison:
         self._beyond = 0.0
 
     def advance(self, moved: Channel, other: Channel, bias_per_s: float = 0.0) -> None:
-        """Add what is new."""
+        """Add the increase since the last call."""
         from_s, to_s = self._to_s, min(moved.time_s, other.time_s + self._later_s)
         if to_s <= from_s or not (moved.covers(to_s) and other.covers(to_s - self._later_s)):
             return
         beyond = moved.at(to_s)[self._pose] - self._other(other.at(to_s - self._later_s))
-        if other is self._channel:  # one that begins anew does so after a gap
+        if other is self._channel:  # a channel that begins again does so after a gap
             self.total += beyond - self._beyond + bias_per_s * (to_s - from_s)
         self._beyond, self._channel, self._to_s = beyond, other, to_s
 
 
 class PoseDivergence:
-    """Sums it up, and keeps the sums of the last seconds.
+    """Accumulates the divergence, and stores samples of the last seconds.
 
     Args:
-        history: what was commanded and sensed.
+        history: the commands and sensor data.
 
     Attributes:
-        now: the sums at the last update.
+        now: the divergence at the last update.
     """
 
     def __init__(self, history: MotionHistory) -> None:
@@ -97,11 +97,11 @@ class PoseDivergence:
 
     @property
     def before(self) -> Divergence:
-        """The sums from before what acts now began to act."""
+        """The divergence before the present cause may have begun to act."""
         return self._samples[0][1] if self._samples else self.now
 
     def update(self, path_m: float) -> None:
-        """Sum up what is new.
+        """Add the increase since the last call.
 
         Args:
             path_m: length of the path of the pose since the start.
@@ -126,7 +126,7 @@ class PoseDivergence:
         )
 
     def sample(self, now_s: float) -> None:
-        """Keep the sums as those from before what comes."""
+        """Store the divergence as a reference for later faults."""
         if self._samples and now_s < self._samples[-1][0] + SAMPLE_S:
             return
         self._samples.append((now_s, self.now))
@@ -134,5 +134,5 @@ class PoseDivergence:
             self._samples.popleft()
 
     def forget(self) -> None:
-        """Let nothing from before count any more."""
+        """Discard all earlier samples."""
         self._samples.clear()

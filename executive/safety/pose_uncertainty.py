@@ -1,9 +1,9 @@
-"""How far the pose may be wrong, from the fault that shows it until evidence says otherwise.
+"""Uncertainty of the pose, from the fault that shows it until evidence restores confidence.
 
-By how much the pose of the odometry goes elsewhere than other sources is ordinarily of no account.
-A fault that disproves the pose (`Disproves` in its declaration) opens an episode: what has grown of
-it since the seconds before the fault is the uncertainty, until the fault is over. A second odometry
-measures the error itself, by its displacement since a frame from before the fault.
+Divergence of the odometry pose from other sources is ordinarily irrelevant. A fault that disproves
+the pose (`Disproves` in its declaration) opens an episode. Until the fault is over, the uncertainty
+is the divergence since the seconds before it. A second odometry measures the error itself, by its
+displacement since a frame from before the fault.
 """
 
 from collections import deque
@@ -25,17 +25,17 @@ from executive.values.geometry import Point, Pose, wrap_rad
 AGREES_M: Final = 0.05
 AGREES_PER_M: Final = 0.015
 AGREES_RAD: Final = 0.05
-"""A second odometry confirms the pose within these: its own noise and drift (`state/fusion.py`)."""
+"""Tolerances of a confirmation by second odometry: its noise and drift (`state/fusion.py`)."""
 SLIP_M: Final = 0.25
-"""A rover that slips or tips over may move as far without turning a wheel (0.23 m measured)."""
+"""Distance that a slipping or tipping rover moves without turning a wheel (0.23 m measured)."""
 SLID_M: Final = 0.1
-"""Slide by the accelerometer that counts: more than its drift in a stop on firm ground."""
+"""Minimum slide by the accelerometer: more than its drift in a stop on firm ground."""
 NEXT_FRAME_S: Final = 0.1
-"""From the last evidence of a fault until a frame is free of it."""
+"""Time from the last evidence of a fault until a frame is free of it."""
 COASTING_S: Final = 0.6
-"""Until a rover whose executive was killed stands: the base's timeout (0.5 s), and braking."""
+"""Stopping time after a kill of the executive: the base's timeout (0.5 s), and braking."""
 ORIGIN_M: Final = 0.02
-"""An odometry that starts anew starts this near to its origin."""
+"""Maximum distance from its origin of an odometry that has restarted."""
 RESTARTED: Final = "the restart of the executive"
 SECOND: Final = "the second odometry"
 SLIDE: Final = "a slide by the accelerometer"
@@ -43,11 +43,11 @@ SLIDE: Final = "a slide by the accelerometer"
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """A frame of the second odometry that others are compared with.
+    """A frame of the second odometry as the reference for later ones.
 
     Attributes:
         at_s: when it was the newest.
-        correction: by which the second odometry had corrected the position then.
+        correction: the correction of the position by the second odometry at that time.
     """
 
     at_s: float
@@ -57,17 +57,17 @@ class Anchor:
 
 @dataclass(frozen=True, slots=True)
 class StoredPose:
-    """What outlives the process.
+    """State that survives a restart of the process.
 
     Attributes:
-        utc_s: when this was.
-        uncertainty, confirmed: of the pose; what an operator left of it.
+        utc_s: time of the state.
+        uncertainty, confirmed: of the pose; the part that an operator confirmed.
         odometry: the newest pose of the odometry, uncorrected.
-        still: whether the rover stood, and was to stand.
-        disproved: whether a fault was there that disproves the pose.
-        anchor: the frame from which the second odometry tells where the rover is, if there is one.
-        shown_m: the error of the position that other sources have shown since.
-        correction: by which the second odometry had corrected the position.
+        still: whether the rover was stationary, with zero velocity commanded.
+        disproved: whether a fault was active that disproves the pose.
+        anchor: the reference frame of the second odometry, if there is one.
+        shown_m: the position error that other sources have shown since.
+        correction: the correction of the position by the second odometry.
     """
 
     utc_s: float
@@ -82,15 +82,15 @@ class StoredPose:
 
 
 class _Frames:
-    """Frames of the second odometry: those from before a fault, and the one to compare with.
+    """Frames of the second odometry: recent ones, and the reference.
 
     Args:
         clock: the time.
         status: has both odometries.
 
     Attributes:
-        anchor: the frame that later ones are compared with; None while the pose is certain, and
-            where there is none from before.
+        anchor: the reference of later frames; None while the pose is certain, and without a
+            frame from before.
     """
 
     def __init__(self, clock: Clock, status: Status) -> None:
@@ -108,16 +108,16 @@ class _Frames:
         return Anchor(self._clock.now_s(), fusion.latest, fusion.correction)
 
     def hold(self) -> None:
-        """Compare with a frame from before what begins now, unless one is compared with already."""
+        """Set a frame from before this moment as the reference, unless there is one."""
         self.anchor = self.anchor or (self._recent[0] if self._recent else None)
 
     def begin_anew(self, anchor: Anchor | None) -> None:
-        """Forget the frames from before, and compare with another one, or with none."""
+        """Discard the recent frames, and set another reference, or none."""
         self._recent.clear()
         self.anchor = anchor
 
     def next(self) -> Anchor | None:
-        """Return a frame to compare with the anchor; one from before whatever comes is kept."""
+        """Return a frame to compare with the reference; without one, store it for later."""
         fusion, newest = self._status.fusion, self.newest
         if fusion is None or newest is None:
             return None
@@ -132,26 +132,26 @@ class _Frames:
         return newest if fusion.settled else None
 
     def keep(self, newest: Anchor) -> None:
-        """Keep a frame as one from before whatever comes."""
+        """Store a frame as a possible reference."""
         self.compared(newest)
         self._recent.append(newest)
         while len(self._recent) > 1 and self._recent[1].at_s <= newest.at_s - LOOKBACK_S:
             self._recent.popleft()
 
     def compared(self, newest: Anchor) -> None:
-        """Do not give this frame again."""
+        """Mark a frame as compared."""
         self._compared = newest.frame
 
 
 class _Slide:
-    """Slide that the accelerometer feels and the wheels do not show."""
+    """Slide that the accelerometer measures and the wheels do not."""
 
     def __init__(self, history: MotionHistory) -> None:
         self._history = history
         self._seen_m = self._apart_m = 0.0
 
     def grown_m(self) -> float:
-        """Return by how much the rover has slid since the last call, where that counts."""
+        """Return the slide since the last call, if it is above `SLID_M`."""
         over_ground = self._history.over_ground
         if over_ground is None:
             return 0.0
@@ -164,14 +164,14 @@ class _Slide:
 
 
 class PoseMonitor:
-    """Keeps `Status.uncertainty`: nothing else lowers it.
+    """Updates `Status.uncertainty`; nothing else lowers it.
 
     Args:
         clock: the time.
         settings: of the asset.
-        history: what was commanded and sensed.
+        history: the commands and sensor data.
         status: has both odometries.
-        stored: what the process before this one left, if there was one.
+        stored: the state of the previous process, if any.
     """
 
     def __init__(
@@ -199,12 +199,12 @@ class PoseMonitor:
             if status.fusion is not None:
                 status.fusion.restore(stored.correction)
             self._shown_before_m = stored.shown_m
-            if stored.anchor is not None:  # distances are counted from this start on
+            if stored.anchor is not None:  # distances count from this start
                 frame = replace(stored.anchor.frame, way_m=0.0)
                 self._frames.begin_anew(replace(stored.anchor, frame=frame))
 
     def update(self, active: Sequence[Fault]) -> None:
-        """Look at the faults that are there, and at what the sources show.
+        """Update with the active faults and the sensor data.
 
         Args:
             active: the faults that have begun and are not over.
@@ -231,14 +231,14 @@ class PoseMonitor:
             )
         elif frames.anchor is None:
             self._cause = SECOND
-        if frames.anchor is None:  # no frame from before: none later proves anything right
+        if frames.anchor is None:  # without an earlier frame no later one confirms the pose
             self._confirmed = status.uncertainty
         self._faulty, self._doubted, self._path_m = bool(disproved), doubted, status.travelled_m
         self._compare_frames()
         self._divergence.sample(now_s)
 
     def confirm(self, uncertainty: Uncertainty) -> None:
-        """Take the pose as it is now as wrong by so much at most, since an operator says so."""
+        """Set the uncertainty of the present pose, as confirmed by an operator."""
         self._status.uncertainty = self._confirmed = uncertainty
         self._divergence.update(self._status.travelled_m)
         self._divergence.forget()
@@ -248,7 +248,7 @@ class PoseMonitor:
 
     @property
     def unstored(self) -> bool:
-        """Whether odometry, or the second one, has come since anything was stored."""
+        """Whether a first odometry, or a first frame, was received since the last store."""
         return self._sources != self._stored_sources
 
     @property
@@ -256,10 +256,10 @@ class PoseMonitor:
         return self._status.odometry is not None, self._frames.newest is not None
 
     def stored(self, still: bool) -> StoredPose | None:
-        """Return what is to outlive the process; None before odometry has come.
+        """Return the state to store; None before the first odometry.
 
         Args:
-            still: whether the rover is to stand.
+            still: whether zero velocity is commanded.
         """
         status, self._stored_sources = self._status, self._sources
         if status.odometry is None or self._stored is not None:
@@ -278,7 +278,7 @@ class PoseMonitor:
 
     @property
     def _shown_m(self) -> float:
-        """The error of the position that sensors but the second odometry show since the fault."""
+        """The position error since the fault by all sensors except the second odometry."""
         since_m, _ = self._divergence.now.since(self._doubted_from, by_command=False)
         return self._shown_before_m + since_m
 
@@ -300,14 +300,14 @@ class PoseMonitor:
         )
 
     def _compare_frames(self) -> None:
-        """Let the second odometry say how wrong the pose is, by its newest frame."""
+        """Update the uncertainty by the newest frame of the second odometry."""
         if self._stored is not None:
             return
         newest, anchor = self._frames.next(), self._frames.anchor
         if newest is None or anchor is None:
             return
         self._raise_by(disagreement(anchor.frame, newest.frame))
-        # A frame of the fault's own time shows an error, but proves nothing right.
+        # A frame during the fault shows an error, but confirms nothing.
         if newest.frame.stamp_s >= self._evidence_stamp_s + NEXT_FRAME_S:
             self._frames.compared(newest)
             self._confirm_by(anchor, newest)
@@ -321,10 +321,10 @@ class PoseMonitor:
         self._status.raise_uncertainty(off_m, off_rad, self._cause)
 
     def _confirm_by(self, anchor: Anchor, newest: Anchor) -> None:
-        """Lower what the second odometry confirms.
+        """Lower the uncertainty to what the second odometry confirms.
 
-        That it agrees with a position that it has corrected itself says nothing: a correction
-        beyond what other sources show to be wrong may be wrong itself.
+        Agreement with a position that it has corrected itself is no confirmation: a correction
+        beyond the error shown by other sources may be wrong itself.
         """
         apart = disagreement(anchor.frame, newest.frame)
         near_m = AGREES_M + AGREES_PER_M * apart.way_m
@@ -335,7 +335,7 @@ class PoseMonitor:
             position_m = max(position_m, floor.position_m + corrected_m)
         elif apart.off_m <= near_m:
             position_m = floor.position_m
-        else:  # one of both is right, and the other wrong by so much
+        else:  # one of both is correct, and the other off by this much
             position_m = min(position_m, floor.position_m + apart.off_m + near_m)
         if apart.off_rad <= AGREES_RAD:
             heading_rad = floor.heading_rad
@@ -351,14 +351,14 @@ class PoseMonitor:
         self._doubted_from, self._shown_before_m = self._divergence.now, 0.0
 
     def _count_from_now(self) -> None:
-        """Count what the sources show from now on."""
+        """Restart the divergence since the reference."""
         self._base, self._from, self._slip_m = self._status.uncertainty, self._divergence.now, 0.0
 
     def _compare_restart(self, stored: StoredPose) -> None:
-        """Compare the first odometry with the last of the process before this one.
+        """Compare the first odometry with the last of the previous process.
 
-        The rover may have been moved meanwhile. What the wheels did not see only a second odometry
-        shows, by the frame that was stored.
+        The rover may have been moved in between. Motion that the wheels did not measure is shown
+        only by a second odometry, relative to the stored frame.
         """
         odometry = self._status.odometry
         if odometry is None:
@@ -374,7 +374,7 @@ class PoseMonitor:
             away_s = max(0.0, self._clock.utc_s() - stored.utc_s)
             bound_m += away_s * drive.travel_speed_mps
             bound_rad += away_s * drive.rotate_speed_radps
-            if stored.disproved:  # what is wrong may not show how far the rover coasted
+            if stored.disproved:  # the failed sensor may not show how far the rover coasted
                 moved_m += min(away_s, COASTING_S) * drive.travel_speed_mps
                 turned_rad += min(away_s, COASTING_S) * drive.rotate_speed_radps
         silent_s = max(0.0, self._clock.now_s() - self._history.start_s - FIRST_HEARD_S)

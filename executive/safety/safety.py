@@ -1,8 +1,8 @@
-"""Runs the monitors in each tick, and says which faults begin and which are over.
+"""Runs the monitors in each tick, and determines which faults begin and end.
 
-A fault begins when the evidence of one of its windows has lasted for the time of that window. It is
-over when no window has evidence any more, or with a resume, as its row says. What is done about it
-is in `executive.core.reactions`.
+A fault begins when the evidence of one of its windows has persisted for the time of that window. It
+ends when no window has evidence, or with a resume, according to its row. The reactions are in
+`executive.core.reactions`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -133,7 +133,7 @@ MONITORS: Final[Mapping[str, Monitor]] = {
     "laser_blind": laser_blind,
     **{f"{each.name.lower()}_rejected": partial(rejected, source=each) for each in Source},
 }
-"""What looks for each fault of the table."""
+"""The monitor of each fault of the table."""
 
 NOT_OF: Final[Mapping[LocomotionKind, frozenset[str]]] = {
     LocomotionKind.VELOCITY: frozenset({"steady_off_command", "steady_turn_off_command"}),
@@ -141,10 +141,10 @@ NOT_OF: Final[Mapping[LocomotionKind, frozenset[str]]] = {
         {"turn_amiss", "drives_uncommanded", "turns_uncommanded"}
     ),
 }
-"""Faults that are not watched for on a rover of a kind.
+"""Faults that are not monitored on a kind of rover.
 
-One that takes velocities is compared with each of them. One that moves by itself is compared with
-the speed of each motion while that is steady; it may have motion from another link, of which the
+A rover that accepts velocities is compared with each command. A rover of delegated motion is
+compared with the steady speed of each motion. It may have motion from another link, which the
 executive does not know.
 """
 
@@ -155,19 +155,19 @@ EXPLAINED: Final[Mapping[str, Source]] = {
     **dict.fromkeys(("wheels_off_command", "wheels_off_command_slowly"), Source.VELOCITY),
     "no_progress": Source.VELOCITY,
 }
-"""Faults whose text says why data of a source are not used, if so."""
+"""Faults whose text includes why data of a source are rejected, if they are."""
 HOLDING: Final = frozenset({Reaction.PAUSE, Reaction.STOP, Reaction.SAFE})
 SLIDING: Final = frozenset(
     {Reason.WHEELS_SLIP, Reason.WHEELS_OFF_GYRO, Reason.SLIPS, Reason.TURN_SLIPS, Reason.SLIDES}
 )
-"""Of faults by which the rover moves in another way than its wheels do."""
+"""Reasons of faults in which the rover moves otherwise than its wheels."""
 SLID_S: Final = 1.5
-"""For which the evidence of such a fault counts: longer than the fault, and than its window."""
+"""Time for which such evidence counts: longer than the fault and its window."""
 TAKEN: Final = "other_publisher"
 UNMONITORED: Final = FaultResponse(MonitoredWhen.ALWAYS, Reaction.SAFE, ClearPolicy.ON_RESUME)
-"""Row of faults that no monitor detects; nor can their cause be checked on a resume."""
+"""Row of faults without a monitor; a resume cannot check their cause."""
 CALM_S: Final = 0.5
-"""For which there must be no evidence before a fault is over by itself."""
+"""Time without evidence after which a fault ends by itself."""
 
 
 @dataclass(slots=True)
@@ -175,9 +175,9 @@ class Fault:
     """A fault that has begun and is not over.
 
     Attributes:
-        refusal: why commands fail by it, with its evidence when it began.
+        refusal: its reason, with its evidence when it began; commands fail with it.
         begun_utc_s: when it began.
-        seen_s: when there was evidence last.
+        seen_s: time of the last evidence.
     """
 
     name: str
@@ -188,14 +188,14 @@ class Fault:
 
     @property
     def severity(self) -> Severity:
-        """How much it should worry the operator."""
+        """The severity for the operator."""
         return (
             Severity.ALARM if self.row.then in {Reaction.STOP, Reaction.SAFE} else Severity.WARNING
         )
 
     @property
     def disproves(self) -> Disproves | None:
-        """By what the pose may be wrong; None where it may not, as by faults of no table."""
+        """How the pose may be wrong; None if it may not, as by faults outside of the table."""
         declared = DECLARED.get(self.name)
         return None if declared is None else declared.disproves
 
@@ -205,7 +205,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class FaultChanges:
-    """What one look at the monitors brings."""
+    """The faults that began and ended in one check."""
 
     begun: tuple[Fault, ...] = ()
     over: tuple[Fault, ...] = ()
@@ -213,7 +213,7 @@ class FaultChanges:
 
 @dataclass(slots=True)
 class _FaultWatch:
-    """One window of a fault under watch; evidence has lasted since a time, or there is none."""
+    """One window of a fault, and since when evidence has persisted."""
 
     name: str
     row: FaultResponse
@@ -226,8 +226,8 @@ class FaultMonitor:
     """The monitors of an asset.
 
     Attributes:
-        history: what they look at.
-        active: the faults that have begun and are not over, the oldest first.
+        history: their input.
+        active: the faults that have begun and are not over, in order of their begin.
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:
@@ -252,14 +252,14 @@ class FaultMonitor:
         )
 
     def check(self, moving: bool) -> FaultChanges:
-        """Look at all monitors.
+        """Check all monitors.
 
         Args:
-            moving: whether a command that moves the rover is under way.
+            moving: whether a command that moves the rover is in execution.
         """
         now_s, history = self._clock.now_s(), self.history
         if moving and history.motion_since_s == inf and self._distrusted:
-            history.begun_s, self._distrusted = now_s, False  # what the fault left is not evidence
+            history.begun_s, self._distrusted = now_s, False  # residual motion is no evidence
         history.motion_since_s = min(history.motion_since_s, now_s) if moving else inf
         changes = FaultChanges(tuple(self._begun(now_s, moving)), tuple(self._over(now_s)))
         holding = any(each.row.then in HOLDING for each in self.active)
@@ -270,7 +270,7 @@ class FaultMonitor:
         return changes
 
     def cause_left(self) -> Refusal | None:
-        """Return what a resume cannot clear yet, since its cause is there, or None."""
+        """Return the fault that a resume cannot clear because its cause persists, or None."""
         now_s = self._clock.now_s()
         latched = [each.name for each in self.active if each.row.clears is ClearPolicy.ON_RESUME]
         for watch in (each for name in latched for each in self._watches if each.name == name):
@@ -281,16 +281,16 @@ class FaultMonitor:
 
     @property
     def clears_itself(self) -> bool:
-        """Whether all that holds the rover ends by itself."""
+        """Whether all faults that hold the rover end by themselves."""
         holding = [each for each in self.active if each.row.then in HOLDING]
         return bool(holding) and all(each.row.clears is ClearPolicy.ITSELF for each in holding)
 
     def hold(self, why: Refusal, then: Reaction) -> Fault:
-        """Begin a fault that no monitor detects, such as a failing ledger; a resume ends it."""
+        """Begin a fault without a monitor, such as a failing ledger; a resume ends it."""
         return self.restore(why.reason.name.lower(), then, why, self._clock.utc_s())
 
     def restore(self, name: str, then: Reaction, why: Refusal, begun_utc_s: float) -> Fault:
-        """Begin a fault that only a resume ends, in place of one of its name; return it."""
+        """Begin a fault that only a resume ends, replacing one of its name; return it."""
         row = replace(self._rows.get(name, UNMONITORED), then=then, clears=ClearPolicy.ON_RESUME)
         fault = Fault(name, row, why, begun_utc_s, self._clock.now_s())
         self.drop(name)
@@ -303,25 +303,25 @@ class FaultMonitor:
 
     @property
     def sliding(self) -> Fault | None:
-        """The fault that showed the rover sliding last, unless that is long ago."""
+        """The last fault with a sliding rover, for `SLID_S`."""
         slid = self._slid
         return slid if slid is not None and self._clock.now_s() - slid.seen_s <= SLID_S else None
 
     def resume(self) -> tuple[Fault, ...]:
-        """End the faults that a resume ends, and return them."""
+        """End the faults that a resume clears, and return them."""
         ended = tuple(each for each in self.active if each.row.clears is ClearPolicy.ON_RESUME)
         self.active = [each for each in self.active if each.row.clears is ClearPolicy.ITSELF]
         return ended
 
     def observe(self, fact: Fact) -> None:
-        """Take in a fact."""
+        """Add a fact."""
         self.history.observe(fact)
 
     @property
     def _taken(self) -> bool:
-        """Whether motion is to wait for somebody else whom the base obeys.
+        """Whether motion waits while another publisher drives the base.
 
-        What it does is then not what was commanded here, which is no fault of the rover.
+        The motion then differs from the commands here, which is no fault of the rover.
         """
         if TAKEN not in self._rows or self._rows[TAKEN].then not in HOLDING:
             return False

@@ -1,8 +1,8 @@
-"""Monitors by an odometry that does not come from the wheels: slip, and all that others share.
+"""Monitors by an odometry independent of the wheels: slip, and errors that other sensors share.
 
-The two odometries are in frames of their own, so their steps between two sightings are compared,
-each in the axes of base_link at the first one. Where the second odometry corrects the pose, only
-gross disagreement is a fault.
+The two odometries have frames of their own. So their steps between two samples are compared, each
+in the axes of base_link at the first one. If the second odometry corrects the pose, only a gross
+disagreement is a fault.
 """
 
 from math import inf
@@ -15,20 +15,20 @@ from executive.safety.history import MotionHistory
 from executive.safety.sensor_history import OdometryDisagreement
 
 FUSED: Final = frozenset({"quick_fused", "slow_fused"})
-"""Windows of a way where the second odometry corrects the pose."""
+"""Windows of the distance if the second odometry corrects the pose."""
 SLIDE_M_PER_RAD: Final = 0.08
-"""By how much a turn on the spot may move the rover that its odometry does not see."""
+"""Displacement by a turn on the spot that odometry may miss, per radian."""
 STILL_M: Final = 0.02
 STILL_RAD: Final = 0.03
-"""Of odometry that stands."""
+"""Maximum motion of odometry at standstill."""
 STOPPED_S: Final = 0.3
-"""From the command to stand until the rover does, where its odometry says so."""
+"""Time from a command of zero velocity until odometry shows standstill."""
 FRESH_S: Final = 1.5
-"""So long a message tells of now."""
+"""Maximum age of a sample."""
 
 
 def slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See a second odometry that tells of another way, by the windows that are for its kind."""
+    """Detect a distance by second odometry that disagrees, in the windows for its kind."""
     second = history.second
     if second is None or second.settings.fused is not (window.name in FUSED):
         return None
@@ -48,7 +48,7 @@ def slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | No
 
 
 def turn_slips(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See a second odometry that tells of another turn."""
+    """Detect a turn by second odometry that disagrees."""
     found = _found(history, window, now_s)
     if found is None:
         return None
@@ -65,7 +65,7 @@ def turn_slips(history: MotionHistory, window: Window, now_s: float) -> Evidence
 
 
 def slides(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the rover moves although it is to stand, and its odometry says that it does."""
+    """Detect motion at commanded standstill that odometry does not show."""
     found = _found(history, window, now_s)
     if found is None or found.from_s < history.standing_since_s + STOPPED_S:
         return None
@@ -75,20 +75,20 @@ def slides(history: MotionHistory, window: Window, now_s: float) -> Evidence | N
     ways_m = {"odometry": found.believed_m, "second odometry": found.seen_m}
     figures = speeds(history, found.span_s, found.to_s, ways_m)
     bound_mps = window.bound / found.span_s
-    return compared("the rover slides while it is to stand", figures, bound_mps, found.span_s)
+    return compared("the rover slides at standstill", figures, bound_mps, found.span_s)
 
 
 def second_odometry_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the second odometry no longer tells anything."""
+    """Detect that the second odometry no longer reports."""
     if history.second is None:
         return None
     sightings = history.second.sightings
     last_s = sightings[-1].time_s if sightings else -inf
-    return silent(history, "the second odometry", "slip is", last_s, window, now_s)
+    return silent(history, "second odometry", "slip is", last_s, window, now_s)
 
 
 def _found(history: MotionHistory, window: Window, now_s: float) -> OdometryDisagreement | None:
-    """Return what the odometries say of a window, where it is of now."""
+    """Return the disagreement over a window, if it is recent."""
     second = history.second
     if second is None or now_s - second.at_s > FRESH_S:
         return None

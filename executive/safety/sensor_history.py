@@ -1,8 +1,8 @@
-"""The last seconds of the sensors beside the odometry, as running sums on the core's time.
+"""The last seconds of sensors other than odometry, as running sums on the core's time.
 
-What is not finite, or not newer than what is known, is left out. After a gap the sums begin anew:
-what happened in it is not known. The gyro's bias is learnt while the wheels stand, and not from a
-gyro that then disagrees with them.
+Data that are not finite or not newer are ignored. After a gap the sums restart: the motion during
+it is unknown. The gyro's bias is learnt while the wheels are stationary, but not from a gyro that
+then disagrees with them.
 """
 
 from collections import deque
@@ -18,22 +18,22 @@ from executive.values.facts import Imu, Joints, SecondOdometry
 from executive.values.geometry import GRAVITY_MPS2, Pose, wrap_rad
 
 GAP_S: Final = 0.3
-"""Messages that are further apart have a gap between them."""
+"""Minimum interval between two messages that counts as a gap."""
 FRESH_S: Final = 0.3
-"""So long a message tells of now."""
+"""Maximum age of a message that describes the present."""
 SLIP_OFFSET_M: Final = 0.044
 SLIP_GAIN: Final = 0.065
 """Side slip of a skid-steered rover: v_y = -(offset + gain sign(v) sqrt|v w|) w."""
 REST_RADPS: Final = 0.05
-"""Wheels whose mean rate over `REST_S` is less stand."""
+"""Maximum mean rate of stationary wheels over `REST_S`."""
 REST_S: Final = 0.3
-"""So long the wheels stand before the gyro's bias is learnt."""
+"""Minimum standstill of the wheels before the gyro's bias is learnt."""
 UNLEARNT_BIAS_RADPS: Final = 0.01
-"""How much the gyro's bias may be before it is learnt."""
+"""Maximum bias of the gyro before it is learnt."""
 BIAS_OVER_S: Final = 5.0
-"""Over which the gyro's bias is averaged."""
+"""Averaging time of the gyro's bias."""
 MAX_BIAS_RADPS: Final = 0.02
-"""What is more is no bias of a gyro that works."""
+"""Maximum bias of a gyro that works."""
 BIAS_TOLERANCE_RADPS: Final = 0.006
 """Deviation of the mean rate of a rest from the known bias, above which the gyro is wrong.
 
@@ -43,18 +43,18 @@ bound of `odometry_off_gyro.slow`.
 RELEARN_AFTER_S: Final = 30.0
 """Rest after which a changed bias is learnt; chosen, not measured."""
 KEPT_S: Final = 10.0
-"""Sightings of the second odometry."""
+"""History of second-odometry samples."""
 LONGEST_WINDOW: Final = 2.5
-"""How many times as long a window may be where frames are missing."""
+"""Maximum ratio of a window to its nominal length, if frames are missing."""
 ALMOST_S: Final = 0.1
-"""By which a window may be shorter: frames do not come to the millisecond."""
+"""Tolerance of a window's length: frames do not arrive to the millisecond."""
 
 
 class WheelSums(NamedTuple):
-    """Ways of the wheels of each side, and their torques over time.
+    """Distances of the wheels of each side, and their torques over time.
 
     Attributes:
-        left_m, right_m: way of the mean wheel.
+        left_m, right_m: mean distance of the wheels of a side.
         left_nms, right_nms: sum of the torques of a side.
     """
 
@@ -65,19 +65,19 @@ class WheelSums(NamedTuple):
 
     @property
     def way_m(self) -> float:
-        """The way of the middle of the rover."""
+        """The distance of the rover's centre."""
         return (self.left_m + self.right_m) / 2
 
 
 class WheelHistory:
-    """What the wheels turned, by their encoders.
+    """The motion of the wheels, by their encoders.
 
     Attributes:
         sums: the channel of `WheelSums`.
         settings: of the sensors.
         torques: whether torques are measured.
-        count: how many wheels there are.
-        travel_mps: the newest speed of the middle of the rover.
+        count: number of wheels.
+        travel_mps: the newest speed of the rover's centre.
     """
 
     def __init__(self, settings: JointsSettings) -> None:
@@ -89,11 +89,11 @@ class WheelHistory:
         self._rates = WheelSums(0.0, 0.0)
 
     def fresh(self, now_s: float) -> bool:
-        """Whether the newest message is of now."""
+        """Whether the newest message is recent."""
         return now_s - self.sums.time_s <= FRESH_S
 
     def observe(self, fact: Joints, time_s: float) -> None:
-        """Take in a message that was measured at a time."""
+        """Add a message measured at a time."""
         speeds = (*fact.left_radps, *fact.right_radps)
         if not (fact.left_radps and fact.right_radps) or not _finite(
             *speeds, *fact.left_nm, *fact.right_nm
@@ -113,12 +113,12 @@ class WheelHistory:
 
 
 class InertialSums(NamedTuple):
-    """What the inertial sensors measured, over time.
+    """Integrals of the inertial measurements.
 
     Attributes:
-        turn_rad: by how much the heading changed, the gyro's bias included.
-        gained_mps: the speed ahead that was gained.
-        force_mps: the specific force ahead, over time.
+        turn_rad: change of the heading, the gyro's bias included.
+        gained_mps: change of the speed ahead.
+        force_mps: integral of the specific force ahead.
     """
 
     turn_rad: float
@@ -127,14 +127,14 @@ class InertialSums(NamedTuple):
 
 
 class ImuHistory:
-    """What the inertial sensors measured.
+    """The inertial measurements.
 
     Attributes:
         sums: the channel of `InertialSums`.
         newest: the newest message.
-        leans: whether it has the lean; else the rover is taken for level.
-        bias_radps: of the heading rate, learnt while the wheels stand.
-        bias_error_radps: how far off that may be.
+        leans: whether it measures tilt; otherwise the rover is assumed level.
+        bias_radps: of the yaw rate, learnt while the wheels are stationary.
+        bias_error_radps: its maximum error.
     """
 
     def __init__(self) -> None:
@@ -147,17 +147,17 @@ class ImuHistory:
         self._rates = InertialSums(0.0, 0.0, 0.0)
 
     def fresh(self, now_s: float) -> bool:
-        """Whether the newest message is of now."""
+        """Whether the newest message is recent."""
         return now_s - self.sums.time_s <= FRESH_S
 
     def observe(self, fact: Imu, time_s: float, travel_mps: float, resting: bool) -> None:
-        """Take in a message.
+        """Add a message.
 
         Args:
             fact: the message.
             time_s: when it was measured.
-            travel_mps: how fast the wheels go ahead.
-            resting: whether they stand.
+            travel_mps: speed ahead by the wheels.
+            resting: whether they are stationary.
         """
         if not _finite(fact.gyro_y_radps, fact.gyro_z_radps, fact.acceleration_x_mps2):
             return
@@ -178,7 +178,7 @@ class ImuHistory:
             self._learn(rest[0] / REST_S, time_s - before_s)
 
     def _learn(self, rate_radps: float, step_s: float) -> None:
-        """Learn from the mean rate of a rest, unless it disagrees with wheels that stand."""
+        """Learn from the mean rate of a rest, unless it disagrees with stationary wheels."""
         odd = self._learnt_s > 0.0 and abs(rate_radps - self.bias_radps) > BIAS_TOLERANCE_RADPS
         self._odd_s = self._odd_s + step_s if odd else 0.0
         if self._odd_s > RELEARN_AFTER_S:
@@ -192,12 +192,12 @@ class ImuHistory:
 
 @dataclass(frozen=True, slots=True)
 class SecondOdometrySample:
-    """Where the second odometry saw the rover, and what the odometry said of that time.
+    """A pose by second odometry, and the odometry at the same time.
 
     Attributes:
         time_s: when it was measured.
-        seen, believed: pose by the second odometry and by the odometry, each in its own frame.
-        driven_m, turned_rad: way and turn by the odometry, without signs, from the beginning.
+        seen, believed: pose by second odometry and by odometry, each in its own frame.
+        driven_m, turned_rad: distance and turn by odometry, without signs, since the start.
     """
 
     time_s: float
@@ -209,14 +209,14 @@ class SecondOdometrySample:
 
 @dataclass(frozen=True, slots=True)
 class OdometryDisagreement:
-    """What two odometries say of the time between two sightings.
+    """The motion by two odometries between two samples.
 
     Attributes:
-        from_s, to_s: that time.
-        seen_m, believed_m: how far the rover went, straight, by each.
-        off_m, off_rad: between the two ways, as vectors, and the two turns.
-        seen_rad, believed_rad: by how much it turned, by each.
-        driven_m, turned_rad: way and turn by the odometry, without signs.
+        from_s, to_s: times of the samples.
+        seen_m, believed_m: straight distance between them by each.
+        off_m, off_rad: difference of the two displacements, as vectors, and of the turns.
+        seen_rad, believed_rad: turn by each.
+        driven_m, turned_rad: distance and turn by odometry, without signs.
     """
 
     from_s: float
@@ -232,22 +232,22 @@ class OdometryDisagreement:
 
     @property
     def span_s(self) -> float:
-        """How long that was."""
+        """Time between the samples."""
         return self.to_s - self.from_s
 
     @property
     def stands(self) -> bool:
-        """Whether both show the rover standing, but for the noise of two frames."""
+        """Whether both show standstill, within the noise of two frames."""
         return max(self.seen_m, self.driven_m) < FRAME_WAY_M
 
 
 class SecondOdometryTrack:
-    """Where the second odometry saw the rover, beside where the odometry had it then.
+    """Poses by second odometry, with the odometry at the same times.
 
     Attributes:
         settings: of the sensor.
-        sightings: of the last seconds, the oldest first.
-        at_s: when the newest message arrived.
+        sightings: the samples of the last seconds, in order.
+        at_s: arrival of the newest message.
     """
 
     def __init__(self, settings: SecondOdometrySettings) -> None:
@@ -258,7 +258,7 @@ class SecondOdometryTrack:
     def observe(
         self, fact: SecondOdometry, sighting: SecondOdometrySample | None, now_s: float
     ) -> None:
-        """Take in a message that arrived now; no sighting, if it is of an unknown time."""
+        """Add a message that arrived now; `sighting` is None if its time is unknown."""
         if not fact.pose.finite:
             return
         self.at_s = now_s
@@ -269,14 +269,14 @@ class SecondOdometryTrack:
             self.sightings.popleft()
 
     def disagreement(self, window_s: float, since_s: float) -> OdometryDisagreement | None:
-        """Compare the last of the sightings with the newest that is a window older.
+        """Compare the last sample with the newest one that is a window older.
 
         Args:
-            window_s: the window.
-            since_s: what is older is not looked at.
+            window_s: length of the window.
+            since_s: earlier samples are ignored.
 
         Returns:
-            None if there is none, or only one much older.
+            None without such a sample, or if it is much older.
         """
         if not self.sightings:
             return None
@@ -291,7 +291,7 @@ class SecondOdometryTrack:
 
 
 def between(first: SecondOdometrySample, last: SecondOdometrySample) -> OdometryDisagreement:
-    """Return what two odometries say of the time between two sightings."""
+    """Return the motion by two odometries between two samples."""
     seen_x_m, seen_y_m = _step(first.seen, last.seen)
     x_m, y_m = _step(first.believed, last.believed)
     seen_rad = wrap_rad(last.seen.heading_rad - first.seen.heading_rad)
@@ -311,21 +311,21 @@ def between(first: SecondOdometrySample, last: SecondOdometrySample) -> Odometry
 
 
 def _step(first: Pose, last: Pose) -> tuple[float, float]:
-    """Return a step in the axes that base_link had before it."""
+    """Return a displacement in the axes of base_link before it."""
     dx_m, dy_m = last.x_m - first.x_m, last.y_m - first.y_m
     cosine, sine = cos(first.heading_rad), sin(first.heading_rad)
     return dx_m * cosine + dy_m * sine, dy_m * cosine - dx_m * sine
 
 
 def side_slip_m(travel_mps: float, rotate_radps: float) -> float:
-    """Return the side slip of a skid-steered rover, to its right for each radian turned left."""
+    """Return the side slip of a skid-steered rover, to its right per radian turned left."""
     return SLIP_OFFSET_M + copysign(SLIP_GAIN * sqrt(abs(travel_mps * rotate_radps)), travel_mps)
 
 
 def extended(
     channel: Channel, time_s: float, before: Sequence[float], now: Sequence[float]
 ) -> Channel:
-    """Return a channel with the sums of rates up to a time; a new one after a gap."""
+    """Return the channel with rates integrated up to a time; a new one after a gap."""
     step_s = time_s - channel.time_s
     if step_s > GAP_S:
         channel = Channel(len(now))

@@ -1,7 +1,7 @@
-"""What the laser sees near the rover, and what of it the rover would drive or turn into.
+"""Laser points near the rover, and those with which its motion would collide.
 
 Modelled on the collision monitor of Nav2: a zone in which the rover slows down, and its footprint,
-moved ahead in time, in which nothing may be before it can stand. Pure geometry in the axes of
+moved ahead in time, which must stay free until the rover can stop. Pure geometry in the axes of
 base_link.
 """
 
@@ -16,36 +16,36 @@ from executive.values.facts import LaserScan
 from executive.values.geometry import Velocity, wrap_rad
 
 FEWEST_POINTS: Final = 2
-"""Of a scan that are something: a single one may be dust."""
+"""Minimum number of points of an obstacle: a single one may be dust."""
 BESIDE_M: Final = 0.055
-"""Free on either side of the footprint of a rover that drives."""
+"""Side clearance of the footprint while driving."""
 TURNING_M: Final = 0.02
-"""Free on either side of the footprint of a rover that turns on the spot."""
+"""Side clearance of the footprint in a turn on the spot."""
 TURN_BRAKING: Final = 4.0
-"""Angular deceleration by linear deceleration, in 1/m, of a base that is told to stand."""
+"""Ratio of angular to linear deceleration of a braking base, in 1/m. Chosen, not measured."""
 STEP_M: Final = 0.05
 STEP_RAD: Final = 0.05
-"""In which the footprint is moved ahead."""
+"""Steps in which the footprint is moved ahead."""
 NEARER_M: Final = 0.01
-"""What is near already is met if it comes this much nearer."""
+"""Minimum approach to a point inside the margin that counts as a collision."""
 REACH_M: Final = 3.0
-"""Points that are farther than that from base_link are not looked at."""
+"""Maximum range of points, from base_link."""
 SLOWEST_MPS: Final = 0.02
 SLOWEST_RADPS: Final = 0.05
-"""A rover that is slower stands."""
+"""Speeds below which the rover is stationary."""
 SECTORS: Final = 24
 SECTOR_RAD: Final = 2 * pi / SECTORS
 """Width of the sectors that are judged: 0.26 m at 1 m, half the width of a Jackal."""
 WAY_RAD: Final = radians(46)
-"""Sectors whose middle is as near to the direction of travel are driven into: arcs bend."""
+"""Maximum angle of a sector from the direction of travel: more than straight, as arcs bend."""
 EDGE_M: Final = 0.03
-"""Distance to the hull of what is too near to measure (REP 117): more than NEARER_M, so that the
-rover may not come nearer."""
+"""Distance from the hull of a return that is too close to measure (REP 117): more than NEARER_M, so
+that the rover cannot approach it."""
 
 
 @dataclass(frozen=True, slots=True)
 class LaserPoint:
-    """A point that the laser sees, in the axes of base_link, and how far it is from the hull."""
+    """A laser point, in the axes of base_link, and its distance from the hull."""
 
     x_m: float
     y_m: float
@@ -54,14 +54,14 @@ class LaserPoint:
 
 @dataclass(frozen=True, slots=True)
 class FreeSpace:
-    """What must stay free around a footprint: ahead and behind, and on either side."""
+    """The clearance around a footprint: ahead and behind, and on either side."""
 
     along_m: float
     beside_m: float
 
 
 class Sector(NamedTuple):
-    """A sector of the newest scan: the share of its rays that is unusable, since when too many."""
+    """A sector of the newest scan, its share of unusable rays, and since when it is too high."""
 
     bearing_rad: float
     share: float
@@ -69,11 +69,11 @@ class Sector(NamedTuple):
 
 
 class LaserSurroundings:
-    """What is known of what stands around an asset.
+    """The obstacles around an asset, by its laser.
 
     Attributes:
-        spots: what the newest scan shows outside the rover itself.
-        scanned_s: when a new scan last came; minus infinity before the first.
+        spots: the points of the newest scan outside of the rover itself.
+        scanned_s: arrival of the last new scan; minus infinity before the first.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -85,16 +85,16 @@ class LaserSurroundings:
 
     @property
     def footprint(self) -> Footprint | None:
-        """What the rover covers of the ground."""
+        """The outline of the rover."""
         return self.settings.footprint
 
     @property
     def laser(self) -> bool:
-        """Whether there are scans to be watched."""
+        """Whether scans are monitored."""
         return self.settings.sensors.laser is not None and self.footprint is not None
 
     def see(self, scan: LaserScan, now_s: float) -> None:
-        """Take a scan that is newer than the last, without what is the rover itself."""
+        """Replace the points by those of a newer scan, without returns of the rover itself."""
         if self.footprint is None or not isfinite(scan.stamp_s) or scan.stamp_s == self._stamp_s:
             return
         self._stamp_s, self.scanned_s = scan.stamp_s, now_s
@@ -123,14 +123,14 @@ class LaserSurroundings:
             self._sectors[number] = Sector(wrap_rad(number * SECTOR_RAD), share, since_s)
 
     def blind(self, velocity: Velocity, allowed: float, since_s: float) -> Sector | None:
-        """Return the blindest sector towards which a velocity leads; None if the laser sees there.
+        """Return the sector with the maximum share of unusable rays ahead; None if it is visible.
 
-        Of a rover that turns on the spot all sectors count; outside of the field of view none does.
+        In a turn on the spot all sectors count. Those outside of the field of view do not.
 
         Args:
             velocity: of the rover.
-            allowed: greatest share of unusable rays.
-            since_s: a sector counts that has been blind since then.
+            allowed: maximum share of unusable rays.
+            since_s: a sector counts if it has been blind since then.
         """
         if not moves(velocity):
             return None
@@ -145,7 +145,7 @@ class LaserSurroundings:
         return max(found, key=lambda each: each.share, default=None)
 
     def braking_s(self, velocity: Velocity, latency_s: float) -> float:
-        """Return for how long the velocity would have to be held to go the way of braking."""
+        """Return the time in which the velocity, if held, covers the braking distance."""
         braking_mps2 = self.settings.drive.braking_mps2
         return latency_s + max(
             abs(velocity.travel_mps) / (2.0 * braking_mps2),
@@ -153,7 +153,7 @@ class LaserSurroundings:
         )
 
     def met(self, velocity: Velocity, held_s: float, margin_m: float) -> LaserPoint | None:
-        """Return what the rover comes too near to by a velocity that is held; None if nothing.
+        """Return the point with which the rover would collide at a held velocity, or None.
 
         Of several points the second nearest.
         """
@@ -176,7 +176,7 @@ class LaserSurroundings:
     def _within_reach(
         self, length_m: float, turn_rad: float, margin: FreeSpace
     ) -> list[LaserPoint]:
-        """Return the points that a motion may lead to, and perhaps some more."""
+        """Return the points within reach of a motion, possibly with some more."""
         footprint = self.footprint
         assert footprint is not None
         corners_m = footprint.radius_m * min(turn_rad, 2.0)
@@ -189,7 +189,7 @@ class LaserSurroundings:
         ]
 
     def _moved(self, length_m: float, turn_rad: float) -> tuple[float, float, float, float, float]:
-        """Return where an arc of the control point leads: place, cosine and sine, offset."""
+        """Return the pose after an arc of the control point: position, cosine, sine, offset."""
         ahead_m, half_rad = self.settings.turn_drive.control_point_m, turn_rad / 2
         chord_m = length_m * (sin(half_rad) / half_rad if half_rad else 1.0)
         x_m, y_m = ahead_m + chord_m * cos(half_rad), chord_m * sin(half_rad)
@@ -197,7 +197,7 @@ class LaserSurroundings:
 
     @property
     def _beside_m(self) -> float:
-        """What must stay free on either side: less along what is nearer already."""
+        """The required side clearance: less along obstacles that are already closer."""
         footprint = self.footprint
         assert footprint is not None
         along = [spot for spot in self.spots if abs(spot.x_m) < footprint.length_m / 2]
@@ -206,7 +206,7 @@ class LaserSurroundings:
         return max(0.0, min(BESIDE_M, left_m))
 
     def near(self, velocity: Velocity, within_m: float) -> LaserPoint | None:
-        """Return what stands so near in the direction in which the rover drives; None if nothing.
+        """Return the nearest point in the direction of travel within a distance, or None.
 
         Of several points the second nearest.
         """
@@ -224,7 +224,7 @@ class LaserSurroundings:
 
 
 def moves(velocity: Velocity) -> bool:
-    """Return whether a rover at a velocity goes anywhere."""
+    """Return whether a velocity counts as motion."""
     return abs(velocity.travel_mps) >= SLOWEST_MPS or abs(velocity.rotate_radps) >= SLOWEST_RADPS
 
 
@@ -234,7 +234,7 @@ def _is_met(
     footprint: Footprint,
     margin: FreeSpace,
 ) -> bool:
-    """Return whether a point is within the margin, and nearer than now, anywhere on the way."""
+    """Return whether the footprint, moved ahead, gets within the margin of a point, and closer."""
     along_m = footprint.length_m / 2 + margin.along_m
     beside_m = footprint.width_m / 2 + margin.beside_m
     for place_x_m, place_y_m, cosine, sine, ahead_m in moved:
@@ -247,13 +247,13 @@ def _is_met(
 
 
 def _gap_m(x_m: float, y_m: float, footprint: Footprint) -> float:
-    """Return how far a point is from the hull; 0 within it."""
+    """Return the distance of a point from the hull; 0 within it."""
     ahead_m, aside_m = abs(x_m) - footprint.length_m / 2, abs(y_m) - footprint.width_m / 2
     return hypot(max(ahead_m, 0.0), max(aside_m, 0.0))
 
 
 def _at_edge(cosine: float, sine: float, footprint: Footprint) -> LaserPoint:
-    """Return a point just outside the hull, for a ray of which something is too near to measure."""
+    """Return a point just outside the hull, for a ray with a return too close to measure."""
     along_m = footprint.length_m / 2 / abs(cosine) if cosine else inf
     away_m = min(along_m, footprint.width_m / 2 / abs(sine) if sine else inf) + EDGE_M
     x_m, y_m = away_m * cosine, away_m * sine

@@ -1,4 +1,4 @@
-"""Monitors of what stands in the rover's way: zones and known rocks, and what the laser sees."""
+"""Monitors of obstacles in the path of the rover: zones, known rocks, and laser points."""
 
 from math import degrees, isfinite
 
@@ -11,7 +11,7 @@ from executive.values.reasons import Figure
 
 
 def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the rover could not stand before a zone or a known rock if it went on."""
+    """Detect that the rover can no longer stop before a zone or a known rock."""
     del now_s
     around, velocity = history.surroundings, history.fastest
     if around is None or around.footprint is None or not around.settings.zones.any:
@@ -25,8 +25,8 @@ def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence
     speed_mps = abs(velocity.travel_mps)
     braking_m = speed_mps * around.braking_s(velocity, window.length_s)
     return Evidence(
-        f"{met.obstacle.title} is {met.way_m:.2f} m on, and from {speed_mps:.2f} m/s the rover"
-        f" stands after {braking_m:.2f} m",
+        f"{met.obstacle.title} is {met.way_m:.2f} m ahead; from {speed_mps:.2f} m/s the rover"
+        f" stops within {braking_m:.2f} m",
         (
             Figure("distance", met.way_m, "m"),
             Figure("speed", speed_mps, "m/s"),
@@ -36,7 +36,7 @@ def zone_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence
 
 
 def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the rover could not stand before what the laser sees if it went on."""
+    """Detect that the rover can no longer stop before a scanned obstacle."""
     del now_s
     around, velocity = history.surroundings, history.fastest
     if around is None or not around.laser:
@@ -48,8 +48,7 @@ def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evid
     speed_mps, rate_radps = abs(velocity.travel_mps), abs(velocity.rotate_radps)
     if speed_mps < SLOWEST_MPS:
         return Evidence(
-            f"something stands {met.gap_m:.2f} m from the rover, where it turns to at"
-            f" {rate_radps:.2f} rad/s",
+            f"obstacle {met.gap_m:.2f} m from the rover turning at {rate_radps:.2f} rad/s",
             (
                 Figure("distance", met.gap_m, "m"),
                 Figure("rate", rate_radps, "rad/s"),
@@ -58,7 +57,7 @@ def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evid
         )
     needed_m = speed_mps * held_s + window.bound
     return Evidence(
-        f"something stands {met.gap_m:.2f} m {_side(velocity.travel_mps)}, and from"
+        f"obstacle {met.gap_m:.2f} m {_side(velocity.travel_mps)}; from"
         f" {speed_mps:.2f} m/s {needed_m:.2f} m must be free",
         (
             Figure("distance", met.gap_m, "m"),
@@ -69,7 +68,7 @@ def obstacle_ahead(history: MotionHistory, window: Window, now_s: float) -> Evid
 
 
 def obstacle_near(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that something stands near in the direction in which the rover drives."""
+    """Detect an obstacle near the rover in its direction of travel."""
     del now_s
     around, velocity = history.surroundings, history.fastest
     if around is None or not around.laser:
@@ -79,26 +78,26 @@ def obstacle_near(history: MotionHistory, window: Window, now_s: float) -> Evide
         return None
     figures = Figure("distance", found.gap_m, "m"), Figure("bound", window.bound, "m")
     side = _side(velocity.travel_mps)
-    return Evidence(f"something stands {found.gap_m:.2f} m {side}: slower", figures)
+    return Evidence(f"obstacle {found.gap_m:.2f} m {side}: reduced speed", figures)
 
 
 def laser_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that no new scan comes."""
+    """Detect that no new scan is received."""
     around = history.surroundings
     if around is None or not around.laser or now_s - around.scanned_s <= window.bound:
         return None
     age_s, bound = now_s - around.scanned_s, Figure("bound", window.bound, "s")
     if not isfinite(age_s):
-        return Evidence("no scan of the laser yet: the rover does not see what is ahead", (bound,))
+        return Evidence("no laser scan yet: obstacles are not detected", (bound,))
     figures = Figure("age", age_s, "s"), bound
-    text = f"no scan of the laser for {age_s:.2f} s: the rover does not see what is ahead"
+    text = f"no laser scan for {age_s:.2f} s: obstacles are not detected"
     return Evidence(text, figures)
 
 
 def laser_blind(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See a sector into which the rover drives or turns, and in which the laser measures nothing.
+    """Detect a sector in the direction of motion in which the laser measures nothing usable.
 
-    A scan of which nothing is usable is the widest case; a rover that stands is not judged.
+    A scan without any usable ray is the widest case. A stationary rover is not judged.
     """
     around, velocity = history.surroundings, history.fastest
     if around is None or not around.laser:
@@ -108,8 +107,8 @@ def laser_blind(history: MotionHistory, window: Window, now_s: float) -> Evidenc
         return None
     figures = Figure("share", found.share), Figure("bound", window.bound)
     return Evidence(
-        f"the laser is blind towards {degrees(found.bearing_rad):+.0f}°: {found.share:.0%} of its"
-        f" rays there measure nothing usable, {window.bound:.0%} are allowed",
+        f"laser blind towards {degrees(found.bearing_rad):+.0f}°: {found.share:.0%} of its"
+        f" rays there are unusable, {window.bound:.0%} allowed",
         (*figures, Figure("bearing", found.bearing_rad, "rad")),
     )
 

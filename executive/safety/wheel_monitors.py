@@ -1,8 +1,7 @@
 """Monitors of the driven wheels: their encoders, and the torques of their motors.
 
-The wheels are compared with what was commanded and with the odometry, over windows that end where
-the older of the two does. What encoders and odometry have in common, such as a wrong wheel radius,
-is not seen here.
+The wheels are compared with commands and odometry, over windows that end with the older of the two.
+Errors that encoders and odometry share, such as a wrong wheel radius, are not detected here.
 """
 
 from typing import Final
@@ -15,13 +14,13 @@ from executive.safety.odometry_monitors import REACTION_S
 from executive.values.reasons import Figure
 
 SPEED_OVER_S: Final = 0.04
-"""Over which the present speed of wheels is taken."""
+"""Averaging time of the present wheel speed."""
 OFF_COMMAND_MPS: Final = 0.06
-"""How far wheels without torque are off their command, where that matters."""
+"""Minimum error of wheels without torque from their command, for a fault."""
 
 
 def wheels_off_command(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See a side that is slower or faster than all that it was commanded in the window."""
+    """Detect a side that is slower or faster than all its commands in the window."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
         return None
@@ -52,7 +51,7 @@ def wheels_off_command(history: MotionHistory, window: Window, now_s: float) -> 
 def wheels_off_command_slowly(
     history: MotionHistory, window: Window, now_s: float
 ) -> Evidence | None:
-    """See a side that has come less or more far than it was commanded to."""
+    """Detect a side whose distance is less or more than commanded."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
         return None
@@ -79,7 +78,7 @@ def wheels_off_command_slowly(
 
 
 def wheels_unpowered(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See a side that is off its command, and motors on it that do nothing about it."""
+    """Detect a side that deviates from its command without motor torque."""
     wheels = history.wheels
     if wheels is None or not (wheels.fresh(now_s) and wheels.torques):
         return None
@@ -105,7 +104,7 @@ def wheels_unpowered(history: MotionHistory, window: Window, now_s: float) -> Ev
 
 
 def odometry_off_wheels(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See odometry that tells of another way than the wheels turned."""
+    """Detect odometry whose distance disagrees with the wheels."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
         return None
@@ -121,8 +120,8 @@ def odometry_off_wheels(history: MotionHistory, window: Window, now_s: float) ->
 
 
 def joints_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """See that the sensors of the wheels no longer tell anything."""
+    """Detect that the wheel sensors no longer report."""
     if history.wheels is None:
         return None
     last_s = history.wheels.sums.time_s
-    return silent(history, "the wheels' sensor", "the wheels are", last_s, window, now_s)
+    return silent(history, "wheel sensor", "the wheels are", last_s, window, now_s)

@@ -132,7 +132,7 @@ def test_says_that_a_fault_ends_by_itself(aboard: Aboard) -> None:
 
 def test_says_in_a_line_what_is_not_monitored(aboard: Aboard) -> None:
     (line,) = (each for each in shown(aboard) if each.startswith("not monitored: "))
-    assert "slip (no second odometry); what stands in the way (no laser)" in line
+    assert "slip (no second odometry); the path ahead (no laser)" in line
     told = json.loads(rover("status", "--to", aboard.uri, "--json").output)["unmonitored"]
     slip = next(each for each in told if each["what"] == "slip")
     assert slip["why"] == "no second odometry"

@@ -36,8 +36,8 @@ def test_every_fault_that_needs_a_sensor_is_named_where_there_is_none() -> None:
 
 def test_what_an_asset_ignores_or_another_link_may_command_is_said_too() -> None:
     said = list(map(str, unmonitored(load_settings("mocup"))))
-    assert "tilted is not monitored: its row says ignore" in said
-    assert any(text.startswith("motion that nobody commanded is not monitored") for text in said)
+    assert "tilted is not monitored: its reaction is ignore" in said
+    assert any(text.startswith("uncommanded motion is not monitored") for text in said)
 
 
 def test_the_log_says_at_start_what_is_not_monitored_in_a_line_for_each_cause(
@@ -48,9 +48,9 @@ def test_the_log_says_at_start_what_is_not_monitored_in_a_line_for_each_cause(
         Bench(tmp_path, settings)
     said = [each for each in caplog.messages if "is not monitored" in each]
     assert [each.split(" (")[0] for each in said] == [
-        "what the wheels do is not monitored: no wheel sensors",
+        "wheel motion is not monitored: no wheel sensors",
         "wheel spin is not monitored: no IMU",
         "slip is not monitored: no second odometry",
-        "what stands in the way is not monitored: no laser",
+        "the path ahead is not monitored: no laser",
     ]
     assert "turn_slips" in said[2]

@@ -202,7 +202,7 @@ def test_a_sensor_that_is_never_heard_is_told_once_it_had_its_time() -> None:
     assert drive.names == []
     drive.run(STANDING, 1.0)
     assert drive.names == ["imu_silent"]
-    assert "has told nothing yet" in drive.begun[0].refusal.text
+    assert "no IMU message yet" in drive.begun[0].refusal.text
 
 
 def test_what_is_not_finite_counts_as_silence() -> None:

@@ -177,7 +177,7 @@ def test_a_sector_of_which_nothing_is_measured_is_blind(
     assert (evidence is not None) == blind
     if evidence is not None:
         assert [each.name for each in evidence.figures] == ["share", "bound", "bearing"]
-        assert "100% of its rays there measure nothing usable" in evidence.text
+        assert "100% of its rays there are unusable" in evidence.text
 
 
 def test_single_rays_without_a_measurement_are_no_blind_sector() -> None:
@@ -274,7 +274,7 @@ def test_a_drive_against_a_wall_slows_down_stops_and_may_go_back(make: Make) -> 
     assert bench.finish(1) is Stage.FAILED
     last = bench.last(1)
     assert last.reason is Reason.OBSTACLE_AHEAD
-    assert last.text.startswith("something stands 0.1")
+    assert last.text.startswith("obstacle 0.1")
     assert "ahead" in last.text
     assert [figure.name for figure in last.figures[:3]] == ["distance", "speed", "bound"]
     rover = bench.rover

@@ -186,7 +186,7 @@ def test_a_lower_input_does_not_disturb_a_motion_and_is_told_of(lock_step: LockS
     lock_step.run(3.0)
     assert lock_step.rover.true_pose.x_m == pytest.approx(1.0, abs=0.03)
     told = [report.text for report in lock_step.heard.reports]
-    assert any("external commands the rover too" in text for text in told)
+    assert any("external is active; it drives the base while" in text for text in told)
     assert "external" in lock_step.executive.why
     lock_step.rover.clear(faults.CmdVelTaken)
     lock_step.run(1.0)
@@ -227,7 +227,7 @@ def test_an_asset_may_keep_lower_inputs_from_driving_it_while_it_is_idle(tmp_pat
     lock_step.run(4.0)
     assert lock_step.executive.mode is Mode.STOPPED
     (why,) = [r for r in lock_step.heard.reports if r.reason is Reason.MOVES_UNCOMMANDED]
-    assert why.text.endswith("(publishers of velocities: external)")
+    assert why.text.endswith("(velocity publishers: external)")
     assert lock_step.rover.true_pose.x_m < 0.5
     lock_step.run(2.0)
     assert speed_mps(lock_step) < 0.02
