@@ -18,7 +18,7 @@ def tilted(history: MotionHistory, window: Window, _: float) -> Evidence | None:
     if tilt_rad <= window.bound:
         return None
     figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
-    return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)
+    return Evidence(f"tilt {tilt_rad:.2f} rad exceeds {window.bound:.2f} rad", figures)
 
 
 def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | None:
@@ -27,7 +27,7 @@ def battery_low(history: MotionHistory, window: Window, _: float) -> Evidence | 
         return None
     voltage_v = history.battery.voltage_v
     figures = Figure("voltage", voltage_v, "V"), Figure("bound", window.bound, "V")
-    return Evidence(f"the battery is down to {voltage_v:.1f} V", figures)
+    return Evidence(f"battery voltage {voltage_v:.1f} V is below {window.bound:.1f} V", figures)
 
 
 def other_publisher(history: MotionHistory, _: Window, __: float) -> Evidence | None:
@@ -42,7 +42,7 @@ def battery_silent(history: MotionHistory, window: Window, now_s: float) -> Evid
     if history.battery is None or age_s <= window.bound:
         return None
     figures = Figure("age", age_s, "s"), Figure("bound", window.bound, "s")
-    return Evidence(f"the battery has not told its voltage for {age_s:.0f} s", figures)
+    return Evidence(f"no battery voltage for {age_s:.0f} s (limit {window.bound:g} s)", figures)
 
 
 def battery_not_finite(history: MotionHistory, window: Window, _: float) -> Evidence | None:

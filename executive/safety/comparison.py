@@ -79,4 +79,7 @@ def silent(
     figures = Figure("age", age_s, "s"), Figure("bound", window.bound, "s")
     if unheard:
         return Evidence(f"no {who} message yet: {what} not monitored", figures)
-    return Evidence(f"no {who} message for {age_s:.1f} s: {what} not monitored", figures)
+    return Evidence(
+        f"no {who} message for {age_s:.1f} s (limit {window.bound:g} s): {what} not monitored",
+        figures,
+    )

@@ -116,7 +116,7 @@ def tilted_by_imu(history: MotionHistory, window: Window, now_s: float) -> Evide
     if not tilt_rad > window.bound:  # also false if it is not measured
         return None
     figures = Figure("tilt", tilt_rad, "rad"), Figure("bound", window.bound, "rad")
-    return Evidence(f"the rover leans by {tilt_rad:.2f} rad", figures)
+    return Evidence(f"tilt {tilt_rad:.2f} rad exceeds {window.bound:.2f} rad", figures)
 
 
 def imu_silent(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:

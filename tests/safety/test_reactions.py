@@ -117,7 +117,7 @@ def test_a_pause_has_motion_wait_and_then_go_on(make: Make) -> None:
     assert bench.rover.velocity == STANDING
     assert bench.is_in(Mode.PAUSED)
     assert bench.stages(1)[-1] is Stage.STARTED
-    assert "PAUSED because the battery is down to 20.0 V" in bench.executive.why
+    assert "PAUSED because battery voltage 20.0 V is below 22.0 V" in bench.executive.why
     assert bench.refusal(Resume(), 2).reason is Reason.CAUSE_PERSISTS
     bench.battery(FULL_V)
     bench.submit(Resume(), 3)
