@@ -18,7 +18,7 @@ from executive.values.reasons import Reason, Refusal
 BEGINS_WITHIN_S: Final = 4.0
 """Maximum start delay of a rover that does not report the start, also after lost messages."""
 STEADY_WITHIN_S: Final = 0.15
-"""Tolerance of the time at which the rover reaches its speed, or starts to brake."""
+"""Tolerance of the times when the rover reaches full speed, and starts to brake."""
 TOLD_EVERY_S: Final = 0.3
 """Maximum period of odometry. The end of a motion is detected this much in advance."""
 REPEAT_HALT_S: Final = 1.0
@@ -150,7 +150,7 @@ class DelegatedDriver:
 
     @property
     def expected(self) -> tuple[Velocity, Velocity]:
-        """The bounds of the expected velocity: that of the motion, or zero while it changes.
+        """The bounds of the expected velocity: that of the motion, and from zero during its ramps.
 
         A command that the rover received over another link is unknown here: up to the speed limits.
         """
@@ -259,7 +259,7 @@ class MotionProfile:
     duration_s: float
 
     def held_s(self, since_s: float) -> float:
-        """Return the time in which full velocity covers the distance moved up to `since_s`."""
+        """Return the equivalent time at full velocity of the distance moved up to `since_s`."""
         ramp_s = min(self.gain_s, self.duration_s / 2)
         if ramp_s == 0.0:
             return min(max(since_s, 0.0), self.duration_s)

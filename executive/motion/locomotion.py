@@ -46,7 +46,7 @@ CATCH_UP_PER_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True)
 class SquareRoot:
-    """The maximum speed from which braking in steps of one tick ends at the target."""
+    """The maximum speed that still allows a stop at the target, braking in steps of one tick."""
 
     bounds: Bounds
     tick_s: float

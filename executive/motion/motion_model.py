@@ -10,7 +10,7 @@ from executive.settings import SlipSettings, YawResponse
 from executive.values.geometry import Point, Pose, Velocity
 
 _GAUSS: Final = (0.5 - sqrt(3.0) / 6, 0.5 + sqrt(3.0) / 6)
-"""Points of a step at which it is integrated: two Gauss points give fourth order."""
+"""Integration points of a step: two Gauss points give fourth order."""
 _SMOOTH: Final = 1e-6
 _SLIP_FROM: Final = 0.02
 """Squares of speeds, below which magnitudes and the root of the side slip are smoothed."""
@@ -97,7 +97,7 @@ class MotionModel:
         return [x, y, heading + step * turning, *end, late + (lag - late) * decay]
 
     def moved(self, state: MotionState, command: Velocity, step_s: float) -> MotionState:
-        """Return the state after a step at whose end another command is in effect."""
+        """Return the state after a step that ends with another command in effect."""
         controls = (
             (command.travel_mps - state.travel_mps) / step_s,
             (command.rotate_radps - state.rotate_radps) / step_s,

@@ -25,7 +25,7 @@ FINEST_S: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class _Knot:
-    """A command and the time at which it is in effect; ramps connect the commands."""
+    """A command and its effective time; ramps connect the commands."""
 
     time_s: float
     velocity: Velocity
@@ -55,7 +55,7 @@ class MotionObserver:
         self._lag_radps = 0.0
 
     def observe(self, now_s: float) -> MotionState:
-        """Return the state at which the last command is in effect, and learn from odometry."""
+        """Return the state at the effective time of the last command, and learn from odometry."""
         delay_s, tick_s = self._settings.mpc.command_delay_s, self._settings.tick_s
         sent_s = self._sent_s if self._knots else now_s - tick_s
         self._add(_Knot(sent_s + delay_s, self._mover.velocity))
@@ -80,7 +80,7 @@ class MotionObserver:
 
     @property
     def effect_s(self) -> float:
-        """The time at which the last command is in effect."""
+        """The effective time of the last command."""
         return self._knots[-1].time_s
 
     def _arrived_s(self, now_s: float) -> float:

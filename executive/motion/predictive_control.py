@@ -36,7 +36,7 @@ KEEP_BRAKING_SHARE: Final = 0.93
 ANY_HEADING_RAD: Final = 0.35
 """Maximum deviation from the heading of turn-then-drive, if no heading is requested."""
 SOON_S: Final = 1.0
-"""Time to the end of the plan, from which braking is allowed."""
+"""Maximum remaining time of the plan for braking to begin."""
 
 
 @unique

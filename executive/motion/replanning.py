@@ -16,11 +16,11 @@ OVER_S: Final = 0.15
 AT_REST: Final = 0.01
 """Speed in m/s and rad/s that counts as zero: plans are accurate to less."""
 MISSES: Final = 5
-"""Number of ticks without a usable plan, above which turn-then-drive takes over."""
+"""Maximum number of ticks without a usable plan, before the fallback to turn-then-drive."""
 LATEST_S: Final = 1.0
-"""Maximum solving time: the previous plan is followed, then turn-then-drive takes over."""
+"""Maximum solving time: the previous plan is followed, then turn-then-drive."""
 STANDS: Final = 3
-"""Maximum number of plans from rest, before turn-then-drive takes over."""
+"""Maximum number of plans from rest, before the fallback to turn-then-drive."""
 OFF_M: Final = 0.1
 OFF_RAD: Final = 0.2
 """Maximum deviation from the plan; above it the odometry jumped or the rover was pushed."""
@@ -35,7 +35,7 @@ class SolverRequest:
     Attributes:
         asked_s: time of the request.
         from_s: start time of the plan.
-        end: index of the route's point at which the plan ends.
+        end: index of the route's point where the plan ends.
         waits: whether the rover is stationary, so that the plan starts when it is received.
     """
 

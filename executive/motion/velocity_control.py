@@ -109,7 +109,7 @@ class _Law(Motion):
         self.expected_s = duration_s(self.way, bounds)
 
     def _soon(self, way: float) -> float:
-        """Return the remainder at the time at which a command given now takes effect."""
+        """Return the remainder at the time when a command given now takes effect."""
         return way - self._moving * self._settings.turn_drive.latency_s
 
     def _speed(self, way: float, now_s: float) -> float:
@@ -228,7 +228,7 @@ HELD_TURN_RAD: Final = 0.5
 
 
 class VelocityLocomotion:
-    """Makes motions whose intent is a velocity in each tick."""
+    """Makes motions that command a velocity in each tick."""
 
     alone = False
 
@@ -402,7 +402,7 @@ class VelocityDriver:
 
     @property
     def expected(self) -> tuple[Velocity, Velocity]:
-        """The last velocity sent, twice: the base follows it at once."""
+        """The last velocity sent, twice: the base follows it soon."""
         return self.velocity, self.velocity
 
     def stop(self) -> None:

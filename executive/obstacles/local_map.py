@@ -47,9 +47,9 @@ MOST_CIRCLES: Final = 48
 MOST_POSES: Final = 50
 """Number of poses, one per odometry message: they cover more than the delay of a scan."""
 AHEAD_S: Final = 0.2
-"""Maximum lead of a scan over the odometry, for which the pose is extrapolated by the velocity."""
+"""Maximum lead of a scan over the odometry; the pose is then extrapolated by the velocity."""
 HARDLY_RADPS: Final = 0.1
-"""Maximum yaw rate at which the time of a scan is irrelevant."""
+"""Maximum yaw rate that makes the time of a scan irrelevant."""
 
 _Key = tuple[int, int]
 
@@ -84,7 +84,7 @@ class LocalMap:
     """A rolling map of obstacles around the rover, except the known ones.
 
     Args:
-        footprint: of the rover, whose own returns are ignored.
+        footprint: of the rover; returns of the rover itself are ignored.
         known: zones and rocks; their returns are ignored.
     """
 

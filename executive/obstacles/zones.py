@@ -1,7 +1,6 @@
 """Keep-in zones, keep-out zones and known rocks, in the odometry frame.
 
-Pure geometry. The rover is the disc about base_link in which its footprint turns, so that its
-heading is irrelevant.
+Pure geometry. The rover is the disc about base_link that contains its footprint at any heading.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,10 +16,10 @@ MAX_MARGIN_M: Final = 100.0
 FEWEST_CORNERS: Final = 3
 MOST_CORNERS: Final = 100
 FINEST_M: Final = 0.01
-"""Resolution of the distance along a path at which the clearance is violated."""
+"""Resolution of the distance along a path to a violation of the clearance."""
 LEAVING_STEP_M: Final = 0.05
 LEAVING_M: Final = 20.0
-"""Maximum length of a path on which a rover that began too close may move away."""
+"""Maximum length of a path for a rover that began too close to move away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +37,12 @@ class Footprint:
 
     @property
     def radius_m(self) -> float:
-        """Radius of the disc in which it turns."""
+        """Radius of the disc that contains it at any heading."""
         return hypot(self.length_m, self.width_m) / 2
 
 
 class Obstacle(Protocol):
-    """An object to which the rover keeps a distance."""
+    """An object that the rover avoids."""
 
     @property
     def title(self) -> str:
@@ -185,7 +184,7 @@ class ScannedObstacle(KnownRock):
 
 @dataclass(frozen=True, slots=True)
 class ClearanceViolation:
-    """The first point of a path at which the clearance is too small.
+    """The first point of a path with too small a clearance.
 
     Attributes:
         obstacle: the obstacle.
@@ -287,7 +286,7 @@ def _disc_of(path: Sequence[Point]) -> tuple[Point, float]:
 def _first_on(
     path: Sequence[Point], obstacle: Obstacle, needed_m: float
 ) -> tuple[float, float] | None:
-    """Return the distance at which a path is first too close to an obstacle, and that clearance."""
+    """Return the distance along a path to its first clearance violation, and that clearance."""
     nearest_m = inf
     now_m = obstacle.clearance_m(path[0], path[0])
     leaving = now_m < needed_m
@@ -348,7 +347,7 @@ def _way_out_m(
 
 
 def _until_m(start: Point, end: Point, obstacle: Obstacle, needed_m: float) -> float:
-    """Return the distance along a line at which it is too close, in steps of the free distance."""
+    """Return the distance along a line until it is too close, in steps of the free distance."""
     length_m, way_m = start.distance_m(end), 0.0
     while way_m < length_m:
         place = _along(start, end, way_m)

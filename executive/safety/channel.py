@@ -62,7 +62,7 @@ class StampClock:
         """Return the measurement time of a sparse source; None if its clock is unknown.
 
         Args:
-            like: the source whose clock may have stamped it, if it was not UTC.
+            like: a source that may share its clock, if that was not UTC.
             stamp_s: on the clock of its publisher.
             now_s: time of arrival.
             utc_s: the same, in UTC.
@@ -103,7 +103,7 @@ class Channel:
 
     @property
     def first_s(self) -> float:
-        """The earliest time at which the sums are known."""
+        """The earliest time with known sums."""
         return max(self._first, self._filled - SLOTS + 2) * GRID_S
 
     def covers(self, time_s: float) -> bool:

@@ -59,7 +59,7 @@ NO_TORQUES = Unmonitored(
     "the motors", "joint states have no efforts", ("wheels_unpowered", "blocked")
 )
 NO_VOLTAGE = Unmonitored("the battery", "no voltage received", ("battery_low", "battery_silent"))
-NO_CHARGE = Unmonitored("charge for the way home", "the battery reports no charge", ())
+NO_CHARGE = Unmonitored("charge for the return", "the battery reports no charge", ())
 WHOLE_MOTION = Unmonitored(
     "uncommanded motion",
     "another link may command it without the executive",

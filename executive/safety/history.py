@@ -45,7 +45,7 @@ from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 STALL_S: Final = 0.25
 """Maximum interval of commands; the base's own timeout may have stopped it in a longer one."""
 SEEN_S: Final = 0.4
-"""Minimum window in which a second odometry shows standstill."""
+"""Minimum window of a second odometry to show standstill."""
 
 
 class OdometryWindow(NamedTuple):
@@ -111,7 +111,7 @@ class MotionHistory:
         unchanged_since_s: since when the odometry is identical to the last bit.
         frame_time_s: exposure time of the newest camera frame; None if its clock is unknown.
         others: other publishers that may move the rover.
-        other_drivers: publishers whose velocities were received.
+        other_drivers: publishers of received velocities.
         lower_may_drive: whether inputs below the executive's may drive the rover while it is idle.
         begun_s: start of the evidence; no window extends before it.
         jump: the last pose jump of the odometry.
@@ -124,7 +124,7 @@ class MotionHistory:
         pose: estimated pose of the rover, in the frame of commands.
         surroundings: the obstacles around it; None if they are not monitored.
         start_s: time of the start.
-        rejections: the sources whose data are rejected.
+        rejections: the sources with rejected data.
     """
 
     def __init__(

@@ -22,7 +22,7 @@ UNLEVELLED: Final = 0.1
 
 
 def odometry_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """Detect odometry whose twist or heading disagrees with the turn by the gyro."""
+    """Detect a disagreement of odometry, by twist or heading, with the turn by the gyro."""
     inertia = history.inertia
     if inertia is None or not inertia.fresh(now_s):
         return None
@@ -42,7 +42,7 @@ def odometry_off_gyro(history: MotionHistory, window: Window, now_s: float) -> E
 
 
 def wheels_off_gyro(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """Detect wheels whose turn of the rover disagrees with the gyro."""
+    """Detect a disagreement of the turn by the wheels with the gyro."""
     wheels, inertia = history.wheels, history.inertia
     if wheels is None or inertia is None or not (wheels.fresh(now_s) and inertia.fresh(now_s)):
         return None

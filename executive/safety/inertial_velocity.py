@@ -40,7 +40,7 @@ UNLEARNT_MPS2: Final = 0.3
 RELEARN_S: Final = 10.0
 """Rest after which a bias that changed by more than that is learnt again."""
 LEVEL_RAD: Final = 0.03
-"""Slope on which friction of 0.05 still brakes a sliding rover by three times `STILL_MPS2`."""
+"""Maximum slope where friction of 0.05 brakes a sliding rover by three times `STILL_MPS2`."""
 
 
 class InertialVelocity:

@@ -14,7 +14,7 @@ from executive.safety.history import MotionHistory, OdometryWindow, PoseJump
 from executive.values.reasons import Figure
 
 SHOWN_S: Final = 0.1
-"""Time for which a single message is evidence."""
+"""Duration of the evidence of a single message."""
 REACTION_S: Final = 0.06
 """Latency of a base from a command to its motion."""
 PATIENCE_S: Final = 2.0
@@ -22,7 +22,7 @@ PATIENCE_S: Final = 2.0
 SIDE_SLIP_M: Final = 0.15
 """Maximum side slip of base_link per radian turned, not in the twist. Chosen, not measured."""
 SETTLE_S: Final = 1.4
-"""Time in which a base with zero velocity commanded has stopped."""
+"""Maximum stopping time of a base after a command of zero velocity."""
 LEAST_MPS, LEAST_RADPS = 0.05, 0.1
 """Minimum command that any base follows."""
 

@@ -10,7 +10,7 @@ from executive.safety.history import MotionHistory, OdometryWindow
 from executive.safety.odometry_monitors import REACTION_S
 
 LOOKBACK_S: Final = 5.0
-"""Time before a fault in which its cause may have acted: above the maximum window (4 s)."""
+"""Maximum time from a cause to its fault: above the maximum window (4 s)."""
 SAMPLE_S: Final = 0.25
 
 

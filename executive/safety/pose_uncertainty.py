@@ -61,7 +61,7 @@ class StoredPose:
 
     Attributes:
         utc_s: time of the state.
-        uncertainty, confirmed: of the pose; the part that an operator confirmed.
+        uncertainty, confirmed: of the pose; the remainder after an operator's confirmation.
         odometry: the newest pose of the odometry, uncorrected.
         still: whether the rover was stationary, with zero velocity commanded.
         disproved: whether a fault was active that disproves the pose.

@@ -155,14 +155,14 @@ EXPLAINED: Final[Mapping[str, Source]] = {
     **dict.fromkeys(("wheels_off_command", "wheels_off_command_slowly"), Source.VELOCITY),
     "no_progress": Source.VELOCITY,
 }
-"""Faults whose text includes why data of a source are rejected, if they are."""
+"""Faults and their sources; the text of a fault includes why data of its source are rejected."""
 HOLDING: Final = frozenset({Reaction.PAUSE, Reaction.STOP, Reaction.SAFE})
 SLIDING: Final = frozenset(
     {Reason.WHEELS_SLIP, Reason.WHEELS_OFF_GYRO, Reason.SLIPS, Reason.TURN_SLIPS, Reason.SLIDES}
 )
-"""Reasons of faults in which the rover moves otherwise than its wheels."""
+"""Reasons of faults that show the rover moving otherwise than its wheels."""
 SLID_S: Final = 1.5
-"""Time for which such evidence counts: longer than the fault and its window."""
+"""Duration of such evidence: longer than the fault and its window."""
 TAKEN: Final = "other_publisher"
 UNMONITORED: Final = FaultResponse(MonitoredWhen.ALWAYS, Reaction.SAFE, ClearPolicy.ON_RESUME)
 """Row of faults without a monitor; a resume cannot check their cause."""

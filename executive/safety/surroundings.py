@@ -1,7 +1,7 @@
-"""Laser points near the rover, and those with which its motion would collide.
+"""Laser points near the rover, and collisions of its motion with them.
 
-Modelled on the collision monitor of Nav2: a zone in which the rover slows down, and its footprint,
-moved ahead in time, which must stay free until the rover can stop. Pure geometry in the axes of
+Modelled on the collision monitor of Nav2: a slow-down zone, and a footprint that is moved ahead in
+time and must stay free until the rover can stop. Pure geometry in the axes of
 base_link.
 """
 
@@ -25,7 +25,7 @@ TURN_BRAKING: Final = 4.0
 """Ratio of angular to linear deceleration of a braking base, in 1/m. Chosen, not measured."""
 STEP_M: Final = 0.05
 STEP_RAD: Final = 0.05
-"""Steps in which the footprint is moved ahead."""
+"""Step sizes of the footprint's motion."""
 NEARER_M: Final = 0.01
 """Minimum approach to a point inside the margin that counts as a collision."""
 REACH_M: Final = 3.0
@@ -37,7 +37,7 @@ SECTORS: Final = 24
 SECTOR_RAD: Final = 2 * pi / SECTORS
 """Width of the sectors that are judged: 0.26 m at 1 m, half the width of a Jackal."""
 WAY_RAD: Final = radians(46)
-"""Maximum angle of a sector from the direction of travel: more than straight, as arcs bend."""
+"""Maximum angle between a sector and the direction of travel; wide, as arcs bend."""
 EDGE_M: Final = 0.03
 """Distance from the hull of a return that is too close to measure (REP 117): more than NEARER_M, so
 that the rover cannot approach it."""
@@ -145,7 +145,7 @@ class LaserSurroundings:
         return max(found, key=lambda each: each.share, default=None)
 
     def braking_s(self, velocity: Velocity, latency_s: float) -> float:
-        """Return the time in which the velocity, if held, covers the braking distance."""
+        """Return the duration of the velocity, if held, for the braking distance."""
         braking_mps2 = self.settings.drive.braking_mps2
         return latency_s + max(
             abs(velocity.travel_mps) / (2.0 * braking_mps2),
@@ -153,7 +153,7 @@ class LaserSurroundings:
         )
 
     def met(self, velocity: Velocity, held_s: float, margin_m: float) -> LaserPoint | None:
-        """Return the point with which the rover would collide at a held velocity, or None.
+        """Return the first collision point of the rover at a held velocity, or None.
 
         Of several points the second nearest.
         """

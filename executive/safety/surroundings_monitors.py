@@ -95,7 +95,7 @@ def laser_silent(history: MotionHistory, window: Window, now_s: float) -> Eviden
 
 
 def laser_blind(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """Detect a sector in the direction of motion in which the laser measures nothing usable.
+    """Detect a sector in the direction of motion without usable laser rays.
 
     A scan without any usable ray is the widest case. A stationary rover is not judged.
     """

@@ -51,7 +51,7 @@ def wheels_off_command(history: MotionHistory, window: Window, now_s: float) -> 
 def wheels_off_command_slowly(
     history: MotionHistory, window: Window, now_s: float
 ) -> Evidence | None:
-    """Detect a side whose distance is less or more than commanded."""
+    """Detect a side with a shorter or longer distance than commanded."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
         return None
@@ -104,7 +104,7 @@ def wheels_unpowered(history: MotionHistory, window: Window, now_s: float) -> Ev
 
 
 def odometry_off_wheels(history: MotionHistory, window: Window, now_s: float) -> Evidence | None:
-    """Detect odometry whose distance disagrees with the wheels."""
+    """Detect a disagreement of the distance by odometry with the wheels."""
     wheels = history.wheels
     if wheels is None or not wheels.fresh(now_s):
         return None

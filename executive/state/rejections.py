@@ -1,4 +1,4 @@
-"""The sources whose data are rejected, and why."""
+"""The sources with rejected data, and the causes."""
 
 from typing import Final
 

@@ -17,7 +17,7 @@ from executive.values.geometry import GRAVITY_MPS2, Pose, Velocity, wrap_rad
 from executive.values.reasons import Figure
 
 WINDOW_S: Final = 0.2
-"""Time for which each fast source must show standstill."""
+"""Minimum duration of standstill by each fast source."""
 STANDING_TRAVEL_MPS: Final = 0.03
 STANDING_ROTATE_RADPS: Final = 0.06
 STANDING_WAY_M: Final = 0.01

@@ -56,7 +56,7 @@ class Status:
         elsewhere: the command that the rover last received over another link.
         foreign: other publishers of the rover's velocity.
         standstill: detects standstill by each source.
-        rejections: the sources whose data are rejected.
+        rejections: the sources with rejected data.
         fusion: corrects the pose by a second odometry; None without one.
         uncertainty: bounds of the error of `pose`.
     """

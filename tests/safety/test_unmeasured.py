@@ -31,7 +31,7 @@ def gaps(bench: Bench) -> dict[str, tuple[str, ...]]:
 def test_what_is_configured_and_not_measured_is_listed_as_not_monitored(tmp_path: Path) -> None:
     powered = replace(SENSED, battery=BatterySettings(1e6))
     with Bench(tmp_path, powered, all_sensors=True) as bench:
-        assert "charge for the way home is not monitored: the battery reports no charge" in gaps(
+        assert "charge for the return is not monitored: the battery reports no charge" in gaps(
             bench
         )
         bench.charge_ratio = 0.8
