@@ -43,7 +43,7 @@ from executive.values.facts import (
 from executive.values.geometry import STANDING, Pose, Velocity, wrap_rad
 
 STALL_S: Final = 0.25
-"""Maximum interval of commands; the base's own timeout may have stopped it in a longer one."""
+"""Maximum interval of commands: a base may stop by itself after 0.25 s without one."""
 SEEN_S: Final = 0.4
 """Minimum window of a second odometry to show standstill."""
 

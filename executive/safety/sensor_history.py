@@ -25,7 +25,7 @@ SLIP_OFFSET_M: Final = 0.044
 SLIP_GAIN: Final = 0.065
 """Side slip of a skid-steered rover: v_y = -(offset + gain sign(v) sqrt|v w|) w."""
 REST_RADPS: Final = 0.05
-"""Maximum mean rate of stationary wheels over `REST_S`."""
+"""Maximum mean rate of stationary wheels over `REST_S`; single rates have noise of 0.03 rad/s."""
 REST_S: Final = 0.3
 """Minimum standstill of the wheels before the gyro's bias is learnt."""
 UNLEARNT_BIAS_RADPS: Final = 0.01

