@@ -1,8 +1,7 @@
 """Laser points near the rover, and collisions of its motion with them.
 
 Modelled on the collision monitor of Nav2: a slow-down zone, and a footprint that is moved ahead in
-time and must stay free until the rover can stop. Pure geometry in the axes of
-base_link.
+time and must stay free until the rover can stop. Pure geometry in the axes of base_link.
 """
 
 from dataclasses import dataclass

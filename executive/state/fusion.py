@@ -30,7 +30,7 @@ FRAME_PER_M: Final = 0.015
 WHEELS_PER_M: Final = 0.002
 WHEELS_PER_RAD: Final = 0.002
 SLIDE_M_PER_RAD: Final = 0.5
-"""Slide of a turn per sine of the slope, before more is learnt; likewise below."""
+"""Standard deviation of the wheels by a slide per sine of the slope, in turns; likewise below."""
 SLIDE_PER_M: Final = 0.3
 SLIDE_MPS: Final = 0.05
 GATE_SD: Final = 2.5
