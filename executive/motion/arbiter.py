@@ -78,7 +78,7 @@ class Arbiter:
         return self._mover.expected
 
     def emergency_stop(self) -> None:
-        """Command zero velocity, from any thread; for a stop, once `stop_waits`."""
+        """Command zero velocity, from any thread; a stop must be pending before (`stop_waits`)."""
         self._rover.emergency_stop()
 
     def stand(self) -> None:
@@ -124,7 +124,7 @@ class Arbiter:
 
 
 class Latches:
-    """Set by stop commands and faults, cleared by a resume, or with the fault.
+    """State that stop commands and faults set; cleared by a resume, or with the fault.
 
     Attributes:
         stopped_by: the command that stopped the rover, for display; None when not stopped.

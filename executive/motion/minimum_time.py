@@ -20,7 +20,7 @@ from executive.motion.programme import OptimalControlProblem
 from executive.values.geometry import Point, wrap_rad
 
 FASTEST_SHARE: Final = 0.6
-"""Minimum ratio of the duration to that of the commanded limits: the rover can turn faster."""
+"""Minimum ratio of a duration to that of the commanded limits; a driving rover turns faster."""
 STARTS: Final = 3
 """Maximum number of guesses; another is tried while the best plan misses the tolerance."""
 LOOKS: Final = 2

@@ -1,7 +1,7 @@
 """Motion history: the last seconds of commands and sensor data, on one time base.
 
-Facts are ordered by their stamps. Each source has a channel of running sums; the motion between any
-two times is the difference of two look-ups.
+Facts are placed in time by their stamps. Each source has a channel of running sums; the motion
+between any two times is the difference of two look-ups.
 """
 
 from collections import deque

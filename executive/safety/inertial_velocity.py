@@ -23,7 +23,7 @@ AGREE_MPS: Final = 0.06
 STOOD_MPS: Final = 0.03
 """Maximum speed at standstill, and maximum difference after a slide longer than `LONG_S`."""
 LONG_S: Final = 0.5
-"""Longer than wheels disagree in a stop on firm ground; enough to learn the bias, or to rest."""
+"""Duration above that of wheel disagreement in a stop; enough to learn the bias, or to rest."""
 SLIDES_IN_TURN_M: Final = 0.12
 """Slide of a turn on a slope that odometry does not see, per rad/s."""
 DRIFT_MPS2: Final = 0.02

@@ -34,7 +34,7 @@ class Driver:
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """Duration of its publishing, and distance and turn of the rover meanwhile."""
+        """Duration of its publishing, and distance and turn of the rover in that time."""
         return (
             Figure("duration", round(self.last_s - self.since_s, 2), "s"),
             Figure("driven", round(self.path_m, 2), "m"),

@@ -227,7 +227,7 @@ class FaultMonitor:
 
     Attributes:
         history: their input.
-        active: the faults that have begun and are not over, in order of their begin.
+        active: the faults that have begun and are not over, in order of their start.
     """
 
     def __init__(self, clock: Clock, settings: Settings) -> None:

@@ -152,9 +152,9 @@ class LaserSurroundings:
         )
 
     def met(self, velocity: Velocity, held_s: float, margin_m: float) -> LaserPoint | None:
-        """Return the first collision point of the rover at a held velocity, or None.
+        """Return a collision point of the rover at a held velocity, or None.
 
-        Of several points the second nearest.
+        Of several points the second nearest: a single one may be dust.
         """
         if self.footprint is None or not moves(velocity):
             return None
