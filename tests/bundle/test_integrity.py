@@ -74,7 +74,7 @@ def test_the_two_forms_are_not_taken_for_each_other() -> None:
     for one, other in (IntegrityVariant, reversed(IntegrityVariant)):
         octets = encode_bundle(sign(PLAIN, Key(SECRET, one), Ipn(1, 0), (1,)))
         (check,) = verify(octets, decode_bundle(octets), Key(SECRET, other))
-        assert check.fault == "its HMAC is wrong"
+        assert check.fault == "HMAC does not match"
 
 
 def asb(
@@ -111,15 +111,15 @@ def check(*contents: bytes, key: Key = Key(SECRET, IntegrityVariant.ION)) -> str
     [
         (asb(results=(bytes(20),)), "NULL cipher suites"),
         (asb(parameters=((2, cbor.octet_string(bytes(20))),)), "NULL cipher suites"),
-        (asb(parameters=((2, cbor.octet_string(bytes(4096))),)), "a wrapped key of 4096 octets"),
+        (asb(parameters=((2, cbor.octet_string(bytes(4096))),)), "wrapped key of 4096 octets"),
         (asb(parameters=((2, cbor.octet_string(bytes(40))),)), "cannot be unwrapped"),
         (asb(parameters=((1, b"\x04"),)), "SHA variant 4"),
-        (asb(parameters=((1, b"\x06"),)), "32 octets of HMAC, SHA384 has 48"),
+        (asb(parameters=((1, b"\x06"),)), "HMAC has 32 octets, SHA384 needs 48"),
         (asb(parameters=((3, b"\x08"),)), "scope flags 8"),
         (asb(targets=(0,)), "ION signs no primary block with scope flags 7"),
-        (asb(targets=(9,)), "there is no such block"),
+        (asb(targets=(9,)), "target block is missing"),
         (asb(targets=(2,), parameters=()), "ambiguous"),
-        (asb(), "its HMAC is wrong"),
+        (asb(), "HMAC does not match"),
     ],
 )
 def test_what_is_not_rightly_signed_is_named(content: bytes, fault: str) -> None:
@@ -247,7 +247,7 @@ def test_refusals_are_counted_and_logged_now_and_then(
     told = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
     assert [text.split(": ", 1)[1] for text in told] == [
         "the payload is not signed",
-        "the payload is not signed (49 more since the last of these lines)",
+        "the payload is not signed (49 more since the last such line)",
     ]
 
 

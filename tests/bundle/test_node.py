@@ -127,7 +127,7 @@ def test_what_nobody_fetches_ends_with_its_lifetime_and_is_reported(
     two.tick()
     assert two.take() == []
     assert two.node.expired == 1
-    assert "ended with its lifetime" in caplog.text
+    assert "expired before its delivery" in caplog.text
 
 
 def test_what_is_to_be_confirmed_stays_until_it_is(pair: Pair, clock: Clock) -> None:
@@ -325,7 +325,7 @@ def test_what_cannot_be_cut_small_enough_for_its_link_is_deleted_and_told(
     assert one.fates() == [DeliveryStatus.DELETED]
     assert one.node.outbox.depth() == 0
     assert (
-        "cannot be cut to 40 octets, which is bundle_octets of the link to ipn:2.0" in caplog.text
+        "cannot be fragmented to 40 octets, bundle_octets of the link to ipn:2.0" in caplog.text
     )
 
 

@@ -176,5 +176,5 @@ async def test_what_is_to_be_confirmed_is_kept_until_its_receiver_has_it(
 @pytest.mark.parametrize("kind", ATTACHED_BY_PAYLOAD)
 async def test_what_nobody_can_confirm_is_refused(kind: Kind, tmp_path: Path) -> None:
     async with world(kind, tmp_path) as there, there.agent(1) as one:
-        with pytest.raises(ValueError, match="confirms nothing"):
+        with pytest.raises(ValueError, match="offers no confirmation"):
             await one.agent.send(TWO, b"x", confirm=True)

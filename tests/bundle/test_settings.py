@@ -44,7 +44,7 @@ def test_a_figure_is_within_its_bounds(
 
 @pytest.mark.parametrize("host", ["orbiter..example", "o" * 64 + ".example", ".", "orbiter\0"])
 def test_a_host_that_no_name_service_takes_is_refused(host: str) -> None:
-    with pytest.raises(ValueError, match=r"^host .* is no name of a host: "):
+    with pytest.raises(ValueError, match=r"^host .* is not a host name: "):
         Address(host, 1113)
 
 

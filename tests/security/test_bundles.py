@@ -177,7 +177,7 @@ def test_octets_of_a_signature_at_random_end_nobody(orbiter: TestedNode, rover: 
 @pytest.mark.parametrize(
     ("time_ms", "lifetime_ms", "why"),
     [
-        (NOW_MS + 365 * DAY_MS, DAY_MS, "made 31536000 s ahead of the clock here"),
+        (NOW_MS + 365 * DAY_MS, DAY_MS, "creation time is 31536000 s ahead of the clock here"),
         (2**63, 0, "ahead of the clock here"),
         (NOW_MS, 2**63, "most_lifetime_s is 5184000"),
         (NOW_MS, 34 * 365 * DAY_MS, "most_lifetime_s is 5184000"),

@@ -17,7 +17,7 @@ _VERSION: Final = 7
 
 
 class Crc(IntEnum):
-    """Which check sum a block carries, by its code on the wire."""
+    """CRC type of a block (RFC 9171, 4.2.1)."""
 
     NONE = 0
     CRC16 = 1
@@ -28,17 +28,17 @@ CRC_OCTETS: Final = {Crc.NONE: 0, Crc.CRC16: 2, Crc.CRC32C: 4}
 
 
 def crc16(octets: bytes) -> bytes:
-    """Return CRC-16/X.25, big-endian.
+    """Return the CRC-16/X.25 of the octets, big-endian (RFC 9171, 4.2.1).
 
-    X.25 works on mirrored octets; with octets and result mirrored it is the CRC that the standard
-    library has in C.
+    X.25 is the reflected form of the CRC that `binascii.crc_hqx` computes in C. Reflecting the
+    input and the result converts one into the other.
     """
     mirrored = crc_hqx(octets.translate(_MIRRORED), 0xFFFF) ^ 0xFFFF
     return bytes((_MIRRORED[mirrored & 0xFF], _MIRRORED[mirrored >> 8]))
 
 
 def crc32c(octets: bytes) -> bytes:
-    """Return CRC-32C, big-endian."""
+    """Return the CRC-32C (Castagnoli) of the octets, big-endian (RFC 9171, 4.2.1)."""
     crc = 0xFFFFFFFF
     last, third, second, first = _CASTAGNOLI
     fours = len(octets) & ~3
@@ -56,7 +56,7 @@ def crc32c(octets: bytes) -> bytes:
 
 
 def check_sum(kind: Crc, octets: bytes) -> bytes:
-    """Return the check sum of a kind; no octets for NONE."""
+    """Return the CRC of the given type; no octets for NONE."""
     if kind is Crc.CRC16:
         return crc16(octets)
     return crc32c(octets) if kind is Crc.CRC32C else b""
@@ -67,7 +67,7 @@ def _mirrored(octet: int) -> int:
 
 
 def _castagnoli(octet: int, behind: int) -> int:
-    """Return what an octet contributes to a CRC-32C with so many octets behind it."""
+    """Return the contribution of an octet to a CRC-32C, with `behind` octets after it."""
     for _ in range(8 + 8 * behind):
         octet = (octet >> 1) ^ (0x82F63B78 if octet & 1 else 0)
     return octet
@@ -79,7 +79,7 @@ _FOURS: Final = struct.Struct("<I")
 
 
 class Flag(IntFlag):
-    """Bundle processing control flags (4.2.3)."""
+    """Bundle processing control flags (RFC 9171, 4.2.3)."""
 
     FRAGMENT = 0x1
     ADMINISTRATIVE = 0x2
@@ -98,7 +98,7 @@ REPORTS: Final = int(
 
 
 class BlockFlag(IntFlag):
-    """Block processing control flags (4.2.4)."""
+    """Block processing control flags (RFC 9171, 4.2.4)."""
 
     REPLICATE = 0x1
     REPORT_IF_UNKNOWN = 0x2
@@ -107,7 +107,7 @@ class BlockFlag(IntFlag):
 
 
 class BlockType(IntEnum):
-    """The blocks that RFC 9171 and RFC 9172 define, and NASA ION's for the quality of service."""
+    """Block types of RFC 9171 and RFC 9172, and NASA ION's quality-of-service block."""
 
     PAYLOAD = 1
     PREVIOUS_NODE = 6
@@ -123,7 +123,7 @@ KNOWN_BLOCKS: Final = frozenset(BlockType)
 
 @dataclass(frozen=True, slots=True)
 class Creation:
-    """When a bundle was made, in milliseconds since 2000, and its number within that time."""
+    """Creation timestamp (RFC 9171, 4.2.7): DTN time in ms since 2000, and sequence number."""
 
     time_ms: int
     sequence: int
@@ -131,7 +131,7 @@ class Creation:
 
 @dataclass(frozen=True, slots=True)
 class FragmentRange:
-    """Which octets of an application data unit a fragment carries: from where, and of how many."""
+    """Fragment offset and total application data unit length, in octets (RFC 9171, 4.3.1)."""
 
     offset: int
     total: int
@@ -139,11 +139,11 @@ class FragmentRange:
 
 @dataclass(frozen=True, slots=True)
 class Primary:
-    """The primary block.
+    """Primary block (RFC 9171, 4.3.1).
 
     Attributes:
-        flags: a sum of `Flag`s; unknown ones are kept.
-        part: for a fragment only.
+        flags: a sum of `Flag`s; unknown flags are retained.
+        part: present in fragments only.
     """
 
     destination: Eid
@@ -158,10 +158,10 @@ class Primary:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A canonical block.
+    """Canonical block (RFC 9171, 4.3.2).
 
     Attributes:
-        type: a `BlockType`, or one that is not known here.
+        type: a `BlockType`, or another code.
         flags: a sum of `BlockFlag`s.
     """
 
@@ -174,24 +174,24 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """A bundle; the payload is the last of its blocks."""
+    """A bundle; the payload block is its last block."""
 
     primary: Primary
     blocks: tuple[Block, ...]
 
     @property
     def payload(self) -> bytes:
-        """The application data, or the part of it that a fragment carries."""
+        """The application data, or the fragment's part of them."""
         return self.blocks[-1].data
 
     def block(self, kind: BlockType) -> Block | None:
-        """Return the first block of a type, if there is one."""
+        """Return the first block of a type, or None."""
         return next((block for block in self.blocks if block.type == kind), None)
 
 
 @dataclass(frozen=True, slots=True)
 class BundleId:
-    """What identifies a bundle (4.2.7): source and creation timestamp; fragments share it."""
+    """Source and creation timestamp of a bundle (RFC 9171, 4.2.7). Its fragments share both."""
 
     source: Eid
     creation: Creation
@@ -201,7 +201,7 @@ class BundleId:
 
     @property
     def key(self) -> bytes:
-        """The identity as octets, for the store."""
+        """The identity as octets, the key of the store."""
         creation = self.creation
         return (
             encode_eid(self.source)
@@ -211,12 +211,12 @@ class BundleId:
 
 
 def identity_of(primary: Primary) -> BundleId:
-    """Return the identity of a bundle."""
+    """Return the identity of the bundle with this primary block."""
     return BundleId(primary.source, primary.creation)
 
 
 def bundle_id_from_key(key: bytes) -> BundleId:
-    """Return the identity that has this key."""
+    """Return the identity encoded in a key of the store."""
     reader = cbor.Reader(key)
     source = read_eid(reader)
     return BundleId(source, Creation(reader.unsigned(), reader.unsigned()))
@@ -224,17 +224,17 @@ def bundle_id_from_key(key: bytes) -> BundleId:
 
 @dataclass(frozen=True, slots=True)
 class HopCount:
-    """How often a bundle may be forwarded, and how often it was."""
+    """Hop limit and hop count of a bundle (RFC 9171, 4.4.3)."""
 
     limit: int
     count: int
 
 
 def decode_age(data: bytes) -> int:
-    """Return the age of a bundle, in milliseconds.
+    """Decode a bundle age in milliseconds (RFC 9171, 4.4.2).
 
     Raises:
-        DecodeError: it is none.
+        DecodeError: the data are no bundle age.
     """
     reader = cbor.Reader(data)
     age_ms = reader.unsigned()
@@ -243,22 +243,22 @@ def decode_age(data: bytes) -> int:
 
 
 def encode_hop_count(hops: HopCount) -> bytes:
-    """Encode a hop count."""
+    """Encode a hop count (RFC 9171, 4.4.3)."""
     return cbor.array(2) + cbor.unsigned(hops.limit) + cbor.unsigned(hops.count)
 
 
 def decode_hop_count(data: bytes) -> HopCount:
-    """Decode a hop count.
+    """Decode a hop count (RFC 9171, 4.4.3).
 
     Raises:
-        DecodeError: it is none, or its limit is not between 1 and 255.
+        DecodeError: the data are no hop count, or the limit is not in 1 to 255.
     """
     reader = cbor.Reader(data)
     reader.array_of(2)
     hops = HopCount(reader.unsigned(), reader.unsigned())
     reader.finish()
     if not 1 <= hops.limit <= 255:
-        raise reader.fail(f"hop limit {hops.limit}")
+        raise reader.fail(f"hop limit {hops.limit} is not in 1 to 255")
     return hops
 
 
@@ -267,17 +267,17 @@ MOST_EXPEDITED_OCTETS: Final = 4096
 
 
 def expedited_block(number: int) -> Block:
-    """Return the block that has a bundle go before all others: ION's, which its routers obey.
+    """Return NASA ION's quality-of-service block that marks a bundle as expedited.
 
-    Version 7 of the protocol has no class of service of its own. The block holds flags, class,
-    ordinal and label; every fragment carries it.
+    RFC 9171 has no class of service; ION's routers honour this block. It holds flags, class,
+    ordinal and label, and is replicated into every fragment.
     """
     data = cbor.array(4) + b"".join(map(cbor.unsigned, (0, _EXPEDITED_CLASS, 0, 0)))
     return Block(BlockType.QUALITY, number, data, BlockFlag.REPLICATE)
 
 
 def is_expedited(bundle: Bundle) -> bool:
-    """Return whether a bundle goes before others; none of more than 4096 octets does."""
+    """Return whether a bundle is expedited; payloads above `MOST_EXPEDITED_OCTETS` never are."""
     block = bundle.block(BlockType.QUALITY)
     if block is None or len(bundle.payload) > MOST_EXPEDITED_OCTETS:
         return False
@@ -302,7 +302,7 @@ _CRCS: Final = tuple(Crc)
 
 
 def encode_bundle(bundle: Bundle) -> bytes:
-    """Encode a bundle with its check sums."""
+    """Encode a bundle with its CRCs."""
     blocks = map(encode_block, bundle.blocks)
     return b"".join((cbor.OPEN_ARRAY, encode_primary(bundle.primary), *blocks, cbor.BREAK))
 
@@ -312,10 +312,10 @@ def decode_bundle(octets: bytes, *, lenient: bool = False) -> Bundle:
 
     Args:
         octets: the bundle.
-        lenient: whether its blocks may say together what the standard forbids, as examples do.
+        lenient: skip the checks across blocks, which published examples do not all pass.
 
     Raises:
-        DecodeError: they are not, a check sum is wrong, or the standard forbids what they say.
+        DecodeError: the octets are no bundle, a CRC is wrong, or a rule of RFC 9171 is violated.
     """
     reader = cbor.Reader(octets)
     bundle = _read_bundle(reader, lenient)
@@ -324,10 +324,10 @@ def decode_bundle(octets: bytes, *, lenient: bool = False) -> Bundle:
 
 
 def decode_bundles(octets: bytes) -> Iterator[tuple[Bundle, bytes]]:
-    """Decode bundles that stand back to back, each with its octets.
+    """Decode concatenated bundles; yield each with its octets.
 
     Raises:
-        DecodeError: what follows is no bundle; those before it have come.
+        DecodeError: the next octets are no bundle; those before were yielded.
     """
     reader = cbor.Reader(octets)
     while reader.at < len(octets):
@@ -336,7 +336,7 @@ def decode_bundles(octets: bytes) -> Iterator[tuple[Bundle, bytes]]:
 
 
 def split_bundle(octets: bytes) -> list[bytes]:
-    """Return the octets of each block of a bundle that was decoded, the primary block first."""
+    """Return the octets of each block of a decoded bundle, the primary block first."""
     reader, blocks = cbor.Reader(octets), list[bytes]()
     reader.open_array()
     while not reader.is_break():
@@ -347,7 +347,7 @@ def split_bundle(octets: bytes) -> list[bytes]:
 
 
 def encode_primary(primary: Primary) -> bytes:
-    """Encode a primary block with its check sum."""
+    """Encode a primary block with its CRC."""
     part = primary.part
     length = 8 + (2 if part else 0) + (1 if primary.crc else 0)
     encoded = b"".join(
@@ -370,7 +370,7 @@ def encode_primary(primary: Primary) -> bytes:
 
 
 def encode_block(block: Block) -> bytes:
-    """Encode a canonical block with its check sum."""
+    """Encode a canonical block with its CRC."""
     encoded = b"".join(
         (
             cbor.array(6 if block.crc else 5),
@@ -385,7 +385,7 @@ def encode_block(block: Block) -> bytes:
 
 
 def _sealed(encoded: bytes, kind: Crc) -> bytes:
-    """Append the check sum, taken over the block with the check sum's octets at zero."""
+    """Append the CRC, computed with the CRC field's octets at zero (RFC 9171, 4.2.1)."""
     if kind is Crc.NONE:
         return encoded
     head = encoded + cbor.octet_string(bytes(CRC_OCTETS[kind]))
@@ -418,7 +418,7 @@ def _read_primary(reader: cbor.Reader) -> Primary:
     lifetime_ms = reader.unsigned()
     fragment = bool(flags & _FRAGMENT)
     if length != 8 + 2 * fragment + (kind is not Crc.NONE):
-        raise reader.fail(f"primary block of {length} elements, flags and CRC ask for another")
+        raise reader.fail(f"primary block of {length} elements does not match its flags and CRC")
     part = FragmentRange(reader.unsigned(), reader.unsigned()) if fragment else None
     _check_sum(reader, begin, kind)
     return Primary(destination, source, report_to, creation, lifetime_ms, flags, kind, part)
@@ -439,7 +439,7 @@ def _read_block(reader: cbor.Reader) -> Block:
 def _read_crc_kind(reader: cbor.Reader) -> Crc:
     code = reader.unsigned()
     if code >= len(_CRCS):
-        raise reader.fail(f"CRC type {code}")
+        raise reader.fail(f"unknown CRC type {code}")
     return _CRCS[code]
 
 
@@ -449,31 +449,31 @@ def _check_sum(reader: cbor.Reader, begin: int, kind: Crc) -> None:
     given = reader.octet_string()
     size = CRC_OCTETS[kind]
     if len(given) != size:
-        raise reader.fail(f"CRC of {len(given)} octets where it has {size}")
+        raise reader.fail(f"CRC of {len(given)} octets, expected {size}")
     if check_sum(kind, reader.octets[begin : reader.at - size] + bytes(size)) != given:
         raise reader.fail("CRC is wrong")
 
 
 def _check_numbers(reader: cbor.Reader, bundle: Bundle) -> None:
-    """Check which blocks there are, and their numbers (4.1)."""
+    """Check the presence, order and numbers of the blocks (RFC 9171, 4.1)."""
     types = [block.type for block in bundle.blocks]
     numbers = [block.number for block in bundle.blocks]
     if not types or types[-1] != BlockType.PAYLOAD or types.count(BlockType.PAYLOAD) != 1:
-        raise reader.fail("one payload block wanted, as the last one")
+        raise reader.fail("expected exactly one payload block, as the last block")
     # NASA ION 4.1 numbers the extension blocks of its fragments 0.
     unique = [number for number in numbers if number]
     if numbers[-1] != PAYLOAD_NUMBER or len(set(unique)) != len(unique):
-        raise reader.fail("block numbers: payload 1, others unique")
+        raise reader.fail("block numbers: payload must be 1, others unique")
 
 
 def _check(reader: cbor.Reader, bundle: Bundle) -> None:
-    """Check the rules beyond the form of the blocks (4.2.3, 4.2.4, 4.3.1, 4.4.2)."""
+    """Check the rules across blocks (RFC 9171, 4.2.3, 4.2.4, 4.3.1, 4.4.2)."""
     primary, types = bundle.primary, [block.type for block in bundle.blocks]
     for block in bundle.blocks[:-1]:
         if (decode := _ONCE.get(block.type)) is not None:
             decode(block.data)
             if types.count(block.type) > 1:
-                raise reader.fail(f"block of type {block.type} comes twice")
+                raise reader.fail(f"duplicate block of type {block.type}")
     if primary.crc is Crc.NONE and not any(map(_signs_primary, bundle.blocks)):
         raise reader.fail("primary block without CRC or integrity block")
     if not primary.creation.time_ms and BlockType.BUNDLE_AGE not in types:
@@ -482,19 +482,19 @@ def _check(reader: cbor.Reader, bundle: Bundle) -> None:
         raise reader.fail("destination is the null endpoint")
     anonymous = is_null(primary.source)
     if anonymous and not primary.flags & _MUST_NOT_FRAGMENT:
-        raise reader.fail("an anonymous bundle has to forbid its fragmentation")
+        raise reader.fail("anonymous bundle without the flag that forbids fragmentation")
     if (anonymous or primary.flags & _ADMINISTRATIVE) and (
         primary.flags & REPORTS or any(block.flags & _REPORT_IF_UNKNOWN for block in bundle.blocks)
     ):
-        raise reader.fail("reports are asked for where they are not allowed")
+        raise reader.fail("anonymous bundle or administrative record requests status reports")
     if primary.part and primary.flags & _MUST_NOT_FRAGMENT:
-        raise reader.fail("a fragment of a bundle that must not be fragmented")
+        raise reader.fail("fragment of a bundle that must not be fragmented")
     if primary.part and primary.part.offset + len(bundle.payload) > primary.part.total:
-        raise reader.fail("a fragment ends beyond the whole")
+        raise reader.fail("fragment ends beyond the total length")
 
 
 def _signs_primary(block: Block) -> bool:
-    """Return whether a block is a BIB that has the primary block, 0, among its targets."""
+    """Return whether a block is a BIB that targets the primary block (number 0)."""
     if block.type != BlockType.INTEGRITY:
         return False
     targets = cbor.Reader(block.data)

@@ -1,7 +1,7 @@
-"""The part of CBOR (RFC 8949) that bundles are made of, strict and deterministic.
+"""Strict, deterministic codec of the subset of CBOR (RFC 8949) that bundles use.
 
-Only the shortest form of a head is taken (RFC 9171, 4.1, asks for core deterministic encoding), so
-that what was decoded encodes to the same octets again.
+Heads are accepted in their shortest form only: RFC 9171, 4.1, requires core deterministic encoding.
+So decoded octets encode to the same octets again.
 """
 
 import struct
@@ -55,11 +55,11 @@ def array(length: int) -> bytes:
 
 
 class Reader:
-    """Reads one item after the other. Every method consumes what it returns or raises DecodeError.
+    """Sequential decoder. Each method consumes what it returns, or raises DecodeError.
 
     Attributes:
-        octets: what is read.
-        at: the index of the next octet.
+        octets: the encoded items.
+        at: index of the next octet.
     """
 
     __slots__ = ("at", "octets")
@@ -69,19 +69,19 @@ class Reader:
         self.at = at
 
     def fail(self, what: str) -> DecodeError:
-        """Return an error with the position."""
+        """Return a DecodeError whose text begins with the position."""
         return DecodeError(f"octet {self.at}: {what}")
 
     def unsigned(self) -> int:
-        """An unsigned integer."""
+        """Read an unsigned integer."""
         return self._argument(_UNSIGNED)
 
     def octet_string(self) -> bytes:
-        """An octet string."""
+        """Read an octet string."""
         return self._take(self._argument(_OCTETS))
 
     def text(self) -> str:
-        """A text string."""
+        """Read a text string."""
         taken = self._take(self._argument(_TEXT))
         try:
             return taken.decode()
@@ -89,19 +89,19 @@ class Reader:
             raise self.fail("text is not UTF-8") from error
 
     def array(self) -> int:
-        """The head of an array: its length."""
+        """Read the head of an array; return its length."""
         return self._argument(_ARRAY)
 
     def array_of(self, *lengths: int) -> int:
-        """The head of an array that has one of these lengths."""
+        """Read the head of an array that must have one of these lengths."""
         length = self._argument(_ARRAY)
         if length not in lengths:
             wanted = " or ".join(map(str, lengths))
-            raise self.fail(f"array of {wanted} wanted, of {length} there")
+            raise self.fail(f"expected array of {wanted}, got array of {length}")
         return length
 
     def skip(self) -> None:
-        """An item of the kinds above, with all that is in it."""
+        """Skip an item of the kinds above, with its content."""
         left = 1
         while left:
             left -= 1
@@ -116,37 +116,37 @@ class Reader:
                     left += self.array()
 
     def boolean(self) -> bool:
-        """True or false."""
+        """Read a boolean."""
         octet = self._take(1)
         if octet not in (TRUE, FALSE):
-            raise self.fail(f"true or false wanted, 0x{octet.hex()} there")
+            raise self.fail(f"expected true or false, got 0x{octet.hex()}")
         return octet == TRUE
 
     def open_array(self) -> None:
-        """The head of an array that ends with a break."""
+        """Read the head of an array of indefinite length, which ends with a break."""
         if self._take(1) != OPEN_ARRAY:
-            raise self.fail("array of indefinite length wanted")
+            raise self.fail("expected array of indefinite length")
 
     def is_break(self) -> bool:
-        """Whether a break is next; it is consumed if so."""
+        """Return whether a break is next; consume it if so."""
         if self.octets[self.at : self.at + 1] != BREAK:
             return False
         self.at += 1
         return True
 
     def is_text(self) -> bool:
-        """Whether a text string is next; nothing is consumed."""
+        """Return whether a text string is next; consume nothing."""
         return self.at < len(self.octets) and self.octets[self.at] >> 5 == _TEXT
 
     def finish(self) -> None:
-        """Raise DecodeError unless everything was consumed."""
+        """Raise DecodeError unless every octet was consumed."""
         if self.at != len(self.octets):
-            raise self.fail(f"{len(self.octets) - self.at} octets left over")
+            raise self.fail(f"{len(self.octets) - self.at} trailing octets")
 
     def _take(self, count: int) -> bytes:
         end = self.at + count
         if end > len(self.octets):
-            raise self.fail(f"{count} octets wanted, {len(self.octets) - self.at} there")
+            raise self.fail(f"expected {count} octets, {len(self.octets) - self.at} left")
         taken = self.octets[self.at : end]
         self.at = end
         return taken
@@ -154,18 +154,18 @@ class Reader:
     def _argument(self, major: int) -> int:
         at = self.at
         if at >= len(self.octets):
-            raise self.fail(f"{_KINDS[major]} wanted, nothing there")
+            raise self.fail(f"expected {_KINDS[major]}, input ends")
         first = self.octets[at]
         short = first - (major << 5)
         if not 0 <= short < 32:
-            raise self.fail(f"{_KINDS[major]} wanted, {_KINDS[first >> 5]} there")
+            raise self.fail(f"expected {_KINDS[major]}, got {_KINDS[first >> 5]}")
         self.at = at + 1
         if short < 24:
             return short
         if short not in _FORMATS:
-            raise self.fail(f"{_KINDS[major]} of indefinite or reserved length")
+            raise self.fail(f"{_KINDS[major]} with indefinite or reserved length")
         size, least = _FORMATS[short]
         argument = int.from_bytes(self._take(size), "big")
         if argument < least:
-            raise self.fail(f"{argument} is not in its shortest form")
+            raise self.fail(f"{argument} is not encoded in its shortest form")
         return argument

@@ -15,12 +15,12 @@ _MOST_TEXT: Final = 1024
 
 @dataclass(frozen=True, slots=True)
 class Ipn:
-    """An endpoint of the ipn scheme (RFC 9758).
+    """Endpoint of the ipn scheme (RFC 9758).
 
     Attributes:
-        allocator: who gave the node its number; 0 is the default one.
-        three_elements: whether the wire has the allocator as an element of its own; what was
-            received goes on as it came.
+        allocator: allocator identifier; 0 is the default allocator.
+        three_elements: whether the encoding has the allocator as a separate element. A received
+            EID is forwarded in the encoding it had.
     """
 
     node: int
@@ -35,7 +35,7 @@ class Ipn:
 
 @dataclass(frozen=True, slots=True)
 class Dtn:
-    """An endpoint of the dtn scheme; the empty name is the null endpoint."""
+    """Endpoint of the dtn scheme (RFC 9171, 4.2.5.1.1); the empty name is the null endpoint."""
 
     name: str = ""
 
@@ -48,7 +48,7 @@ NONE: Final[Eid] = Dtn()
 
 
 def is_null(eid: Eid) -> bool:
-    """Return whether this is the null endpoint: `dtn:none` or `ipn:0.0`.
+    """Return whether this is the null endpoint, `dtn:none` or `ipn:0.0`.
 
     Node 0 of the default allocator is null with any service number (RFC 9758, 3.4.1).
     """
@@ -56,17 +56,17 @@ def is_null(eid: Eid) -> bool:
 
 
 def node_of(eid: Eid) -> Eid:
-    """Return the endpoint of the node itself: `ipn:5.0` for `ipn:5.1`."""
+    """Return the endpoint of the node itself, `ipn:5.0` for `ipn:5.1`."""
     if isinstance(eid, Ipn):
         return Ipn(eid.node, 0, eid.allocator)
     return Dtn("//" + eid.name[2:].split("/")[0] + "/") if eid.name else eid
 
 
 def parse_eid(text: str) -> Eid:
-    """Read an endpoint identifier that a person wrote.
+    """Parse the text form of an endpoint identifier.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is no endpoint identifier.
     """
     if text == "dtn:none":
         return NONE
@@ -76,7 +76,7 @@ def parse_eid(text: str) -> Eid:
             return Ipn(node, service, allocator, three_elements=bool(allocator))
     if (found := _DTN_TEXT.fullmatch(text)) and len(text) <= _MOST_TEXT:
         return Dtn(found[1])
-    raise ValueError(f"no endpoint such as ipn:1.2 or dtn://name/service: {text!r}")
+    raise ValueError(f"not an endpoint such as ipn:1.2 or dtn://name/service: {text!r}")
 
 
 def encode_eid(eid: Eid) -> bytes:
@@ -90,10 +90,10 @@ def encode_eid(eid: Eid) -> bytes:
 
 
 def read_eid(reader: cbor.Reader) -> Eid:
-    """Read an endpoint identifier.
+    """Read an endpoint identifier (RFC 9171, 4.2.5.1).
 
     Raises:
-        DecodeError: it is none of the two schemes.
+        DecodeError: the scheme is neither dtn nor ipn, or the endpoint is malformed.
     """
     reader.array_of(2)
     scheme = reader.unsigned()
@@ -103,10 +103,10 @@ def read_eid(reader: cbor.Reader) -> Eid:
         allocator, node, service = reader.unsigned(), reader.unsigned(), reader.unsigned()
         return Ipn(node, service, allocator, three_elements=True)
     if scheme != _DTN:
-        raise reader.fail(f"endpoint of unknown scheme {scheme}")
+        raise reader.fail(f"endpoint of unknown scheme {scheme}, neither dtn (1) nor ipn (2)")
     if not reader.is_text():
         if reader.unsigned():
-            raise reader.fail("a dtn endpoint is text or 0")
+            raise reader.fail("dtn endpoint is neither text nor 0")
         return NONE
     name = reader.text()
     if not _DTN_TEXT.fullmatch(f"dtn:{name}") or len(name) > _MOST_TEXT:
@@ -116,10 +116,10 @@ def read_eid(reader: cbor.Reader) -> Eid:
 
 @lru_cache(256)
 def decode_eid(octets: bytes) -> Eid:
-    """Decode octets that are one endpoint identifier.
+    """Decode octets that are exactly one endpoint identifier.
 
     Raises:
-        DecodeError: they are not.
+        DecodeError: the octets are no endpoint identifier, or more follows.
     """
     reader = cbor.Reader(octets)
     eid = read_eid(reader)

@@ -1,21 +1,21 @@
-"""What can go wrong with bundles."""
+"""Errors of the bundle package."""
 
 
 class BundleError(Exception):
-    """The root of every error of this package."""
+    """Base class of every error of this package."""
 
 
 class DecodeError(BundleError, ValueError):
-    """Octets from outside are not what the standard allows; the text is one line."""
+    """Received octets violate the standard; the text is one line."""
 
 
 class StoreError(BundleError):
-    """The store cannot be read or written; the text says which file and why."""
+    """The store cannot be read or written; the text names the file and the cause."""
 
 
-class StoreFull(StoreError):  # noqa: N818 - a state the caller waits out, not a fault
-    """The store takes no more until something leaves it."""
+class StoreFull(StoreError):  # noqa: N818 - a state that the caller waits out, not a fault
+    """The store is full and accepts nothing until bundles leave it."""
 
 
-class AgentClosed(BundleError):  # noqa: N818 - the end of a life, not a fault
+class AgentClosed(BundleError):  # noqa: N818 - the end of an agent, not a fault
     """The agent is not open, or was closed during the call."""

@@ -1,8 +1,8 @@
-"""Block integrity: BIB-HMAC-SHA2 (RFC 9172, RFC 9173), and NASA ION's form of it.
+"""Block integrity: BIB-HMAC-SHA2 (RFC 9172, RFC 9173), and NASA ION's variant of it.
 
-A block integrity block (BIB) carries, for each of its targets, an HMAC over what RFC 9173, 3.7,
-calls the IPPT: the scope flags, what they say of the bundle, and the target. ION 4.1 builds other
-octets; the two forms cannot be taken for each other where payload or primary block are signed.
+A block integrity block (BIB) holds an HMAC for each target. It covers the IPPT (RFC 9173, 3.7):
+scope flags, the bundle parts they select, and the target. ION 4.1 builds other octets. The two
+variants cannot be confused if payload or primary block are signed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,14 +34,14 @@ _NULL_SUITE: Final = bytes(20)
 
 
 class IntegrityVariant(Enum):
-    """How the signed octets are built: as RFC 9173 says, or as NASA ION 4.1 does."""
+    """Construction of the signed octets: by RFC 9173, or as NASA ION 4.1 does."""
 
     RFC9173 = "rfc9173"
     ION = "ion"
 
 
 class Sha(IntEnum):
-    """The variant of HMAC-SHA2, by its code on the wire."""
+    """SHA variant of the HMAC, by its code (RFC 9173, 3.3.1)."""
 
     SHA256 = 5
     SHA384 = 6
@@ -49,7 +49,7 @@ class Sha(IntEnum):
 
     @property
     def octets(self) -> int:
-        """The length of a result."""
+        """Length of an HMAC in octets."""
         return {Sha.SHA256: 32, Sha.SHA384: 48, Sha.SHA512: 64}[self]
 
 
@@ -63,7 +63,7 @@ _DEFAULT_SHA: Final = {IntegrityVariant.RFC9173: Sha.SHA384, IntegrityVariant.IO
 
 
 class Scope(IntFlag):
-    """What is signed beside the target (RFC 9173, 3.3.3)."""
+    """Integrity scope flags: parts signed in addition to the target (RFC 9173, 3.3.3)."""
 
     PRIMARY = 1
     TARGET_HEADER = 2
@@ -75,12 +75,12 @@ _WHOLE: Final = Scope.PRIMARY | Scope.TARGET_HEADER | Scope.SECURITY_HEADER
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key that both ends have.
+    """A key shared by both ends.
 
     Attributes:
-        octets: the HMAC's key, or what a session key in the block is wrapped with.
-        form: of the signed octets.
-        sha: with which variant is signed; all three are verified.
+        octets: key of the HMAC, or the key that unwraps the session key in the block.
+        form: construction of the signed octets.
+        sha: variant used for signing; verification accepts all three.
     """
 
     octets: bytes = field(repr=False)
@@ -90,12 +90,12 @@ class Key:
 
 @dataclass(frozen=True, slots=True)
 class IntegrityResult:
-    """The result for one target.
+    """Result of the verification of one target.
 
     Attributes:
-        target: number of the block.
+        target: block number.
         scope: a sum of `Scope`s.
-        fault: why it is not rightly signed; empty if it is.
+        fault: reason why the signature is invalid; empty if it is valid.
     """
 
     target: int
@@ -105,7 +105,7 @@ class IntegrityResult:
 
 @dataclass(frozen=True, slots=True)
 class _Integrity:
-    """The content of a BIB; what is None was left to its default."""
+    """Content of a BIB (RFC 9172, 3.6); None means that the default applies."""
 
     targets: tuple[int, ...]
     source: Eid
@@ -118,17 +118,17 @@ class _Integrity:
 def verify(
     octets: bytes, bundle: Bundle, key: Key, *, lenient: bool = False
 ) -> list[IntegrityResult]:
-    """Check every target of every BIB of a bundle, once.
+    """Verify every target of every BIB of a bundle.
 
     Args:
-        octets: the bundle as it was received.
-        bundle: what they decode to.
-        key: that of its source.
-        lenient: take what ION computes though no receiver should rely on it: unknown variants as
-            SHA-256, and targets whose octets have no head.
+        octets: the bundle as received.
+        bundle: the decoded bundle.
+        key: key of its source.
+        lenient: accept two outputs of ION that a receiver should not rely on: unknown variants
+            as SHA-256, and targets signed without the head of their octet string.
 
     Raises:
-        DecodeError: a BIB is malformed, or a target is signed twice.
+        DecodeError: a BIB is malformed, or two sign the same target.
     """
     primary, *_ = split_bundle(octets)
     checks: list[IntegrityResult] = []
@@ -150,15 +150,15 @@ def verify(
 
 
 def sign(bundle: Bundle, key: Key, source: Eid, targets: Iterable[int]) -> Bundle:
-    """Return a bundle with a BIB for each target: payload, primary block, or both.
+    """Return the bundle with a BIB for each target: payload, primary block, or both.
 
-    The check sum of what is signed goes (RFC 9173, 3.8.1); for ION the primary block keeps one, of
-    16 bits, with which ION would rebuild it.
+    The CRC of a signed block is removed (RFC 9173, 3.8.1). For ION the primary block keeps a 16-bit
+    CRC, because ION rebuilds the block with it.
 
-    A fragment is signed by itself, so that its receiver need not keep what nobody can check before
-    the whole is there.
+    Each fragment is signed separately, so that its receiver can verify it before it stores it.
+    Otherwise unverified fragments would be stored until the bundle is complete.
     """
-    import hmac  # late: it loads OpenSSL's digests, which agents without keys do without
+    import hmac  # late: it loads OpenSSL's digests, which agents without keys do not need
 
     signed = tuple(targets)
     crc = bundle.primary.crc
@@ -181,8 +181,8 @@ def sign(bundle: Bundle, key: Key, source: Eid, targets: Iterable[int]) -> Bundl
     return replace(bundle, blocks=(*bundle.blocks[:-1], *bibs, payload))
 
 
-class _Invalid(Exception):  # noqa: N818 - a verdict, not a fault
-    """A target is not rightly signed; the text says why."""
+class _Invalid(Exception):  # noqa: N818 - a result of verification, not a fault
+    """The signature of a target is invalid; the text gives the reason."""
 
 
 def _verify(
@@ -192,17 +192,17 @@ def _verify(
     import hmac
 
     if _NULL_SUITE in (result, integrity.wrapped):
-        raise _Invalid("20 zero octets: the peer has NULL cipher suites and signs nothing")
+        raise _Invalid("20 zero octets: the peer uses NULL cipher suites and signs nothing")
     sha = _sha(integrity, key, lenient)
     if len(result) != sha.octets:
-        raise _Invalid(f"{len(result)} octets of HMAC, {sha.name} has {sha.octets}")
+        raise _Invalid(f"HMAC has {len(result)} octets, {sha.name} needs {sha.octets}")
     scope = Scope(_WHOLE if integrity.scope is None else integrity.scope)
     if scope > _WHOLE:
-        raise _Invalid(f"scope flags {int(scope)}, at most {int(_WHOLE)}")
+        raise _Invalid(f"scope flags {int(scope)} exceed {int(_WHOLE)}")
     secret = key.octets if integrity.wrapped is None else _unwrapped(key, integrity.wrapped)
     ippt = _ippt(key.form, scope, primary, bundle, bib, target, lenient)
     if not hmac.compare_digest(hmac.digest(secret, ippt, sha.name.lower()), result):
-        raise _Invalid("its HMAC is wrong")
+        raise _Invalid("HMAC does not match")
 
 
 def _sha(integrity: _Integrity, key: Key, lenient: bool) -> Sha:
@@ -213,14 +213,14 @@ def _sha(integrity: _Integrity, key: Key, lenient: bool) -> Sha:
     except ValueError:
         if lenient and key.form is IntegrityVariant.ION:
             return Sha.SHA256
-        raise _Invalid(f"SHA variant {integrity.sha} is none of 5, 6, 7") from None
+        raise _Invalid(f"SHA variant {integrity.sha} is not 5, 6 or 7") from None
 
 
 def _unwrapped(key: Key, wrapped: bytes) -> bytes:
     """Unwrap a session key (RFC 3394)."""
     if len(key.octets) not in _WRAPPING_OCTETS or len(wrapped) not in _WRAPPED_OCTETS:
         raise _Invalid(
-            f"a wrapped key of {len(wrapped)} octets, and a key of {len(key.octets)} to unwrap it"
+            f"wrapped key of {len(wrapped)} octets does not fit a key of {len(key.octets)} octets"
         )
     require_unwrapping()
     from cryptography.hazmat.primitives.keywrap import InvalidUnwrap, aes_key_unwrap
@@ -228,20 +228,20 @@ def _unwrapped(key: Key, wrapped: bytes) -> bytes:
     try:
         return aes_key_unwrap(key.octets, wrapped)
     except InvalidUnwrap:
-        raise _Invalid("its session key cannot be unwrapped with this key") from None
+        raise _Invalid("session key cannot be unwrapped with this key") from None
 
 
 def require_unwrapping() -> None:
-    """Check that wrapped session keys can be read.
+    """Check that wrapped session keys can be unwrapped.
 
     Raises:
-        BundleError: the package for it is missing; the text says which.
+        BundleError: a package is missing; the text names it.
     """
     try:
         import cryptography  # noqa: F401
     except ImportError as error:
         raise BundleError(
-            "wrapped session keys, as NASA ION sends them, need the package cryptography: install"
+            "unwrapping session keys, which NASA ION sends, needs the package cryptography: install"
             " the extra bpsec"
         ) from error
 
@@ -250,7 +250,7 @@ def _ippt(
     form: IntegrityVariant, scope: Scope, primary: bytes, bundle: Bundle, bib: Block, target: int,
     lenient: bool = False,
 ) -> bytes:  # fmt: skip
-    """Return the octets that are signed (RFC 9173, 3.7); `primary` as it is on the wire."""
+    """Return the signed octets, the IPPT (RFC 9173, 3.7); `primary` is in wire form."""
     parts = [cbor.unsigned(scope)]
     if target == PRIMARY_NUMBER:
         if form is IntegrityVariant.ION and scope & (Scope.PRIMARY | Scope.TARGET_HEADER):
@@ -259,7 +259,7 @@ def _ippt(
         return b"".join([*parts, _primary_target(form, primary, bundle)])
     block = next((each for each in bundle.blocks if each.number == target), None)
     if block is None:
-        raise _Invalid("there is no such block")
+        raise _Invalid("target block is missing")
     parts += [primary] if scope & Scope.PRIMARY else []
     parts += [_header(block)] if scope & Scope.TARGET_HEADER else []
     parts += [_header(bib)] if scope & Scope.SECURITY_HEADER else []
@@ -270,7 +270,7 @@ def _ippt(
     elif lenient:
         signed = block.data
     else:
-        raise _Invalid("ION signs extension blocks without their length: ambiguous")
+        raise _Invalid("ION signs extension blocks without their length, which is ambiguous")
     return b"".join([*parts, signed])
 
 
@@ -287,7 +287,7 @@ def _header(block: Block) -> bytes:
 
 
 def _encode(integrity: _Integrity) -> bytes:
-    """Encode an abstract security block (RFC 9172, 3.6); both parameters are always said."""
+    """Encode an abstract security block (RFC 9172, 3.6), always with both parameters."""
     return b"".join(
         (
             _encode_numbers(integrity.targets),
@@ -314,7 +314,7 @@ def _decode(data: bytes) -> _Integrity:
     reader = cbor.Reader(data)
     count = reader.array()
     if not 1 <= count <= _MOST_TARGETS:
-        raise reader.fail(f"a BIB of {count} targets, 1 to {_MOST_TARGETS} allowed")
+        raise reader.fail(f"BIB has {count} targets, 1 to {_MOST_TARGETS} allowed")
     targets = tuple(reader.unsigned() for _ in range(count))
     if (context := reader.unsigned()) != _CONTEXT:
         raise reader.fail(f"security context {context} is not BIB-HMAC-SHA2")
@@ -336,7 +336,7 @@ def _read_parameters(reader: cbor.Reader, integrity: _Integrity) -> _Integrity:
         reader.array_of(2)
         parameter = reader.unsigned()
         if parameter in known:
-            raise reader.fail(f"security parameter {parameter} comes twice")
+            raise reader.fail(f"duplicate security parameter {parameter}")
         known.add(parameter)
         match parameter:
             case _Parameter.SHA_VARIANT:
@@ -346,7 +346,7 @@ def _read_parameters(reader: cbor.Reader, integrity: _Integrity) -> _Integrity:
             case _Parameter.SCOPE_FLAGS:
                 integrity = replace(integrity, scope=reader.unsigned())
             case _:
-                raise reader.fail(f"security parameter {parameter} is not known")
+                raise reader.fail(f"unknown security parameter {parameter}")
     return integrity
 
 

@@ -13,7 +13,7 @@ _STATUS_REPORT: Final = 1
 
 
 class Assertion(Enum):
-    """What a report says has happened to a bundle, by its place in the report."""
+    """Status assertion of a bundle status report; the value is its index (RFC 9171, 6.1.1)."""
 
     RECEIVED = 0
     FORWARDED = 1
@@ -22,7 +22,7 @@ class Assertion(Enum):
 
 
 class ReportReason(Enum):
-    """Why (IANA: Bundle Status Report Reason Codes)."""
+    """Reason code of a status report (IANA: Bundle Status Report Reason Codes)."""
 
     NONE = 0
     LIFETIME_EXPIRED = 1
@@ -40,12 +40,12 @@ class ReportReason(Enum):
 
 @dataclass(frozen=True, slots=True)
 class StatusReport:
-    """What has happened to a bundle.
+    """A bundle status report (RFC 9171, 6.1.1).
 
     Attributes:
-        asserted: each with the time in milliseconds since 2000 where the bundle asked for it.
-        reason: a `ReportReason`, or a code that is not known here.
-        part: offset and length of the payload, if the bundle was a fragment.
+        asserted: DTN time of each assertion in milliseconds since 2000; None if not requested.
+        reason: a `ReportReason`, or another code.
+        part: payload offset and length, if the reported bundle is a fragment.
     """
 
     asserted: Mapping[Assertion, int | None]
@@ -56,7 +56,7 @@ class StatusReport:
 
 
 def encode_report(report: StatusReport) -> bytes:
-    """Encode an administrative record that is a status report."""
+    """Encode a status report as an administrative record (RFC 9171, 6.1)."""
     part = report.part
     return b"".join(
         (
@@ -76,10 +76,10 @@ def encode_report(report: StatusReport) -> bytes:
 
 
 def decode_report(record: bytes) -> StatusReport | None:
-    """Decode an administrative record; None if it is of another kind.
+    """Decode a bundle status report; return None for another administrative record.
 
     Raises:
-        DecodeError: it is no administrative record, or a malformed report.
+        DecodeError: the record or the report is malformed.
     """
     reader = cbor.Reader(record)
     reader.array_of(2)
@@ -110,10 +110,10 @@ def _read_asserted(reader: cbor.Reader) -> dict[Assertion, int | None]:
     asserted: dict[Assertion, int | None] = {}
     for assertion in Assertion:
         timed = reader.array_of(1, 2) == 2
-        said = reader.boolean()
+        holds = reader.boolean()
         time_ms = reader.unsigned() if timed else None
-        if said:
+        if holds:
             asserted[assertion] = time_ms
         elif timed:
-            raise reader.fail("a time for what has not happened")
+            raise reader.fail("time given for an assertion that is false")
     return asserted

@@ -1,1 +1,1 @@
-"""A bundle node without its links: settings, store, and what goes in and out."""
+"""A bundle node without its links: settings, store, and bundle processing."""

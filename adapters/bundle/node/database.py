@@ -1,7 +1,7 @@
-"""The file that holds what must survive: SQLite in write-ahead mode, written in groups.
+"""Durable store of a bundle node: SQLite in write-ahead mode, with group commits.
 
-Writes gather in one transaction until `commit`; what a commit returned from survives `kill -9`
-and loss of power.
+Writes accumulate in one transaction until `commit`. Committed data survive `kill -9` and loss of
+power.
 """
 
 import logging
@@ -55,13 +55,13 @@ _FULL_ERRORS: Final = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR)
 
 @dataclass(frozen=True, slots=True)
 class StoreLimits:
-    """When the store counts as full, before the disk is.
+    """Limits at which the store counts as full, before the disk is full.
 
     Attributes:
-        most_octets: what its content may take.
-        least_free_octets: what must stay free on the disk.
-        reserved_octets: how far expedited bundles may go beyond `most_octets`; of the disk they may
-            take all.
+        most_octets: maximum size of the content.
+        least_free_octets: free space that remains on the disk.
+        reserved_octets: space for expedited bundles beyond `most_octets`. They may also use all
+            free space of the disk.
     """
 
     most_octets: int = 1 << 30
@@ -70,19 +70,19 @@ class StoreLimits:
 
 
 class BundleDatabase:
-    """One file and the transaction that is being gathered; used by one thread.
+    """A database file with its pending transaction; used by one thread.
 
-    The file is made with its folders if missing.
+    The file and its folders are created if missing.
 
     Attributes:
-        full: whether nothing new should be taken in, as of the last look.
-        room_octets: how much may be taken in, as of the last look.
-        capacity_octets: that, and what it holds.
+        full: whether new bundles are refused, by the latest measurement.
+        room_octets: space for new bundles, by the latest measurement.
+        capacity_octets: `room_octets` and the size of the content.
 
     Raises:
-        StoreError: from every method, if the file cannot be read or written; what has gathered is
-            then undone, and nothing is written before `undo`.
-        StoreFull: the same, for want of room.
+        StoreError: by every method, if the file cannot be read or written. The pending changes
+            are then rolled back, and nothing is written before `undo`.
+        StoreFull: likewise, for lack of space.
     """
 
     def __init__(
@@ -105,11 +105,11 @@ class BundleDatabase:
 
     @property
     def gathering(self) -> bool:
-        """Whether something is written and not committed."""
+        """Whether there are uncommitted changes."""
         return self._db.in_transaction or self._failure is not None
 
     def write(self, statement: str, values: tuple[object, ...] = ()) -> sqlite3.Cursor:
-        """Run a statement within the transaction."""
+        """Execute a statement within the transaction."""
         try:
             self._begin()
             return self._db.execute(statement, values)
@@ -117,7 +117,7 @@ class BundleDatabase:
             raise self._undone(error) from error
 
     def write_all(self, statement: str, rows: Iterable[tuple[object, ...]]) -> None:
-        """Run a statement for each row within the transaction."""
+        """Execute a statement for each row within the transaction."""
         try:
             self._begin()
             self._db.executemany(statement, rows)
@@ -125,7 +125,7 @@ class BundleDatabase:
             raise self._undone(error) from error
 
     def read(self, statement: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
-        """Return the rows of a query, which sees what has gathered."""
+        """Return the rows of a query; it sees uncommitted changes."""
         try:
             return self._db.execute(statement, values).fetchall()
         except sqlite3.Error as error:
@@ -134,7 +134,7 @@ class BundleDatabase:
     def read_some(
         self, statement: str, values: tuple[object, ...], most_octets: int = 1 << 20
     ) -> list[tuple[Any, ...]]:
-        """Return rows of a query, at least one, until their last columns hold so many octets."""
+        """Return rows of a query, at least one, up to `most_octets` of their last column."""
         rows = []
         try:
             cursor = self._db.execute(statement, values)
@@ -149,7 +149,7 @@ class BundleDatabase:
         return rows
 
     def commit(self) -> None:
-        """Write what has gathered, whole or not at all."""
+        """Commit the pending changes, all or none."""
         if self._failure is not None:
             raise self._failure
         if self._db.in_transaction:
@@ -160,7 +160,7 @@ class BundleDatabase:
         self.look_for_room()
 
     def undo(self) -> None:
-        """Undo what has gathered, and begin afresh after an error."""
+        """Roll back the pending changes, and clear the error state."""
         if self._db.in_transaction:
             self._db.execute("ROLLBACK")
         self._failure = None
@@ -175,14 +175,14 @@ class BundleDatabase:
         self.write("INSERT OR REPLACE INTO counts VALUES (?, ?)", (name, value))
 
     def reserve(self, name: str, count: int) -> int:
-        """Reserve numbers for good, and commit; return the first of them."""
+        """Reserve a range of numbers durably; return the first of them."""
         first = self.count(name) + 1
         self.set_count(name, first + count - 1)
         self.commit()
         return first
 
     def look_for_room(self) -> None:
-        """Measure how much room there is; other processes use the disk as well."""
+        """Measure the free space, which other processes use as well."""
         limits = self._limits
         octets = self.octets
         left = limits.most_octets - octets, self._free_octets - limits.least_free_octets
@@ -192,46 +192,46 @@ class BundleDatabase:
         self._spare_octets = min(left[0] + limits.reserved_octets, self._free_octets)
 
     def require_room(self, octets: int = 0, *, expedited: bool = False) -> None:
-        """Check that there was room at the last look; some is reserved for expedited bundles.
+        """Raise StoreFull if the latest measurement found no space for a bundle.
 
-        What this one takes of the reserve is counted until the next look.
+        Expedited bundles may use the reserve. Their size is subtracted until the next measurement.
 
         Raises:
-            StoreFull: there was none.
+            StoreFull: there is no space.
         """
         if self.full and not (expedited and self._spare_octets >= octets):
             raise self.no_room()
         self._spare_octets -= octets
 
     def no_room(self) -> StoreFull:
-        """Return the error for a full store, which says why it is full."""
+        """Return the error for a full store; its text gives the reason."""
         limits, free = self._limits, self._free_octets
         if free < limits.least_free_octets:
             why = (
-                f"{free // _MB} MB are free on its disk, where {limits.least_free_octets // _MB} MB"
-                " stay free: make room there"
+                f"{free // _MB} MB are free on the disk, {limits.least_free_octets // _MB} MB must"
+                " stay free: free disk space"
             )
         else:
-            why = f"it holds {limits.most_octets // _MB} MB, its most, until some of that is sent"
-        return StoreFull(f"bundle store {self.path}: there is no room: {why}")
+            why = f"it holds its maximum of {limits.most_octets // _MB} MB until bundles are sent"
+        return StoreFull(f"bundle store {self.path} is full: {why}")
 
     @property
     def _free_octets(self) -> int:
         try:
             return self._system.free_octets(self.path.parent)
-        except OSError:  # its folder is gone: nothing can be kept there
+        except OSError:  # the folder was deleted: nothing can be stored
             return 0
 
     @property
     def octets(self) -> int:
-        """How much the content takes."""
+        """Size of the content in octets."""
         ((pages,),) = self.read("PRAGMA page_count")
         ((free,),) = self.read("PRAGMA freelist_count")
         ((size,),) = self.read("PRAGMA page_size")
         return int((pages - free) * size)
 
     def close(self) -> None:
-        """Close the file; what has gathered and is not committed is lost, as in a crash."""
+        """Close the file; uncommitted changes are lost, as in a crash."""
         self._db.close()
 
     def _begin(self) -> None:
@@ -264,13 +264,13 @@ def _opened(db: sqlite3.Connection) -> sqlite3.Connection:
 
 
 class GroupCommit:
-    """Groups changes into commits, and defers notifications until they are on the disk.
+    """Groups changes into commits, and defers callbacks until the commit.
 
-    Changes that can be undone are written to the database at once. Those that cannot, because what
-    they stand for has happened, are marks: they are written with the next commit that succeeds.
+    Changes that may be rolled back go to the database at once. Changes that record something that
+    has already happened are marks: they are repeated until a commit succeeds.
 
     Attributes:
-        failing: whether the last commit failed.
+        failing: whether the latest commit failed.
     """
 
     def __init__(self, database: BundleDatabase) -> None:
@@ -281,19 +281,19 @@ class GroupCommit:
 
     @property
     def pending(self) -> bool:
-        """Whether there is something to commit."""
+        """Whether there are changes or callbacks to commit."""
         return bool(self._marks or self._waiting) or self._database.gathering
 
     def mark(self, write: Callable[[], None]) -> None:
-        """Write with the next commit; if that fails, again with the one after."""
+        """Execute `write` in the next commit, and again in later ones until one succeeds."""
         self._marks.append(write)
 
     def then(self, tell: Callable[[StoreError | None], None]) -> None:
-        """Call back after the next commit: with None if it succeeded, or the error."""
+        """Call back after the next commit, with None on success, otherwise with the error."""
         self._waiting.append(tell)
 
     def commit(self) -> None:
-        """Commit what has gathered, and run all callbacks; one may raise."""
+        """Commit the pending changes, and run all callbacks, even if one raises."""
         failure: StoreError | None = None
         try:
             for write in self._marks:
@@ -304,7 +304,7 @@ class GroupCommit:
             failure = error
             self._database.undo()
         if failure is not None and not self.failing:
-            _LOG.error("nothing can be stored: %s", failure)
+            _LOG.error("commit of the bundle store failed: %s", failure)
         self.failing = failure is not None
         waiting, self._waiting = self._waiting, []
         with ExitStack() as told:

@@ -1,6 +1,6 @@
-"""A bundle node without its links: the store, and what goes in and out of it (RFC 9171, 5).
+"""A bundle node without links: the store, and bundle processing (RFC 9171, 5).
 
-It reads no clock and touches no network. Nothing counts before `commit`.
+It uses no clock and no network of its own. Changes take effect with their commit.
 """
 
 import logging
@@ -45,12 +45,12 @@ _KEPT_FLAGS: Final = REPORTS | int(Flag.REPORT_TIMES)
 
 
 class BundleNode(NodeContext):
-    """A bundle node, for applications and for links; made as a `NodeContext`.
+    """A bundle node, used by applications and links; constructed like a `NodeContext`.
 
     Attributes:
-        receiving: where links put what has arrived.
-        sending: where links get what is to go out.
-        expired: how many bundles ended here with their lifetime, ever.
+        receiving: accepts the octets that links receive.
+        sending: gives links their outgoing bundles.
+        expired: bundles whose lifetime ended here, counted over restarts.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class BundleNode(NodeContext):
         self._last_fetched = {True: 0, False: 0}
         self.outbox.reroute(lambda destination: settings.neighbour_of(destination) or "")
         if stranded := self.outbox.depth(""):
-            _LOG.warning("%d bundles are for nodes that no neighbour reaches now", stranded)
+            _LOG.warning("%d bundles have a destination that no neighbour reaches now", stranded)
 
     def put(
         self, destination: Eid, payload: bytes, lifetime_s: float | None = None,
@@ -79,20 +79,20 @@ class BundleNode(NodeContext):
         """Queue application data, within the transaction.
 
         Raises:
-            StoreFull: there is no room.
+            StoreFull: the store is full.
             StoreError: the store cannot be written.
-            ValueError: no neighbour reaches the destination, or nothing that goes there is
-                confirmed, or it is too long to be expedited.
+            ValueError: no neighbour reaches the destination, its link offers no confirmation,
+                or the payload is too long to be expedited.
         """
         settings = self.settings
         neighbour = settings.neighbour_of(destination)
         if is_null(destination) or neighbour is None or node_of(destination) == settings.node:
             raise ValueError(f"no neighbour reaches {destination}")
         if confirm and not settings.confirms(neighbour):
-            raise ValueError(f"the daemon that reaches {destination} confirms nothing")
+            raise ValueError(f"the daemon that reaches {destination} offers no confirmation")
         if expedited and len(payload) > MOST_EXPEDITED_OCTETS:
             raise ValueError(
-                f"an expedited payload has at most {MOST_EXPEDITED_OCTETS} octets, not"
+                f"at most {MOST_EXPEDITED_OCTETS} octets fit into an expedited payload, it has"
                 f" {len(payload)}"
             )
         self.database.require_room(len(payload), expedited=expedited)
@@ -109,7 +109,7 @@ class BundleNode(NodeContext):
         )
 
     def fetch(self, *, only_expedited: bool = False) -> Delivery | None:
-        """Return the next unit for the application, of those that are committed."""
+        """Return the next committed unit for the application, or None."""
         delivery = self._fetch(expedited=True)
         return delivery if delivery or only_expedited else self._fetch(expedited=False)
 
@@ -123,11 +123,11 @@ class BundleNode(NodeContext):
         return fetched.popleft() if fetched else None
 
     def give_back(self, delivery: Delivery) -> None:
-        """Fetch this unit again, before all others of its kind."""
+        """Queue a unit that was fetched again, before all others of its priority."""
         self._fetched[delivery.expedited].appendleft(delivery)
 
     def delivered(self, delivery: Delivery) -> None:
-        """Note that the application has a unit."""
+        """Record that the application has processed a unit."""
 
         def write() -> None:
             self.inbox.remove([delivery.id])
@@ -138,9 +138,9 @@ class BundleNode(NodeContext):
         self.transaction.mark(write)
 
     def tick(self) -> None:
-        """Delete what has expired, and requeue what was not confirmed; once a second.
+        """Delete expired bundles and requeue unconfirmed ones; called once a second.
 
-        It also looks whether there is room again, for which nothing else might ever do.
+        It also measures the free space, because a full store may see no other activity.
 
         Raises:
             StoreError: the store cannot be written.
@@ -166,7 +166,7 @@ class BundleNode(NodeContext):
             self.inbox.remove(row_id for row_id, *_ in arrived)
         incomplete = self.inbox.forget(now_utc_ms)
         for identity in [*(identity for *_, identity in arrived), *incomplete]:
-            _LOG.warning("bundle %s, received, ended with its lifetime", identity)
+            _LOG.warning("received bundle %s expired before its delivery", identity)
         if ended := len(outgoing) + len(arrived) + len(incomplete):
             self.expired += ended
             self.database.set_count("expired", self.expired)
@@ -180,10 +180,10 @@ class BundleNode(NodeContext):
 
 
 class Receiving:
-    """Takes bundles in: for the application, to be forwarded, or to be deleted with a reason.
+    """Processes received bundles: delivers them locally, forwards them, or deletes them.
 
     Attributes:
-        malformed: how many could not be read.
+        malformed: transmissions that could not be decoded, since the start.
     """
 
     def __init__(self, state: NodeContext, reporting: Reporting) -> None:
@@ -191,12 +191,12 @@ class Receiving:
         self.malformed = 0
 
     def arrived(self, neighbour: str, octets: bytes) -> None:
-        """Take in bundles that stand back to back, within the transaction.
+        """Process concatenated bundles, within the transaction.
 
-        What cannot be read is counted and dropped: it would not be better the next time.
+        Malformed octets are counted and dropped, because a retransmission would be malformed too.
 
         Raises:
-            StoreFull: there is no room for more.
+            StoreFull: the store is full.
             StoreError: the store cannot be written.
         """
         try:
@@ -242,24 +242,24 @@ class Receiving:
             )
 
     def _fault(self, bundle: Bundle, encoded: bytes, local: bool, now_utc_ms: int) -> str:
-        """Return why a bundle is not even looked at, and nothing said of it to others."""
+        """Return why a bundle is dropped without any status report; empty if it is not."""
         primary, state = bundle.primary, self._state
         settings = state.settings
         ahead_s = (primary.creation.time_ms + DTN_EPOCH_UTC_MS - now_utc_ms) / 1000
         if ahead_s > settings.most_ahead_s:
             return (
-                f"made {ahead_s:.0f} s ahead of the clock here, most_ahead_s is"
+                f"creation time is {ahead_s:.0f} s ahead of the clock here, most_ahead_s is"
                 f" {settings.most_ahead_s:.0f}"
             )
         if primary.lifetime_ms > 1000 * settings.most_lifetime_s:
             return (
-                f"to live {primary.lifetime_ms / 1000:.3g} s, most_lifetime_s is"
+                f"lifetime is {primary.lifetime_ms / 1000:.3g} s, most_lifetime_s is"
                 f" {settings.most_lifetime_s:.0f}"
             )
         return state.security.fault(bundle, encoded, local=local) if state.security else ""
 
     def _take_again(self, primary: Primary) -> None:
-        """Repeat the delivery report of a bundle that comes again: the first may be lost."""
+        """Repeat the delivery report of a duplicate bundle: the first report may be lost."""
         identity = identity_of(primary)
         if not self._state.inbox.holds(identity):
             self._reporting.report(identity, primary.flags, primary.report_to, Assertion.DELIVERED)
@@ -286,7 +286,7 @@ class Receiving:
         identity, payload = identity_of(primary), bundle.payload
         if primary.part is not None:
             for dropped in inbox.make_room(identity, len(payload)):
-                self._state.refusals.note(dropped, "its fragments gave way to others of its source")
+                self._state.refusals.note(dropped, "fragments evicted for others of their source")
             whole = inbox.add_fragment(identity, primary.part, payload, expires_utc_ms)
             if whole is None:
                 return
@@ -305,7 +305,7 @@ class Receiving:
 
 
 def _has_unsupported_block(bundle: Bundle) -> bool:
-    """Return whether a block that is not known here asks for the bundle's deletion (5.6)."""
+    """Return whether an unknown block requires the deletion of the bundle (RFC 9171, 5.6)."""
     return any(
         block.flags & BlockFlag.DELETE_BUNDLE_IF_UNKNOWN and block.type not in KNOWN_BLOCKS
         for block in bundle.blocks
@@ -313,7 +313,7 @@ def _has_unsupported_block(bundle: Bundle) -> bool:
 
 
 def _hops_exceeded(bundle: Bundle) -> bool:
-    """Return whether a bundle may not be forwarded once more (4.4.3)."""
+    """Return whether forwarding would exceed the hop limit (RFC 9171, 4.4.3)."""
     if (block := bundle.block(BlockType.HOP_COUNT)) is None:
         return False
     hops = decode_hop_count(block.data)
@@ -327,7 +327,7 @@ def _came_through(bundle: Bundle, neighbour: str) -> tuple[str, ...]:
 
 
 def _expires_utc_ms(bundle: Bundle, now_utc_ms: int) -> int:
-    """Return when the lifetime ends: counted from its creation, or by its age (4.4.2)."""
+    """Return the end of the lifetime, from creation time or bundle age (RFC 9171, 4.4.2)."""
     primary = bundle.primary
     if primary.creation.time_ms:
         return DTN_EPOCH_UTC_MS + primary.creation.time_ms + primary.lifetime_ms

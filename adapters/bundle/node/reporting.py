@@ -1,4 +1,4 @@
-"""What the parts of a node share, and status reports: ours on bundles of others, theirs on ours."""
+"""Shared state of a node's parts, and status reports: sent on others' bundles, received on ours."""
 
 import logging
 from collections.abc import Callable
@@ -51,17 +51,17 @@ _FLAGS: Final = {
 
 
 class DeliveryStatus(Enum):
-    """What has become of something that was sent."""
+    """Delivery status of a bundle that was sent."""
 
     HANDED_ON = "handed on to the next node"
     DELIVERED = "delivered to its receiver"
-    EXPIRED = "deleted, its lifetime is over"
-    DELETED = "deleted by a node on its way"
+    EXPIRED = "deleted, lifetime expired"
+    DELETED = "deleted by a node on the path"
 
 
 @dataclass(frozen=True, slots=True)
 class DeliveryNotice:
-    """A status, and whose it is. May come more than once; DELIVERED may come before HANDED_ON."""
+    """Status of one bundle. May be repeated; DELIVERED may precede HANDED_ON."""
 
     identity: BundleId
     status: DeliveryStatus
@@ -69,17 +69,17 @@ class DeliveryNotice:
 
 @dataclass(slots=True)
 class Traffic:
-    """What went to a neighbour and came from it, counted where it happens, since the start.
+    """Traffic counters of one neighbour since the start.
 
     Attributes:
-        sent: bundles and fragments given to the link, each time that they are.
-        acknowledged: bundles that the neighbour has said to have, or their receiver of those that
-            were sent with `confirm`.
-        retransmitted: what was sent once more: segments over LTP, and bundles.
-        expired: bundles for it that ended here with their lifetime.
-        received: bundles and fragments that came from it and could be read.
-        round_trip_s: how long the neighbour took to answer what was sent only once; None before the
-            first answer, and over links without answers.
+        sent: bundles and fragments given to the link, counted at each transmission.
+        acknowledged: bundles acknowledged by the neighbour; by their receiver if sent with
+            `confirm`.
+        retransmitted: retransmissions: LTP segments, and bundles.
+        expired: bundles for the neighbour whose lifetime ended here.
+        received: bundles and fragments received from it and decoded.
+        round_trip_s: latest round-trip time of a message that was sent only once. None before the
+            first answer, and on links without answers.
     """
 
     sent: int = 0
@@ -91,10 +91,10 @@ class Traffic:
 
 
 class RejectionCounter:
-    """Counts the bundles that are not taken, and logs one of them every ten seconds at most.
+    """Counts rejected bundles, and logs at most one of them in ten seconds.
 
     Attributes:
-        count: how many, since the start.
+        count: rejected bundles since the start.
     """
 
     def __init__(self, utc_ms: Callable[[], int]) -> None:
@@ -102,32 +102,32 @@ class RejectionCounter:
         self._utc_ms, self._told_utc_ms, self._told = utc_ms, -_TELL_EVERY_MS, 0
 
     def note(self, identity: BundleId, why: str) -> None:
-        """Note that a bundle is refused."""
+        """Count the rejection of a bundle, and log it if the last line is old enough."""
         self.count += 1
         now_utc_ms = self._utc_ms()
         if abs(now_utc_ms - self._told_utc_ms) < _TELL_EVERY_MS:
             return
         more = self.count - self._told - 1
-        others = f" ({more} more since the last of these lines)" if more else ""
-        _LOG.warning("bundle %s refused: %s%s", identity, why, others)
+        others = f" ({more} more since the last such line)" if more else ""
+        _LOG.warning("bundle %s rejected: %s%s", identity, why, others)
         self._told_utc_ms, self._told = now_utc_ms, self.count
 
 
 class NodeContext:
-    """What the parts of a node share: settings, store, clock, and the callback for notices.
+    """State shared by the parts of a node: settings, store, clock, and the callback for notices.
 
-    Creation timestamps only grow, over restarts and when the clock steps back. The last one is
-    written with the transaction of the bundle that has it. What a crash undoes was never sent, so
-    that it may be given again.
+    Creation timestamps never decrease, over restarts and when the clock steps back. The last one is
+    written in the transaction of its bundle. A timestamp lost in a crash may be reused: its bundle
+    was never sent.
 
-    `on_status` is told what becomes of what was put in, after it is on the disk.
+    `on_status` receives the delivery notices of own bundles, after their commit.
 
     Attributes:
-        utc_ms: the time in milliseconds since 1970.
-        security: signs and verifies; None for neither.
-        transaction: what gathers until it is committed.
-        refusals: of what came.
-        traffic: what went over the links, by the names of the neighbours.
+        utc_ms: returns the time in milliseconds since 1970.
+        security: signs and verifies bundles; None disables both.
+        transaction: the pending group commit.
+        refusals: counter of rejected received bundles.
+        traffic: traffic counters by neighbour name.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class NodeContext:
         self._last_to_write = False
 
     def notify(self, identity: BundleId, status: DeliveryStatus) -> None:
-        """Tell the application when it is on the disk."""
+        """Notify the application of a delivery status, after the commit."""
 
         def tell(failure: StoreError | None) -> None:
             if failure is None:
@@ -169,7 +169,7 @@ class NodeContext:
         confirm: bool = False,
         expedited: bool = False,
     ) -> BundleId:
-        """Make a bundle and put it into the outbox, within the transaction."""
+        """Create a bundle and add it to the outbox, within the transaction."""
         now_utc_ms, settings = self.utc_ms(), self.settings
         primary = Primary(
             destination, source, settings.node, self._next_creation(now_utc_ms), lifetime_ms, flags
@@ -208,7 +208,7 @@ class NodeContext:
 
 
 class Reporting:
-    """Sends status reports where they were asked for, and reads those that come."""
+    """Sends the status reports that bundles request, and processes those received."""
 
     def __init__(self, state: NodeContext) -> None:
         self._state = state
@@ -222,9 +222,9 @@ class Reporting:
         reason: ReportReason = ReportReason.NONE,
         part: FragmentRange | None = None,
     ) -> None:
-        """Report on a bundle, within the transaction, if its flags ask for that.
+        """Send a status report within the transaction, if the bundle's flags request it.
 
-        A fragment has a part: offset and length of its payload.
+        For a fragment, `part` gives offset and length of its payload.
         """
         if not flags & _FLAGS[assertion] or is_null(report_to):
             return
@@ -248,14 +248,14 @@ class Reporting:
     def about(
         self, bundle: Bundle, assertion: Assertion, reason: ReportReason = ReportReason.NONE
     ) -> None:
-        """Report on a bundle that is at hand, if it asks for that."""
+        """Send a status report on a decoded bundle, if the bundle requests it."""
         primary = bundle.primary
         part = primary.part and FragmentRange(primary.part.offset, len(bundle.payload))
         identity = identity_of(primary)
         self.report(identity, primary.flags, primary.report_to, assertion, reason, part)
 
     def deleted(self, bundle: Bundle, reason: ReportReason) -> None:
-        """Say that a bundle was deleted: in the log always, to others if they asked for it."""
+        """Log the deletion of a bundle, and report it if the bundle requests that."""
         primary = bundle.primary
         _LOG.warning(
             "bundle %s to %s deleted: %s", identity_of(primary), primary.destination, reason.name
@@ -263,12 +263,12 @@ class Reporting:
         self.about(bundle, Assertion.DELETED, reason)
 
     def receive(self, bundle: Bundle) -> None:
-        """Read an administrative record that was sent to this node."""
+        """Process an administrative record addressed to this node."""
         state, sender = self._state, bundle.primary.source
         try:
             report = decode_report(bundle.payload)
         except DecodeError as error:
-            _LOG.warning("malformed report from %s: %s", sender, error)
+            _LOG.warning("malformed administrative record from %s: %s", sender, error)
             return
         if report is None or node_of(report.source) != state.settings.node:
             return

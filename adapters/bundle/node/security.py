@@ -1,4 +1,4 @@
-"""Who has to sign what: policies by source and destination, and the keys they name."""
+"""Signature policies by source and destination, and the keys they name."""
 
 import logging
 import os
@@ -27,16 +27,16 @@ from adapters.system import OPERATING_SYSTEM
 
 _LOG: Final = logging.getLogger(__name__)
 KEY_OCTETS: Final = 32
-"""Of a key that is made here."""
+"""Length of a generated key."""
 _LEAST_OCTETS: Final = 16
 _MOST_OCTETS: Final = 1024
 _ION_OCTETS: Final = (16, 24, 32)
 _BLOCK_OCTETS: Final = 110
-"""A BIB of one target, without the EID in it."""
+"""Octets of a BIB with one target, without the EID in it."""
 
 
 class SignedBlock(Enum):
-    """What a policy wants signed."""
+    """Block that a policy requires to be signed."""
 
     PAYLOAD = "payload"
     PRIMARY = "primary"
@@ -47,11 +47,11 @@ _NUMBERS: Final = {SignedBlock.PAYLOAD: PAYLOAD_NUMBER, SignedBlock.PRIMARY: PRI
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeySettings:
-    """A key that both ends have.
+    """A key shared by both ends.
 
     Attributes:
-        file: it, octet for octet, 16 or more; beside the settings unless the path is absolute.
-        form: of the signed octets; ion for NASA ION 4.1, which takes no others.
+        file: file with the raw key, 16 octets or more; relative to the settings file.
+        form: construction of the signed octets; ion for NASA ION 4.1, which accepts only its own.
         sha: 256, 384 or 512.
     """
 
@@ -61,19 +61,19 @@ class KeySettings:
 
     def __post_init__(self) -> None:
         if self.sha not in (256, 384, 512):
-            raise ValueError(f"sha is {self.sha}: 256, 384 or 512")
+            raise ValueError(f"sha is {self.sha}, must be 256, 384 or 512")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PolicySettings:
-    """What is signed, with which key.
+    """A signature policy.
 
     Attributes:
-        key: its name.
-        source, destination: EIDs of the bundles it is for, in which `*` stands for anything.
-        targets: what has to be signed.
-        covers_primary: whether a signed payload has to cover the primary block: where it does not,
-            anybody may send the payload again as another bundle.
+        key: name of the key.
+        source, destination: EID patterns of the bundles it applies to; `*` matches any characters.
+        targets: blocks that must be signed.
+        covers_primary: whether a signed payload must cover the primary block. Without it anyone
+            can resend the payload in another bundle.
     """
 
     key: str
@@ -84,11 +84,11 @@ class PolicySettings:
 
     def __post_init__(self) -> None:
         if not self.targets or len(set(self.targets)) != len(self.targets):
-            raise ValueError("targets are payload, primary, or both")
+            raise ValueError("targets must be payload, primary, or both")
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """The block numbers of the targets."""
+        """Block numbers of the targets."""
         return tuple(_NUMBERS[target] for target in self.targets)
 
 
@@ -97,9 +97,9 @@ class SecuritySettings:
     """The section `security` of a settings file.
 
     Attributes:
-        keys: by their names.
-        policies: the first that fits a bundle holds. What no policy is for goes out unsigned, and
-            is not taken when it comes for this node.
+        keys: keys by name.
+        policies: the first match applies. Bundles without a matching policy are sent unsigned,
+            and are rejected if they are addressed to this node.
     """
 
     keys: Mapping[str, KeySettings]
@@ -113,23 +113,23 @@ class SecuritySettings:
 
 
 class Security:
-    """Signs what goes out, and verifies what comes in, with keys by their names."""
+    """Signs outgoing and verifies received bundles, with keys by name."""
 
     def __init__(self, node: Eid, settings: SecuritySettings, keys: Mapping[str, Key]) -> None:
         self._node, self._policies, self._keys = node, settings.policies, keys
 
     def fault(self, bundle: Bundle, octets: bytes, *, local: bool) -> str:
-        """Return why a bundle is not rightly signed; empty if it is, or need not be.
+        """Return why a signature is invalid or missing; empty if it is valid or not required.
 
-        What is for this node, `local`, has to be. The octets are those that have come.
+        Bundles to this node (`local`) must be signed. `octets` is the bundle as received.
         """
         policy = self._policy(bundle.primary)
         if policy is None:
-            return "no policy says with which key it is signed" if local else ""
+            return "no signature policy matches it" if local else ""
         try:
             checks = verify(octets, bundle, self._keys[policy.key])
         except BundleError as error:
-            return f"its signature: {error}"
+            return f"signature: {error}"
         scopes = {check.target: check.scope for check in checks}
         for check in checks:
             if check.fault:
@@ -139,17 +139,17 @@ class Security:
                 return f"{_name(target)} is not signed"
         free = not scopes.get(PAYLOAD_NUMBER, Scope.PRIMARY) & Scope.PRIMARY
         if policy.covers_primary and free:  # even where both are signed, one by one
-            return f"the signature leaves the primary block out: scope {scopes[PAYLOAD_NUMBER]}"
+            return f"signature does not cover the primary block: scope {scopes[PAYLOAD_NUMBER]}"
         return ""
 
     def octets(self, primary: Primary) -> int:
-        """Return how many octets signing adds to a bundle, at most."""
+        """Return the maximum number of octets that signing adds to a bundle."""
         policy = self._policy(primary)
         each = _BLOCK_OCTETS + len(encode_eid(self._node))
         return each * len(policy.targets) if policy else 0
 
     def signed(self, bundle: Bundle) -> Bundle:
-        """Return a bundle of ours as it goes out."""
+        """Return an own bundle with the signatures that its policy requires."""
         policy = self._policy(bundle.primary)
         if policy is None:
             return bundle
@@ -171,12 +171,12 @@ class Security:
 def load_security(
     settings_file: Path, settings: SecuritySettings | None, node: Eid
 ) -> Security | None:
-    """Return what signs and verifies for a node, with the keys read; None where nothing does.
+    """Return the signatures of a node with its keys loaded; None without a section `security`.
 
-    The keys are beside the settings file, whose section `security` is given.
+    Paths of keys are relative to the settings file.
 
     Raises:
-        BundleError: a key cannot be read or used; the text says which, and what to do.
+        BundleError: a key cannot be read or used; the text names it and the remedy.
     """
     if settings is None:
         return None
@@ -186,10 +186,10 @@ def load_security(
 
 
 def make_key(path: Path) -> None:
-    """Write a key of random octets to a file that is not there yet, for its owner alone.
+    """Write a key of random octets to a new file that only its owner may read.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file exists or cannot be written.
     """
     with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as made:
         made.write(OPERATING_SYSTEM.random_octets(KEY_OCTETS))

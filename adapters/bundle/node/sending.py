@@ -1,4 +1,4 @@
-"""Which bundles go to a neighbour next, how they are forwarded and cut, and what became of them."""
+"""Outgoing bundles: selection for a neighbour, forwarding, fragmentation, and their results."""
 
 import logging
 from collections import deque
@@ -34,7 +34,7 @@ _LENGTH_OCTETS: Final = 8
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A bundle, or a fragment of it, as it goes to a neighbour."""
+    """A bundle or fragment in the form sent to a neighbour."""
 
     stored: OutboxEntry
     octets: bytes
@@ -42,11 +42,11 @@ class Outgoing:
 
 @dataclass(slots=True)
 class _Queue:
-    """What goes to one neighbour, of the expedited or of the others.
+    """Outgoing bundles of one neighbour and one priority.
 
     Attributes:
-        ready: what was read from the outbox or came back, and waits for the link.
-        last_id: up to which row the outbox has been read.
+        ready: bundles read from the outbox, or requeued, that the link has not taken.
+        last_id: row id up to which the outbox has been read.
     """
 
     ready: deque[Outgoing] = field(default_factory=deque)
@@ -54,7 +54,7 @@ class _Queue:
 
 
 class OutboxReader:
-    """Reads ahead in the outbox for the links, and tracks what is on its way."""
+    """Reads the outbox ahead of the links, and tracks the bundles in flight."""
 
     def __init__(self, state: NodeContext, reporting: Reporting) -> None:
         self._state, self._reporting = state, reporting
@@ -68,12 +68,12 @@ class OutboxReader:
     def outgoing(
         self, neighbour: str, octets: int, bundle_octets: int, *, expedited: bool = False
     ) -> list[Outgoing]:
-        """Return what goes to a neighbour next; it counts as on its way.
+        """Return the next bundles for a neighbour; they count as in flight.
 
-        Only what is committed goes out: what a crash undoes must not have been seen by anybody.
+        Only committed bundles are returned: a rollback must not undo a bundle that was sent.
 
-        These are so many octets, or the first bundle; what is longer than `bundle_octets` is
-        fragmented. Links ask for the expedited ones first, whether or not they would take more of
+        Returns up to `octets`, but at least one bundle. Bundles longer than `bundle_octets` are
+        fragmented. Links request expedited bundles first, even when they have no capacity for
         the others.
         """
         if self._state.database.gathering:
@@ -88,7 +88,7 @@ class OutboxReader:
         return taken
 
     def handed_on(self, sent: Sequence[Outgoing]) -> None:
-        """Note that the neighbour has these."""
+        """Record that the neighbour has received these."""
         whole = []
         for outgoing in sent:
             row_id = outgoing.stored.id
@@ -100,16 +100,16 @@ class OutboxReader:
             self._state.transaction.mark(lambda: self._write_handed_on(whole))
 
     def requeue(self, neighbour: str, sent: Sequence[Outgoing]) -> None:
-        """Send again, first of all, what the neighbour did not get."""
+        """Queue bundles that the neighbour did not receive, before all others."""
         for outgoing in reversed(sent):
             self._queues[neighbour, outgoing.stored.expedited].ready.appendleft(outgoing)
 
     def forget(self, outgoing: Outgoing) -> None:
-        """Stop sending this; its row expires by itself."""
+        """Stop sending this bundle; its row in the outbox stays until it expires."""
         self._parts.pop(outgoing.stored.id, None)
 
     def rewind(self) -> None:
-        """Read the outbox from its beginning: bundles that were sent wait again."""
+        """Read the outbox from its beginning, so that requeued bundles are sent again."""
         for queue in self._queues.values():
             queue.last_id = 0
 
@@ -151,7 +151,7 @@ class OutboxReader:
 
     def _give_up(self, stored: OutboxEntry, bundle: Bundle, bundle_octets: int) -> None:
         _LOG.warning(
-            "bundle %s cannot be cut to %d octets, which is bundle_octets of the link to %s",
+            "bundle %s cannot be fragmented to %d octets, bundle_octets of the link to %s",
             stored.identity, bundle_octets, stored.neighbour,
         )  # fmt: skip
         self._reporting.deleted(bundle, ReportReason.TRANSMISSION_CANCELLED)
@@ -171,7 +171,7 @@ class OutboxReader:
 
 
 def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
-    """Return a bundle as a node sends it on (RFC 9171, 5.4): previous node, age, hops."""
+    """Return a bundle as a node forwards it (RFC 9171, 5.4): previous node, age and hop count."""
     kept = [
         _one_hop_on(block, stayed_ms)
         for block in bundle.blocks
@@ -197,8 +197,8 @@ def fragments(bundle: Bundle, most_octets: int) -> list[bytes] | None:
     """Encode a bundle as fragments (RFC 9171, 5.8) of at most this many octets.
 
     Returns:
-        The encoded fragments, or None if it must not or cannot be cut that small. What was signed
-        elsewhere is not cut: no fragment of it could be verified.
+        The encoded fragments, or None if the bundle must not or cannot be fragmented so small.
+        Bundles signed by another node are not fragmented: no fragment could be verified.
     """
     primary, payload = bundle.primary, bundle.payload
     if primary.flags & Flag.MUST_NOT_FRAGMENT or bundle.block(BlockType.INTEGRITY):

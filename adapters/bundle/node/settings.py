@@ -1,4 +1,4 @@
-"""How an agent is set up: its EIDs, neighbours and limits, and what a settings file says of it."""
+"""Settings of an agent: its EIDs, neighbours and limits, and their section of a settings file."""
 
 import os
 from dataclasses import dataclass, field
@@ -12,16 +12,16 @@ from adapters.bundle.node.security import SecuritySettings
 
 DAY_S: Final = 86_400.0
 LONGEST_LIFETIME_S: Final = 1e10
-"""Three hundred years; no longer lifetime can be allowed."""
+"""Upper bound of every lifetime setting, about 300 years."""
 HIGHEST_PORT: Final = 65535
 _DATAGRAM_OCTETS: Final = 65_507
 _LEAST_BUNDLE_OCTETS: Final = 512
-"""Room for a fragment with two long EIDs and a hundred octets of its payload."""
+"""Smallest fragment: two long EIDs and a hundred octets of payload."""
 _CONFIRM_AFTER_S: Final = (0.1, 1e7)
 
 
 def check_ranges(settings: object, **bounds: tuple[float, float]) -> None:
-    """Raise ValueError unless fields of a settings dataclass are None or within their bounds."""
+    """Raise ValueError unless each named field is None or within its bounds."""
     for name, (least, most) in bounds.items():
         figure = getattr(settings, name)
         if figure is not None and not least <= figure <= most:
@@ -30,7 +30,7 @@ def check_ranges(settings: object, **bounds: tuple[float, float]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where something listens."""
+    """Host and port of a listener."""
 
     host: str
     port: int
@@ -41,17 +41,17 @@ class Address:
         except UnicodeError:
             fits = False
         if not fits:
-            parts = "each of its parts between dots has 1 to 63 characters"
-            raise ValueError(f"host {self.host!r} is no name of a host: {parts}")
+            parts = "each label between dots has 1 to 63 characters"
+            raise ValueError(f"host {self.host!r} is not a host name: {parts}")
         if not 0 <= self.port <= HIGHEST_PORT:
-            raise ValueError(f"{self.port} is not a port of 0 to {HIGHEST_PORT}")
+            raise ValueError(f"port {self.port} is not in 0 to {HIGHEST_PORT}")
 
 
 @dataclass(frozen=True, slots=True)
 class Listen:
-    """Where an agent listens for each protocol; None for not at all.
+    """Listen addresses of an agent, one for each protocol; None disables the protocol.
 
-    LTP and UDP send from where they listen, so that their neighbours need an address here.
+    LTP and UDP send from their listen address, so a neighbour over them needs one here.
     """
 
     ltp: Address | None = None
@@ -64,17 +64,17 @@ NO_ADDRESSES: Final = Listen()
 
 @dataclass(frozen=True, slots=True)
 class LtpLink:
-    """A neighbour over LTP on UDP, reliable by itself.
+    """A neighbour over LTP on UDP (RFC 5326); LTP itself is reliable.
 
     Attributes:
-        address: where its LTP engine listens. Its engine number is its node number.
-        via: the node of the router whose engine that is, such as ipn:9.0; None for its own.
-        block_octets: how many octets of bundles go in one block, at most.
-        bundle_octets: what is longer is fragmented.
-        sessions: how many blocks may be on their way at once.
-        answer_s: what the other side may take to answer, beside the light time of the plan.
-        confirm_after_s: when what should have been confirmed is first sent again; the pause
-            doubles each time, up to 32 times that.
+        address: listen address of its LTP engine. Its engine number is its node number.
+        via: node EID of the router that has this engine, such as ipn:9.0; None if it is its own.
+        block_octets: maximum octets of bundles in one block.
+        bundle_octets: bundles above this length are fragmented.
+        sessions: maximum number of blocks in flight.
+        answer_s: time that the peer may take to answer, in addition to the plan's light time.
+        confirm_after_s: delay of the first retransmission of an unconfirmed bundle. It doubles
+            at each repetition, up to 32 times this value.
     """
 
     address: Address
@@ -102,16 +102,16 @@ class LtpLink:
 
 @dataclass(frozen=True, slots=True)
 class TcpclLink:
-    """A neighbour over TCPCL version 3.
+    """A neighbour over TCPCL version 3 (RFC 7242).
 
     Attributes:
-        address: where it listens; None waits for it to dial in.
-        acknowledge: whether bundles are acknowledged. NASA ION 4.1 hangs or ends where they are
-            and a session breaks: False with it, and let what is sent be confirmed. Both sides have
-            to say the same.
-        keepalive_s: how long the session may be silent; 0 for any time.
-        window_octets: how much may be on its way unacknowledged.
-        redial_s: the shortest pause before dialling again; it doubles up to 30 s.
+        address: its listen address; None waits for the neighbour to connect.
+        acknowledge: whether bundles are acknowledged; both sides need the same value. With
+            acknowledgements NASA ION 4.1 hangs or ends when a session breaks: for ION use False,
+            and confirmation of bundles.
+        keepalive_s: longest silence of a session; 0 for no limit.
+        window_octets: maximum octets in flight without acknowledgement.
+        redial_s: shortest pause before connecting again; it doubles up to 30 s.
         confirm_after_s: see `LtpLink`.
     """
 
@@ -136,11 +136,11 @@ class TcpclLink:
 
 @dataclass(frozen=True, slots=True)
 class UdpLink:
-    """A neighbour over plain UDP, a bundle in each datagram: what the link loses is lost.
+    """A neighbour over plain UDP, one bundle in a datagram. Lost datagrams are lost bundles.
 
     Attributes:
-        bundle_octets: what is longer is fragmented.
-        rate_octets_s: how much is sent.
+        bundle_octets: bundles above this length are fragmented.
+        rate_octets_s: maximum data rate, octets/s.
         confirm_after_s: see `LtpLink`.
     """
 
@@ -160,12 +160,12 @@ class UdpLink:
 
 @dataclass(frozen=True, slots=True)
 class DaemonLink:
-    """A neighbour that is reached by the daemon to which this agent is attached.
+    """A neighbour that is reached through the daemon to which this agent is attached.
 
     Attributes:
-        endpoint: where the application beyond receives.
-        whole: whether the daemon carries whole bundles of ours, as its payload, so that they keep
-            their identity and can be confirmed. Both ends have to be attached, and say so.
+        endpoint: EID at which the remote application receives.
+        whole: whether the daemon carries our whole bundles as its payload. They then keep their
+            identity and can be confirmed. Both ends must be attached and set this.
         confirm_after_s: see `LtpLink`.
     """
 
@@ -186,9 +186,9 @@ class Neighbour:
 
     Attributes:
         node: its node EID, such as ipn:1.0.
-        link: how it is reached.
-        reaches: nodes beyond it, by their node EIDs.
-        default: whether it takes what is for all other nodes.
+        link: the link to it.
+        reaches: node EIDs that are routed through it.
+        default: whether it is the route to all other nodes.
     """
 
     node: Eid
@@ -198,12 +198,12 @@ class Neighbour:
 
     @property
     def name(self) -> str:
-        """What it is called in the store and in logs."""
+        """Its name in the store and in logs."""
         return str(self.node)
 
     @property
     def next_hop(self) -> Eid:
-        """The node that the link leads to, and the contact plan speaks of: a router, or itself."""
+        """Node at the other end of the link, as named in the contact plan: a router, or itself."""
         if isinstance(self.link, LtpLink) and self.link.via is not None:
             return node_of(parse_eid(self.link.via))
         return self.node
@@ -214,18 +214,18 @@ class NodeSettings:
     """The settings of an agent.
 
     Attributes:
-        sender: the EID of what is sent.
-        receivers: the EIDs at which it receives.
-        neighbours: whom it reaches directly.
-        lifetime_s: how long a bundle is wanted where nothing else is said.
-        hop_limit: how often a bundle may be forwarded; None puts no hop count into it.
-        most_payload_octets: the longest application data unit that is reassembled.
-        most_lifetime_s: the longest lifetime that is given or taken.
-        most_ahead_s: how far ahead of the clock here a bundle may have been made.
-        limits: how much the store may take.
+        sender: source EID of the bundles sent.
+        receivers: EIDs at which it receives.
+        neighbours: nodes that it reaches directly.
+        lifetime_s: default lifetime of a bundle.
+        hop_limit: hop limit of own bundles; None omits the hop count block.
+        most_payload_octets: longest application data unit that is reassembled.
+        most_lifetime_s: longest lifetime that is sent or accepted.
+        most_ahead_s: maximum lead of a bundle's creation time over the clock here.
+        limits: limits of the store.
 
     Raises:
-        ValueError: the EIDs or a figure make no sense.
+        ValueError: an EID or a value is invalid.
     """
 
     sender: Eid
@@ -249,10 +249,10 @@ class NodeSettings:
         )
         for eid in (self.sender, *self.receivers):
             if is_null(eid) or node_of(eid) != self.node:
-                raise ValueError(f"{eid} is no endpoint of {self.node}")
+                raise ValueError(f"{eid} is not an endpoint of {self.node}")
         for neighbour in self.neighbours:
             if is_null(neighbour.node) or neighbour.node != node_of(neighbour.node):
-                raise ValueError(f"{neighbour.node} is no node, such as ipn:1.0")
+                raise ValueError(f"{neighbour.node} is not a node EID such as ipn:1.0")
             if neighbour.node == self.node:
                 raise ValueError(f"{neighbour.node} is its own neighbour")
             if isinstance(neighbour.link, LtpLink):
@@ -262,20 +262,20 @@ class NodeSettings:
 
     @property
     def node(self) -> Eid:
-        """The EID of the node itself, where reports are sent from and to."""
+        """The EID of the node itself, source and destination of status reports."""
         return node_of(self.sender)
 
     def link_to(self, neighbour: str) -> AnyLink:
-        """Return the link of a neighbour by its name; raises KeyError if there is none."""
+        """Return the link to the neighbour with this name; raise KeyError if there is none."""
         return {other.name: other.link for other in self.neighbours}[neighbour]
 
     def confirms(self, neighbour: str) -> bool:
-        """Return whether what goes through a neighbour can be confirmed by its receiver."""
+        """Return whether receivers can confirm bundles that go through a neighbour."""
         link = self.link_to(neighbour)
         return not isinstance(link, DaemonLink) or link.whole
 
     def acknowledges(self, neighbour: str) -> bool:
-        """Return whether a neighbour, or the daemon before it, says what it has."""
+        """Return whether a neighbour, or the daemon in front of it, acknowledges bundles."""
         match self.link_to(neighbour):
             case UdpLink():
                 return False
@@ -287,7 +287,7 @@ class NodeSettings:
                 assert_never(link)
 
     def neighbour_of(self, destination: Eid) -> str | None:
-        """Return the name of the neighbour through which a destination is reached, if any."""
+        """Return the name of the neighbour that routes to a destination, or None."""
         node = node_of(destination)
         for neighbour in self.neighbours:
             if node == neighbour.node or node in neighbour.reaches:
@@ -299,24 +299,24 @@ def engine_of(node: Eid) -> int:
     """Return the LTP engine number of a node, which is its node number.
 
     Raises:
-        ValueError: the node has no number.
+        ValueError: the node has no node number.
     """
     if not isinstance(node, Ipn):
-        raise ValueError(f"LTP goes between nodes with a number, not {node}")
+        raise ValueError(f"LTP needs a node with a number such as ipn:1.0, not {node}")
     return node.node
 
 
 @dataclass(frozen=True, slots=True)
 class IonSettings:
-    """NASA ION on this machine, through pyion.
+    """NASA ION on this machine, attached through pyion.
 
     Attributes:
-        python: the interpreter that has pyion; None for the one that runs this.
-        node_list: ION_NODE_LIST_DIR, where several nodes share the machine; None for what the
-            environment says.
+        python: interpreter that has pyion; None for the present interpreter.
+        node_list: ION_NODE_LIST_DIR, if several nodes share the machine; None for the value of
+            the environment.
         whole: see `DaemonLink`.
-        answer_s: a bridge or an ION that is silent for so long counts as hanging.
-        look_s: how often ION is asked whether it answers.
+        answer_s: silence after which the bridge or ION counts as hanging.
+        look_s: period of the liveness check of ION.
     """
 
     python: str | None = None
@@ -330,7 +330,7 @@ class IonSettings:
 
 
 class Agent(Enum):
-    """Who sends and receives: links of the agent, or NASA ION on the same machine."""
+    """Implementation of sending and receiving: own links, or NASA ION on the same machine."""
 
     EMBEDDED = "embedded"
     ION = "ion"
@@ -341,7 +341,7 @@ class Application:
     """An application that sends and receives.
 
     Attributes:
-        eid: where it receives, and from where it sends.
+        eid: EID at which it receives and from which it sends.
     """
 
     eid: str
@@ -362,10 +362,10 @@ class Application:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peer(Application):
-    """Another application, and how the agent of its node is reached.
+    """Another application, and the link to the agent of its node.
 
     Attributes:
-        ltp, tcpcl, udp: one of them; none where a daemon reaches it.
+        ltp, tcpcl, udp: exactly one is set; none if a daemon reaches it.
     """
 
     ltp: LtpLink | None = None
@@ -374,20 +374,20 @@ class Peer(Application):
 
     @property
     def links(self) -> dict[str, LtpLink | TcpclLink | UdpLink]:
-        """The links that are given, by their keys."""
+        """The links that are set, by their keys."""
         links = {"ltp": self.ltp, "tcpcl": self.tcpcl, "udp": self.udp}
         return {key: link for key, link in links.items() if link is not None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AgentSettings(Application):
-    """The application's own side: the agent of its node.
+    """Settings of the application's own node and agent.
 
     Attributes:
-        listen: where others reach this node, for each protocol that is spoken.
-        contact_plan: the file of planned contacts, beside this one; None for always.
-        agent: who sends and receives the bundles; ion: how that node is reached.
-        security: who signs what, with which key; None for nobody.
+        listen: listen addresses of this node, one for each protocol in use.
+        contact_plan: file of planned contacts, relative to this file; None for permanent contact.
+        agent: implementation that sends and receives; ion: access to that node.
+        security: signature policies and keys; None disables signatures.
         most_lifetime_s, most_ahead_s: see `NodeSettings`.
     """
 
@@ -401,25 +401,25 @@ class AgentSettings(Application):
 
     @property
     def daemon(self) -> IonSettings | None:
-        """The node of ION that sends and receives; None where the agent has links of its own.
+        """The ION node that sends and receives; None if the agent has links of its own.
 
         Raises:
-            ValueError: there are settings of ION, and it is not asked for.
+            ValueError: there is a section `ion` although the agent is another.
         """
         if self.agent is Agent.ION:
             return self.ion or IonSettings()
         if self.ion is not None:
             raise ValueError(
-                f"agent is {self.agent.value}, and there are settings of another: remove section"
-                " ion, or say agent: ion"
+                f"agent is {self.agent.value}, but there is a section ion: remove it, or set"
+                " agent: ion"
             )
         return None
 
     def node_settings(self, neighbours: tuple[Neighbour, ...], lifetime_s: float) -> NodeSettings:
-        """Return the settings of the agent, which has one endpoint.
+        """Return the settings of a node with one endpoint.
 
         Raises:
-            ValueError: they make no sense together.
+            ValueError: the values contradict each other.
         """
         return NodeSettings(
             self.endpoint,
@@ -431,30 +431,30 @@ class AgentSettings(Application):
         )
 
     def link_to(self, other: Peer, name: str) -> AnyLink:
-        """Return the link to a peer, named so in errors: that of its settings, or the daemon's.
+        """Return the link to a peer: the link of its settings, or that of the daemon.
 
         Raises:
-            ValueError: there are too many, or none, or bundles could not go by it both ways.
+            ValueError: not exactly one link is set, or it cannot carry bundles in both directions.
         """
         links, daemon = other.links, self.daemon
         if daemon is not None:
             self._leave_to_daemon(other, name)
             return DaemonLink(other.endpoint, daemon.whole)
         if len(links) != 1:
-            given = f"it has {' and '.join(links)}, keep one" if links else "give it one"
-            raise ValueError(f"{name} is reached by one of ltp, tcpcl, udp: {given}")
+            given = f"it has {' and '.join(links)}, remove all except one" if links else "add one"
+            raise ValueError(f"{name} needs exactly one of ltp, tcpcl, udp: {given}")
         ((key, link),) = links.items()
         if link.address is not None and link.address.port == 0:
-            raise ValueError(f"{key}.address of {name} has port 0: say where it listens")
+            raise ValueError(f"{key}.address of {name} has port 0: set the port it listens at")
         if link.address is None and self.listen.tcpcl is None:
             raise ValueError(
-                f"tcpcl.address of {name} is null, and section listen has no tcpcl: neither could"
-                " call the other, give one of them"
+                f"tcpcl.address of {name} is null, and section listen has no tcpcl: neither side"
+                " can connect: set one of them"
             )
         if not isinstance(link, TcpclLink) and getattr(self.listen, key) is None:
             raise ValueError(
-                f"section listen lacks {key}, by which {name} is reached, and which sends from"
-                f" where it listens: give listen.{key} the host and port that {name} has for us"
+                f"section listen lacks {key}, which the link to {name} needs as its source address:"
+                f" set listen.{key} to the host and port that {name} uses for this node"
             )
         return link
 
@@ -470,11 +470,11 @@ class AgentSettings(Application):
 
 
 def listen_error(error: OSError, listen: Listen, settings_file: Path) -> str:
-    """Return why an agent cannot listen, and what to do."""
+    """Return the text for an agent that cannot listen: cause and remedy."""
     addresses = (listen.ltp, listen.tcpcl, listen.udp)
     where = ", ".join(f"{each.host}:{each.port}" for each in addresses if each is not None)
     why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
     return (
         f"cannot listen for bundles at {where}: {why}; choose another address in section listen of"
-        f" {settings_file}, and tell it to the other end"
+        f" {settings_file}, and change it at the other end"
     )

@@ -1,4 +1,4 @@
-"""What the store holds: bundles to be sent, and application data that has arrived."""
+"""Contents of the store: bundles to send, and received application data."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,11 +19,11 @@ from adapters.bundle.node.database import BundleDatabase
 
 _GREATEST: Final = 2**62
 _MOST_DOUBLINGS: Final = 5
-"""Of the pause before a bundle is sent again: a link that lost many may have been back for long."""
+"""Maximum doublings of the retransmission pause: a link that lost many may have been back long."""
 
 
 class OutboxState(IntEnum):
-    """How far a bundle has come: not yet with the next node, or there and not yet confirmed."""
+    """Progress of a bundle: not yet with the next node, or there and not yet confirmed."""
 
     WAITING = 0
     HANDED_ON = 1
@@ -34,11 +34,11 @@ class OutboxEntry:
     """A bundle in the outbox.
 
     Attributes:
-        neighbour: to whom it goes.
-        own: whether it was made here, not received to be forwarded.
-        confirm: whether it stays until its receiver says that it was delivered.
-        put_utc_ms: when it came in here.
-        expedited: whether it goes before others.
+        neighbour: name of the neighbour it is sent to.
+        own: whether it was created here, not received for forwarding.
+        confirm: whether it is retained until its receiver reports the delivery.
+        put_utc_ms: time at which it entered the store.
+        expedited: whether it is sent before others.
     """
 
     id: int
@@ -53,11 +53,11 @@ class OutboxEntry:
 
 @dataclass(frozen=True, slots=True)
 class Queued:
-    """Application data that was sent from here and is still in the store.
+    """Application data sent from here that are still in the store.
 
     Attributes:
-        payload: what was sent.
-        expires_utc_s: when its lifetime ends.
+        payload: the application data.
+        expires_utc_s: end of the lifetime.
     """
 
     identity: BundleId
@@ -66,12 +66,12 @@ class Queued:
 
 
 class Outbox:
-    """The bundles to send, in the order they came in, for each neighbour; expedited ones first.
+    """Bundles to send, for each neighbour in order of arrival; expedited ones first.
 
     Args:
-        database: where they are.
-        pause_ms: after which what a neighbour has not confirmed is sent again; it doubles each
-            time, up to 32 times that.
+        database: the store.
+        pause_ms: delay of the first retransmission of an unconfirmed bundle, by neighbour name.
+            It doubles at each repetition, up to 32 times this value.
     """
 
     def __init__(self, database: BundleDatabase, pause_ms: Mapping[str, int]) -> None:
@@ -83,7 +83,7 @@ class Outbox:
         self, primary: Primary, neighbour: str, octets: bytes, *,
         own: bool, confirm: bool, now_utc_ms: int, expires_utc_ms: int, expedited: bool = False,
     ) -> None:  # fmt: skip
-        """Add a bundle within the transaction, by its primary block and its octets."""
+        """Add a bundle, given by its primary block and octets, within the transaction."""
         self._read_to_the_end.pop((neighbour, expedited), None)
         self._db.write(
             "INSERT INTO outbox (key, destination, neighbour, state, confirm, put_utc_ms,"
@@ -98,12 +98,12 @@ class Outbox:
     def waiting(
         self, neighbour: str, after: int, count: int, now_utc_ms: int, *, expedited: bool = False
     ) -> list[OutboxEntry]:
-        """Return bundles that wait for a neighbour, with ids greater than one, in their order.
+        """Return bundles that wait for a neighbour, with ids above `after`, in order.
 
-        One whose lifetime is over is not among them: the next node would delete it without a word.
+        Expired bundles are omitted: the next node would delete them without a report.
         """
         if self._read_to_the_end.get((neighbour, expedited)) == after:
-            return []  # links ask at each segment that they receive
+            return []  # links query at each segment that they receive
         rows = self._db.read_some(
             "SELECT id, key, own, confirm, put_utc_ms, octets FROM outbox"
             " WHERE neighbour = ? AND state = ? AND id > ? AND expires_utc_ms > ?"
@@ -121,7 +121,7 @@ class Outbox:
         ]  # fmt: skip
 
     def handed_on(self, bundles: Sequence[OutboxEntry], now_utc_ms: int) -> None:
-        """Note that the next node has bundles: done with, or kept until they are confirmed."""
+        """Record that the next node has these: remove them, or retain them until confirmed."""
         self.remove(stored.id for stored in bundles if not stored.confirm)
         self._db.write_all(
             "UPDATE outbox SET state = ?,"
@@ -140,16 +140,16 @@ class Outbox:
         )
 
     def remove(self, ids: Iterable[int]) -> None:
-        """Remove bundles."""
+        """Remove the bundles with these row ids."""
         self._db.write_all("DELETE FROM outbox WHERE id = ?", [(row_id,) for row_id in ids])
 
     def ids(self, identity: BundleId) -> list[int]:
-        """Return the rows of the bundle with this identity; at most one, unless it was cut."""
+        """Return the row ids of an own bundle; more than one only if it was fragmented."""
         rows = self._db.read("SELECT id FROM outbox WHERE key = ? AND own", (identity.key,))
         return [row_id for (row_id,) in rows]
 
     def queued(self, destination: Eid) -> Iterator[Queued]:
-        """Yield the payloads that were sent from here to a destination, the newest first."""
+        """Yield the payloads sent from here to a destination, the newest first."""
         before = _GREATEST
         while rows := self._db.read(
             "SELECT id, key, expires_utc_ms, octets FROM outbox WHERE own AND destination = ?"
@@ -162,10 +162,10 @@ class Outbox:
             before = rows[-1][0]
 
     def unconfirmed(self, now_utc_ms: int) -> list[str]:
-        """Requeue what was handed on and should have been confirmed by now.
+        """Requeue bundles whose confirmation is overdue.
 
-        Where the clock was set back, also while no process ran, each waits at most for its pause
-        from now on.
+        If the clock was set back, even while no process ran, each waits at most for its pause from
+        now on.
 
         Returns:
             The neighbour of each.
@@ -193,7 +193,7 @@ class Outbox:
         return [neighbour for _, neighbour in found]
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId, bytes]]:
-        """Return bundles whose lifetime has ended: id, identity, octets."""
+        """Return bundles whose lifetime has ended, as (row id, identity, octets)."""
         rows = self._db.read_some(
             "SELECT id, key, octets FROM outbox WHERE expires_utc_ms <= ?"
             " ORDER BY expires_utc_ms LIMIT ?",
@@ -202,7 +202,7 @@ class Outbox:
         return [(row_id, bundle_id_from_key(key), octets) for row_id, key, octets in rows]
 
     def reroute(self, neighbour_of: Callable[[Eid], str]) -> None:
-        """Assign each destination to its neighbour of now, and commit."""
+        """Assign each destination to its neighbour by the present settings, and commit."""
         rows = self._db.read("SELECT DISTINCT destination, neighbour FROM outbox")
         for destination, neighbour in rows:
             if (now := neighbour_of(decode_eid(destination))) != neighbour:
@@ -213,35 +213,35 @@ class Outbox:
         self._db.commit()
 
     def depth(self, neighbour: str | None = None) -> int:
-        """Return how many bundles wait, for one neighbour or for all."""
+        """Return the number of bundles that wait, for one neighbour or for all."""
         where, values = ("", ()) if neighbour is None else (" WHERE neighbour = ?", (neighbour,))
         ((count,),) = self._db.read(f"SELECT count(*) FROM outbox{where}", values)
         return int(count)
 
     def octets(self, neighbour: str) -> int:
-        """Return how much waits for a neighbour, or for a confirmation."""
+        """Return the octets that wait for a neighbour, or for a confirmation."""
         ((octets,),) = self._db.read(
             "SELECT total(length(octets)) FROM outbox WHERE neighbour = ?", (neighbour,)
         )
         return int(octets)
 
     def oldest_utc_ms(self) -> int | None:
-        """Return when the oldest of all came in, if there is one."""
+        """Return the time at which the first bundle in the outbox arrived, or None."""
         rows = self._db.read("SELECT put_utc_ms FROM outbox ORDER BY id LIMIT 1")
         return int(rows[0][0]) if rows else None
 
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """Application data that has arrived.
+    """Received application data.
 
     Attributes:
-        endpoint: to whom it was sent.
-        payload: what was sent.
-        expedited: whether it goes before others.
-        report_to: who wants to hear what becomes of it.
-        flags: which reports are wanted.
-        id: its row in the store; 0 before it is there.
+        endpoint: destination EID.
+        payload: the application data.
+        expedited: whether it is delivered before others.
+        report_to: EID that status reports go to.
+        flags: status reports that are requested, a sum of `Flag`s.
+        id: its row in the store; 0 before it is stored.
     """
 
     identity: BundleId
@@ -255,12 +255,12 @@ class Delivery:
 
     @property
     def source(self) -> Eid:
-        """Who sent it."""
+        """Source EID."""
         return self.identity.source
 
 
 class BundleInbox:
-    """What has arrived for the endpoints of this node."""
+    """Units received for the endpoints of this node."""
 
     def __init__(self, database: BundleDatabase) -> None:
         self._db = database
@@ -269,7 +269,7 @@ class BundleInbox:
         self._count_fragments()
 
     def add(self, delivery: Delivery) -> bool:
-        """Add a whole unit within the transaction; return whether it came for the first time."""
+        """Add a complete unit within the transaction; return False for a duplicate."""
         key = delivery.identity.key
         until = min(delivery.expires_utc_ms, _GREATEST)
         noted = self._db.write("INSERT OR IGNORE INTO seen VALUES (?, ?)", (key, until))
@@ -287,7 +287,7 @@ class BundleInbox:
         return True
 
     def has_seen(self, identity: BundleId) -> bool:
-        """Return whether a unit has come before."""
+        """Return whether a unit was received before."""
         return bool(self._db.read("SELECT 1 FROM seen WHERE key = ?", (identity.key,)))
 
     def holds(self, identity: BundleId) -> bool:
@@ -296,16 +296,16 @@ class BundleInbox:
 
     @property
     def most_fragments_octets(self) -> int:
-        """How much of the store the fragments of one source may take: a quarter."""
+        """Space that the fragments of one source may use: a quarter of the store."""
         return self._db.capacity_octets // 4
 
     def make_room(self, identity: BundleId, octets: int) -> list[BundleId]:
-        """Drop the oldest incomplete units where a fragment would take more than its share.
+        """Evict the oldest incomplete units if a fragment would exceed its source's share.
 
-        The fragments of one source take a quarter of the store, those of all sources half of it.
+        Fragments of one source may use a quarter of the store, those of all sources half of it.
 
         Returns:
-            The units that were dropped.
+            The units that were evicted.
         """
         source, most = encode_eid(identity.source), self.most_fragments_octets
         dropped: list[BundleId] = []
@@ -317,9 +317,9 @@ class BundleInbox:
         return dropped
 
     def _drop_oldest(self, source: bytes, last: bytes, octets: int) -> list[BundleId]:
-        """Drop incomplete units of a source: an eighth of its share, so that this is rare.
+        """Evict incomplete units of a source: an eighth of its share, so that this is rare.
 
-        The unit whose fragment comes goes last: only fragments that overlap make it that long.
+        The unit of the new fragment is evicted last: only overlapping fragments make it so long.
         """
         wanted, dropped = octets + self.most_fragments_octets // 8, list[BundleId]()
         rows = self._db.read(
@@ -344,7 +344,7 @@ class BundleInbox:
     def add_fragment(
         self, identity: BundleId, part: FragmentRange, payload: bytes, expires_utc_ms: int
     ) -> bytes | None:
-        """Add a fragment within the transaction; return the whole if nothing is missing now."""
+        """Add a fragment within the transaction; return the payload once it is complete."""
         key = identity.key
         added = self._db.write(
             "INSERT OR IGNORE INTO fragments VALUES (?, ?, ?, ?, ?, ?)",
@@ -366,7 +366,7 @@ class BundleInbox:
         return whole
 
     def deliveries(self, after: int, count: int, *, expedited: bool = False) -> list[Delivery]:
-        """Return units with ids greater than one, in the order of their coming."""
+        """Return units with ids above `after`, in order of arrival."""
         if expedited and not self._has_expedited:
             return []
         rows = self._db.read_some(
@@ -384,11 +384,11 @@ class BundleInbox:
         ]  # fmt: skip
 
     def remove(self, ids: Iterable[int]) -> None:
-        """Remove units that the application has; their identities are kept for deduplication."""
+        """Remove units that were delivered; their identities stay for deduplication."""
         self._db.write_all("DELETE FROM inbox WHERE id = ?", [(row_id,) for row_id in ids])
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, bool, BundleId]]:
-        """Return units whose lifetime has ended: id, whether expedited, identity."""
+        """Return units whose lifetime has ended, as (row id, expedited, identity)."""
         rows = self._db.read(
             "SELECT id, expedited, key FROM inbox WHERE expires_utc_ms <= ? LIMIT ?",
             (now_utc_ms, count),
@@ -396,7 +396,7 @@ class BundleInbox:
         return [(row_id, bool(first), bundle_id_from_key(key)) for row_id, first, key in rows]
 
     def forget(self, now_utc_ms: int) -> list[BundleId]:
-        """Forget identities and fragments whose lifetime is over; return the incomplete units."""
+        """Remove expired identities and fragments; return the units that stayed incomplete."""
         old = "WHERE expires_utc_ms <= ?"
         rows = self._db.read(f"SELECT DISTINCT key FROM fragments {old} LIMIT 1000", (now_utc_ms,))
         if rows:
@@ -407,13 +407,13 @@ class BundleInbox:
         return [bundle_id_from_key(key) for (key,) in rows]
 
     def depth(self) -> int:
-        """Return how many units wait for the application."""
+        """Return the number of units that wait for the application."""
         ((count,),) = self._db.read("SELECT count(*) FROM inbox")
         return int(count)
 
 
 def _reassemble(total: int, parts: Iterable[tuple[int, bytes]]) -> bytes | None:
-    """Put parts, each with its offset, together; None while octets are missing."""
+    """Join (offset, octets) parts to a payload; return None while octets are missing."""
     whole = bytearray()
     for offset, octets in sorted(parts):
         if offset > len(whole):

@@ -93,7 +93,7 @@ def test_contacts_of_a_daemon_are_set_there(tmp_path: Path) -> None:
     [
         ({"agent": "dtnd"}, "agent"),
         ({"agent": "aap2"}, "agent"),
-        ({"ion": {"python": "x"}}, "settings of another"),
+        ({"ion": {"python": "x"}}, "there is a section ion"),
         ({}, "one of ltp, tcpcl, udp"),
     ],
 )

@@ -51,7 +51,7 @@ async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
         text = describe_error(caught.value)
         assert text.startswith("Busy: the relay is full: bundle store ")
         assert f"{tmp_path}/orbiter/bundles.sqlite" in text
-        assert "30 MB are free on its disk, where 67 MB stay free: make room there" in text
+        assert "30 MB are free on the disk, 67 MB must stay free: free disk space" in text
         await client.submit(client.command(Stop()))
         monkeypatch.undo()
         await until(lambda: not relay.agent.health().no_room)
