@@ -174,7 +174,7 @@ async def test_ends_that_do_not_agree_on_acknowledgements_say_so_and_lose_nothin
         dials = TcpclLink(port_of(two.agent.listens.tcpcl), redial_s=0.02)
         async with running(tmp_path, 1, 2, dials, Listen()) as one:
             await one.agent.send(TWO, b"x")
-            await one.until(lambda: "acknowledge has to be false here, too" in caplog.text)
+            await one.until(lambda: "set acknowledge: false here, too" in caplog.text)
             assert one.agent.health().queued == 1
             assert one.notices == []
 
@@ -246,7 +246,7 @@ async def test_ltp_by_a_router_needs_to_know_it_and_an_unknown_engine_is_told_of
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     ports = [Address("127.0.0.1", port) for port in free_udp_ports(2)]
-    told = "LTP engine 9 sends, and is no neighbour"
+    told = "segments of LTP engine 9 dropped: it is no neighbour"
     as_router = LtpLink(ports[1], answer_s=0.1)
     async with running(tmp_path, 9, 2, as_router, Listen(ltp=ports[0])) as router:
         for via in (None, "ipn:9.0"):

@@ -324,9 +324,7 @@ def test_what_cannot_be_cut_small_enough_for_its_link_is_deleted_and_told(
     one.commit()
     assert one.fates() == [DeliveryStatus.DELETED]
     assert one.node.outbox.depth() == 0
-    assert (
-        "cannot be fragmented to 40 octets, bundle_octets of the link to ipn:2.0" in caplog.text
-    )
+    assert "cannot be fragmented to 40 octets, bundle_octets of the link to ipn:2.0" in caplog.text
 
 
 @pytest.mark.parametrize("destination", [Ipn(2, 9), Ipn(9, 1)])

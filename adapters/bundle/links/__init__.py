@@ -1,1 +1,1 @@
-"""The links of an agent: LTP, TCPCL and UDPCL, and the contacts they follow."""
+"""Links of an agent: LTP, TCPCL and UDPCL, and the contact plan they follow."""

@@ -1,9 +1,9 @@
-"""Contact plans (NASA ION's ionadmin syntax): when who can send to whom, and how far it is.
+"""Contact plans in NASA ION's ionadmin syntax: planned contacts and ranges between nodes.
 
     a contact +0 +600 1 2 125000
     a range 2026/11/21-12:00:00 2026/11/22-12:00:00 1 2 3
 
-Times are UTC or, with a plus sign, seconds after a reference, which `@ 2026/11/21-12:00:00` sets.
+Times are UTC or, with a plus sign, seconds after a reference that `@ 2026/11/21-12:00:00` sets.
 """
 
 import logging
@@ -39,17 +39,17 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class ContactPlanError(BundleError):
-    """A text is no contact plan; one line says where and why."""
+    """A text is not a contact plan; one line gives the position and the cause."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A time in which one node can send to another.
+    """An interval in which one node can send to another.
 
     Attributes:
-        sender: number of the node that sends.
-        receiver: number of the node that receives.
-        rate_octets_s: how much it can send.
+        sender: number of the sending node.
+        receiver: number of the receiving node.
+        rate_octets_s: data rate, octets/s.
     """
 
     begin_utc_s: float
@@ -61,7 +61,7 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class LightTimeRange:
-    """A time in which two nodes are a certain light time apart."""
+    """An interval with a constant one-way light time between two nodes."""
 
     begin_utc_s: float
     end_utc_s: float
@@ -72,13 +72,13 @@ class LightTimeRange:
 
 @dataclass(frozen=True, slots=True)
 class ContactPlan:
-    """All contacts and ranges that are planned."""
+    """All planned contacts and ranges."""
 
     contacts: tuple[Contact, ...] = ()
     ranges: tuple[LightTimeRange, ...] = ()
 
     def contact(self, sender: int, receiver: int, utc_s: float) -> Contact | None:
-        """Return the contact there is at a time; where contacts overlap, the one that ends last."""
+        """Return the contact at a time, or None; the one that ends last if several overlap."""
         there = [
             contact
             for contact in self.between(sender, receiver)
@@ -87,16 +87,16 @@ class ContactPlan:
         return max(there, key=lambda contact: contact.end_utc_s, default=None)
 
     def next_contact_utc_s(self, sender: int, receiver: int, utc_s: float) -> float:
-        """Return when the next contact after a time begins; infinity if none is planned."""
+        """Return the begin of the next contact after a time; infinity if none is planned."""
         begins = (contact.begin_utc_s for contact in self.between(sender, receiver))
         return min((begin for begin in begins if begin > utc_s), default=inf)
 
     def planned(self, sender: int, receiver: int, utc_s: float) -> bool:
-        """Return whether there is a contact at a time, or one after it."""
+        """Return whether a contact is planned at or after a time."""
         return any(utc_s < contact.end_utc_s for contact in self.between(sender, receiver))
 
     def light_time_s(self, sender: int, receiver: int, utc_s: float) -> float:
-        """Return how long a signal takes; a range holds both ways unless each way has its own."""
+        """Return the one-way light time; a range applies both ways unless each way has one."""
         there = {
             (range_.one, range_.other): range_.light_time_s
             for range_ in self.ranges
@@ -105,7 +105,7 @@ class ContactPlan:
         return there.get((sender, receiver), there.get((receiver, sender), 0.0))
 
     def between(self, sender: int, receiver: int) -> Iterator[Contact]:
-        """Return the contacts in which one node can send to another, as they are listed."""
+        """Return the contacts from one node to another, in file order."""
         return (
             contact
             for contact in self.contacts
@@ -117,11 +117,11 @@ def read_plan(path: Path, reference_utc_s: float) -> ContactPlan:
     """Read a contact plan from a file.
 
     Args:
-        path: the file; other commands of ionadmin in it are passed over.
-        reference_utc_s: what relative times count from, until an `@` line.
+        path: the file; other ionadmin commands in it are skipped.
+        reference_utc_s: reference of relative times, until an `@` line.
 
     Raises:
-        PlanError: the file cannot be read, or a line is wrong.
+        ContactPlanError: the file cannot be read, or a line is invalid.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -136,10 +136,10 @@ def read_plan(path: Path, reference_utc_s: float) -> ContactPlan:
 
 
 def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
-    """Read a contact plan.
+    """Parse a contact plan.
 
     Raises:
-        PlanError: a line is wrong.
+        ContactPlanError: a line is invalid.
     """
     contacts: list[Contact] = []
     ranges: list[LightTimeRange] = []
@@ -171,7 +171,7 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
 
 
 def _fields(kind: str, given: Sequence[str]) -> Sequence[str]:
-    """Return the fields of a contact or range; a contact may have a confidence after them."""
+    """Return the fields of a contact or range, without a contact's optional confidence."""
     wanted = _FIELDS[kind]
     form = f"`a {kind} {' '.join(wanted)}`"
     if missing := " ".join(wanted[len(given) :]):
@@ -194,17 +194,17 @@ def _time_utc_s(text: str, reference_utc_s: float) -> float:
     try:
         return float(timegm(strptime(text, _TIME_FORMAT)))
     except ValueError as error:
-        raise ContactPlanError(f"no {_TIME_SUCH_AS}: {text!r}") from error
+        raise ContactPlanError(f"not a {_TIME_SUCH_AS}: {text!r}") from error
 
 
 def _number(text: str) -> int:
     if not _NUMBER.fullmatch(text):
-        raise ContactPlanError(f"no whole number: {text!r}")
+        raise ContactPlanError(f"not a whole number: {text!r}")
     return int(text)
 
 
 class ContactOverride(Enum):
-    """What the operator has ordered for a link."""
+    """Operator's override of the contact plan for a link."""
 
     BY_PLAN = "by plan"
     UP = "up"
@@ -213,14 +213,14 @@ class ContactOverride(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
-    """Whether there is contact now, and on what terms.
+    """State of contact with a neighbour.
 
     Attributes:
-        contact: whether something can be sent.
-        light_time_s: how long it takes one way.
-        rate_octets_s: how much can be sent, or infinity.
-        next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
-            the operator keeps it closed.
+        contact: whether sending is possible.
+        light_time_s: one-way light time.
+        rate_octets_s: data rate in octets/s, or infinity.
+        next_contact_utc_s: begin of the next planned contact; infinity if none is planned, or if
+            the operator has closed the link.
     """
 
     contact: bool
@@ -230,10 +230,10 @@ class ContactState:
 
 
 class ContactGate:
-    """Says whether there is contact with a neighbour: always, where there is no plan.
+    """Determines the state of contact with a neighbour; without a plan contact is permanent.
 
     Attributes:
-        override: what the operator has ordered.
+        override: the operator's override.
     """
 
     def __init__(
@@ -249,7 +249,7 @@ class ContactGate:
         self._utc_s = utc_s
 
     def state(self) -> ContactState:
-        """Return the state of contact now. Nodes without a number are in no plan."""
+        """Return the present state of contact. Plans do not cover nodes without a number."""
         down, up = self.override is ContactOverride.DOWN, self.override is ContactOverride.UP
         if self.plan is None or self._nodes is None:
             return ContactState(not down, 0.0, inf, inf)
@@ -272,18 +272,18 @@ def load_contact_plan(
 ) -> ContactPlan | None:
     """Return the contact plan that a settings file names; warn of neighbours without contact.
 
-    What is relative in it counts from the first start with this plan, until the plan changes.
+    Relative times count from the first start with this plan, until the plan changes.
 
     Args:
-        settings_file: the plan is beside it.
-        name: of the plan; None for none.
-        data: the folder where that first start is kept, under the name of the settings.
-        node: the agent that is to follow it.
-        system: the time, and where it is kept.
+        settings_file: the settings file; the plan's path is relative to it.
+        name: file name of the plan; None for no plan.
+        data: folder that stores the first start, under the name of the settings file.
+        node: settings of the agent that follows the plan.
+        system: the clock, and the disk.
 
     Raises:
-        adapters.bundle.links.contact.PlanError: it cannot be read.
-        BundleError: the start cannot be kept.
+        ContactPlanError: the plan cannot be read.
+        BundleError: the first start cannot be stored.
     """
     if name is None:
         return None
@@ -293,7 +293,7 @@ def load_contact_plan(
     plan = read_plan(path, _first_start_utc_s(path.read_bytes(), kept, system))
     for sender, receiver in _never_open(plan, node, now_s):
         _LOG.warning(
-            "contact plan %s: from node %d to node %d no contact is planned from now on;"
+            "contact plan %s: no further contact is planned from node %d to node %d;"
             " `a contact BEGIN END %d %d RATE` plans one",
             *(path, sender, receiver, sender, receiver),
         )
@@ -301,7 +301,7 @@ def load_contact_plan(
 
 
 def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator[tuple[int, int]]:
-    """Yield the directions without any planned contact: from node, to node."""
+    """Yield (sender, receiver) of each direction without a contact from now on."""
     for neighbour in node.neighbours:
         hop = neighbour.next_hop
         if isinstance(node.node, Ipn) and isinstance(hop, Ipn):
@@ -311,7 +311,7 @@ def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator
 
 
 def _first_start_utc_s(plan: bytes, kept: Path, system: System) -> float:
-    """Return when a plan was first used; a file keeps the time, and the plan after it."""
+    """Return the time of a plan's first use, stored in a file together with the plan."""
     if kept.is_file():
         first, _, known = kept.read_bytes().partition(b"\n")
         with suppress(ValueError):
@@ -323,7 +323,7 @@ def _first_start_utc_s(plan: bytes, kept: Path, system: System) -> float:
         system.replace(kept, first + b"\n" + plan)
     except OSError as error:
         raise BundleError(
-            f"{kept.parent} cannot be written: {error.strerror}; make room there, or name another"
+            f"{kept.parent} cannot be written: {error.strerror}; free disk space, or choose another"
             " folder with --data"
         ) from error
     return now_s

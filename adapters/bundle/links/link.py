@@ -1,4 +1,4 @@
-"""What every link has: what the agent asks of it, its pace, and the back-off after failures."""
+"""Base classes of all links and endpoints, their pacing, and the back-off after failures."""
 
 import logging
 from abc import ABC, abstractmethod
@@ -15,18 +15,18 @@ from adapters.system import OPERATING_SYSTEM, System
 _LOG: Final = logging.getLogger(__name__)
 _LONGEST_PAUSE_S: Final = 30.0
 WHOLE_BUNDLES: Final = 1 << 62
-"""The size of bundles for links that fragment none."""
+"""Maximum bundle size on links that do not fragment."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkContext:
-    """What all links of an agent share.
+    """Context shared by all links of an agent.
 
     Attributes:
-        node: whose bundles they move.
-        now_s: monotonic time.
-        wake: has what was put into the node's transaction committed, and the links pump.
-        system: where they bind sockets.
+        node: node whose bundles they send and receive.
+        now_s: returns monotonic time in seconds.
+        wake: schedules a commit of the node's transaction, then `pump` of the links.
+        system: the port to the computer, which opens sockets.
     """
 
     node: BundleNode
@@ -36,15 +36,14 @@ class LinkContext:
 
 
 class Link(ABC):
-    """One neighbour, over one protocol. It moves bundles between a node and the network.
+    """Link to one neighbour over one protocol. It moves bundles between a node and the network.
 
-    Whatever it puts into the node's transaction is committed by the agent, which then lets it
-    pump.
+    The agent commits the link's changes to the node's transaction, then calls `pump`.
 
     Attributes:
-        name: of the neighbour.
-        up: whether it could send now, as far as it knows; what has no connection always could.
-        last_heard_s: when something came from the neighbour, in monotonic time; None for never.
+        name: name of the neighbour.
+        up: whether it can send now, as far as it can tell; always true without connections.
+        last_heard_s: time of the last reception from the neighbour, monotonic; None for never.
     """
 
     def __init__(self, context: LinkContext, neighbour: Neighbour) -> None:
@@ -57,14 +56,14 @@ class Link(ABC):
     @property
     @abstractmethod
     def next_s(self) -> float:
-        """When `tick` or `pump` has something to do, in monotonic time; infinity for never."""
+        """Monotonic time at which `tick` or `pump` is due; infinity for never."""
 
     def on_contact(self, state: ContactState) -> None:
-        """Take note of the state of contact."""
+        """Update the state of contact."""
         self._contact = state.contact
 
     def pump(self) -> None:
-        """Send what waits, expedited bundles first, as far as the link takes it now.
+        """Send waiting bundles, expedited ones first, as far as the link accepts them now.
 
         Raises:
             StoreError: the store cannot be read.
@@ -74,25 +73,25 @@ class Link(ABC):
 
     @abstractmethod
     def _send_waiting(self, expedited: bool) -> None:
-        """Send what waits of the expedited bundles, whatever their number, or of the others."""
+        """Send waiting bundles: all expedited ones, or others as far as the link accepts them."""
 
     def tick(self) -> None:  # noqa: B027 - a link may have no timers
-        """Run the timers that are due."""
+        """Run the timers that are due; a link may have none."""
 
     def close(self) -> None:  # noqa: B027 - a link may hold nothing
-        """Close; bundles that were on their way wait again."""
+        """Close; bundles in flight are requeued."""
 
     def heard(self) -> None:
-        """Note that something came from the neighbour."""
+        """Record a reception from the neighbour."""
         self.last_heard_s = self._now_s()
 
 
 class Endpoint(ABC):
-    """What the links of one protocol share: a socket, or the client of a daemon.
+    """Resource shared by the links of one protocol: a socket, or the client of a daemon.
 
     Attributes:
-        address: where it listens, with the port that was free; None for nowhere.
-        malformed: how much came that nothing could be read from.
+        address: listen address with the actual port; None if it does not listen.
+        malformed: received transmissions that could not be decoded.
     """
 
     address: Address | None = None
@@ -100,27 +99,27 @@ class Endpoint(ABC):
 
     @abstractmethod
     def link(self, neighbour: Neighbour) -> Link:
-        """Return the link to a neighbour; before `open`."""
+        """Return the link to a neighbour; called before `open`."""
 
     @abstractmethod
     async def open(self) -> None:
-        """Begin to listen.
+        """Start listening.
 
         Raises:
-            OSError: a socket cannot be had.
-            BundleError: a daemon cannot be used, now or later.
+            OSError: a socket cannot be opened.
+            BundleError: the daemon can be used neither now nor later.
         """
 
     @abstractmethod
     async def close(self) -> None:
-        """Close the socket; the links are closed apart."""
+        """Close the socket; links are closed separately."""
 
 
 class Pacer:
-    """Says when something may be sent again, at a rate or after a pause.
+    """Limits the data rate, and enforces pauses.
 
     Attributes:
-        rate_octets_s: how much may be sent.
+        rate_octets_s: maximum data rate, octets/s.
     """
 
     def __init__(self, now_s: Callable[[], float]) -> None:
@@ -129,33 +128,33 @@ class Pacer:
 
     @property
     def ready(self) -> bool:
-        """Whether something may be sent now."""
+        """Whether sending is allowed now."""
         return self._now_s() >= self._not_before_s
 
     @property
     def next_s(self) -> float:
-        """When something may be sent again; infinity if that is now."""
+        """Monotonic time at which sending is allowed again; infinity if it is allowed now."""
         return inf if self.ready else self._not_before_s
 
     def sent(self, octets: int) -> None:
-        """Note how much was sent."""
+        """Account for octets that were sent."""
         begin_s = max(self._now_s(), self._not_before_s)
         self._not_before_s = begin_s + octets / self.rate_octets_s
 
     def pause(self, pause_s: float) -> None:
-        """Send nothing for some time."""
+        """Forbid sending for `pause_s` seconds."""
         self._not_before_s = self._now_s() + pause_s
 
     def reset(self) -> None:
-        """Send at once."""
+        """Allow sending at once."""
         self._not_before_s = -inf
 
 
 class Backoff:
-    """Pauses between attempts that double up to 30 s; a failure is logged once.
+    """Pauses between attempts, doubling up to 30 s; repetitions of a failure are not logged.
 
     Attributes:
-        pause_s: the next pause.
+        pause_s: next pause in seconds.
     """
 
     def __init__(self, name: str, shortest_s: float) -> None:
@@ -163,11 +162,11 @@ class Backoff:
         self.succeeded()
 
     def succeeded(self) -> None:
-        """Start again with the shortest pause."""
+        """Reset to the shortest pause."""
         self.pause_s, self._said = self._shortest_s, ""
 
     def failed(self, failure: BaseException | str | None = None) -> float:
-        """Log a failure, unless it is that of last time; return how long to wait, in seconds."""
+        """Log a failure that differs from the last one; return the pause in seconds."""
         text = str(failure) or type(failure).__name__
         if failure is not None and text != self._said:
             _LOG.warning("%s: %s", self._name, text)

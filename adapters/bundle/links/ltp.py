@@ -1,4 +1,4 @@
-"""The link to a neighbour over LTP: blocks of bundles, reported when they are on the disk."""
+"""Link over LTP: blocks of bundles, each acknowledged when it is on the disk."""
 
 import logging
 from collections.abc import Callable
@@ -34,14 +34,14 @@ _SERIALS: Final = 1 << 28
 _FIRST_SESSIONS: Final = 1 << 30
 _MOST_STRANGERS: Final = 100
 _EXPEDITED_SESSIONS: Final = 4
-"""Beside those that the settings allow."""
+"""Sessions for expedited blocks, in addition to those of the settings."""
 
 
 class LtpNeighbour(Link):
-    """Moves bundles between a node and an LTP span, whose segments `transmit` takes.
+    """Moves bundles between a node and an LTP span; `transmit` sends the span's segments.
 
     Attributes:
-        span: the protocol.
+        span: state of the protocol.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class LtpNeighbour(Link):
         self._cancelled = 0
 
     def receive(self, segment: Segment) -> None:
-        """Take a segment from the neighbour."""
+        """Process a segment from the neighbour."""
         self.heard()
         self.span.receive(segment)
         for event in self.span.events:
@@ -83,7 +83,7 @@ class LtpNeighbour(Link):
 
     @property
     def next_s(self) -> float:
-        """When a timer of the protocol ends, or the link takes more."""
+        """Monotonic time of the next protocol timer, or at which the pacer allows sending."""
         return min(self.span.next_s, self._pacer.next_s)
 
     def on_contact(self, state: ContactState) -> None:
@@ -100,7 +100,7 @@ class LtpNeighbour(Link):
             self.span.suspend()
 
     def _send_waiting(self, expedited: bool) -> None:
-        """Send blocks of what waits."""
+        """Send waiting bundles in blocks."""
         settings, sending = self._settings, self._node.sending
         while (
             self.up
@@ -124,12 +124,12 @@ class LtpNeighbour(Link):
         self._flush()
 
     def tick(self) -> None:
-        """Repeat what was not answered."""
+        """Retransmit what was not answered in time."""
         self.span.tick()
         self._flush()
 
     def close(self) -> None:
-        """Close; blocks on their way wait again."""
+        """Close; bundles of blocks in flight are requeued."""
         for number in list(self._blocks):
             self._requeue(number)
 
@@ -143,7 +143,7 @@ class LtpNeighbour(Link):
             self._node.receiving.arrived(self.name, arrived.block)
         except StoreError as error:
             if not self._refusing:
-                _LOG.warning("what comes from %s is refused: %s", self.name, error)
+                _LOG.warning("blocks from %s are refused: %s", self.name, error)
             self._refusing = True
             self.span.refuse(arrived.number)
             return
@@ -167,7 +167,7 @@ class LtpNeighbour(Link):
 
 
 class LtpEndpoint(DatagramEndpoint):
-    """The UDP socket at which the LTP engine of a node listens, for all its LTP neighbours."""
+    """UDP socket of the node's LTP engine, shared by all LTP neighbours."""
 
     def __init__(self, context: LinkContext, listen: Address) -> None:
         super().__init__(context, listen)
@@ -191,10 +191,10 @@ class LtpEndpoint(DatagramEndpoint):
         return link
 
     def _session_number(self) -> int:
-        """Return a session number that is never used again, also after a restart."""
+        """Return a session number that is never reused, even after a restart."""
         if self._next_session == self._end_of_sessions:
             database = self._context.node.database
-            if not database.count(_LAST_SESSION):  # others may remember those of a lost store
+            if not database.count(_LAST_SESSION):  # peers may remember sessions of a lost store
                 chance = int.from_bytes(self._context.system.random_octets(4), "big")
                 database.reserve(_LAST_SESSION, chance % _FIRST_SESSIONS)
             self._next_session = database.reserve(_LAST_SESSION, _SESSIONS_AT_ONCE)
@@ -213,7 +213,7 @@ class LtpEndpoint(DatagramEndpoint):
             link.receive(segment)
 
     def _link_of(self, segment: Segment) -> LtpNeighbour | None:
-        """Find whose segment this is: by its engine if it sends the block, else by the session."""
+        """Return the link of a segment: by the engine of the block's sender, or by session."""
         session = segment.session
         by_sender = (
             isinstance(segment, Data)
@@ -222,7 +222,7 @@ class LtpEndpoint(DatagramEndpoint):
         )
         if by_sender:
             if links := self._links.get(session.originator):
-                for link in links[1:]:  # beyond the same router: nobody knows which of them it is
+                for link in links[1:]:  # behind the same router: the sender is ambiguous
                     link.heard()
                 return links[0]
             self._tell_of_stranger(session.originator)
@@ -234,11 +234,11 @@ class LtpEndpoint(DatagramEndpoint):
         return None
 
     def _tell_of_stranger(self, engine: int) -> None:
-        """Log, once for each, that an engine sends which belongs to no neighbour."""
+        """Log an engine that is no neighbour, once for each engine."""
         if engine not in self._strangers and len(self._strangers) < _MOST_STRANGERS:
             self._strangers.add(engine)
             _LOG.warning(
-                "LTP engine %d sends, and is no neighbour: dropped. If it is a router, the ltp of"
-                " the neighbour beyond it wants via: ipn:%d.0",
+                "segments of LTP engine %d dropped: it is no neighbour. If it is a router, set via:"
+                " ipn:%d.0 in the ltp of the neighbour behind it",
                 *(engine, engine),
             )

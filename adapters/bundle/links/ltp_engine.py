@@ -1,6 +1,6 @@
-"""The LTP protocol between two engines (RFC 5326, red part), fed with segments and time.
+"""LTP between two engines (RFC 5326, red part), driven by segments and time.
 
-Checkpoints are repeated without a limit; a block is reported whole only when it is stored.
+Checkpoints are retransmitted without limit. A block is reported complete only once it is stored.
 """
 
 import zlib
@@ -35,7 +35,7 @@ _MOST_REPEATS: Final = 5
 
 
 class Ranges:
-    """Ranges from a begin to before an end; they are sorted and never touch."""
+    """Set of half-open ranges [begin, end): sorted, disjoint and not adjacent."""
 
     def __init__(self) -> None:
         self._ranges: list[tuple[int, int]] = []
@@ -44,7 +44,7 @@ class Ranges:
         return iter(self._ranges)
 
     def add(self, begin: int, end: int) -> None:
-        """Add a range."""
+        """Add a range; merge it with those that it touches."""
         apart = []
         for other_begin, other_end in self._ranges:
             if other_end < begin or other_begin > end:
@@ -64,12 +64,12 @@ class Ranges:
         self._ranges = [(left, right) for left, right in kept if left < right]
 
     def within(self, begin: int, end: int) -> list[tuple[int, int]]:
-        """Return what is in a range."""
+        """Return the contained parts of a range."""
         cut = [(max(begin, left), min(end, right)) for left, right in self._ranges]
         return [(left, right) for left, right in cut if left < right]
 
     def gaps(self, begin: int, end: int) -> list[tuple[int, int]]:
-        """Return what of a range is missing."""
+        """Return the missing parts of a range."""
         missing = []
         for left, right in self.within(begin, end):
             if begin < left:
@@ -80,21 +80,21 @@ class Ranges:
         return missing
 
     def cover(self, begin: int, end: int) -> bool:
-        """Return whether nothing of a range is missing."""
+        """Return whether a range is fully contained."""
         return not self.gaps(begin, end)
 
 
 class ExportSession:
     """Sends a block until reports have claimed all of it.
 
-    A report replaces what was known of its scope, so that a receiver that lost its memory gets
+    A report replaces earlier claims within its scope. So a receiver that lost its state receives
     everything again.
 
     Attributes:
-        done: whether all has been claimed.
-        due_s: when the last checkpoint is to be repeated; kept by the span.
-        resent: how many segments were sent once more.
-        checkpoint_at_s: when the last one was sent, until repeated or answered; kept by the span.
+        done: whether all octets have been claimed.
+        due_s: time of the next checkpoint retransmission; set by the span.
+        resent: number of retransmitted segments.
+        checkpoint_at_s: send time of the last checkpoint, until repeated or answered; likewise.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class ExportSession:
         self._send_gaps([(0, len(block))], 0)
 
     def on_report(self, report: ReportSegment) -> bool:
-        """Take a report; return whether segments, and with them a checkpoint, were sent."""
+        """Process a report; return whether segments, including a checkpoint, were sent."""
         if report.serial in self._seen_reports or self.done:
             return False
         self._seen_reports.add(report.serial)
@@ -140,7 +140,7 @@ class ExportSession:
         return last is not None and last.serial == report.checkpoint_serial
 
     def resend_checkpoint(self) -> None:
-        """Send the checkpoint that was not answered again."""
+        """Retransmit the unanswered checkpoint."""
         if self._last is not None:
             self.resent += 1
             self._send(self._last)
@@ -170,7 +170,7 @@ class ExportSession:
 
 
 class ImportStage(Enum):
-    """How far a block has come: octets are missing, it is being stored, it is stored."""
+    """State of a received block: octets are missing, it is being stored, it is stored."""
 
     GATHERING = 1
     STORING = 2
@@ -178,14 +178,14 @@ class ImportStage(Enum):
 
 
 class ImportSession:
-    """Gathers a block and says what of it is there.
+    """Assembles a received block and reports its octets.
 
-    That all of it is there is said only when it is stored.
+    It is reported complete only after it is stored.
 
     Attributes:
-        stage: how far it has come.
-        octets: how much it holds in memory.
-        heard_s: when a segment of it came last.
+        stage: state of the block.
+        octets: octets held in memory.
+        heard_s: time of the last segment received.
     """
 
     def __init__(self, session: SessionId) -> None:
@@ -203,19 +203,19 @@ class ImportSession:
         self._serials = {0}
 
     def knows(self, data: Data) -> bool:
-        """Return whether a segment follows no report, or one that this session has sent.
+        """Return whether a segment responds to no report, or to one of this session.
 
-        The report before a loss of memory claimed what is no longer here; with new reports that
-        leave some of it out, the sender would take the block for complete.
+        Reports sent before a loss of state claimed octets that are now missing. With new reports
+        that omit some of them, the sender would treat the block as complete.
         """
         return data.checkpoint is None or data.checkpoint.report_serial in self._serials
 
     def contradicts(self, data: Data) -> bool:
-        """Return whether a segment is of another block that has the same number.
+        """Return whether a segment belongs to another block with the same session number.
 
-        An engine that has restarted may number its sessions from the beginning again. Its first
-        checkpoint at the end has another serial, the block another length, or the same place other
-        octets.
+        An engine that has restarted may number its sessions from the beginning. Its block then
+        differs in the serial of the first checkpoint at the end, in its length, or in octets at
+        the same offset.
         """
         end = data.offset + len(data.octets)
         if self._length is not None and (
@@ -228,7 +228,7 @@ class ImportSession:
         return self._end_serial is not None and _end_serial(data) not in (None, self._end_serial)
 
     def take(self, data: Data) -> bool:
-        """Take a red segment; return whether it asks for a report."""
+        """Add a red segment; return whether it requests a report."""
         self._end_serial = _end_serial(data) or self._end_serial
         if self.stage is ImportStage.GATHERING:
             self._gather(data)
@@ -239,7 +239,7 @@ class ImportSession:
         return True
 
     def whole(self) -> bytes | None:
-        """Return the block when it has just become complete."""
+        """Return the block when it has just become complete, otherwise None."""
         if self.stage is not ImportStage.GATHERING or self._length is None:
             return None
         if not self._there.cover(0, self._length):
@@ -251,13 +251,13 @@ class ImportSession:
         return bytes(block[: self._length])
 
     def stored(self) -> None:
-        """Note that the block is stored, and free its octets."""
+        """Mark the block as stored, and free its octets."""
         self.stage = ImportStage.STORED
         self.octets = 0
         self._parts.clear()
 
     def report(self, serial: int) -> ReportSegment | None:
-        """Return a report on what is there; None if there is nothing to report."""
+        """Return a report of the octets received; None if there is nothing to report."""
         if self.stage is ImportStage.STORING:
             return None
         there = self._there.within(0, self._reach)
@@ -282,7 +282,7 @@ class ImportSession:
 
 
 def _end_serial(data: Data) -> int | None:
-    """Return the serial of a block's first checkpoint at its end, if a segment is that."""
+    """Return the serial of a segment that is a block's first checkpoint at its end, or None."""
     if data.checkpoint is None or not data.ends_red or data.checkpoint.report_serial:
         return None
     return data.checkpoint.serial
@@ -290,21 +290,21 @@ def _end_serial(data: Data) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class ExportCompleted:
-    """The other engine has a block of ours."""
+    """The peer engine has received a block of ours."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class ExportCancelled:
-    """The other engine does not want a block of ours now."""
+    """The peer engine has cancelled the reception of a block of ours."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class BlockReceived:
-    """A block has come, to be stored or refused."""
+    """A complete block was received; it must be stored or refused."""
 
     number: int
     block: bytes
@@ -315,7 +315,7 @@ Event = ExportCompleted | ExportCancelled | BlockReceived
 
 @dataclass(slots=True)
 class _PendingReport:
-    """A report that was not acknowledged yet."""
+    """A report that is not acknowledged yet."""
 
     report: ReportSegment
     due_s: float
@@ -323,22 +323,22 @@ class _PendingReport:
 
 
 class LtpSpan:
-    """Blocks to and from one other engine.
+    """Exchange of blocks with one peer engine.
 
     Args:
-        own: number of our engine.
-        other: number of the other engine.
+        own: own engine number.
+        other: engine number of the peer.
         link: sizes and times.
-        next_number: gives session numbers, never one twice.
-        now_s: monotonic time.
-        first_serial: draws the first serial number of a session, below 2^28.
+        next_number: returns session numbers that are never reused.
+        now_s: returns monotonic time in seconds.
+        first_serial: returns a random first serial number of a session, below 2^28.
 
     Attributes:
-        light_time_s: how long a signal takes one way.
+        light_time_s: one-way light time.
         suspended: whether there is no contact.
-        round_trip_s: how long the last checkpoint that was sent only once waited for its report.
-        segments: what is to be sent; the sender empties it.
-        events: what has happened; the reader empties it.
+        round_trip_s: delay between the last checkpoint sent only once, and its report.
+        segments: segments to send; the sender empties the list.
+        events: pending events; the reader empties the list.
     """
 
     def __init__(
@@ -369,16 +369,16 @@ class LtpSpan:
 
     @property
     def room(self) -> int:
-        """How many more blocks may be on their way; less than none where more are."""
+        """Number of further blocks that may be in flight; negative if too many are."""
         return self._link.sessions - len(self._exports)
 
     @property
     def resent(self) -> int:
-        """How many segments were sent once more."""
+        """Number of retransmitted segments."""
         return self._resent + sum(export.resent for export in self._exports.values())
 
     def send(self, block: bytes) -> int:
-        """Send a block; return the number of its session."""
+        """Start sending a block; return its session number."""
         number = self._next_number()
         session = SessionId(self._own, number)
         serial = self._first_serial()
@@ -390,11 +390,11 @@ class LtpSpan:
         return number
 
     def owns(self, session: SessionId) -> bool:
-        """Return whether this span has begun a session of our engine, not too long ago."""
+        """Return whether this span recently started a session of our engine."""
         return session.number in self._exports or session.number in self._ended
 
     def receive(self, segment: Segment) -> None:
-        """Take a segment from the other engine."""
+        """Process a segment from the peer engine."""
         number = segment.session.number
         match segment:
             case Data():
@@ -421,7 +421,7 @@ class LtpSpan:
                 assert_never(segment)
 
     def stored(self, number: int) -> None:
-        """Note that a block that has arrived is stored, and tell the other engine."""
+        """Record that a received block is stored, and report it to the peer engine."""
         block = self._imports.pop(number)
         self._import_octets -= block.octets
         block.stored()
@@ -429,18 +429,18 @@ class LtpSpan:
         self._report(number, block)
 
     def refuse(self, number: int) -> None:
-        """Tell the other engine that a block is not wanted now."""
+        """Cancel the reception of a block, which cannot be stored now."""
         self._drop(number)
         _remember(self._refused, number, self._now_s())
         session = SessionId(self._other, number)
         self.segments.append(Cancel(session, by_sender=False, reason=CancelReason.SYSTEM))
 
     def suspend(self) -> None:
-        """Suspend all timers: there is no contact."""
+        """Suspend all timers, because there is no contact."""
         self.suspended = True
 
     def resume(self) -> None:
-        """Resume: everything that waits for an answer is due."""
+        """Resume the timers; everything unanswered is due at once."""
         self.suspended = False
         now_s = self._now_s()
         for waiting in self._waiting:
@@ -448,13 +448,13 @@ class LtpSpan:
 
     @property
     def next_s(self) -> float:
-        """When `tick` has something to do; infinity for never."""
+        """Monotonic time at which `tick` is due; infinity for never."""
         if self.suspended:
             return inf
         return min((waiting.due_s for waiting in self._waiting), default=inf)
 
     def tick(self) -> None:
-        """Repeat what was not answered in time."""
+        """Retransmit what was not answered in time."""
         if self.suspended:
             return
         now_s = self._now_s()
@@ -469,7 +469,7 @@ class LtpSpan:
 
     @property
     def _waiting(self) -> list[ExportSession | _PendingReport]:
-        """What waits for an answer."""
+        """Exports and reports that await an answer."""
         return [*self._exports.values(), *self._pending_reports.values()]
 
     @property
@@ -477,7 +477,7 @@ class LtpSpan:
         return 2 * self.light_time_s + self._link.answer_s
 
     def _repeat(self, key: tuple[int, int], told: _PendingReport, now_s: float) -> None:
-        """Repeat a report a few times; then the other engine's checkpoint has to ask again."""
+        """Retransmit a report a few times; after that only a new checkpoint triggers one."""
         told.repeats += 1
         if told.repeats > _MOST_REPEATS:
             del self._pending_reports[key]
@@ -503,7 +503,7 @@ class LtpSpan:
             self.events.append(ExportCompleted(number))
 
     def _end(self, number: int) -> None:
-        """Remember an ended session: its last report may come again and wants its answer."""
+        """Remember an ended session: its last report may be repeated and needs an answer."""
         self._resent += self._exports.pop(number).resent
         _remember(self._ended, number, None)
 
@@ -534,7 +534,7 @@ class LtpSpan:
         self._limit_imports()
 
     def _forget_another(self, number: int, data: Data, now_s: float) -> None:
-        """Forget what had this number before: long ago, or in an earlier life of the engine."""
+        """Drop earlier state of this number: it is old, or of an earlier run of the engine."""
         remembered_s = _REMEMBERED_ROUND_TRIPS * self._answer_s
         if now_s - self._refused.get(number, inf) > remembered_s:
             del self._refused[number]
@@ -558,7 +558,7 @@ class LtpSpan:
         self.segments.append(report)
 
     def _limit_imports(self) -> None:
-        """Refuse the oldest incomplete blocks where there are too many."""
+        """Refuse the oldest incomplete blocks while count or octets exceed their limit."""
         while len(self._imports) > _MOST_IMPORTS or self._import_octets > _MOST_IMPORT_OCTETS:
             oldest = next(
                 (

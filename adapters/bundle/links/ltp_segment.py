@@ -1,4 +1,4 @@
-"""Segments of the Licklider Transmission Protocol (RFC 5326, 3) to octets and back."""
+"""Segments of the Licklider Transmission Protocol (LTP, RFC 5326, 3): encoder and decoder."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -14,7 +14,7 @@ _CANCEL: Final = {12: "sender", 14: "receiver"}
 
 
 class CancelReason(IntEnum):
-    """Why a session was cancelled (3.2.4)."""
+    """Reason of a cancellation (RFC 5326, 3.2.4)."""
 
     BY_CLIENT = 0
     UNREACHABLE = 1
@@ -26,7 +26,7 @@ class CancelReason(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class SessionId:
-    """A session: the engine that sends the block, and that engine's number for it."""
+    """Session identifier: engine number of the block's sender, and its session number."""
 
     originator: int
     number: int
@@ -34,7 +34,7 @@ class SessionId:
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """What makes the receiver report: its serial, and that of the report it follows or 0."""
+    """Serial number of a checkpoint, and of the report it responds to (0 for none)."""
 
     serial: int
     report_serial: int = 0
@@ -42,11 +42,11 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """A part of a block.
+    """Data segment.
 
     Attributes:
-        red: whether it is to be delivered reliably.
-        checkpoint: makes the receiver report.
+        red: whether it belongs to the reliable (red) part.
+        checkpoint: its checkpoint, which requests a report; None if it is no checkpoint.
     """
 
     session: SessionId
@@ -61,7 +61,7 @@ class Data:
 
 @dataclass(frozen=True, slots=True)
 class ReceptionClaim:
-    """Octets that have been received, from an offset in the block."""
+    """Range of received octets, by its offset in the block."""
 
     offset: int
     length: int
@@ -69,7 +69,7 @@ class ReceptionClaim:
 
 @dataclass(frozen=True, slots=True)
 class ReportSegment:
-    """What has been received between two bounds of the block."""
+    """Report of the octets received between two bounds of the block."""
 
     session: SessionId
     serial: int
@@ -81,7 +81,7 @@ class ReportSegment:
 
 @dataclass(frozen=True, slots=True)
 class ReportAck:
-    """A report has been received."""
+    """Acknowledgement of a report."""
 
     session: SessionId
     serial: int
@@ -89,7 +89,7 @@ class ReportAck:
 
 @dataclass(frozen=True, slots=True)
 class Cancel:
-    """The session ends without success."""
+    """Cancellation of a session; `reason` is a `CancelReason` or another code."""
 
     session: SessionId
     by_sender: bool
@@ -98,7 +98,7 @@ class Cancel:
 
 @dataclass(frozen=True, slots=True)
 class CancelAck:
-    """A cancellation has been received."""
+    """Acknowledgement of a cancellation."""
 
     session: SessionId
     of_sender: bool
@@ -140,12 +140,12 @@ def decode_segment(datagram: bytes) -> Segment:
     """Decode a datagram that is exactly one segment; extensions are skipped.
 
     Raises:
-        DecodeError: it is no segment.
+        DecodeError: the datagram is not a segment.
     """
     reader = SdnvReader(datagram)
     first = reader.octet()
     if first >> 4:
-        raise DecodeError(f"LTP version {first >> 4}")
+        raise DecodeError(f"LTP version {first >> 4} is not 0")
     kind = first & 0x0F
     session = SessionId(reader.number(), reader.number())
     extensions = reader.octet()
@@ -153,7 +153,7 @@ def decode_segment(datagram: bytes) -> Segment:
     segment = _read_content(reader, kind, session)
     _skip_extensions(reader, extensions & 0x0F)
     if reader.left:
-        raise DecodeError(f"octet {reader.at}: segment has octets left over")
+        raise DecodeError(f"octet {reader.at}: trailing octets after the segment")
     return segment
 
 
@@ -193,11 +193,11 @@ def _read_report(reader: SdnvReader, session: SessionId) -> ReportSegment:
     for _ in range(count):
         offset, length = lower + reader.number(), reader.number()
         if offset < reached or not length or offset + length > upper:
-            raise DecodeError("LTP report claims what is out of order or bounds")
+            raise DecodeError("LTP report claims are out of order or out of bounds")
         claims.append(ReceptionClaim(offset, length))
         reached = offset + length
     if not claims or upper <= lower:
-        raise DecodeError("LTP report of nothing")
+        raise DecodeError("LTP report without claims")
     return ReportSegment(session, serial, checkpoint_serial, upper, lower, tuple(claims))
 
 

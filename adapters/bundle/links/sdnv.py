@@ -1,4 +1,4 @@
-"""Self-delimiting numeric values (RFC 6256), the numbers of LTP and TCPCL, and what reads them."""
+"""Self-delimiting numeric values (SDNV, RFC 6256), used by LTP and TCPCL, and their reader."""
 
 from typing import Final
 
@@ -9,11 +9,11 @@ _MOST_OCTETS: Final = 10
 
 
 class TruncatedError(DecodeError):
-    """The octets end before what is read does."""
+    """The octets end within an item."""
 
 
 def encode_sdnv(value: int) -> bytes:
-    """Encode a number of at most 64 bits."""
+    """Encode an unsigned number of at most 64 bits."""
     if value < 0x80:
         return bytes((value,))
     octets = [value & 0x7F]
@@ -23,13 +23,13 @@ def encode_sdnv(value: int) -> bytes:
 
 
 class SdnvReader:
-    """Reads one item after the other; every method consumes what it returns.
+    """Sequential decoder; each method consumes what it returns.
 
     Attributes:
-        at: the index of the next octet.
+        at: index of the next octet.
 
     Raises:
-        TruncatedError: from every method, where the octets end too early.
+        TruncatedError: by every method, if the octets end within an item.
     """
 
     __slots__ = ("_octets", "at")
@@ -38,15 +38,15 @@ class SdnvReader:
         self._octets, self.at = octets, 0
 
     def number(self) -> int:
-        """Return a number.
+        """Read a number.
 
         Raises:
-            DecodeError: it has more than 64 bits.
+            DecodeError: the number exceeds 64 bits.
         """
         value = 0
         for index in range(self.at, self.at + _MOST_OCTETS):
             if index >= len(self._octets):
-                raise TruncatedError(f"octet {self.at}: the octets end within a number")
+                raise TruncatedError(f"octet {self.at}: input ends within a number")
             octet = self._octets[index]
             value = (value << 7) | (octet & 0x7F)
             if octet < 0x80:
@@ -54,23 +54,23 @@ class SdnvReader:
                     break
                 self.at = index + 1
                 return value
-        raise DecodeError(f"octet {self.at}: a number of more than 64 bits")
+        raise DecodeError(f"octet {self.at}: number exceeds 64 bits")
 
     def octet(self) -> int:
-        """Return an octet."""
+        """Read one octet."""
         return self.take(1)[0]
 
     def take(self, count: int) -> bytes:
-        """Return some octets."""
+        """Read `count` octets."""
         end = self.at + count
         if end > len(self._octets):
             left = len(self._octets) - self.at
-            raise TruncatedError(f"octet {self.at}: {count} octets wanted, {left} there")
+            raise TruncatedError(f"octet {self.at}: expected {count} octets, {left} left")
         taken = self._octets[self.at : end]
         self.at = end
         return taken
 
     @property
     def left(self) -> int:
-        """How many octets are left."""
+        """Number of octets that remain."""
         return len(self._octets) - self.at

@@ -1,4 +1,4 @@
-"""TCPCL version 3 (RFC 7242): sessions, and the link that dials and accepts them."""
+"""TCPCL version 3 (RFC 7242): sessions, and the link that opens and accepts them."""
 
 import asyncio
 import logging
@@ -37,7 +37,7 @@ _MOST_BUNDLE_OCTETS: Final = 64 << 20
 
 
 class SessionStage(Enum):
-    """How far a session has come: no contact header yet, established, over."""
+    """State of a session: no contact header yet, established, ended."""
 
     GREETING = 1
     UP = 2
@@ -45,16 +45,16 @@ class SessionStage(Enum):
 
 
 class TcpclSession(asyncio.Protocol):
-    """A TCP connection to a neighbour, and the session over it.
+    """A TCP connection to a neighbour, with its session.
 
-    A segment that ends a bundle is acknowledged when the bundle is on the disk. Without
-    acknowledgements a bundle counts as handed on when it was written to the connection.
+    The segment that ends a bundle is acknowledged when the bundle is on the disk. Without
+    acknowledgements a bundle counts as handed on once it is written to the connection.
 
     Attributes:
-        stage: how far it has come.
-        calls: the neighbour that is dialled; None for a connection that was accepted.
-        paused: whether the connection takes no more now.
-        over: is set when the connection is gone.
+        stage: state of the session.
+        calls: neighbour that this side connects to; None for an accepted connection.
+        paused: whether the connection accepts no data now.
+        over: set when the connection is closed.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class TcpclSession(asyncio.Protocol):
         self._in_flight_octets = 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Send the contact header, if this side has dialled, and wait for the other's."""
+        """Send the contact header if this side has connected, and wait for the peer's."""
         self._transport = cast("asyncio.Transport", transport)
         asyncio.get_running_loop().call_later(_GREETING_S, self._abort_unless_greeted)
         if self.calls is not None:
@@ -89,7 +89,7 @@ class TcpclSession(asyncio.Protocol):
             self.flush()
 
     def data_received(self, data: bytes) -> None:
-        """Take octets from the other side."""
+        """Process received octets."""
         self._last_heard_s = self._now_s()
         try:
             for message in self._reader.feed(data):
@@ -103,35 +103,35 @@ class TcpclSession(asyncio.Protocol):
         self._wake()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Requeue what was on its way."""
+        """Requeue bundles in flight."""
         self._transport = None
         self._leave()
         self.over.set()
         self._wake()
 
     def pause_writing(self) -> None:
-        """Take no more."""
+        """Stop sending: the write buffer is full."""
         self.paused = True
 
     def resume_writing(self) -> None:
-        """Take more."""
+        """Continue sending."""
         self.paused = False
         self._wake()
 
     @property
     def established(self) -> bool:
-        """Whether both sides have said who they are, even if it is over by now."""
+        """Whether contact headers were exchanged, even if the session has ended since."""
         return self._neighbour is not None
 
     @property
     def room(self) -> int:
-        """How many more octets it takes now."""
+        """Octets that the window accepts now."""
         if self.stage is not SessionStage.UP or self._neighbour is None:
             return 0
         return self._neighbour.settings.window_octets - self._in_flight_octets
 
     def send(self, outgoing: Outgoing, segment_octets: int) -> None:
-        """Send a bundle; `flush` writes it."""
+        """Queue the segments of a bundle; `flush` writes them."""
         octets = outgoing.octets
         for at in range(0, len(octets), segment_octets):
             end = at + segment_octets >= len(octets)
@@ -143,32 +143,32 @@ class TcpclSession(asyncio.Protocol):
             self._node.sending.handed_on([outgoing])
 
     def flush(self) -> None:
-        """Write what has been queued, in one piece."""
+        """Write the queued messages in one call."""
         if self._out and self._transport is not None and not self._transport.is_closing():
             self._transport.write(b"".join(self._out))
         self._out.clear()
 
     @property
     def next_s(self) -> float:
-        """When `tick` has something to do; infinity for never."""
+        """Monotonic time at which `tick` is due; infinity for never."""
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return inf
         next_keepalive_s = self._last_sent_s + self._keepalive_s
         return min(next_keepalive_s, self._last_heard_s + 2 * self._keepalive_s)
 
     def tick(self) -> None:
-        """Send a keepalive, or end a session that is silent."""
+        """Send a keepalive, or end a session on which nothing is received."""
         now_s = self._now_s()
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return
         if now_s >= self._last_heard_s + 2 * self._keepalive_s:
-            self._end("nothing heard")
+            self._end("nothing received for two keepalive intervals")
         elif now_s >= self._last_sent_s + self._keepalive_s:
             self._send(Keepalive())
             self.flush()
 
     def end(self) -> None:
-        """Shut the session down; what was not acknowledged is given back."""
+        """Shut the session down; unacknowledged bundles are requeued."""
         if self.stage is not SessionStage.OVER:
             if self.calls is not None or self._neighbour is not None:
                 self._send(Shutdown())
@@ -184,7 +184,7 @@ class TcpclSession(asyncio.Protocol):
         self.end()
 
     def _leave(self) -> None:
-        """Note that the session is over, and close the connection."""
+        """Mark the session as ended, and close the connection."""
         self.stage = SessionStage.OVER
         self._incoming.clear()
         if self._neighbour is not None:
@@ -216,12 +216,12 @@ class TcpclSession(asyncio.Protocol):
         try:
             peer = node_of(parse_eid(header.eid))
         except ValueError as error:
-            raise DecodeError("contact header without an endpoint") from error
+            raise DecodeError("contact header has no endpoint") from error
         if (neighbour := self._neighbours.get(peer)) is None:
-            raise DecodeError(f"{peer} is no neighbour")
+            raise DecodeError(f"{peer} is not a neighbour")
         link = neighbour.settings
         if link.acknowledge and not header.flags & ContactFlag.ACKNOWLEDGE:
-            raise DecodeError("it acknowledges nothing, so acknowledge has to be false here, too")
+            raise DecodeError("the peer does not acknowledge: set acknowledge: false here, too")
         if self.calls is None:
             self._send_contact_header(link)
         self._acknowledged = link.acknowledge
@@ -232,7 +232,7 @@ class TcpclSession(asyncio.Protocol):
         _LOG.info("TCPCL session with %s", peer)
 
     def _send_contact_header(self, link: TcpclLink) -> None:
-        """Send the node id and the flags; refusal needs acknowledgements (RFC 7242, 4.1)."""
+        """Send node EID and flags; refusal needs acknowledgements (RFC 7242, 4.1)."""
         flags = int(ContactFlag.ACKNOWLEDGE | ContactFlag.REFUSE) if link.acknowledge else 0
         self._send(ContactHeader(flags, link.keepalive_s, str(self._node.settings.node)))
 
@@ -241,10 +241,10 @@ class TcpclSession(asyncio.Protocol):
             self._incoming.clear()
         self._incoming += segment.octets
         if len(self._incoming) > _MOST_BUNDLE_OCTETS:
-            raise DecodeError("a bundle that does not end")
+            raise DecodeError("bundle exceeds the maximum length")
         length = len(self._incoming)
         if not segment.end:
-            # In turn with those of whole bundles, which wait for the disk.
+            # Keeps the order with acknowledgements of complete bundles, which await their commit.
             self._node.transaction.then(lambda _: self._ack(length))
             return
         octets = bytes(self._incoming)
@@ -265,7 +265,7 @@ class TcpclSession(asyncio.Protocol):
             self._send(AckSegment(length))
 
     def _refuse(self) -> None:
-        """Refuse a bundle; a peer that does not understand that loses the session and retries."""
+        """Refuse a bundle; a peer without support of refusals loses the session and retries."""
         if self.stage is SessionStage.UP:
             if self._may_refuse:
                 self._send(RefuseBundle(RefuseReason.NO_RESOURCES))
@@ -273,11 +273,11 @@ class TcpclSession(asyncio.Protocol):
 
     def _acked(self, length: int) -> None:
         if not self._in_flight:
-            raise DecodeError("an acknowledgement of nothing")
+            raise DecodeError("acknowledgement although no bundle is in flight")
         outgoing, sent_s = self._in_flight[0]
         expected = len(outgoing.octets)
         if length > expected:
-            raise DecodeError(f"{length} octets acknowledged, {expected} were sent")
+            raise DecodeError(f"{length} octets acknowledged, {expected} sent")
         if length == expected:
             self._in_flight_octets -= expected
             self._in_flight.popleft()
@@ -291,10 +291,10 @@ class TcpclSession(asyncio.Protocol):
 
 
 class TcpclNeighbour(Link):
-    """One neighbour over TCPCL; it sends over the newest session and receives over all.
+    """Link to one TCPCL neighbour; it sends over the newest session and receives over all.
 
     Attributes:
-        settings: where it listens, if it does, and what is asked of its sessions.
+        settings: its listen address, if it has one, and parameters of the sessions.
     """
 
     def __init__(
@@ -313,11 +313,11 @@ class TcpclNeighbour(Link):
 
     @property
     def next_s(self) -> float:
-        """When a session has to be kept alive or given up."""
+        """Monotonic time at which a session needs a keepalive or times out."""
         return min((session.next_s for session in self._sessions), default=inf)
 
     def on_contact(self, state: ContactState) -> None:
-        """Close the sessions where contact ends, as an eclipse breaks them without notice."""
+        """Close the sessions when contact ends, because an outage breaks them unnoticed."""
         if state.contact == self._contact:
             return
         super().on_contact(state)
@@ -328,7 +328,7 @@ class TcpclNeighbour(Link):
             self._dialling = asyncio.get_running_loop().create_task(dial)
 
     def _send_waiting(self, expedited: bool) -> None:
-        """Send the acknowledgements of all sessions, and what waits over the newest."""
+        """Send acknowledgements on all sessions, and waiting bundles over the newest."""
         for session in self._sessions:
             session.flush()
         if not self._contact or not self._sessions:
@@ -346,12 +346,12 @@ class TcpclNeighbour(Link):
             session.flush()
 
     def tick(self) -> None:
-        """Keep sessions alive."""
+        """Run the timers of the sessions."""
         for session in list(self._sessions):
             session.tick()
 
     def close(self) -> None:
-        """Close all sessions, and dial no more."""
+        """Close all sessions, and stop connecting."""
         if self._dialling is not None:
             self._dialling.cancel()
             self._dialling = None
@@ -367,7 +367,7 @@ class TcpclNeighbour(Link):
         self.up = True
 
     def remove_session(self, session: TcpclSession, unacknowledged: list[Outgoing]) -> None:
-        """Drop a session that is over; its unacknowledged bundles wait again."""
+        """Remove a session that has ended, and requeue its unacknowledged bundles."""
         if session in self._sessions:
             self._sessions.remove(session)
         self.up = bool(self._sessions)
@@ -375,11 +375,11 @@ class TcpclNeighbour(Link):
         self._node.sending.requeue(self.name, unacknowledged)
 
     def answered_in(self, round_trip_s: float) -> None:
-        """Note how long the neighbour took to acknowledge a bundle."""
+        """Record the time that the neighbour took to acknowledge a bundle."""
         self._traffic.round_trip_s = round_trip_s
 
     async def _dial(self, address: Address) -> None:
-        """Keep dialling; the pauses grow while no session lasts longer than they do."""
+        """Connect repeatedly; pauses grow until a session lasts longer than the pause."""
         where = f"{self.name} at {address.host}:{address.port}"
         backoff = Backoff(where, self.settings.redial_s)
         while True:
@@ -406,7 +406,7 @@ class TcpclNeighbour(Link):
 
 
 class TcpclEndpoint(Endpoint):
-    """Makes the links to TCPCL neighbours, and accepts their connections where it listens."""
+    """Creates the links to TCPCL neighbours, and accepts their connections."""
 
     def __init__(self, context: LinkContext, listen: Address | None) -> None:
         self._context, self._listen = context, listen
@@ -420,7 +420,7 @@ class TcpclEndpoint(Endpoint):
         return link
 
     async def open(self) -> None:
-        """Listen, if an address is given."""
+        """Start listening, if an address is set."""
         if (listen := self._listen) is not None:
             self._server = await asyncio.get_running_loop().create_server(
                 lambda: TcpclSession(self._context, self._neighbours), listen.host, listen.port

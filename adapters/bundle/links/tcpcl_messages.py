@@ -1,4 +1,4 @@
-"""The messages of TCPCL version 3 (RFC 7242), to octets and back."""
+"""Messages of TCPCL version 3 (RFC 7242): encoder and decoder."""
 
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
@@ -22,7 +22,7 @@ class _Kind(IntEnum):
 
 
 class ContactFlag(IntFlag):
-    """What a node asks for in its contact header (4.1)."""
+    """Flags of the contact header (RFC 7242, 4.1)."""
 
     ACKNOWLEDGE = 0x1
     FRAGMENT = 0x2
@@ -31,7 +31,7 @@ class ContactFlag(IntFlag):
 
 
 class RefuseReason(IntEnum):
-    """Why a bundle is refused (5.4)."""
+    """Reason of a refusal (RFC 7242, 5.4)."""
 
     UNKNOWN = 0
     ALREADY_COMPLETE = 1
@@ -41,7 +41,7 @@ class RefuseReason(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ContactHeader:
-    """The first message of either side."""
+    """First message of each side (RFC 7242, 4.1)."""
 
     flags: int
     keepalive_s: int
@@ -50,7 +50,7 @@ class ContactHeader:
 
 @dataclass(frozen=True, slots=True)
 class DataSegment:
-    """A part of a bundle."""
+    """Part of a bundle."""
 
     octets: bytes
     start: bool
@@ -59,26 +59,26 @@ class DataSegment:
 
 @dataclass(frozen=True, slots=True)
 class AckSegment:
-    """How much of the bundle has been received."""
+    """Acknowledgement: octets of the bundle that were received."""
 
     length: int
 
 
 @dataclass(frozen=True, slots=True)
 class RefuseBundle:
-    """The bundle that is being received is not wanted."""
+    """Refusal of the bundle that is being received (RFC 7242, 5.4)."""
 
     reason: int
 
 
 @dataclass(frozen=True, slots=True)
 class Keepalive:
-    """Keeps an idle session alive."""
+    """Message that keeps an idle session open."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shutdown:
-    """The session ends (6.1), with the code of a reason; come again after a delay."""
+    """End of the session (RFC 7242, 6.1): reason code, and delay before reconnecting."""
 
     reason: int | None = None
     delay_s: int | None = None
@@ -86,7 +86,7 @@ class Shutdown:
 
 @dataclass(frozen=True, slots=True)
 class BundleLength:
-    """How long the bundle that follows is."""
+    """Length of the next bundle."""
 
     length: int
 
@@ -127,9 +127,9 @@ def encode_message(message: Message) -> bytes:
 
 
 class MessageReader:
-    """Cuts a stream into messages, of which the first is the contact header.
+    """Splits a stream into messages, beginning with the contact header.
 
-    A segment of more than `most_octets` is an error.
+    Segments above `most_octets` are rejected.
     """
 
     def __init__(self, most_octets: int) -> None:
@@ -138,10 +138,10 @@ class MessageReader:
         self._buffer = b""
 
     def feed(self, octets: bytes) -> list[Message]:
-        """Take octets in; return the messages that they complete.
+        """Add received octets; return the messages that they complete.
 
         Raises:
-            DecodeError: the stream is not what the standard allows; nothing can follow.
+            DecodeError: the stream violates the standard; it cannot be continued.
         """
         self._buffer += octets
         reader, messages, end = SdnvReader(self._buffer), list[Message](), 0
@@ -161,7 +161,7 @@ class MessageReader:
             case _Kind.DATA:
                 if (length := reader.number()) > self._most_octets:
                     most = self._most_octets
-                    raise DecodeError(f"TCPCL segment of {length} octets, {most} allowed")
+                    raise DecodeError(f"TCPCL segment of {length} octets exceeds {most} octets")
                 return DataSegment(reader.take(length), bool(flags & 2), bool(flags & 1))
             case _Kind.ACK:
                 return AckSegment(reader.number())
@@ -179,13 +179,13 @@ class MessageReader:
 
     def _header(self, reader: SdnvReader) -> ContactHeader:
         if not MAGIC.startswith(self._buffer[: len(MAGIC)]):
-            raise DecodeError("no TCPCL contact header")
+            raise DecodeError("expected TCPCL contact header")
         reader.take(len(MAGIC))
         if (version := reader.octet()) != VERSION:
-            raise DecodeError(f"TCPCL version {version}")
+            raise DecodeError(f"TCPCL version {version} is not 3")
         flags, keepalive_s = reader.octet(), int.from_bytes(reader.take(2), "big")
         if (length := reader.number()) > _MOST_EID_OCTETS:
-            raise DecodeError(f"TCPCL endpoint of {length} octets")
+            raise DecodeError(f"TCPCL endpoint of {length} octets is too long")
         try:
             return ContactHeader(flags, keepalive_s, reader.take(length).decode())
         except UnicodeDecodeError as error:

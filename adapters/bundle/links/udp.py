@@ -1,4 +1,4 @@
-"""UDP sockets with the lookup of addresses, and the link over UDPCL (RFC 7122)."""
+"""UDP sockets, address lookup, and the link over UDPCL (RFC 7122)."""
 
 import asyncio
 import logging
@@ -16,7 +16,7 @@ from adapters.system import SocketAddress
 
 _LOG: Final = logging.getLogger(__name__)
 LOOKUP_AGAIN_S: Final = 1.0
-"""The shortest pause before a name that is not found is looked up again; it doubles up to 30 s."""
+"""Shortest pause before a failed name lookup is repeated; it doubles up to 30 s."""
 _AT_ONCE: Final = 16
 _MOST_WAITING_OCTETS: Final = 16 << 20
 _BUFFER_OCTETS: Final = 4 << 20
@@ -25,12 +25,12 @@ _BURST_S: Final = 0.02
 
 
 class AddressLookup:
-    """The lookup of a neighbour's address, off the loop, repeated until it succeeds.
+    """Asynchronous lookup of a neighbour's address, repeated until it succeeds.
 
-    `found` is called as soon as it is known, at once where the address is in numbers.
+    `found` is called once the address is known; at once if the host is numeric.
 
     Attributes:
-        where: its host in numbers, and its port; None while that is not known.
+        where: numeric host, and port; None while unknown.
     """
 
     def __init__(
@@ -72,10 +72,10 @@ class AddressLookup:
 
 
 class DatagramEndpoint(Endpoint):
-    """A UDP socket for all neighbours over one protocol; port 0 takes a free one.
+    """UDP socket for all neighbours over one protocol; port 0 selects a free port.
 
     Raises:
-        OSError: the address cannot be had.
+        OSError: the address cannot be bound.
     """
 
     def __init__(self, context: LinkContext, listen: Address) -> None:
@@ -93,10 +93,10 @@ class DatagramEndpoint(Endpoint):
 
     @abstractmethod
     def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
-        """Handle a datagram."""
+        """Process a datagram."""
 
     async def open(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         asyncio.get_running_loop().add_reader(self._socket, self._readable)
 
     async def close(self) -> None:
@@ -109,7 +109,7 @@ class DatagramEndpoint(Endpoint):
         self._socket.close()
 
     def _look_up(self, link: Link, address: Address) -> AddressLookup:
-        """Look up the address of a link, which is up from when it is known."""
+        """Look up the address of a link; the link is up once it is known."""
 
         def found() -> None:
             link.up = True
@@ -121,7 +121,7 @@ class DatagramEndpoint(Endpoint):
         return lookup
 
     def _send(self, lookup: AddressLookup, datagrams: Iterable[bytes]) -> None:
-        """Send datagrams; what the socket does not take now is lost."""
+        """Send datagrams; those that the socket does not accept now are lost."""
         if lookup.where is None:
             return
         for datagram in datagrams:
@@ -132,14 +132,14 @@ class DatagramEndpoint(Endpoint):
                 return
 
     def _readable(self) -> None:
-        """Empty the socket, whose buffer the system keeps short, before anything is handled."""
+        """Empty the socket before processing, because the kernel's buffer is small."""
         while self._waiting_octets < _MOST_WAITING_OCTETS:
             try:
                 datagram, sender = self._socket.recvfrom(_LONGEST_DATAGRAM)
             except BlockingIOError:
                 break
             except OSError as error:
-                # An ICMP message about a datagram of ours; the next read goes on.
+                # An ICMP error about a datagram of ours; the next read succeeds.
                 _LOG.debug("UDP socket: %s", error)
                 continue
             self._waiting.append((datagram, sender[:2]))
@@ -148,7 +148,7 @@ class DatagramEndpoint(Endpoint):
             self._work()
 
     def _work(self) -> None:
-        """Handle some datagrams, and let others have the loop before the next."""
+        """Process some datagrams, then yield to the event loop."""
         for _ in range(min(_AT_ONCE, len(self._waiting))):
             datagram, sender = self._waiting.popleft()
             self._waiting_octets -= len(datagram)
@@ -158,7 +158,7 @@ class DatagramEndpoint(Endpoint):
 
 
 class UdpNeighbour(Link):
-    """Sends bundles without acknowledgement: reliability needs `confirm`, end to end."""
+    """Sends bundles without acknowledgement; reliability needs `confirm`, end to end."""
 
     def __init__(
         self,
@@ -174,16 +174,16 @@ class UdpNeighbour(Link):
 
     @property
     def next_s(self) -> float:
-        """When the link takes more."""
+        """Monotonic time at which the pacer allows sending."""
         return self._pacer.next_s
 
     def on_contact(self, state: ContactState) -> None:
-        """Send only while there is contact, and no more than it takes."""
+        """Send only during contact, and at most at its rate."""
         super().on_contact(state)
         self._pacer.rate_octets_s = min(self._settings.rate_octets_s, state.rate_octets_s)
 
     def _send_waiting(self, expedited: bool) -> None:
-        """Send what waits, as fast as the link takes it."""
+        """Send waiting bundles at the rate of the link."""
         burst = max(1, int(_BURST_S * self._pacer.rate_octets_s))
         sending = self._node.sending
         while self.up and self._contact and (expedited or self._pacer.ready):
@@ -198,7 +198,7 @@ class UdpNeighbour(Link):
 
 
 class UdpEndpoint(DatagramEndpoint):
-    """The socket for bundles in datagrams, of whichever neighbour."""
+    """UDP socket for bundles in datagrams, shared by all UDPCL neighbours."""
 
     def __init__(self, context: LinkContext, listen: Address) -> None:
         super().__init__(context, listen)
@@ -216,7 +216,7 @@ class UdpEndpoint(DatagramEndpoint):
         return link
 
     def _receive(self, datagram: bytes, sender: SocketAddress) -> None:
-        """Take a bundle in; it is lost if there is no room, so the sender has to use `confirm`."""
+        """Process a bundle; it is lost if the store is full, so senders need `confirm`."""
         if (link := self._sender(sender)) is not None:
             link.heard()
         try:
@@ -225,7 +225,7 @@ class UdpEndpoint(DatagramEndpoint):
             _LOG.warning("bundle from %s lost: %s", sender[0], error)
 
     def _sender(self, sender: SocketAddress) -> UdpNeighbour | None:
-        """Find the sender; NASA ION, which sends from any port, has to be alone on its host."""
+        """Return the sender's link. NASA ION sends from any port: match a sole link of its host."""
         there = []
         for link, lookup in self._links:
             if lookup.where == sender:

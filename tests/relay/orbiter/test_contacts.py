@@ -105,7 +105,7 @@ async def test_one_rover_is_held_and_the_other_is_not(tmp_path: Path) -> None:
 async def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Path) -> None:
     sky, clock = Sky(tmp_path, "jackal"), Clock()
     plans: list[ContactPlan | ContactPlanError] = [
-        ContactPlanError("contact plan p: line 1: no whole number: 'x'"),
+        ContactPlanError("contact plan p: line 1: not a whole number: 'x'"),
         ContactPlan(),
     ]
 
@@ -131,7 +131,7 @@ async def test_the_plan_is_read_again_and_kept_where_that_is_broken(tmp_path: Pa
         assert (await client.get_value("DTN_CONTACTS_UP"))[0].timestamp == up.timestamp
         assert (await client.run(client.command(ExecuteAction("CONTACT UP")))).executed
         fault = await refused(client, "CONTACT PLAN")
-        assert fault == "Rejected: contact plan p: line 1: no whole number: 'x'"
+        assert fault == "Rejected: contact plan p: line 1: not a whole number: 'x'"
         assert relay.link_status(node).contact, "a broken plan changes nothing"
         assert planned_s < float("inf")
         assert (await client.run(client.command(ExecuteAction("CONTACT PLAN")))).executed
