@@ -1,4 +1,4 @@
-"""Bundle Protocol version 7 (RFC 9171): an agent with a durable store; knows nothing of rovers."""
+"""Bundle Protocol version 7 (RFC 9171): an agent with a durable store, independent of rovers."""
 
 from adapters.bundle.agent import BundleAgent as BundleAgent
 from adapters.bundle.agent import Health as Health

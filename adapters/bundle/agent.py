@@ -1,4 +1,4 @@
-"""The bundle agent: a node, its store and its links on an asyncio loop."""
+"""Bundle agent: a node, its store and its links on an asyncio loop."""
 
 import asyncio
 import logging
@@ -41,24 +41,24 @@ _CONTACT_LOOK_S: Final = 0.2
 _TICK_S: Final = 1.0
 _READ_AT_ONCE: Final = 32
 _MISSING: Final = {
-    LtpLink: "LTP: listen for it",
-    UdpLink: "UDP: listen for it",
+    LtpLink: "LTP: set listen.ltp",
+    UdpLink: "UDP: set listen.udp",
     DaemonLink: "a daemon: attach to one",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class NeighbourHealth:
-    """How the link to one neighbour is doing.
+    """State of the link to one neighbour.
 
     Attributes:
-        queued: how many bundles wait for it or for a confirmation.
-        contact: whether something may be sent to it now.
-        override: what the operator has ordered.
-        next_contact_utc_s: when the next contact is planned to begin; infinity if none is, or if
-            the operator keeps it closed.
-        last_heard_s: how long ago something came from it; None for never.
-        traffic: what went over the link.
+        queued: bundles that wait for the neighbour or for a confirmation.
+        contact: whether sending is possible now.
+        override: the operator's override of the contact plan.
+        next_contact_utc_s: begin of the next planned contact; infinity if none is planned, or if
+            the operator has closed the link.
+        last_heard_s: time since the last reception; None for never.
+        traffic: traffic counters of the link.
     """
 
     node: Eid
@@ -72,17 +72,17 @@ class NeighbourHealth:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """How an agent is doing.
+    """State of an agent.
 
     Attributes:
-        queued: how many bundles are in the outbox.
-        oldest_s: how long the oldest of them has been there.
-        unread: how many units wait for the application.
-        expired: how many bundles ended here with their lifetime, ever.
-        malformed: how many could not be read since the start.
-        room_octets: how much the store still takes.
-        no_room: why it refuses more; empty where it does not.
-        refused: how many were not taken since the start: not rightly signed, or beyond a bound.
+        queued: bundles in the outbox.
+        oldest_s: time that the first of them has been there.
+        unread: units that wait for the application.
+        expired: bundles that expired here, counted over restarts.
+        malformed: received transmissions that could not be decoded, since the start.
+        room_octets: free space of the store.
+        no_room: text of the reason if the store is full, otherwise empty.
+        refused: bundles rejected since the start: invalid signature, or a limit exceeded.
     """
 
     queued: int
@@ -97,7 +97,7 @@ class Health:
 
 
 class _Session:
-    """The parts of an open agent: the node, its endpoints, links and contact gates."""
+    """Parts of an open agent: the node, its endpoints, links and contact gates."""
 
     def __init__(self, context: LinkContext) -> None:
         self.node = context.node
@@ -107,7 +107,7 @@ class _Session:
         self._context = context
 
     async def open(self, listen: Listen, daemon: IonSettings | None) -> None:
-        """Make the endpoints and the links to all neighbours, and open them."""
+        """Create the endpoints and the links to all neighbours, and open them."""
         self.endpoints[TcpclLink] = TcpclEndpoint(self._context, listen.tcpcl)
         if listen.udp is not None:
             self.endpoints[UdpLink] = UdpEndpoint(self._context, listen.udp)
@@ -131,34 +131,34 @@ class _Session:
 
     @property
     def listens(self) -> Listen:
-        """Where the links listen, with the actual ports."""
+        """Listen addresses of the links, with the actual ports."""
         address = {kind: endpoint.address for kind, endpoint in self.endpoints.items()}
         return Listen(address.get(LtpLink), address[TcpclLink], address.get(UdpLink))
 
     def _link(self, neighbour: Neighbour) -> Link:
         kind = type(neighbour.link)
         if (endpoint := self.endpoints.get(kind)) is None:
-            raise BundleError(f"{neighbour.name} is reached by {_MISSING[kind]}")
+            raise BundleError(f"link to {neighbour.name} needs {_MISSING[kind]}")
         return endpoint.link(neighbour)
 
 
 class BundleAgent:
     """An agent with a session, an endpoint to send from and endpoints to receive at (thesis 6.3).
 
-    Everything happens on the loop of `open`. A commit waits for the disk, some milliseconds, and
-    the loop with it: give the agent a loop, and so a thread, that has nothing urgent to do.
+    All work runs on the event loop of `open`. A commit blocks it for some milliseconds until
+    the disk has written. Give the agent a loop, and so a thread, without urgent work.
 
     Args:
         settings: its EIDs and neighbours.
-        path: the file of its store.
-        listen: where others reach it.
-        plan: contacts, by ION's node numbers; None for always.
-        daemon: the node of ION that sends and receives for it; None for links of its own.
-        security: signs and verifies, see `load_security`; None for neither.
+        path: file of its store.
+        listen: its listen addresses.
+        plan: contact plan, by ION's node numbers; None for permanent contact.
+        daemon: ION node that sends and receives for it; None for links of its own.
+        security: signs and verifies bundles, see `load_security`; None disables both.
         system: its clock, disk and sockets.
 
     Raises:
-        BundleError: the daemon cannot do what is asked; the text says what.
+        BundleError: the daemon does not support the settings; the text gives the reason.
     """
 
     def __init__(
@@ -173,12 +173,12 @@ class BundleAgent:
     ) -> None:
         if daemon is not None and security is not None and not daemon.whole:
             raise BundleError(
-                "ION makes its own bundles of what it is given, so it has to sign them"
+                "ION puts payloads into bundles of its own, so ION has to sign them"
                 " (bpsecadmin): remove section security, or set ion: {whole: true} at both ends"
             )
         if daemon is not None and settings.receivers != (settings.sender,):
             raise BundleError(
-                f"a daemon has {settings.sender} receive and send, and no other endpoint"
+                f"with a daemon {settings.sender} must be the only endpoint to send and receive"
             )
         self._settings, self._path = settings, path
         self._listen, self._daemon, self._security = listen or Listen(), daemon, security
@@ -191,13 +191,13 @@ class BundleAgent:
         self._read = 0
 
     async def open(self, on_status: Callable[[DeliveryNotice], None]) -> None:
-        """Open the store and the links; `on_status` is told what becomes of what was sent.
+        """Open the store and the links; `on_status` receives delivery notices of own bundles.
 
         Raises:
             StoreError: the store cannot be used.
-            OSError: the network cannot.
-            BundleError: a neighbour speaks a protocol for which the agent does not listen, or the
-                daemon cannot be used.
+            OSError: a socket cannot be opened.
+            BundleError: a neighbour needs a protocol without a listen address, or the daemon
+                cannot be used.
         """
         settings, utc_s = self._settings, self._system.utc_s
         database = BundleDatabase(self._path, settings.limits, self._system)
@@ -223,7 +223,7 @@ class BundleAgent:
 
     @property
     def listens(self) -> Listen:
-        """Where others reach it, with the actual ports."""
+        """Listen addresses, with the actual ports."""
         return self._opened.listens
 
     async def send(
@@ -238,19 +238,19 @@ class BundleAgent:
         """Send a payload; return when it is on the disk.
 
         Args:
-            destination: to whom.
-            payload: what; one receive there returns all of it.
-            lifetime_s: when it is no longer wanted; None for the agent's own.
-            confirm: whether it is kept, and sent again, until its receiver has it.
-            expedited: whether it goes before all others, here, on the links, at nodes on its way
-                and at its receiver, and into room that is reserved for such; at most 4096 octets.
+            destination: EID of the receiver.
+            payload: application data unit; one receive at the destination returns all of it.
+            lifetime_s: lifetime; None for the agent's default.
+            confirm: whether it is retained and retransmitted until its receiver has confirmed it.
+            expedited: whether it precedes all others: here, on links, at intermediate nodes and
+                at its receiver. It may use reserved space of the store; at most 4096 octets.
 
         Raises:
-            StoreFull: there is no room; nothing was taken.
-            StoreError: the store cannot be written; nothing was taken.
+            StoreFull: the store is full; nothing was stored.
+            StoreError: the store cannot be written; nothing was stored.
             AgentClosed: the agent is not open.
-            ValueError: no neighbour reaches the destination, or nothing that goes there is
-                confirmed, or it is too long to be expedited.
+            ValueError: no neighbour reaches the destination, its link offers no confirmation, or
+                the payload is too long to be expedited.
         """
         identity = self._opened.node.put(destination, payload, lifetime_s, confirm, expedited)
         await self.settle()
@@ -262,10 +262,10 @@ class BundleAgent:
         return neighbour is not None and not self._settings.acknowledges(neighbour)
 
     async def settle(self) -> None:
-        """Return when what was delivered until now is on the disk, and does not come again.
+        """Return when all earlier deliveries are on the disk, and cannot be repeated.
 
         Raises:
-            StoreError: that could not be written; it is tried again.
+            StoreError: the commit failed; it is repeated later.
             AgentClosed: the agent is not open.
         """
         committed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -284,17 +284,17 @@ class BundleAgent:
 
     @asynccontextmanager
     async def receive(self, *, only_expedited: bool = False) -> AsyncIterator[Delivery]:
-        """Wait for the next delivery, and hold it for the time of a `with`; expedited ones first.
+        """Wait for the next delivery and hold it during a `with`; expedited ones first.
 
-        Several may be held at once: with `only_expedited`, a task of its own takes what must not
-        wait for what the others are held up with.
+        Several may be held at once: a separate task with `only_expedited` receives urgent units
+        while other tasks are busy.
 
-        When the `with` ends it counts as delivered and does not come again; when it raises it
-        stays. After a crash within the `with`, or before that is on the disk (`settle`), the same
-        identity comes again.
+        When the `with` ends normally, the unit counts as delivered; if it raises, the unit stays.
+        After a crash within the `with`, or before the commit (see `settle`), the unit is delivered
+        again with the same identity.
 
         Raises:
-            AgentClosed: the agent is not open, or was closed meanwhile.
+            AgentClosed: the agent is not open, or was closed during the call.
         """
         async with self.receive_some(1, only_expedited=only_expedited) as (delivery,):
             yield delivery
@@ -303,7 +303,7 @@ class BundleAgent:
     async def receive_some(
         self, most: int, *, only_expedited: bool = False
     ) -> AsyncIterator[Sequence[Delivery]]:
-        """Wait for a delivery, and hold it with those behind it, so many at most, as `receive`."""
+        """Wait for a delivery; hold it and those queued behind it, up to `most`. See `receive`."""
         if self._read >= _READ_AT_ONCE:
             self._read = 0
             await asyncio.sleep(0)
@@ -327,7 +327,7 @@ class BundleAgent:
         self._wake()
 
     async def close(self) -> None:
-        """Close the links and the store; what waits is kept."""
+        """Close the links and the store; queued bundles are retained."""
         if (session := self._session) is None:
             return
         await session.close()
@@ -344,7 +344,7 @@ class BundleAgent:
         return self._opened.node.outbox.queued(destination)
 
     def queued_octets(self, neighbour: Eid) -> int:
-        """Return how much waits for a neighbour, or for a confirmation."""
+        """Return the octets that wait for a neighbour, or for a confirmation."""
         return self._opened.node.outbox.octets(str(neighbour))
 
     def override(self, neighbour: Eid, override: ContactOverride) -> None:
@@ -355,7 +355,7 @@ class BundleAgent:
 
     @property
     def plan(self) -> ContactPlan | None:
-        """The contact plan; None for contact always."""
+        """The contact plan; None for permanent contact."""
         return self._plan
 
     def set_plan(self, plan: ContactPlan | None) -> None:
@@ -367,7 +367,7 @@ class BundleAgent:
         self._wake()
 
     def health(self) -> Health:
-        """Return how the agent is doing."""
+        """Return the state of the agent."""
         session = self._opened
         node, database = session.node, session.node.database
         oldest_utc_ms = node.outbox.oldest_utc_ms()
@@ -408,13 +408,13 @@ class BundleAgent:
         )
 
     def _look(self) -> None:
-        """Tell the links whether there is contact."""
+        """Update the state of contact of the links."""
         session = self._opened
         for name, link in session.links.items():
             link.on_contact(session.gates[name].state())
 
     def _wake(self) -> None:
-        """Schedule `_settle`; what comes until then is committed together."""
+        """Schedule `_settle`; changes until then share one commit."""
         if not self._settling and self._session is not None:
             self._settling = True
             asyncio.get_running_loop().call_soon(self._settle)

@@ -1,4 +1,4 @@
-"""The command `rover bundle`: keys, with which bundles are signed."""
+"""Command `rover bundle`: keys that sign bundles."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ class _InvalidFileError(click.ClickException):
 
 @click.group()
 def bundle() -> None:
-    """Make keys that sign bundles of the Bundle Protocol, version 7.
+    """Generate keys that sign bundles of the Bundle Protocol, version 7.
 
     \b
     Example:
@@ -22,9 +22,9 @@ def bundle() -> None:
 @bundle.command()
 @click.argument("file", type=click.Path(path_type=Path))
 def key(file: Path) -> None:
-    """Make a key of 32 random octets, with which both ends sign their bundles.
+    """Generate a key of 32 random octets; both ends sign their bundles with it.
 
-    FILE must not exist. Only its owner may read it; bring it to the other end in secret. The
+    FILE must not exist. Only its owner may read it; copy it to the other end in secret. The
     section `security` of a relay's settings names it.
 
     Exit status: 0, or 2 if FILE cannot be written.

@@ -257,4 +257,4 @@ def test_a_way_that_a_plan_never_opens_is_warned_of(
     assert len(told) == len(closed)
     for text, (sender, receiver) in zip(told, closed, strict=True):
         assert "contacts.ionrc: " in text
-        assert f"from node {sender} to node {receiver} no contact" in text
+        assert f"no further contact is planned from node {sender} to node {receiver};" in text

@@ -55,7 +55,7 @@ def array(length: int) -> bytes:
 
 
 class Reader:
-    """Sequential decoder. Each method consumes what it returns, or raises DecodeError.
+    """Sequential decoder. Each method consumes its item, or raises DecodeError.
 
     Attributes:
         octets: the encoded items.
@@ -69,7 +69,7 @@ class Reader:
         self.at = at
 
     def fail(self, what: str) -> DecodeError:
-        """Return a DecodeError whose text begins with the position."""
+        """Return a DecodeError with the position and this text."""
         return DecodeError(f"octet {self.at}: {what}")
 
     def unsigned(self) -> int:

@@ -1,1 +1,1 @@
-"""Attached to NASA ION: a bridge process that holds pyion, and the client that talks to it."""
+"""NASA ION as daemon: a bridge process attached through pyion, and the client that talks to it."""

@@ -1,7 +1,7 @@
-"""The bridge: the process that is attached to ION, so that the agent is not.
+"""Bridge process that is attached to ION in place of the agent.
 
-A process that dies within ION can leave the whole node locked; so this one does nothing else, ends
-when the agent does or asks for it, and only once ION has let go of it. Started by the agent alone.
+A process that dies within ION can leave the whole node locked, so this one does nothing else. It
+ends with the agent or at its request, once ION has released it. Only the agent starts it.
 """
 
 import logging
@@ -40,11 +40,11 @@ _INTERRUPT_S: Final = 0.2
 _ROOM_S: Final = 1.0
 
 
-class IonFault(Exception):  # noqa: N818 - the word of the house
+class IonFault(Exception):  # noqa: N818 - consistent with the other fault classes
     """ION cannot be used.
 
     Attributes:
-        lasting: whether that would be the same the next time.
+        lasting: whether a restart of the bridge would fail for the same reason.
     """
 
     def __init__(self, text: str, *, lasting: bool = False) -> None:
@@ -53,10 +53,10 @@ class IonFault(Exception):  # noqa: N818 - the word of the house
 
 
 class IonEndpoint:
-    """One endpoint, open to send by one thread and to receive by another.
+    """One ION endpoint; one thread sends, another receives.
 
     Raises:
-        IonFault: pyion is missing or too old, ION does not run, or has no such endpoint.
+        IonFault: pyion is missing or too old, ION is not running, or lacks this endpoint.
     """
 
     def __init__(self, own: Ipn) -> None:
@@ -79,24 +79,23 @@ class IonEndpoint:
             self._endpoint: Any = self._proxy.bp_open(str(own), mem_ctrl=True, return_headers=True)
         except TypeError as error:
             raise IonFault(
-                f"this pyion does not say from whom a bundle is: {error}", lasting=True
+                f"this pyion does not report the source of a bundle: {error}", lasting=True
             ) from error
         except (OSError, SystemError, RuntimeError) as error:
             raise IonFault(str(error)) from error
         self._endpoint._lock = nullcontext()
 
     def receive(self) -> frames.Received:
-        """Wait for a bundle without a limit; ION forgets it with this call.
+        """Wait without limit for a bundle; this call deletes it in ION.
 
         Raises:
-            IonFault: it was interrupted, ION has ended, or another process has the endpoint open.
+            IonFault: interrupted, ION has ended, or another process has the endpoint open.
         """
         try:
             payload, headers = self._endpoint.bp_receive()
         except (OSError, RuntimeError, MemoryError) as error:
             raise IonFault(
-                f"nothing can be received: {error}; ION has ended, or another process has the"
-                " endpoint open"
+                f"cannot receive: {error}; ION has ended, or another process has the endpoint open"
             ) from error
         return frames.Received(
             headers["bundleSourceEid"],
@@ -106,10 +105,10 @@ class IonEndpoint:
         )
 
     def send(self, destination: str, lifetime_s: int, payload: bytes, expedited: bool) -> None:
-        """Hand a payload to ION; waits for as long as ION has no room.
+        """Give a payload to ION; wait as long as ION is full.
 
         Raises:
-            IonFault: ION does not take it.
+            IonFault: ION rejects it.
         """
         try:
             priority = _EXPEDITED if expedited else None
@@ -118,7 +117,7 @@ class IonEndpoint:
             raise IonFault(f"ION: {error}") from error
 
     def interrupt(self) -> None:
-        """Have `receive` end, if it waits."""
+        """End a waiting `receive`."""
         self._proxy.bp_interrupt_all()
 
     def close(self) -> None:
@@ -128,7 +127,7 @@ class IonEndpoint:
 
 
 def _change_to_node_folder(node: int) -> None:
-    """Change to the folder by which ION tells the nodes of a machine apart."""
+    """Change to the folder that identifies the node among the ION nodes of this machine."""
     if (folder := os.environ.get(_NODE_LIST)) is None:
         return
     try:
@@ -138,22 +137,22 @@ def _change_to_node_folder(node: int) -> None:
 
 
 class SharedMemory:
-    """The segments of ION's shared memory to which this process is attached (Linux, System V).
+    """Segments of ION's shared memory attached to this process (Linux, System V).
 
-    ION makes new ones when it is started again. A process that stays attached to the old ones is
-    told of no fault: it waits for ever, and what it sends is gone.
+    A restarted ION creates new segments. A process attached to the old ones gets no error: it waits
+    for ever, and its bundles are lost.
     """
 
     def __init__(self) -> None:
         self._attached = self._of_this_process()
 
     def lost(self) -> bool:
-        """Return whether one of them is no longer that which its key leads to."""
+        """Return whether an attached segment is no longer the one of its key."""
         return not self._attached <= self._of_all()
 
     @staticmethod
     def _of_this_process() -> frozenset[tuple[int, int]]:
-        """Return keys and identifiers; the kernel gives the identifier as the inode."""
+        """Return (key, identifier) pairs; the kernel shows the identifier as the inode."""
         fields = (line.split() for line in _lines(Path("/proc/self/maps")))
         return frozenset(
             (int(mapped[5].removeprefix(_SEGMENT), 16), int(mapped[4]))
@@ -175,19 +174,19 @@ def _lines(path: Path) -> list[str]:
 
 
 class Probe:
-    """Looks whether ION is still that to which this process is attached, and asks bpadmin.
+    """Checks whether ION is still the instance attached to, and queries bpadmin.
 
-    A bpadmin that does not return is waited for, and never killed: that could leave a lock behind.
+    A bpadmin that hangs is awaited and never killed: a kill could leave a lock behind.
 
     Args:
         own: the endpoint.
-        every_s: how often bpadmin is asked.
-        answer_s: how long an answer may take.
-        memory: is looked at each second.
-        on_lost: is called, on another thread, when ION has ended or was started again.
+        every_s: period of the bpadmin queries.
+        answer_s: timeout of an answer.
+        memory: attached segments, checked each second.
+        on_lost: called on another thread when ION has ended or was restarted.
 
     Attributes:
-        answers: whether ION answered last; true where there is no bpadmin to ask.
+        answers: whether ION answered the latest query; always true without bpadmin.
     """
 
     def __init__(
@@ -201,19 +200,19 @@ class Probe:
         self._over = threading.Event()
 
     def start(self) -> None:
-        """Begin to look, and to ask, if bpadmin is there."""
+        """Start the checks, and the queries if bpadmin is on the PATH."""
         threading.Thread(target=self._look_on, daemon=True).start()
         if (program := shutil.which(_ADMIN)) is not None:
             threading.Thread(target=self._ask_on, args=(program,), daemon=True).start()
 
     def stop(self) -> None:
-        """Ask no more."""
+        """Stop checks and queries."""
         self._over.set()
 
     def _look_on(self) -> None:
         while not self._over.wait(min(_LOOK_S, self._every_s)):
             if self._memory.lost():
-                self._on_lost("ION was started again, or its memory removed")
+                self._on_lost("ION was restarted, or its shared memory removed")
                 return
 
     def _ask_on(self, program: str) -> None:
@@ -224,31 +223,31 @@ class Probe:
                 self.answers = False
 
     def _ask(self, program: str) -> None:
-        asked = subprocess.Popen(
+        query = subprocess.Popen(
             [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
         try:
-            said, _ = asked.communicate(self._question, self._answer_s)
+            output, _ = query.communicate(self._question, self._answer_s)
         except subprocess.TimeoutExpired:
             self.answers = False
-            said, _ = asked.communicate()
-        answer = said.decode("ascii", "replace")
+            output, _ = query.communicate()
+        answer = output.decode("ascii", "replace")
         self.answers = self._own in answer
         if any(text in answer for text in _NOT_THERE):
-            self._on_lost(f"ION does not run: {' '.join(answer.split())[:_MOST_ANSWER]}")
+            self._on_lost(f"ION is not running: {' '.join(answer.split())[:_MOST_ANSWER]}")
 
 
 class Spool:
-    """Keeps one received unit in a file until the agent has it."""
+    """Stores one received unit in a file until the agent has stored it."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def load(self) -> frames.Received | None:
-        """Return what an earlier bridge has left, if anything.
+        """Return the unit that an earlier bridge left, or None.
 
         Raises:
-            OSError: it cannot be read.
+            OSError: the file cannot be read.
         """
         try:
             frame = frames.decode_frame(self._path.read_bytes()[_LENGTH_OCTETS:])
@@ -260,7 +259,7 @@ class Spool:
         """Write a unit to the disk.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: the file cannot be written.
         """
         beside = self._path.with_suffix(".new")
         with beside.open("wb") as file:
@@ -275,12 +274,12 @@ class Spool:
             os.close(folder)
 
     def clear(self) -> None:
-        """Forget it."""
+        """Delete the stored unit."""
         self._path.unlink(missing_ok=True)
 
 
 class Bridge:
-    """Frames on the one side, an endpoint of ION on the other, a thread for each way."""
+    """Relays between the agent's frames and an ION endpoint, with a thread for each direction."""
 
     def __init__(
         self, channel: "BridgeSocket", endpoint: IonEndpoint, spool: Spool, probe: Probe,
@@ -294,7 +293,7 @@ class Bridge:
         self._over = threading.Event()
 
     def run(self) -> None:
-        """Work until the agent hangs up, a signal comes, or ION ends."""
+        """Run until the agent disconnects, a signal arrives, or ION ends."""
         receiving = threading.Thread(target=self._receive, name="receive")
         sending = threading.Thread(target=self._send, name="send")
         self._channel.write(frames.Ready())
@@ -305,7 +304,7 @@ class Bridge:
             for frame in self._channel.frames():
                 self._receive_frame(frame)
         except DecodeError:
-            _LOG.exception("unreadable frame from the agent")
+            _LOG.exception("malformed frame from the agent")
         self._over.set()
         self._probe.stop()
         self._to_send.put((False, 0, None))
@@ -314,7 +313,7 @@ class Bridge:
             self._endpoint.interrupt()
             receiving.join(_INTERRUPT_S)
         sending.join(_ROOM_S)
-        self._endpoint.close()  # ends, too, a sending that waits for room
+        self._endpoint.close()  # also ends a send that waits because ION is full
         sending.join()
 
     def _receive_frame(self, frame: frames.Frame) -> None:
@@ -326,7 +325,7 @@ class Bridge:
             case frames.Ping():
                 self._channel.write(frames.Pong(self._probe.answers))
             case _:
-                raise DecodeError(f"{type(frame).__name__} is for the agent")
+                raise DecodeError(f"unexpected frame {type(frame).__name__} from the agent")
 
     def _send(self) -> None:
         while (frame := self._to_send.get()[2]) is not None and not self._over.is_set():
@@ -335,7 +334,7 @@ class Bridge:
                     frame.destination, frame.lifetime_s, frame.payload, frame.expedited
                 )
                 if self._memory.lost():
-                    raise IonFault("ION was started again: it went into memory that is gone")
+                    raise IonFault("ION was restarted: the payload went into removed memory")
                 self._channel.write(frames.Sent(frame.number))
             except IonFault as fault:
                 self._channel.write(frames.SendRejected(frame.number, str(fault)))
@@ -361,21 +360,21 @@ class Bridge:
                 self._channel.hang_up()
 
     def _save(self, unit: frames.Received) -> None:
-        """Save a unit; where the disk is full the agent gets it all the same."""
+        """Save a unit; if that fails the agent receives it nevertheless."""
         try:
             self._spool.save(unit)
         except OSError as error:
-            _LOG.error("not saved before the agent has it: %s", error)
+            _LOG.error("received unit not spooled before the agent stores it: %s", error)
 
 
 class BridgeSocket:
-    """The socket to the agent, written by many threads and read by one."""
+    """Socket to the agent, written by several threads and read by one."""
 
     def __init__(self, connected: socket.socket) -> None:
         self._socket, self._lock = connected, threading.Lock()
 
     def write(self, frame: frames.Frame) -> None:
-        """Send a frame; the reading thread notices when the agent is gone."""
+        """Send a frame; the reading thread notices a closed connection."""
         with self._lock:
             try:
                 self._socket.sendall(frames.encode_frame(frame))
@@ -383,10 +382,10 @@ class BridgeSocket:
                 self.hang_up()
 
     def frames(self) -> Iterator[frames.Frame]:
-        """Yield the frames that come, until the channel is closed.
+        """Yield received frames until the socket is closed.
 
         Raises:
-            DecodeError: something else came.
+            DecodeError: the octets are not frames.
         """
         reader = frames.FrameReader()
         while octets := self._read():
@@ -409,7 +408,7 @@ class BridgeSocket:
 def main() -> None:
     """Serve one agent at a socket that it has opened."""
     line = ArgumentParser(
-        "adapters.bundle.daemons.ion_bridge", description="Started by the agent alone."
+        "adapters.bundle.daemons.ion_bridge", description="Only the agent starts this process."
     )
     line.add_argument("--fd", type=int, required=True)
     line.add_argument("--own", required=True)
@@ -423,16 +422,16 @@ def main() -> None:
     _install_signals(channel)
     try:
         if not isinstance(own, Ipn):
-            raise IonFault(f"ION takes ipn endpoints, not {own}", lasting=True)
+            raise IonFault(f"ION has only ipn endpoints, not {own}", lasting=True)
         endpoint = IonEndpoint(own)
     except IonFault as fault:
         channel.write(frames.Failed(str(fault), fault.lasting))
         sys.exit(1)
-    _install_signals(channel)  # pyion has taken SIGINT for itself
+    _install_signals(channel)  # pyion has replaced the handler of SIGINT
     memory = SharedMemory()
 
     def leave(why: str) -> None:
-        """End at once: nothing of ION's is held, and a call into the lost memory never returns."""
+        """Exit at once: nothing in ION is locked, and a call into lost memory never returns."""
         channel.write(frames.Failed(why, lasting=False))
         os._exit(1)
 

@@ -1,6 +1,6 @@
-"""Attached to NASA ION: speaks to the bridge, watches over it, and starts it again.
+"""Client of NASA ION: talks to the bridge process, supervises it, and restarts it.
 
-ION carries either payloads, in bundles of its own, or whole bundles of ours as its payload.
+ION carries either payloads, in its own bundles, or our whole bundles as its payload.
 """
 
 import asyncio
@@ -44,12 +44,12 @@ _END_S: Final = 5.0
 _OnResult = Callable[[str | None], None]
 
 
-class _BridgeEnded(Exception):  # noqa: N818 - another one is started
-    """The bridge has ended; the text says why."""
+class _BridgeEnded(Exception):  # noqa: N818 - the client starts another bridge
+    """The bridge has ended; the text gives the reason."""
 
 
 class IonNeighbour(Link):
-    """Hands bundles for a neighbour to ION, and offers again what it did not take."""
+    """Gives bundles for a neighbour to ION, and offers rejected ones again."""
 
     def __init__(
         self, context: LinkContext, neighbour: Neighbour, settings: DaemonLink, client: "IonClient"
@@ -65,11 +65,11 @@ class IonNeighbour(Link):
 
     @property
     def next_s(self) -> float:
-        """When what was not taken is offered again."""
+        """Monotonic time of the next offer of rejected bundles."""
         return self._again_s
 
     def _send_waiting(self, expedited: bool) -> None:
-        """Hand over what waits."""
+        """Give waiting bundles to ION."""
         while self._contact and self.up and (expedited or self._on_way < _ON_WAY):
             batch = self._node.sending.outgoing(self.name, 1, WHOLE_BUNDLES, expedited=expedited)
             if not batch:
@@ -78,7 +78,7 @@ class IonNeighbour(Link):
                 self._post(outgoing)
 
     def tick(self) -> None:
-        """Offer again what was not taken."""
+        """Offer rejected bundles again."""
         if self._now_s() >= self._again_s:
             self._again_s = inf
             self._node.sending.requeue(self.name, self._not_taken)
@@ -113,9 +113,9 @@ class IonNeighbour(Link):
 
 
 class IonClient(Endpoint):
-    """The client of the node of ION that carries for an agent.
+    """Client of the ION node that carries an agent's bundles.
 
-    The bridge keeps what ION has forgotten beside the store.
+    Received units that ION has already deleted are spooled by the bridge, beside the store.
     """
 
     def __init__(self, settings: IonSettings, context: LinkContext) -> None:
@@ -145,13 +145,13 @@ class IonClient(Endpoint):
         """Start the bridge, and wait at most `answer_s` for ION.
 
         Raises:
-            BundleError: it cannot work, now or later; the text says what is missing or wrong.
+            BundleError: the bridge can work neither now nor later; the text gives the reason.
         """
         python = self._settings.python
         if python is not None and which(python) is None:
             raise BundleError(
-                f"ion.python is {python}, which is not there or no program: name the interpreter"
-                " that has pyion"
+                f"ion.python is {python}, which does not exist or is no program: name the"
+                " interpreter that has pyion"
             )
         self._ready = asyncio.get_running_loop().create_future()
         self._working = asyncio.create_task(self._serve_for_ever())
@@ -159,7 +159,7 @@ class IonClient(Endpoint):
             async with asyncio.timeout(self._settings.answer_s):
                 await self._ready
         except TimeoutError:
-            _LOG.warning("ION does not answer; what is sent waits here")
+            _LOG.warning("ION does not answer; bundles to send wait in the store")
         except BundleError:
             await self.close()
             raise
@@ -168,9 +168,9 @@ class IonClient(Endpoint):
         self, destination: Eid, lifetime_s: float, payload: bytes, expedited: bool,
         on_result: _OnResult,
     ) -> None:  # fmt: skip
-        """Give a payload to the bridge; `on_result` gets None when ION has it, or why not."""
+        """Give a payload to the bridge; `on_result` gets None on success, otherwise the reason."""
         if self._writer is None:
-            on_result("there is no bridge to ION")
+            on_result("the bridge to ION is not running")
             return
         self._number += 1
         self._under_way[self._number] = on_result
@@ -179,7 +179,7 @@ class IonClient(Endpoint):
         )
 
     async def close(self) -> None:
-        """Let what is under way come to its end, then the bridge."""
+        """Wait for payloads in flight, then end the bridge."""
         self._closing = True
         self._update_links()
         if self._under_way:
@@ -188,7 +188,7 @@ class IonClient(Endpoint):
                 async with asyncio.timeout(self._end_s):
                     await self._idle.wait()
             except TimeoutError:
-                _LOG.warning("ION has not taken %d units: they wait here", len(self._under_way))
+                _LOG.warning("ION has not accepted %d units, still queued", len(self._under_way))
         if self._working is not None:
             self._working.cancel()
             await asyncio.gather(self._working, return_exceptions=True)
@@ -207,7 +207,7 @@ class IonClient(Endpoint):
                 return
 
     async def _serve(self) -> None:
-        """Run one bridge until it has ended."""
+        """Run one bridge until it ends."""
         spool = self._context.node.database.path.with_suffix(".received")
         bridge, channel = _start_bridge(self._settings, self._own, spool)
         try:
@@ -251,18 +251,18 @@ class IonClient(Endpoint):
             case frames.Failed():
                 raise BundleError(frame.why) if frame.lasting else _BridgeEnded(frame.why)
             case _:
-                raise DecodeError(f"{type(frame).__name__} is for the bridge")
+                raise DecodeError(f"unexpected frame {type(frame).__name__} from the bridge")
 
     def _take(self, unit: frames.Received) -> None:
-        """Take in what has arrived; the bridge lets go of it once it is on the disk.
+        """Process a received unit; the bridge deletes it once it is on the disk.
 
-        What cannot be read is counted and counts as taken.
+        Units from an invalid source are logged, dropped and acknowledged.
         """
         node = self._context.node
         try:
             source = parse_eid(unit.source)
         except ValueError as error:
-            _LOG.warning("dropped: %s", error)
+            _LOG.warning("unit dropped: %s", error)
             self._write(frames.ReceivedAck(True))
             return
         name = str(node_of(source))
@@ -283,8 +283,8 @@ class IonClient(Endpoint):
     def _bundle(self, source: Eid, unit: frames.Received) -> Bundle:
         """Rebuild the bundle that ION received, as far as it is known.
 
-        ION keeps its lifetime to itself, and it has not ended: the identity is remembered for as
-        long as one of ours would live, from now on.
+        ION does not reveal the remaining lifetime, which has not ended. The identity is therefore
+        remembered for the default lifetime of own bundles, from now on.
         """
         node = self._context.node
         now_ms = node.utc_ms() - DTN_EPOCH_UTC_MS
@@ -305,7 +305,7 @@ class IonClient(Endpoint):
             self._writer.write(frames.encode_frame(frame))
 
     def _settle(self, error: BundleError | None) -> bool:
-        """End the waiting of `open`; return whether it still waited."""
+        """Complete the wait of `open` with a result; return False if it has ended before."""
         if self._ready is None or self._ready.done():
             return False
         if error is None:
@@ -315,7 +315,7 @@ class IonClient(Endpoint):
         return True
 
     async def _watch(self, bridge: subprocess.Popen[bytes]) -> None:
-        """Watchdog: ask a silent bridge, once, to end."""
+        """Watchdog: terminate a silent bridge, once."""
         while True:
             await asyncio.sleep(self._settings.look_s)
             self._write(frames.Ping())
@@ -325,7 +325,7 @@ class IonClient(Endpoint):
                 bridge.terminate()
 
     def _note(self, *, alive: bool | None = None, answers: bool | None = None) -> None:
-        """Note whether the bridge and ION answer, and log changes."""
+        """Update whether bridge and ION answer; log changes."""
         before = (self._alive, self._answers)
         self._alive = self._alive if alive is None else alive
         self._answers = self._answers if answers is None else answers
@@ -335,7 +335,7 @@ class IonClient(Endpoint):
             _LOG.info("ION answers")
         else:
             who = "ION" if self._alive else "the bridge to ION"
-            _LOG.error("%s does not answer: if that lasts, ION has to be restarted", who)
+            _LOG.error("%s does not answer: if this persists, restart ION", who)
         self._update_links()
 
     def _update_links(self) -> None:
@@ -345,7 +345,7 @@ class IonClient(Endpoint):
         self._context.wake()
 
     async def _end(self, bridge: subprocess.Popen[bytes]) -> None:
-        """Hang up, and wait for the bridge to end, for as long as it takes unless this ends."""
+        """Close the socket, and wait for the bridge to end; no longer than `_end_s` on close."""
         self._open = False
         self._update_links()
         if self._writer is not None:
@@ -359,24 +359,24 @@ class IonClient(Endpoint):
         try:
             if await asyncio.to_thread(_has_ended, bridge, self._end_s):
                 return
-            _LOG.error("process %d hangs in ION and is left to end: no kill -9", bridge.pid)
+            _LOG.error("process %d hangs in ION and is left running: no kill -9", bridge.pid)
             while not (self._closing or await asyncio.to_thread(_has_ended, bridge, self._end_s)):
                 continue
         finally:
-            if bridge.poll() is None:  # it ends in its own time, and is reaped then
+            if bridge.poll() is None:  # it ends later, and is reaped then
                 threading.Thread(target=bridge.wait, daemon=True).start()
 
 
 def _start_bridge(
     settings: IonSettings, own: Eid, spool: Path
 ) -> tuple[subprocess.Popen[bytes], socket.socket]:
-    """Start the bridge, and return it with our end of the socket between.
+    """Start the bridge; return it with our end of the socket.
 
-    It has a session of its own, so that terminal signals do not reach it. It is never killed:
-    SIGKILL within ION can leave the database of the node locked.
+    The bridge runs in a session of its own, so that terminal signals do not reach it. It is never
+    killed: SIGKILL within ION can leave the database of the node locked.
 
     Raises:
-        OSError: it cannot be started.
+        OSError: the process cannot be started.
     """
     ours, its = socket.socketpair()
     with its:

@@ -1,4 +1,4 @@
-"""What goes between the agent and its bridge to ION: frames of CBOR, each after its length."""
+"""Frames between the agent and its bridge to ION: CBOR items, each preceded by its length."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
@@ -11,7 +11,7 @@ _LENGTH_OCTETS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class SendRequest:
-    """To the bridge: hand this to ION; answered by `Sent` or `SendRejected` of the same number."""
+    """To the bridge: give this to ION; answered by `Sent` or `SendRejected` with its number."""
 
     number: int
     destination: str
@@ -22,14 +22,14 @@ class SendRequest:
 
 @dataclass(frozen=True, slots=True)
 class ReceivedAck:
-    """To the bridge: what was `Received` is on the disk, or has to be offered again later."""
+    """To the bridge: the `Received` unit is on the disk, or must be offered again later."""
 
     kept: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Ping:
-    """To the bridge: answer with `Pong`."""
+    """To the bridge: requests a `Pong`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +39,14 @@ class Ready:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """From the bridge: ION has it."""
+    """From the bridge: ION has accepted the payload."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class SendRejected:
-    """From the bridge: ION has not taken it."""
+    """From the bridge: ION has rejected the payload."""
 
     number: int
     why: str
@@ -54,7 +54,7 @@ class SendRejected:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """From the bridge: application data; the next comes when this is `ReceivedAck`."""
+    """From the bridge: application data; the next follows after a `ReceivedAck`."""
 
     source: str
     time_ms: int
@@ -64,17 +64,17 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class Pong:
-    """From the bridge: it lives, and this is whether ION answers."""
+    """From the bridge: it is alive; `ion_answers` is the state of ION."""
 
     ion_answers: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """From the bridge: it ends, and why.
+    """From the bridge: it ends, with the reason.
 
     Attributes:
-        lasting: whether that would be the same the next time.
+        lasting: whether a restart of the bridge would fail for the same reason.
     """
 
     why: str
@@ -92,7 +92,7 @@ _READ: Final[dict[object, Callable[[cbor.Reader], Any]]] = {
 
 
 def encode_frame(frame: Frame) -> bytes:
-    """Return a frame as it goes through the socket."""
+    """Return a frame in the form sent over the socket."""
     kind = type(frame)
     values = [getattr(frame, field.name) for field in fields(kind)]
     body = cbor.unsigned(_KINDS.index(kind)) + b"".join(map(_encode, values))
@@ -100,15 +100,15 @@ def encode_frame(frame: Frame) -> bytes:
 
 
 def decode_frame(body: bytes) -> Frame:
-    """Return the frame that follows a length.
+    """Decode the frame that follows a length.
 
     Raises:
-        DecodeError: it is none.
+        DecodeError: the octets are not a frame.
     """
     reader = cbor.Reader(body)
     number = reader.unsigned()
     if number >= len(_KINDS):
-        raise reader.fail(f"no frame of kind {number}")
+        raise reader.fail(f"unknown frame kind {number}")
     kind = _KINDS[number]
     frame: Frame = kind(*[_READ[field.type](reader) for field in fields(kind)])
     reader.finish()
@@ -116,16 +116,16 @@ def decode_frame(body: bytes) -> Frame:
 
 
 class FrameReader:
-    """Cuts a stream into frames."""
+    """Splits a stream into frames."""
 
     def __init__(self) -> None:
         self._octets = b""
 
     def feed(self, octets: bytes) -> Iterator[Frame]:
-        """Return the frames that are complete with these octets.
+        """Yield the frames that are complete with these octets.
 
         Raises:
-            DecodeError: something else came.
+            DecodeError: the octets are not frames.
         """
         self._octets += octets
         while len(self._octets) >= _LENGTH_OCTETS:

@@ -23,7 +23,7 @@ class LinkContext:
     """Context shared by all links of an agent.
 
     Attributes:
-        node: node whose bundles they send and receive.
+        node: node that sends and receives over them.
         now_s: returns monotonic time in seconds.
         wake: schedules a commit of the node's transaction, then `pump` of the links.
         system: the port to the computer, which opens sockets.
@@ -42,7 +42,7 @@ class Link(ABC):
 
     Attributes:
         name: name of the neighbour.
-        up: whether it can send now, as far as it can tell; always true without connections.
+        up: whether it can send now, as far as is known; always true without connections.
         last_heard_s: time of the last reception from the neighbour, monotonic; None for never.
     """
 
@@ -56,7 +56,7 @@ class Link(ABC):
     @property
     @abstractmethod
     def next_s(self) -> float:
-        """Monotonic time at which `tick` or `pump` is due; infinity for never."""
+        """Monotonic due time of `tick` or `pump`; infinity for never."""
 
     def on_contact(self, state: ContactState) -> None:
         """Update the state of contact."""
@@ -133,7 +133,7 @@ class Pacer:
 
     @property
     def next_s(self) -> float:
-        """Monotonic time at which sending is allowed again; infinity if it is allowed now."""
+        """Monotonic end of the pause; infinity if sending is allowed now."""
         return inf if self.ready else self._not_before_s
 
     def sent(self, octets: int) -> None:

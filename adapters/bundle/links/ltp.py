@@ -83,7 +83,7 @@ class LtpNeighbour(Link):
 
     @property
     def next_s(self) -> float:
-        """Monotonic time of the next protocol timer, or at which the pacer allows sending."""
+        """Monotonic time of the next protocol timer, or end of the pacer's pause."""
         return min(self.span.next_s, self._pacer.next_s)
 
     def on_contact(self, state: ContactState) -> None:
@@ -124,7 +124,7 @@ class LtpNeighbour(Link):
         self._flush()
 
     def tick(self) -> None:
-        """Retransmit what was not answered in time."""
+        """Retransmit unanswered segments."""
         self.span.tick()
         self._flush()
 

@@ -448,13 +448,13 @@ class LtpSpan:
 
     @property
     def next_s(self) -> float:
-        """Monotonic time at which `tick` is due; infinity for never."""
+        """Monotonic due time of `tick`; infinity for never."""
         if self.suspended:
             return inf
         return min((waiting.due_s for waiting in self._waiting), default=inf)
 
     def tick(self) -> None:
-        """Retransmit what was not answered in time."""
+        """Retransmit unanswered checkpoints and reports."""
         if self.suspended:
             return
         now_s = self._now_s()

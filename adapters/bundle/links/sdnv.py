@@ -23,7 +23,7 @@ def encode_sdnv(value: int) -> bytes:
 
 
 class SdnvReader:
-    """Sequential decoder; each method consumes what it returns.
+    """Sequential decoder; each method consumes its item.
 
     Attributes:
         at: index of the next octet.

@@ -150,14 +150,14 @@ class TcpclSession(asyncio.Protocol):
 
     @property
     def next_s(self) -> float:
-        """Monotonic time at which `tick` is due; infinity for never."""
+        """Monotonic due time of `tick`; infinity for never."""
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return inf
         next_keepalive_s = self._last_sent_s + self._keepalive_s
         return min(next_keepalive_s, self._last_heard_s + 2 * self._keepalive_s)
 
     def tick(self) -> None:
-        """Send a keepalive, or end a session on which nothing is received."""
+        """Send a keepalive, or end a session without reception."""
         now_s = self._now_s()
         if not self._keepalive_s or self.stage is not SessionStage.UP:
             return
@@ -313,7 +313,7 @@ class TcpclNeighbour(Link):
 
     @property
     def next_s(self) -> float:
-        """Monotonic time at which a session needs a keepalive or times out."""
+        """Monotonic due time of the next keepalive or session timeout."""
         return min((session.next_s for session in self._sessions), default=inf)
 
     def on_contact(self, state: ContactState) -> None:

@@ -174,7 +174,7 @@ class UdpNeighbour(Link):
 
     @property
     def next_s(self) -> float:
-        """Monotonic time at which the pacer allows sending."""
+        """Monotonic end of the pacer's pause."""
         return self._pacer.next_s
 
     def on_contact(self, state: ContactState) -> None:

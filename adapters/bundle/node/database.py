@@ -266,7 +266,7 @@ def _opened(db: sqlite3.Connection) -> sqlite3.Connection:
 class GroupCommit:
     """Groups changes into commits, and defers callbacks until the commit.
 
-    Changes that may be rolled back go to the database at once. Changes that record something that
+    Changes that may be rolled back go to the database at once. Changes that record an event that
     has already happened are marks: they are repeated until a commit succeeds.
 
     Attributes:

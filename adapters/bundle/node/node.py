@@ -50,7 +50,7 @@ class BundleNode(NodeContext):
     Attributes:
         receiving: accepts the octets that links receive.
         sending: gives links their outgoing bundles.
-        expired: bundles whose lifetime ended here, counted over restarts.
+        expired: bundles that expired here, counted over restarts.
     """
 
     def __init__(

@@ -76,7 +76,7 @@ class Traffic:
         acknowledged: bundles acknowledged by the neighbour; by their receiver if sent with
             `confirm`.
         retransmitted: retransmissions: LTP segments, and bundles.
-        expired: bundles for the neighbour whose lifetime ended here.
+        expired: bundles for the neighbour that expired here.
         received: bundles and fragments received from it and decoded.
         round_trip_s: latest round-trip time of a message that was sent only once. None before the
             first answer, and on links without answers.

@@ -160,10 +160,10 @@ class UdpLink:
 
 @dataclass(frozen=True, slots=True)
 class DaemonLink:
-    """A neighbour that is reached through the daemon to which this agent is attached.
+    """A neighbour that is reached through the agent's daemon.
 
     Attributes:
-        endpoint: EID at which the remote application receives.
+        endpoint: EID of the remote application.
         whole: whether the daemon carries our whole bundles as its payload. They then keep their
             identity and can be confirmed. Both ends must be attached and set this.
         confirm_after_s: see `LtpLink`.
@@ -215,7 +215,7 @@ class NodeSettings:
 
     Attributes:
         sender: source EID of the bundles sent.
-        receivers: EIDs at which it receives.
+        receivers: EIDs of the receiving endpoints.
         neighbours: nodes that it reaches directly.
         lifetime_s: default lifetime of a bundle.
         hop_limit: hop limit of own bundles; None omits the hop count block.
@@ -341,7 +341,7 @@ class Application:
     """An application that sends and receives.
 
     Attributes:
-        eid: EID at which it receives and from which it sends.
+        eid: its endpoint, for sending and receiving.
     """
 
     eid: str

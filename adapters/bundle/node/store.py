@@ -37,7 +37,7 @@ class OutboxEntry:
         neighbour: name of the neighbour it is sent to.
         own: whether it was created here, not received for forwarding.
         confirm: whether it is retained until its receiver reports the delivery.
-        put_utc_ms: time at which it entered the store.
+        put_utc_ms: time of its entry into the store.
         expedited: whether it is sent before others.
     """
 
@@ -162,7 +162,7 @@ class Outbox:
             before = rows[-1][0]
 
     def unconfirmed(self, now_utc_ms: int) -> list[str]:
-        """Requeue bundles whose confirmation is overdue.
+        """Requeue bundles with an overdue confirmation.
 
         If the clock was set back, even while no process ran, each waits at most for its pause from
         now on.
@@ -193,7 +193,7 @@ class Outbox:
         return [neighbour for _, neighbour in found]
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, BundleId, bytes]]:
-        """Return bundles whose lifetime has ended, as (row id, identity, octets)."""
+        """Return expired bundles as (row id, identity, octets)."""
         rows = self._db.read_some(
             "SELECT id, key, octets FROM outbox WHERE expires_utc_ms <= ?"
             " ORDER BY expires_utc_ms LIMIT ?",
@@ -226,7 +226,7 @@ class Outbox:
         return int(octets)
 
     def oldest_utc_ms(self) -> int | None:
-        """Return the time at which the first bundle in the outbox arrived, or None."""
+        """Return the arrival time of the first bundle in the outbox, or None."""
         rows = self._db.read("SELECT put_utc_ms FROM outbox ORDER BY id LIMIT 1")
         return int(rows[0][0]) if rows else None
 
@@ -388,7 +388,7 @@ class BundleInbox:
         self._db.write_all("DELETE FROM inbox WHERE id = ?", [(row_id,) for row_id in ids])
 
     def expired(self, now_utc_ms: int, count: int) -> list[tuple[int, bool, BundleId]]:
-        """Return units whose lifetime has ended, as (row id, expedited, identity)."""
+        """Return expired units as (row id, expedited, identity)."""
         rows = self._db.read(
             "SELECT id, expedited, key FROM inbox WHERE expires_utc_ms <= ? LIMIT ?",
             (now_utc_ms, count),
