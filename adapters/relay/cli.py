@@ -1,4 +1,4 @@
-"""`rover mops`: the operator's view of a rover, line by line, where there is no mission control."""
+"""`rover mops`: a line-by-line console of a rover for operators without mission control."""
 
 import asyncio
 import sys
@@ -16,13 +16,13 @@ _END: Final = ""
 
 @click.command()
 @to_option
-@click.option("--source", default="MOPS", show_default=True, help="Name to command under.")
-@click.option("--no-telemetry", is_flag=True, help="Say parameters only when asked by `status`.")
+@click.option("--source", default="MOPS", show_default=True, help="Source name of the commands.")
+@click.option("--no-telemetry", is_flag=True, help="Print parameters only on request, by `status`.")
 def mops(to: RoverTarget, source: str, no_telemetry: bool) -> None:
-    """Command a rover by lines, and see lines come back: RECEIVED, EXECUTED, telemetry, the relay.
+    """Send commands as lines, and print RECEIVED, EXECUTED, telemetry and link status as lines.
 
-    Each line begins with the time in UTC and one word that says what it is. At the end of the
-    input it waits for the end of every command; `help` lists what can be typed.
+    Each line begins with the time in UTC and one word, its type. At the end of the
+    input it waits for the end of every command; `help` lists the commands.
 
     \b
     Examples:
@@ -47,7 +47,7 @@ async def _serve(to: RoverTarget, source: str, telemetry: bool) -> bool:
 
 
 async def _lines(stream: TextIO) -> AsyncIterator[str]:
-    """Yield lines as they are typed, by a thread that nobody has to wait for."""
+    """Yield lines as they are typed; a daemon thread reads, so that exit need not wait for it."""
     loop = asyncio.get_running_loop()
     typed: asyncio.Queue[str] = asyncio.Queue()
 

@@ -108,7 +108,7 @@ async def test_at_the_orbiter_a_stop_goes_up_where_nothing_can_be_written_down(
         (rover,) = relay.rovers.values()
         rover.record.ledger.rows("PRAGMA query_only = ON")
         for number in (1, 1, 2):
-            with pytest.raises(MalError, match="was sent up"):
+            with pytest.raises(MalError, match="was uplinked"):
                 await rover.submit(Command(Identity("MOE", number), Stop(), "direct"))
         assert relay.agent.health().queued == 3
         rover.record.ledger.rows("PRAGMA query_only = OFF")
@@ -262,7 +262,7 @@ async def test_in_clear_text_the_orbiter_takes_no_authority_where_others_reach_i
         await station.start("0.0.0.0", None, clear_text=True)
         uri = f"maltcp://127.0.0.1:{station.uri.port}/{station.uri.name}"
         async with await MrsClient.connect(uri, "MOE") as client:
-            with pytest.raises(MalError, match="names prove nothing here"):
+            with pytest.raises(MalError, match="source names are not authenticated here"):
                 await client.submit(client.command(ExecuteAction("authority 7")))
             await client.run(replace(client.command(MoveForward(1.0)), authority=9))
         assert [m.outputs for m in far.commands] == [("9",)]

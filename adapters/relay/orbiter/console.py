@@ -1,4 +1,4 @@
-"""`rover mops`: commands typed in, life cycles and telemetry coming out, line by line."""
+"""`rover mops`: reads commands, and prints life cycles and telemetry, line by line."""
 
 import asyncio
 import shlex
@@ -18,15 +18,15 @@ NOT_GIVEN: Final = "-"
 
 
 class Console:
-    """Reads lines and prints lines, until there are no more and every command has ended.
+    """Reads and prints lines until the input ends and every command has ended.
 
     Args:
-        client: a session with a rover, or with the relay for one.
-        dictionary: how commands are spelled.
-        say: takes each line that is said.
+        client: session with a rover, or with the relay for one.
+        dictionary: MOPS formats of the commands.
+        say: prints a line.
 
     Attributes:
-        well: whether every command so far was understood, and ended EXECUTED.
+        well: whether each command up to now was valid, and ended EXECUTED.
     """
 
     def __init__(
@@ -43,11 +43,11 @@ class Console:
         }
 
     async def run(self, lines: AsyncIterator[str], telemetry: bool) -> None:
-        """Read lines to their end; raises ConnectionError when the other end does not come back.
+        """Read lines to their end; raise ConnectionError if the connection is not re-established.
 
         Args:
-            lines: what is typed.
-            telemetry: whether parameters are said as they come.
+            lines: the input.
+            telemetry: whether parameters are printed as they arrive.
         """
         listeners = [asyncio.create_task(self._notifications())]
         if telemetry:
@@ -79,7 +79,7 @@ class Console:
                 command = self._client.command(self._request(words[0], words[1:]))
                 self._say(line(time.time(), "SENT", str(command.identity), *words))
                 running.add(asyncio.create_task(self._run(command)))
-        except ValueError as fault:  # of shlex, or a MopsError
+        except ValueError as fault:  # by shlex, or a MopsError
             self.well = False
             self._say(line(time.time(), "REFUSED", f"{text.strip()!r}: {fault}"))
 
@@ -88,7 +88,7 @@ class Console:
             return ExecuteAction(" ".join((name, *values)).upper())
         entry = self._dictionary.commands.get(name)
         if entry is None:
-            raise MopsError(f"there is no command {name}: help lists them")
+            raise MopsError(f"unknown command {name}: help lists the commands")
         given = tuple("" if value == NOT_GIVEN else encoded(value) for value in values)
         return self._dictionary.request(Message(entry.code, "MOE", "ANY", entry.command, given))
 
@@ -111,7 +111,7 @@ class Console:
             self._gather(value)
 
     def _gather(self, value: ParameterValue) -> None:
-        """Print parameters that belong together when the last of them has come."""
+        """Print a group of parameters when its last one has arrived."""
         kind = _KINDS.get(value.name, "HEALTH")
         gathered = self._gathered[kind]
         if kind != "HEALTH" or value.value is not None:
@@ -126,17 +126,17 @@ _KINDS: Final = {
     for kind, definitions in (("TELEMETRY", DEFINED), ("DTN", LINK_PARAMETERS))
     for definition in definitions
 }
-"""Of the rover, and of the link; what is known of the components is HEALTH."""
+"""Group of each parameter: of the rover, or of the link; all others are HEALTH."""
 
 _LAST: Final = frozenset(each[-1].name for each in (DEFINED, LINK_PARAMETERS, ORBITER_PARAMETERS))
-"""The parameters that come last, as `listDefinition` has them."""
+"""Last parameter of each group, in the order of `listDefinition`."""
 
 
 _WIDTH = 9
 
 
 def line(utc_s: float, kind: str, *said: str) -> str:
-    """Return a line: time in UTC, one word, the rest; what is not printable is a `?`."""
+    """Return a line: time in UTC, one word, the rest; unprintable characters become `?`."""
     time = datetime.fromtimestamp(utc_s, UTC)
     head = f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}Z {kind:<{_WIDTH}}"
     whole = " ".join((head, *filter(None, said))).rstrip()
@@ -144,7 +144,7 @@ def line(utc_s: float, kind: str, *said: str) -> str:
 
 
 def notification_line(notification: Notification) -> str:
-    """Return the line of a notification; a command's stage, or its departure, is its word."""
+    """Return the line of a notification; its type is the command's stage, or FORWARDED."""
     utc_s, text = notification.timestamp / 1e9, notification.text or ""
     if (left := forwarded(notification)) is not None:
         return line(utc_s, "FORWARDED", str(left))
@@ -158,7 +158,7 @@ def notification_line(notification: Notification) -> str:
 
 
 def values_line(kind: str, values: Sequence[ParameterValue]) -> str:
-    """Return the line of parameters, `-` where one is not known."""
+    """Return the line of parameters, with `-` for unknown values."""
     figures = (f"{value.name}={_written(value.value)}" for value in values)
     return line(max(value.timestamp for value in values) / 1e9, kind, *figures)
 
@@ -170,13 +170,13 @@ def _written(value: TypedAttribute | None) -> str:
 
 
 def help_lines(dictionary: Dictionary) -> list[str]:
-    """Return what can be typed."""
+    """Return the lines of the command `help`."""
     commands = dictionary.commands.items()
     return [
         *(f"  {' '.join((name, *map(str.upper, entry.inputs)))}" for name, entry in commands),
-        "  contact   up, down or plan: open or close the way from the orbiter, or as planned",
-        "  status    telemetry and relay, as they are now",
+        "  contact   up, down or plan: override the contact with the rover, or follow the plan",
+        "  status    present telemetry and state of the relay",
         "  help      this list",
-        "  quit      end, whatever is under way",
-        "m, rad, s; - for what is not given; words with spaces in quotes",
+        "  quit      end at once, even with open commands",
+        "units m, rad, s; - for an omitted value; values with spaces in quotes",
     ]

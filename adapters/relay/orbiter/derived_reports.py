@@ -1,8 +1,8 @@
-"""Reports that the orbiter makes itself: implied stages, departures and losses.
+"""Reports created by the orbiter itself: implied stages, departures and losses.
 
-A brick tells the ends of commands only (thesis 6.1); the stages before are implied. A loss is told
-of a command of which nobody may ever tell the end. That, and that a command has left the orbiter,
-is no stage of its life: kind LINK, without a number.
+A brick reports only the ends of commands (thesis 6.1); the earlier stages are implied. A loss is
+reported for a command whose end may never be reported. Losses and departures from the orbiter are
+no stages of the life cycle: kind LINK, without a number.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,21 +26,21 @@ _BEFORE: Final[Mapping[Stage, Sequence[Stage]]] = {
     Stage.EXECUTED: (*_TAKEN, Stage.STARTED),
     Stage.FAILED: (*_TAKEN, Stage.STARTED),
 }
-"""The stages that a command must have had (`executive.commands.lifecycle`)."""
+"""Stages that must precede each stage (`executive.commands.lifecycle`)."""
 
 
 def with_implied_stages(report: Report, last: Report | None) -> Sequence[Report]:
-    """Return a report with those that it implies, so that the ground hears whole lives.
+    """Return a report after those that it implies, so that the ground gets whole life cycles.
 
-    The flags RECEIVED and EXECUTED of a reply say more than its stage: what is executed was
+    The flags RECEIVED and EXECUTED of a reply imply earlier stages: an executed command was
     accepted and started before.
 
     Args:
-        report: of a rover that does not number its reports.
-        last: the last report before it on the same command.
+        report: report of a rover that does not number its reports.
+        last: the preceding report on the same command.
 
     Returns:
-        The report, after those of the stages between the last one and its own.
+        The report, preceded by those of the stages between the last one and its own.
     """
     stage = report.stage
     reached = last.stage if last is not None else None
@@ -59,19 +59,19 @@ def departure(identity: Identity, utc_s: float) -> Report:
 
 
 class Loss(Enum):
-    """Why no report on a command is expected any more, as its text says."""
+    """Reason of the loss of a command: no further report is expected. The value is its text."""
 
     EXPIRED = "may not have reached the rover: its lifetime ended at the orbiter"
-    DELETED = "may not have reached the rover: a node on its way deleted it"
-    GIVEN_UP = "may not have reached the rover: it was given up at the orbiter"
-    UNHEARD = "may not have reached the rover: nothing came down on it within its lifetime"
-    FORGOTTEN = "may never be heard of again: the rover came back with a new ledger"
+    DELETED = "may not have reached the rover: a node on the path deleted it"
+    GIVEN_UP = "may not have reached the rover: it was abandoned at the orbiter"
+    UNHEARD = "may not have reached the rover: no report within its lifetime"
+    FORGOTTEN = "may never be reported on again: the rover restarted with a new ledger"
 
     def report(self, identity: Identity, utc_s: float) -> Report:
-        """Return the report that tells it."""
+        """Return the report of the loss."""
         text = f"{identity} {self.value}"
         return Report(UNNUMBERED, utc_s, ReportKind.LINK, Severity.ALARM, text, identity)
 
 
 LOSS_BY_STATUS: Final = {DeliveryStatus.EXPIRED: Loss.EXPIRED, DeliveryStatus.DELETED: Loss.DELETED}
-"""The delivery statuses of a bundle that are a loss."""
+"""Loss of a command by the delivery status of its bundle."""

@@ -1,4 +1,4 @@
-"""The link to a rover: its parameters, and notifications of its changes."""
+"""State of the link to a rover: its parameters, and notifications of changes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -30,9 +30,9 @@ from executive.values.reasons import Figure
 from executive.values.reports import Severity
 
 CONTACT: Final = "CONTACT"
-"""First word of the actions that the orbiter carries out itself."""
+"""First word of the actions that the orbiter executes itself."""
 BY_PLAN: Final = f"{CONTACT} PLAN"
-"""The action that ends an override."""
+"""Action that ends an override."""
 
 
 _OVERRIDES: Final = {
@@ -41,39 +41,39 @@ _OVERRIDES: Final = {
     ContactOverride.BY_PLAN: 0.0,
 }
 _HERE: Final = (
-    (DTN_QUEUED, "Bundles that wait at the orbiter", None),
-    (DTN_OLDEST, "How long the oldest command has waited there", "s"),
+    (DTN_QUEUED, "Bundles queued at the orbiter", None),
+    (DTN_OLDEST, "Waiting time of the oldest command there", "s"),
     (NEXT_CONTACT, "Time until the next contact, 0 during one", "s"),
-    (LAST_HEARD, "Time since something was heard of the rover", "s"),
-    (OVERRIDE, "What the operator says of contact: 1 up, -1 down, 0 as planned", None),
-    ("DTN_ROOM", "Octets that the orbiter's store still takes", "B"),
-    ("DTN_QUEUED_OCTETS", "Octets of the bundles that wait at the orbiter", "B"),
-    ("DTN_SENT", "Bundles sent to the rover since the orbiter's start, each time they were", None),
-    ("DTN_ACKNOWLEDGED", "Bundles that the rover's end has said to have since then", None),
-    ("DTN_RETRANSMITTED", "Segments and bundles that were sent once more since then", None),
-    ("DTN_EXPIRED", "Bundles for the rover that ended there with their lifetime since then", None),
-    ("DTN_RECEIVED", "Bundles that came from the rover since then", None),
-    ("DTN_ROUND_TRIP", "How long the rover's end took to answer last", "s"),
+    (LAST_HEARD, "Time since the last reception from the rover", "s"),
+    (OVERRIDE, "Contact override of the operator: 1 up, -1 down, 0 as planned", None),
+    ("DTN_ROOM", "Free space of the orbiter's store in octets", "B"),
+    ("DTN_QUEUED_OCTETS", "Octets of the bundles queued at the orbiter", "B"),
+    ("DTN_SENT", "Transmissions of bundles to the rover since the orbiter's start", None),
+    ("DTN_ACKNOWLEDGED", "Bundles acknowledged by the rover's end since then", None),
+    ("DTN_RETRANSMITTED", "Segments and bundles retransmitted since then", None),
+    ("DTN_EXPIRED", "Bundles for the rover that expired at the orbiter since then", None),
+    ("DTN_RECEIVED", "Bundles received from the rover since then", None),
+    ("DTN_ROUND_TRIP", "Latest round-trip time to the rover's end", "s"),
 )
 _PLANNED: Final = (
     ("DTN_CONTACTS_UP", "Planned contacts from the orbiter to the rover, BEGIN/END in UTC", None),
     ("DTN_CONTACTS_DOWN", "Planned contacts from the rover to the orbiter, BEGIN/END in UTC", None),
 )
 _ABOARD: Final = (
-    ("DTN_ABOARD_QUEUED", "Bundles that wait at the rover, as it said last", None),
-    ("DTN_ABOARD_UNREAD", "Commands there that nobody has taken yet, as it said last", None),
+    ("DTN_ABOARD_QUEUED", "Bundles queued at the rover, by its last report", None),
+    ("DTN_ABOARD_UNREAD", "Commands not yet delivered there, by its last report", None),
     ("DTN_ABOARD_REFUSED", "Messages that its end of the link refused until then", None),
-    ("DTN_ABOARD_NEXT_CONTACT", "Time from then until a contact begins by its plan", "s"),
-    ("DTN_ABOARD_LAST_HEARD", "Time until then since it heard of the orbiter", "s"),
-    ("DTN_ABOARD_OLDEST", "How long the oldest bundle had waited then", "s"),
+    ("DTN_ABOARD_NEXT_CONTACT", "Time from then until the next contact of its plan", "s"),
+    ("DTN_ABOARD_LAST_HEARD", "Time until then since its last reception from the orbiter", "s"),
+    ("DTN_ABOARD_OLDEST", "Waiting time of the oldest bundle there then", "s"),
     ("DTN_ABOARD_CONTACT", "Whether it could send to the orbiter then: 1 or 0", None),
-    ("DTN_ABOARD_QUEUED_OCTETS", "Octets of the bundles that waited there then", "B"),
-    ("DTN_ABOARD_SENT", "Bundles that it had sent since its start, each time they were", None),
-    ("DTN_ABOARD_ACKNOWLEDGED", "Bundles that the orbiter had said to have until then", None),
-    ("DTN_ABOARD_RETRANSMITTED", "Segments and bundles it had sent once more until then", None),
-    ("DTN_ABOARD_EXPIRED", "Bundles that had ended there with their lifetime until then", None),
-    ("DTN_ABOARD_RECEIVED", "Bundles that had come from the orbiter until then", None),
-    ("DTN_ABOARD_ROUND_TRIP", "How long the orbiter had taken to answer last", "s"),
+    ("DTN_ABOARD_QUEUED_OCTETS", "Octets of the bundles queued there then", "B"),
+    ("DTN_ABOARD_SENT", "Transmissions of bundles until then since its start", None),
+    ("DTN_ABOARD_ACKNOWLEDGED", "Bundles acknowledged by the orbiter until then", None),
+    ("DTN_ABOARD_RETRANSMITTED", "Segments and bundles that it retransmitted until then", None),
+    ("DTN_ABOARD_EXPIRED", "Bundles that expired there until then", None),
+    ("DTN_ABOARD_RECEIVED", "Bundles received from the orbiter until then", None),
+    ("DTN_ABOARD_ROUND_TRIP", "Latest round-trip time to the orbiter then", "s"),
 )
 
 
@@ -94,21 +94,21 @@ ORBITER_PARAMETERS: Final = (
     *LINK_PARAMETERS,
     *(each.definition for each in (*ORBITER_HOUSEKEEPING, *ABOARD_HOUSEKEEPING)),
 )
-"""What is told of the link to a rover, of the orbiter and of what is aboard, in this order."""
+"""Parameters of the link to a rover, the orbiter, and the onboard processes, in this order."""
 _LISTED_S: Final = 3600.0
-"""For so long a contact is listed after its end."""
+"""Time during which an ended contact stays listed."""
 _MOST_LISTED: Final = 50
 _LATEST_UTC_S: Final = datetime(9999, 12, 31, 23, 59, 59, tzinfo=UTC).timestamp()
-"""The end of ISO 8601's years; a plan may go beyond."""
+"""Last second that ISO 8601 years can express; a plan may end later."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedContacts:
-    """The contacts with a rover that are known beforehand, those of the last hour among them.
+    """Planned contacts with a rover, including those of the last hour.
 
     Attributes:
-        up, down: those in which the orbiter and the rover can send; None where there is no plan.
-        utc_s: since when they have been listed so.
+        up, down: contacts from the orbiter and from the rover; None without a plan.
+        utc_s: time since when the list has been unchanged.
     """
 
     up: tuple[Contact, ...] | None
@@ -116,7 +116,7 @@ class PlannedContacts:
     utc_s: float
 
     def values(self) -> Iterator[ParameterValue]:
-        """Yield them as MRS parameters: ISO 8601 intervals."""
+        """Yield the contacts as MRS parameters: ISO 8601 intervals."""
         for (name, *_), contacts in zip(_PLANNED, (self.up, self.down), strict=True):
             listed = None if contacts is None else " ".join(map(_interval, contacts))
             yield ParameterValue(
@@ -130,14 +130,14 @@ class PlannedContacts:
 def list_contacts(
     plan: ContactPlan | None, orbiter: int, rover: int, before: PlannedContacts | None, utc_s: float
 ) -> PlannedContacts:
-    """Return the contacts of a plan that are listed now, or what was listed before, if it is that.
+    """Return the contacts to list now; `before` itself if the list is unchanged.
 
     Args:
-        plan: the plan; None for contact always.
-        orbiter: number of its node.
-        rover: number of its node.
-        before: what was listed last.
-        utc_s: the time in seconds since 1970.
+        plan: the plan; None for permanent contact.
+        orbiter: node number of the orbiter.
+        rover: node number of the rover.
+        before: the previous list.
+        utc_s: present time in seconds since 1970.
     """
 
     def listed(sender: int, receiver: int) -> tuple[Contact, ...] | None:
@@ -166,19 +166,19 @@ def _interval(contact: Contact) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RelayLinkStatus:
-    """The link to a rover at a moment; infinity for what is not known or not planned.
+    """State of the link to a rover; infinity for values that are unknown or not planned.
 
     Attributes:
-        queued: how many bundles wait for it.
-        oldest_s: how long the oldest command has waited.
-        contact: whether something can be sent now.
-        override: what the operator says of that.
-        next_contact_s: until a contact begins, 0 during one.
-        last_heard_s: since something was heard of the rover.
-        room_octets: how much the store here still takes.
-        queued_octets: of the bundles that wait for it.
-        traffic: what went over the link to it.
-        planned: the contacts that are known beforehand.
+        queued: bundles queued for it.
+        oldest_s: waiting time of the oldest command.
+        contact: whether sending is possible now.
+        override: the operator's override of the contact plan.
+        next_contact_s: time until the next contact, 0 during one.
+        last_heard_s: time since the last reception from the rover.
+        room_octets: free space of the orbiter's store.
+        queued_octets: octets of the bundles queued for it.
+        traffic: traffic counters of the link.
+        planned: the planned contacts.
     """
 
     queued: int
@@ -193,7 +193,7 @@ class RelayLinkStatus:
     planned: PlannedContacts
 
     def values(self, utc_s: float) -> tuple[ParameterValue, ...]:
-        """Return it as MRS parameters."""
+        """Return the state as MRS parameters."""
         figures = (
             float(self.queued),
             self.oldest_s,
@@ -208,7 +208,7 @@ class RelayLinkStatus:
 
 
 def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
-    """Return what the rover's end of the link last said of itself, as MRS parameters."""
+    """Return the last health report of the rover's end of the link, as MRS parameters."""
     if health is None:
         return _values(_ABOARD, (inf,) * len(_ABOARD), 0.0)
     next_utc_s, heard_s = health.next_contact_utc_s, health.last_heard_s
@@ -227,7 +227,7 @@ def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
 
 
 def _figures(told: Traffic | LinkHealth) -> tuple[float, ...]:
-    """Return what went over a link, in the order of its parameters."""
+    """Return the traffic counters of a link, in the order of its parameters."""
     figures = (
         *(told.sent, told.acknowledged, told.retransmitted, told.expired, told.received),
         told.round_trip_s,
@@ -243,7 +243,7 @@ def measure_link(
     planned: PlannedContacts,
     utc_s: float,
 ) -> RelayLinkStatus:
-    """Return the status that an agent's figures make."""
+    """Return the link state computed from an agent's health."""
     return RelayLinkStatus(
         queued=health.queued,
         oldest_s=0.0 if oldest_utc_s is None else max(0.0, utc_s - oldest_utc_s),
@@ -259,10 +259,10 @@ def measure_link(
 
 
 class LinkMonitor:
-    """Notifies when a contact opens or closes, and when a command waits for too long.
+    """Notifies when a contact begins or ends, and when a command has waited too long.
 
     Args:
-        old_after_s: what waits for longer is old.
+        old_after_s: longest waiting time of a command that is not old.
         tell: called with each change.
     """
 
@@ -275,7 +275,7 @@ class LinkMonitor:
         self._old = False
 
     def look(self, status: RelayLinkStatus, utc_s: float) -> None:
-        """Compare with the last look, and notify of changes."""
+        """Compare with the previous state, and notify of changes."""
         if (seen := (status.contact, status.override)) != self._seen:
             self._seen = seen
             self._say(Severity.INFORMATIONAL, _contact(status, utc_s), status)

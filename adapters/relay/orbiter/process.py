@@ -1,4 +1,4 @@
-"""`rover-mops`: the process at the orbiter that serves the MRS for the rovers behind it."""
+"""`rover-mops`: process at the orbiter that serves the MRS for the rovers behind it."""
 
 import asyncio
 from pathlib import Path
@@ -29,9 +29,9 @@ def main(
 ) -> None:
     """Serve the MRS for rovers behind the relay until SIGINT or SIGTERM.
 
-    Commands become MOPS strings in bundles, which wait here until there is contact; what the rovers
-    say comes back as notifications and telemetry. It prints an address for each rover, then logs
-    one line an event. Nothing that was acknowledged is lost, however it ends.
+    Commands become MOPS strings in bundles, which wait for a contact. Reports of the rovers
+    become notifications and telemetry. It prints an address for each rover, then logs
+    one line an event. Nothing that was acknowledged is lost, however the process ends.
 
     \b
     Examples:
@@ -41,9 +41,9 @@ def main(
 
     \b
     Exit status:
-      0  ended by a signal; what waits goes on waiting
-      1  cannot start; the text says why
-      2  the command line or a settings file makes no sense
+      0  ended by a signal; queued bundles are retained
+      1  cannot start; the text gives the reason
+      2  the command line or a settings file is invalid
     """
     from adapters.relay.orbiter.relay import serve
     from adapters.relay.orbiter.settings import load_orbiter

@@ -1,4 +1,4 @@
-"""The MRS provider of one rover behind the relay, with the operations that work over bundles."""
+"""MRS provider of one rover behind the relay, with the operations that work over bundles."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -51,8 +51,8 @@ if TYPE_CHECKING:
 
 AUTHORITY: Final = "AUTHORITY"
 NOBODY_PROVEN: Final = (
-    "names prove nothing here, where others than this computer are served in clear text: serve with"
-    " certificates, or have each command claim its epoch itself"
+    "source names are not authenticated here, because the MRS is served in clear text beyond this"
+    " computer: serve with certificates, or have each command claim its epoch itself"
 )
 DISTRIBUTION: Final = "rover-executive"
 _NAMES: Final = tuple(definition.name for definition in (*DEFINED, *ORBITER_PARAMETERS))
@@ -62,21 +62,21 @@ ORBITER_ACTIONS: Final = {
     f"{CONTACT} DOWN": ContactOverride.DOWN,
     BY_PLAN: ContactOverride.BY_PLAN,
 }
-"""Text commands of Action.execute that the orbiter carries out itself."""
+"""Text commands of Action.execute that the orbiter executes itself."""
 
 
 class RoverProvider:
-    """Serves one rover's MRS, and publishes what comes down.
+    """Serves the MRS of one rover, and publishes its reports and telemetry.
 
     Args:
         rover: the rover.
-        link_status: returns how the way to it is now.
-        order: overrides the contact plan for the rover, and returns what holds then; raises
-            BundleError.
-        usage: returns what the orbiter's process takes.
-        silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
-        terms: the encoding and the certificates agreed on with the ground.
-        system: the time, and where it listens.
+        link_status: returns the present state of the link to it.
+        order: overrides the contact plan for the rover, and returns the resulting state as text;
+            raises BundleError.
+        usage: returns the resource usage of the orbiter's process.
+        silent_after_s: time without reception after which the rover is OFFLINE.
+        terms: encoding and certificates agreed on with the ground.
+        system: the clock, and the sockets.
     """
 
     def __init__(
@@ -113,24 +113,24 @@ class RoverProvider:
         offer.serve("ServiceLayer", "getAsset", lambda _: (self._asset(),))
 
     async def start(self, host: str, tls: "ssl.SSLContext | None", clear_text: bool) -> None:
-        """Listen; raises as `Provider.start` does."""
+        """Start listening; raise as `Provider.start` does."""
         self._names_prove_something = tls is not None or is_loopback(host)
         await self._offer.provider.start(host, self._settings.port, tls, clear_text)
         self._rover.listener = self
 
     @property
     def asset(self) -> str:
-        """Whose MRS it is."""
+        """Name of the rover."""
         return self._settings.asset
 
     @property
     def port(self) -> int:
-        """The TCP port at which it is to be served."""
+        """TCP port of its MRS by the settings."""
         return self._settings.port
 
     @property
     def uri(self) -> MalUri:
-        """Where it is served, once started."""
+        """URI of the service, once started."""
         return self._offer.provider.uri
 
     async def close(self) -> None:
@@ -139,10 +139,10 @@ class RoverProvider:
         await self._offer.provider.close()
 
     async def submit(self, command: Command) -> None:
-        """Send a command up, or carry it out here.
+        """Uplink a command, or execute it at the orbiter.
 
         Raises:
-            MalError: it was not taken, or was taken before.
+            MalError: the command was rejected, or is a duplicate.
         """
         request = command.request
         if isinstance(request, ExecuteAction):
@@ -152,7 +152,7 @@ class RoverProvider:
                 return
             if not self._settings.serves("Action", "execute"):
                 known = ", ".join(ORBITER_ACTIONS)
-                text = f"the rover has no actions; at the orbiter there are: {known}"
+                text = f"the rover has no actions; the orbiter has: {known}"
                 raise with_text(AreaError.NOT_SUPPORTED, text)
         await self._rover.submit(command)
 
@@ -166,11 +166,11 @@ class RoverProvider:
         self._broadcast(tuple(map(parameter_value, values)))
 
     def tell_health(self) -> None:
-        """Broadcast the status of the link to the rover."""
+        """Broadcast the state of the link to the rover."""
         self._broadcast(self._health())
 
     def _serves(self, service: str, operation: str) -> bool:
-        here = (service, operation) == ("Action", "execute")  # the orbiter has actions of its own
+        here = (service, operation) == ("Action", "execute")  # the orbiter has its own actions
         return here or self._settings.serves(service, operation)
 
     async def _carry_out(self, command: Command, action: str) -> None:
@@ -197,7 +197,7 @@ class RoverProvider:
             raise with_text(StandardError.INTERNAL, str(error)) from error
 
     def _act(self, action: str, source: str) -> str:
-        """Carry out an action of the orbiter for a source; return what holds then."""
+        """Execute an action of the orbiter for a source; return the resulting state as text."""
         override = ORBITER_ACTIONS.get(action)
         if override is not None:
             return self._order(override)
@@ -205,15 +205,15 @@ class RoverProvider:
         if epoch is None:
             known = f"{', '.join(ORBITER_ACTIONS)}, {AUTHORITY} EPOCH, {AUTHORITY} NONE"
             raise with_text(
-                AreaError.NOT_SUPPORTED, f"there is no action {action[:40]!r}; there are: {known}"
+                AreaError.NOT_SUPPORTED, f"unknown action {action[:40]!r}; the orbiter has: {known}"
             )
         if not self._names_prove_something:
             raise with_text(AreaError.REJECTED, NOBODY_PROVEN)
         if epoch[1] == "NONE":
             self._rover.record.set_authority(None, source)
-            return f"no commands of {source} go up by the authority of the orbiter"
+            return f"commands of {source} are uplinked without the authority of the orbiter"
         self._rover.record.set_authority(int(epoch[1]), source)
-        return f"the commands of {source} go up by the authority of epoch {int(epoch[1])}"
+        return f"commands of {source} are uplinked under the authority of epoch {int(epoch[1])}"
 
     def _broadcast(self, values: Sequence[wire.ParameterValue]) -> None:
         for value in values:

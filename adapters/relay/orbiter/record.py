@@ -1,7 +1,7 @@
-"""What the orbiter must still know of a rover after a restart: with `report_ledger`, all its SQL.
+"""Durable record of a rover at the orbiter; with `report_ledger`, all its SQL.
 
-Its tables stand in the ledger's file and are written in its commits. Every method raises
-`LedgerError` where the file cannot be read or written.
+Its tables are in the ledger's file and are written in its commits. Every method raises
+`LedgerError` if the file cannot be read or written.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ CREATE TABLE IF NOT EXISTS authorities (
 );
 """
 MOST_AUTHORITIES: Final = 100
-"""Sources whose authority is known; the oldest are forgotten."""
+"""Maximum number of sources with a recorded authority; the oldest are deleted."""
 _ENDED: Final = 1
 _WORKING: Final = (Stage.STARTED.value, Stage.PROGRESS.value)
 _WAITING: Final = (Stage.RECEIVED.value, Stage.ACCEPTED.value)
@@ -51,11 +51,11 @@ _WAITS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class OutstandingCommand:
-    """A command that has not ended, as far as is known.
+    """A command whose end is not known.
 
     Attributes:
-        message: the command as it went up.
-        until_utc_s: when it is no longer worth sending.
+        message: the command as uplinked.
+        until_utc_s: time until which it may be sent.
     """
 
     identity: Identity
@@ -64,7 +64,7 @@ class OutstandingCommand:
 
 
 class Outstanding:
-    """The commands that went to one rover. A message is kept while it may be sent once more."""
+    """Commands uplinked to one rover. A message is stored while it may be retransmitted."""
 
     def __init__(self, ledger: ReportLedger) -> None:
         self._ledger = ledger
@@ -85,7 +85,7 @@ class Outstanding:
         self._ledger.commit()
 
     def add_done(self, command: Command, utc_s: float, until_utc_s: float) -> None:
-        """Add a command that was carried out here, with the next commit, for its lifetime."""
+        """Add a command executed here, with the next commit, for its lifetime."""
         self._ledger.record(command)
         self._ledger.write(
             "INSERT OR REPLACE INTO asked VALUES (?, ?, NULL, ?, ?, ?)",
@@ -97,7 +97,7 @@ class Outstanding:
         return bool(self._ledger.rows("SELECT 1 FROM underway WHERE bundle = ?", (str(bundle),)))
 
     def asked_again(self, identity: Identity, utc_s: float) -> None:
-        """Record that a command was sent once more."""
+        """Record the retransmission of a command."""
         self._ledger.write(
             "UPDATE asked SET asked_utc_s = ? WHERE source = ? AND command_id = ?",
             (utc_s, *_key(identity)),
@@ -107,14 +107,14 @@ class Outstanding:
     def left_outbox(
         self, bundle: BundleId, utc_s: float, loss: Loss | None = None
     ) -> Identity | None:
-        """Record that a bundle has left the outbox; return the command in it, the first time.
+        """Record that a bundle has left the outbox; return its command, the first time.
 
         Args:
-            bundle: one of this rover's, or not.
-            utc_s: when.
-            loss: why its command may be lost; recorded as a report if there is none on it yet.
+            bundle: its identity; it may belong to another rover.
+            utc_s: the time.
+            loss: why its command may be lost; recorded as a report if it has none yet.
         """
-        self._ledger.commit()  # what has only gathered is in no row yet
+        self._ledger.commit()  # uncommitted rows must be written before they are read
         key = (str(bundle),)
         rows = self._ledger.rows("SELECT source, command_id FROM underway WHERE bundle = ?", key)
         if not rows:
@@ -129,7 +129,7 @@ class Outstanding:
         return identity
 
     def ask_none_again(self) -> None:
-        """Send none of the commands once more: a stop ends what was asked for before it."""
+        """Cancel all retransmissions: a stop ends all commands sent before it."""
         self._ledger.write("UPDATE asked SET message = NULL WHERE message IS NOT NULL", ())
         self._ledger.commit()
 
@@ -142,21 +142,21 @@ class Outstanding:
         self._ledger.commit()
 
     def oldest_utc_s(self) -> float | None:
-        """Return since when the oldest command has been in the outbox; None if none is there."""
+        """Return the time since when the oldest command has been in the outbox, or None."""
         ((oldest_utc_s,),) = self._ledger.rows("SELECT min(utc_s) FROM underway")
         return None if oldest_utc_s is None else float(oldest_utc_s)
 
     def end(self, identity: Identity) -> None:
-        """Expect no more reports on a command, with the next commit."""
+        """Expect no further reports on a command, from the next commit on."""
         self._ledger.write(
             "UPDATE asked SET message = NULL, ended = ? WHERE source = ? AND command_id = ?",
             (_ENDED, *_key(identity)),
         )
 
     def end_begun(self, utc_s: float) -> None:
-        """Report commands that have begun as lost, with the next commit.
+        """Report started commands as lost, with the next commit.
 
-        What else has left the outbox is not asked for again: nobody knows whether it was done.
+        Other commands that have left the outbox are not retransmitted: they may have been executed.
         """
         rows = self._ledger.rows(
             f"SELECT a.source, a.command_id{_OPEN} AND s.stage IS NOT NULL AND NOT {_WAITS}"
@@ -166,10 +166,10 @@ class Outstanding:
         self._ledger.write(f"UPDATE asked AS a SET message = NULL WHERE NOT {_WAITS}", ())
 
     def end_unheard(self, until_utc_s: float, utc_s: float) -> None:
-        """Expect no reports on commands without any in their lifetime, and report that.
+        """Report commands without any report in their lifetime as lost, and expect none.
 
         Args:
-            until_utc_s: the latest end of a lifetime.
+            until_utc_s: latest end of the lifetime of these commands.
             utc_s: the time.
         """
         rows = self._ledger.rows(
@@ -188,16 +188,16 @@ class Outstanding:
     def unanswered(
         self, asked_before_utc_s: float, utc_s: float, begun: bool, most: int
     ) -> Sequence[OutstandingCommand]:
-        """Return commands to be sent once more, the one that waits longest first.
+        """Return commands to retransmit, those with the longest wait first.
 
-        A stop is none of them: it would stop what has been begun since.
+        Stops are excluded: a stop would end commands started since.
 
         Args:
-            asked_before_utc_s: those that were last sent before this, or later than now, where
-                the clock was set back.
-            utc_s: the time; those that are worth sending no longer are left.
-            begun: also those of which something was heard.
-            most: how many at most.
+            asked_before_utc_s: only commands last sent before this time, or after `utc_s`, if the
+                clock was set back.
+            utc_s: the time; expired commands are excluded.
+            begun: include commands that have reports.
+            most: maximum number of commands.
         """
         rows = self._ledger.rows(
             f"SELECT a.source, a.command_id, a.message, a.until_utc_s{_OPEN}"
@@ -212,12 +212,12 @@ class Outstanding:
         ]
 
     def active(self) -> int | None:
-        """Return the number of the command that the rover works on, as far as is known."""
+        """Return the number of the command that the rover executes, as far as is known."""
         rows = self._ledger.rows(f"SELECT a.command_id{_OPEN} AND s.stage IN (?, ?)", _WORKING)
         return int(rows[0][0]) if rows else None
 
     def queued(self) -> int:
-        """Return how many commands were sent of which the rover has begun none."""
+        """Return the number of uplinked commands that the rover has not started."""
         ((count,),) = self._ledger.rows(
             f"SELECT count(*){_OPEN} AND (s.stage IS NULL OR s.stage IN (?, ?))", _WAITING
         )
@@ -225,17 +225,17 @@ class Outstanding:
 
 
 LEDGER_STRIDE: Final = HIGHEST_SEQUENCE + 1
-"""From the first number of a ledger to the first of the next."""
+"""Distance between the first numbers of successive ledgers."""
 MOST_LEDGERS: Final = 1000
-"""Ledgers of one rover; a report that names one more is refused."""
+"""Maximum number of ledgers of one rover; a report that names one more is refused."""
 
 
 class Ledgers:
-    """The ledgers that a rover has had, by the names in its reports, in the order of their coming.
+    """Ledgers that a rover has had, by the names in its reports, in order of appearance.
 
-    The reports of the first have the numbers that the rover gave them, those of the next ones begin
-    at multiples of `LEDGER_STRIDE`, plus 1. So numbers only rise with a new ledger, and what is
-    still on its way from the old one keeps its own.
+    Reports of the first ledger have the rover's numbers; those of later ones begin at multiples of
+    `LEDGER_STRIDE`, plus 1. So numbers only increase with a new ledger, and reports of the old one
+    that arrive late have numbers of their own.
     """
 
     def __init__(self, ledger: ReportLedger) -> None:
@@ -244,10 +244,10 @@ class Ledgers:
         self._places = {str(name): int(place) for name, place in rows}
 
     def new(self, name: str) -> bool:
-        """Return whether a name is that of a ledger that comes after another.
+        """Return whether a name is that of a ledger that follows another.
 
         Raises:
-            MopsError: it is one more than there can be.
+            MopsError: the rover has the maximum number of ledgers.
         """
         if not name or name in self._places:
             return False
@@ -256,11 +256,11 @@ class Ledgers:
         return bool(self._places)
 
     def number(self, name: str, sequence: int) -> int:
-        """Return the number that a report has here, and know the ledger from the next commit on.
+        """Return the number of a report here; record its ledger with the next commit.
 
         Args:
-            name: of the ledger; empty is the newest.
-            sequence: the number in it.
+            name: name of the ledger; empty for the newest.
+            sequence: number of the report in it.
         """
         if name and name not in self._places:
             self._places[name] = len(self._places)
@@ -298,18 +298,18 @@ _LEFTOVERS: Final = (
 
 
 _SLACK: Final = 20
-"""The record is pruned when it is one part in so many above its limit."""
+"""The record is pruned when it exceeds its limit by this fraction, 1 / `_SLACK`."""
 
 
 class RecordRetention:
-    """Prunes the reports recorded first, above a number, and the commands without reports.
+    """Prunes the oldest reports above a maximum number, and commands without reports.
 
-    What is under way stays, and so does what can still come again: a command is known for its
-    whole lifetime. So there may be more than that number for a while. A stop that holds stays, too.
+    Open commands are retained, and those that may be repeated: a command is known for its whole
+    lifetime. So the maximum may be exceeded for a time. An active stop is retained, too.
 
     Args:
-        most: how many reports are kept.
-        stopped_by: returns the stop that holds.
+        most: maximum number of reports.
+        stopped_by: returns the active stop.
     """
 
     def __init__(
@@ -321,11 +321,11 @@ class RecordRetention:
         self._pruned_to = 0
 
     def forgot(self, number: int) -> bool:
-        """Return whether a number may have been that of a pruned report."""
+        """Return whether a number may be that of a pruned report."""
         return 0 < number <= self._border
 
     def prune(self, utc_s: float) -> None:
-        """Prune what is above the limit, if it is enough to be worth it."""
+        """Prune the excess above the limit once it is large enough."""
         cursor = self._cursor_before(self._most)
         if cursor > self._pruned_to and self._cursor_before(self._most + self._most // _SLACK):
             self._forget(cursor, utc_s)
@@ -345,7 +345,7 @@ class RecordRetention:
         self._border, self._pruned_to = border, cursor
 
     def _cursor_before(self, count: int) -> int:
-        """Return the cursor before the last so many reports; 0 if there are no more."""
+        """Return the cursor before the last `count` reports; 0 if there are fewer."""
         rows = self._ledger.rows(
             "SELECT cursor FROM recorded ORDER BY cursor DESC LIMIT 1 OFFSET ?", (count,)
         )
@@ -356,21 +356,21 @@ MOST_REPORTS: Final = 100_000
 
 
 class RoverRecord:
-    """The commands that went to a rover, its reports, and its last telemetry.
+    """Commands uplinked to a rover, its reports, and its last telemetry.
 
-    Commands and reports are kept as aboard, in a ledger of their own. What a method returned from
-    survives `kill -9`.
+    Commands and reports are stored as on the rover, in a separate ledger. Results of a method that
+    has returned survive `kill -9`.
 
     Args:
-        path: the file, made with its folders if missing.
-        numbered: whether the rover numbers its reports; else they are numbered here.
-        most_reports: how many of them are kept.
+        path: the file; it and its folders are created if missing.
+        numbered: whether the rover numbers its reports; otherwise they are numbered here.
+        most_reports: maximum number of reports.
         system: the disk.
 
     Attributes:
-        ledger: the commands and the reports.
-        outstanding: what has become of the commands.
-        ledgers: in which ledgers the rover numbered its reports.
+        ledger: commands and reports.
+        outstanding: state of the commands.
+        ledgers: ledgers that number the rover's reports.
     """
 
     def __init__(
@@ -393,13 +393,13 @@ class RoverRecord:
         """Record a report; return whether it is new.
 
         A refusal by a rover that numbers its reports may have no number: it never reached the
-        rover's ledger. Without a number, what is said again of the same command is nothing new.
+        rover's ledger. A report without a number that repeats an earlier one is not new.
 
         Args:
-            report: what the rover says.
-            unit: which message of which bundle it is, by which one without a number is known when
-                it comes again.
-            ledger: name of the ledger in which the rover numbered it.
+            report: the report.
+            unit: bundle and index of its message; identifies a repetition of a report without
+                a number.
+            ledger: name of the rover's ledger that numbered it.
         """
         if self.ledger.failing:
             self.ledger.commit()
@@ -417,7 +417,7 @@ class RoverRecord:
         return True
 
     def contradicts(self, report: Report, ledger: str) -> bool:
-        """Return whether something else was reported under the number of a report before."""
+        """Return whether a different report with the same number was recorded before."""
         if report.sequence == UNNUMBERED:
             return False
         number = self.ledgers.number(ledger, report.sequence)
@@ -427,18 +427,18 @@ class RoverRecord:
         return known[0] != replace(report, sequence=number, utc_s=known[0].utc_s)
 
     def stopped_by(self) -> Identity | None:
-        """Return the stop that holds; a brick has no stop latch, so there is none of it."""
+        """Return the active stop; None for a brick, which has no stop latch."""
         return self.ledger.last_stop() if self._numbered else None
 
     def prune(self, utc_s: float) -> None:
-        """Prune what is above the limits."""
+        """Prune the excess above the limits."""
         self._history.prune(utc_s)
 
     def _has(self, number: int) -> bool:
         return bool(self.ledger.rows("SELECT 1 FROM reports WHERE sequence = ?", (number,)))
 
     def _is_forgotten(self, report: Report, number: int) -> bool:
-        """Return whether a report may have been pruned: none on a known command is."""
+        """Return whether a report may have been pruned; never true for a known command."""
         identity = report.identity
         known = identity is not None and self.ledger.digest_of(identity) is not None
         return self._history.forgot(number) and not known
@@ -464,7 +464,7 @@ class RoverRecord:
         return bool(rows)
 
     def _keep(self, report: Report, unit: str) -> None:
-        """Write a report down, in one commit with what follows from it."""
+        """Record a report and its consequences in one commit."""
         identity, stage = report.identity, report.stage
         if identity is not None and stage is not None and self._is_news(report, identity):
             self.ledger.reach(identity, stage)
@@ -477,7 +477,7 @@ class RoverRecord:
         self.ledger.commit()
 
     def _is_news(self, report: Report, identity: Identity) -> bool:
-        """Return whether a report is newer than the last; without numbers none follows an end."""
+        """Return whether a report is the newest; without numbers none follows a terminal stage."""
         rows = self.ledger.rows(
             "SELECT sequence, stage FROM reports WHERE source = ? AND command_id = ?"
             " AND stage IS NOT NULL ORDER BY sequence DESC LIMIT 1",
@@ -489,7 +489,7 @@ class RoverRecord:
         )
 
     def add_telemetry(self, message: bytes, utc_s: float) -> None:
-        """Record telemetry, unless newer telemetry came before it."""
+        """Record telemetry, unless newer telemetry was received before."""
         self.ledger.write(
             "INSERT INTO telemetry VALUES (1, ?, ?) ON CONFLICT DO UPDATE SET"
             " utc_s = excluded.utc_s, message = excluded.message WHERE utc_s <= excluded.utc_s",
@@ -498,9 +498,9 @@ class RoverRecord:
         self.ledger.commit()
 
     def set_authority(self, epoch: int | None, source: str) -> None:
-        """Record the epoch of the authority that a source gave the orbiter, None for none.
+        """Record the authority epoch that a source gave the orbiter; None removes it.
 
-        The commands of that source go up by it; what others gave stays.
+        The commands of that source are uplinked under it. Other sources are not affected.
         """
         self.ledger.write("DELETE FROM authorities WHERE source = ?", (source,))
         if epoch is not None:
@@ -513,12 +513,12 @@ class RoverRecord:
         self.ledger.commit()
 
     def authority(self, source: str) -> int | None:
-        """Return the epoch by which the commands of a source go up."""
+        """Return the epoch that applies to the commands of a source."""
         rows = self.ledger.rows("SELECT epoch FROM authorities WHERE source = ?", (source,))
         return int(rows[0][0]) if rows else None
 
     def last_telemetry(self) -> tuple[float, bytes] | None:
-        """Return the last telemetry, and when it was made."""
+        """Return the last telemetry with its creation time, or None."""
         rows = self.ledger.rows("SELECT utc_s, message FROM telemetry")
         return (float(rows[0][0]), bytes(rows[0][1])) if rows else None
 

@@ -1,4 +1,4 @@
-"""The orbiter's bundle agent and the rovers behind it, and `rover-mops` from start to signal."""
+"""The orbiter's bundle agent with the rovers behind it, and `rover-mops` from start to signal."""
 
 import asyncio
 import logging
@@ -52,27 +52,27 @@ _LOG: Final = logging.getLogger(__name__)
 LOOK_S: Final = 1.0
 PRUNE_S: Final = 60.0
 GRACE_S: Final = 120.0
-"""How much later than its lifetime a command is given up where nothing is asked for again."""
+"""Delay after its lifetime until a command counts as lost, if nothing is retransmitted."""
 _BUNDLES: Final = "bundles.sqlite"
 _AGAIN_S: Final = 1.0
 _STORE: Final = "the orbiter's store"
 
 
 class OrbiterRelay:
-    """The agent and the rovers behind it.
+    """Bundle agent of the orbiter, and the rovers behind it.
 
     Args:
-        settings: the orbiter.
-        folder: where bundles and records are kept.
-        read_plan: reads the planned contacts; None for always. Raises BundleError.
-        dictionary: spells messages.
-        security: signs and verifies the bundles; None for neither.
+        settings: settings of the orbiter.
+        folder: folder of bundles and records.
+        read_plan: reads the contact plan; None for permanent contact. Raises BundleError.
+        dictionary: MOPS formats of the messages.
+        security: signs and verifies bundles; None disables both.
         system: its clock, disk and sockets.
 
     Attributes:
         rovers: the rovers by their nodes.
         agent: the bundle agent.
-        usage: looks at what this process takes.
+        usage: measures the resource usage of this process.
 
     Raises:
         LedgerError: a record cannot be used.
@@ -124,19 +124,19 @@ class OrbiterRelay:
         """Open the agent.
 
         Raises:
-            StoreError: its store cannot be used.
-            OSError: the network cannot.
+            StoreError: the store cannot be used.
+            OSError: a socket cannot be opened.
         """
         await self.agent.open(self._on_notice)
         for rover in self.rovers.values():
             queued = self.agent.queued(rover.settings.endpoint)
             try:
                 recover_outbox(queued, rover.record, self._dictionary, self._utc_s())
-            except LedgerError as error:  # whoever needs the record is told, too
+            except LedgerError as error:  # each use of the record raises it again
                 _LOG.error("%s", error)
 
     async def close(self) -> None:
-        """Close the agent and the records; what waits is kept."""
+        """Close the agent and the records; queued bundles are retained."""
         await self.agent.close()
         for rover in self.rovers.values():
             rover.record.close()
@@ -147,49 +147,49 @@ class OrbiterRelay:
             try:
                 async with self.agent.receive() as delivery:
                     self._hear(delivery)
-            except LedgerError as error:  # the delivery stays, and comes again
+            except LedgerError as error:  # the delivery stays, and is received again
                 _LOG.error("%s", error)
                 await asyncio.sleep(_AGAIN_S)
 
     def link_status(self, node: Eid) -> RelayLinkStatus:
-        """Return the status of the link to a rover."""
+        """Return the state of the link to a rover."""
         health = self.agent.health()
         return self._measure(
             next(each for each in health.neighbours if each.node == node), health.room_octets
         )
 
     def order(self, node: Eid, override: ContactOverride) -> str:
-        """Override the contact plan for a rover, until this process ends; return what holds.
+        """Override the contact plan for a rover until this process ends; return the new state.
 
-        The plan is read again when an override ends.
+        The plan is reloaded when an override ends.
 
         Args:
-            node: of the rover.
-            override: what the operator says.
+            node: node of the rover.
+            override: the operator's override.
 
         Raises:
-            BundleError: contacts are set elsewhere, or the plan cannot be read; all stays as it is.
+            BundleError: ION sets the contacts, or the plan cannot be read; nothing changes.
         """
         if self._settings.daemon is not None:
-            raise BundleError("ION carries the bundles: its contacts are set there, with ionadmin")
+            raise BundleError("ION carries the bundles: set its contacts there, with ionadmin")
         if override is ContactOverride.BY_PLAN:
             plan = self._read_plan()
             self.agent.set_plan(plan)
         self.agent.override(node, override)
         match override:
             case ContactOverride.UP:
-                return f"the way is held open by the operator until {BY_PLAN}"
+                return f"contact is held open by the operator until {BY_PLAN}"
             case ContactOverride.DOWN:
-                return f"the way is held closed by the operator until {BY_PLAN}"
+                return f"contact is held closed by the operator until {BY_PLAN}"
             case ContactOverride.BY_PLAN if plan is None:
-                return "the way is open, for there is no plan"
+                return "contact is permanent: there is no plan"
             case ContactOverride.BY_PLAN:
-                return "the way is as the plan says, which was read again"
+                return "contact follows the plan, which was reloaded"
             case _:
                 assert_never(override)
 
     def look(self) -> None:
-        """Notify of contacts that opened or closed, a full store, and commands that wait long."""
+        """Notify of contacts that begin or end, a full store, and commands that wait too long."""
         health = self.agent.health()
         self._tell_if_full(health.no_room)
         for neighbour in health.neighbours:
@@ -199,7 +199,7 @@ class OrbiterRelay:
             self._monitors[neighbour.node].look(status, self._utc_s())
 
     async def ask_again(self) -> None:
-        """Send unanswered commands once more, wherever there is contact both ways."""
+        """Retransmit unanswered commands to all rovers with contact in both directions."""
         settings = self._settings
         if settings.ask_again_s is None:
             return
@@ -236,14 +236,14 @@ class OrbiterRelay:
             return
         self._full = bool(why)
         severity = Severity.WARNING if why else Severity.INFORMATIONAL
-        text = f"{_STORE} is full: {why}" if why else f"{_STORE} has room again"
+        text = f"{_STORE} is full: {why}" if why else f"{_STORE} has free space again"
         for rover in self.rovers.values():
             rover.tell(severity, text)
 
     def _hear(self, delivery: Delivery) -> None:
         rover = self.rovers.get(node_of(delivery.source))
         if rover is None:
-            _LOG.warning("%s is no rover here: %r", delivery.source, delivery.payload[:80])
+            _LOG.warning("%s is not a known rover: %r", delivery.source, delivery.payload[:80])
         else:
             rover.on_delivery(delivery)
 
@@ -251,29 +251,29 @@ class OrbiterRelay:
         try:
             for rover in self.rovers.values():
                 rover.on_status(notice.identity, notice.status)
-        except LedgerError as error:  # the agent has nothing to do with it
+        except LedgerError as error:  # must not reach the agent
             _LOG.error("%s", error)
 
 
 def recover_outbox(
     queued: Iterable[Queued], record: RoverRecord, dictionary: Dictionary, utc_s: float
 ) -> None:
-    """Record commands in the outbox that an earlier process was killed before it recorded.
+    """Record commands in the outbox that an earlier process did not record before it was killed.
 
-    Before what was written down there is none that was not. None has left the outbox meanwhile: a
-    command is written down before the next octet comes in.
+    Commands are recorded in order, so all unrecorded ones are newer than the recorded. None has
+    left the outbox: a command is recorded before the next octet is received.
 
     Args:
-        queued: what is in the outbox to a rover, the newest first.
-        record: of that rover.
-        dictionary: spells commands.
-        utc_s: the time in seconds since 1970.
+        queued: payloads in the outbox to a rover, the newest first.
+        record: record of that rover.
+        dictionary: MOPS formats of the commands.
+        utc_s: present time in seconds since 1970.
 
     Raises:
         LedgerError: the record cannot be read.
     """
     missing = takewhile(lambda each: not record.outstanding.in_outbox(each.identity), queued)
-    for each in reversed(list(missing)):  # or a kill meanwhile would hide the older ones
+    for each in reversed(list(missing)):  # oldest first: a kill must not hide older ones
         try:
             message = decode(each.payload)
             request = dictionary.request(message)
@@ -284,8 +284,8 @@ def recover_outbox(
         identity = Identity(message.source, message.moe_inputs_id)
         if record.ledger.digest_of(identity) is None:
             command = Command(identity, request, LINK, counter=message.moe_inputs_counter)
-            _LOG.info("%s went up before it was written down", identity)
-            with suppress(LedgerError):  # it stays gathered, and is written with what comes next
+            _LOG.info("%s was sent before it was recorded", identity)
+            with suppress(LedgerError):  # it stays pending, and is written in the next commit
                 record.outstanding.add(
                     command, each.payload, each.identity, utc_s, each.expires_utc_s
                 )
@@ -302,12 +302,12 @@ async def serve(
     """Serve until SIGINT or SIGTERM.
 
     Args:
-        settings: the orbiter and its rovers.
-        settings_file: where they were read; the contact plan is beside it.
-        host: address of the MRS.
+        settings: settings of the orbiter and its rovers.
+        settings_file: file of the settings; the contact plan's path is relative to it.
+        host: listen address of the MRS.
         data: folder of bundles and records.
-        clear_text: whether the MRS may be served in clear text where others can reach it.
-        terms: the encoding and the certificates of the MRS.
+        clear_text: whether the MRS may be served in clear text beyond this computer.
+        terms: encoding and certificates of the MRS.
 
     Raises:
         StartError: it cannot start.

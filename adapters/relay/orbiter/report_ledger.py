@@ -1,8 +1,8 @@
-"""The reports of a rover by their numbers, and in the order in which the orbiter recorded them.
+"""Reports of a rover by their numbers, and in the orbiter's order of recording.
 
 Bundles overtake each other, and a refusal by the rover's end of the link has no number. So a client
-cannot catch up by the rover's numbers: it does by the cursor, which rises with each report that is
-recorded.
+cannot catch up by the rover's numbers. It uses the cursor, which increases with each recorded
+report.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ CREATE TABLE IF NOT EXISTS recorded (
 
 @dataclass(frozen=True, slots=True)
 class RecordedReport:
-    """A report as it is published.
+    """A report in its published form.
 
     Attributes:
         cursor: counts from 1 in the order of recording; unique in one file.
@@ -35,15 +35,15 @@ class RecordedReport:
 
 
 class ReportLedger(Ledger):
-    """A ledger that also keeps the order of recording.
+    """A ledger that also stores the order of recording.
 
     Args:
-        path: the file, made with its folders if missing.
-        schema: makes further tables.
+        path: the file; it and its folders are created if missing.
+        schema: SQL of further tables.
         connect: opens the file.
 
     Raises:
-        LedgerError: from every method, if the file cannot be read or written.
+        LedgerError: by every method, if the file cannot be read or written.
     """
 
     def __init__(self, path: Path, schema: str, connect: Connect) -> None:
@@ -67,14 +67,14 @@ class ReportLedger(Ledger):
         self._new.append(RecordedReport(self._cursor, _as_published(report)))
 
     def newly_recorded(self) -> Sequence[RecordedReport]:
-        """Return what was recorded since the last call, unless it is still to be committed."""
+        """Return the reports recorded since the last call; none while a commit is pending."""
         if self._pending:
             return ()
         new, self._new = self._new, []
         return new
 
     def last(self) -> RecordedReport | None:
-        """Return the report that was recorded last; None if there is none."""
+        """Return the report that was recorded last, or None."""
         found = self._recorded("ORDER BY cursor DESC LIMIT 1")
         return found[0] if found else None
 

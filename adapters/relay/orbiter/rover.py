@@ -1,4 +1,4 @@
-"""One rover behind the relay: commands go up to it, reports and telemetry come down."""
+"""One rover behind the relay: uplink of commands, downlink of reports and telemetry."""
 
 import asyncio
 import logging
@@ -54,29 +54,29 @@ from executive.values.reasons import Figure
 from executive.values.reports import Identity, Report, ReportKind, Severity
 
 AT_ONCE: Final = 20
-"""Commands that are sent once more at a time."""
+"""Maximum number of commands that are retransmitted together."""
 NOBODY: Final = "NOBODY"
-"""The source of a stop whose own cannot be spelled."""
+"""Source of a stop whose own source cannot be encoded."""
 _LOG: Final = logging.getLogger(__name__)
 
 
 class RelayedRover:
-    """Passes commands on to a rover and records what comes down.
+    """Forwards commands to a rover and records its reports and telemetry.
 
     Args:
-        agent: takes the bundles.
-        dictionary: spells commands, reports and telemetry.
-        record: what survives a restart.
-        utc_s: the time in seconds since 1970.
-        lifetime_s: how long a command without a lifetime is worth sending.
-        grace_s: how much later than its lifetime a command is given up.
+        agent: sends the bundles.
+        dictionary: MOPS formats of commands, reports and telemetry.
+        record: durable record.
+        utc_s: returns the time in seconds since 1970.
+        lifetime_s: lifetime of commands that have none.
+        grace_s: delay after its lifetime until a command counts as lost.
 
     Attributes:
-        settings: who it is and where.
-        record: what survives a restart.
-        listener: who is told; None while nobody is.
-        aboard: what the rover's end of the link said last of itself.
-        housekeeping: what the rover's executive, or the brick's router, said last of itself.
+        settings: settings of the rover.
+        record: durable record.
+        listener: receives reports and telemetry; None before the provider starts.
+        aboard: last health report of the rover's end of the link.
+        housekeeping: last health figures of the rover's executive, or of the brick's router.
     """
 
     def __init__(
@@ -103,10 +103,10 @@ class RelayedRover:
         self._sending: dict[Identity, asyncio.Future[None]] = {}
 
     async def submit(self, command: Command) -> None:
-        """Take responsibility for a command: when this returns, it survives what happens here.
+        """Accept responsibility for a command; once this returns it survives a crash here.
 
         Raises:
-            MalError: it was not taken, or was taken before.
+            MalError: the command was rejected, or is a duplicate.
         """
         if isinstance(command.request, Stop):
             await self._stop(command)
@@ -123,7 +123,7 @@ class RelayedRover:
             done.set_result(None)
 
     async def _send(self, command: Command, octets: bytes) -> tuple[BundleId, float]:
-        """Send a command, a stop before all else; return its bundle, and when its lifetime ends."""
+        """Send a command, stops before all else; return its bundle and the end of its lifetime."""
         left_s = self._left_s(command)
         stop = isinstance(command.request, Stop)
         if left_s is None or (stop and left_s <= 0.0):
@@ -148,10 +148,10 @@ class RelayedRover:
             )
 
     async def _stop(self, command: Command) -> None:
-        """Send a stop up before anything else, then look whether it is as it should be.
+        """Send a stop before any check; then check it.
 
         Raises:
-            MalError: it is not; it was sent all the same, unless the error says that it was not.
+            MalError: a check failed; the stop was sent nevertheless, unless the error denies it.
         """
         fault: MalError | None = None
         try:
@@ -170,14 +170,14 @@ class RelayedRover:
             await self.require_new(command)
             self._record(command, octets, bundle, until_utc_s)
         except MalError as error:
-            self.tell(Severity.WARNING, f"the stop {command.identity} was sent up, though: {error}")
+            self.tell(Severity.WARNING, f"stop {command.identity} was uplinked despite: {error}")
             raise
         except LedgerError as error:
-            text = f"the stop was sent up, and is not written down: {error}"
+            text = f"the stop was uplinked, but not recorded: {error}"
             raise with_text(StandardError.INTERNAL, text) from error
 
     def _open_the_way(self) -> None:
-        """End an order that holds the way closed: anybody may give one; none holds up a stop."""
+        """End an override that closes the contact: no override may delay a stop."""
         node = node_of(self.settings.endpoint)
         for each in self._agent.health().neighbours:
             if each.node == node and each.override is ContactOverride.DOWN:
@@ -193,21 +193,21 @@ class RelayedRover:
         known = self.record.ledger.digest_of(identity)
         if known is not None:
             with _as_internal():
-                self.record.ledger.commit()  # what has only gathered is lost when this is killed
+                self.record.ledger.commit()  # a kill would lose uncommitted reports
             self._remind(command, known)
             raise duplicate(identity)
         if refusal := expired(command, now_s, now_s):
             raise refused(refusal, identity)
 
     def carried_out(self, command: Command, report: Report) -> None:
-        """Record and report a command that was carried out here; raises LedgerError."""
+        """Record and report a command that was executed here; raise LedgerError on failure."""
         self.record.outstanding.add_done(command, report.utc_s, report.utc_s + self._lifetime_s)
         self._take(report, str(command.identity), "")
 
     def on_status(self, bundle: BundleId, fate: DeliveryStatus) -> None:
-        """Record what has become of a bundle, which may be none of this rover's."""
+        """Record the delivery status of a bundle, which may belong to another rover."""
         if fate is DeliveryStatus.HANDED_ON and self._confirm:
-            return  # it is kept, and sent again, until the rover has it
+            return  # it is retained and retransmitted until the rover confirms it
         loss = LOSS_BY_STATUS.get(fate)
         identity = self.record.outstanding.left_outbox(bundle, self._utc_s(), loss)
         if loss is not None:
@@ -216,26 +216,26 @@ class RelayedRover:
             self._report(departure(identity, self._utc_s()))
 
     async def ask_again(self, ask_again_s: float) -> None:
-        """Send commands without an answer once more; the rover repeats its last report.
+        """Retransmit unanswered commands; the rover repeats its last report.
 
-        Of one that numbers its reports only what it said nothing of at all: no report gets lost.
+        For a rover that numbers its reports, only commands without any report: none gets lost.
 
         Raises:
-            StoreError: the store cannot take it.
-            LedgerError: it cannot be written down.
+            StoreError: the store is full or cannot be written.
+            LedgerError: the retransmission cannot be recorded.
         """
         now_s, begun = self._utc_s(), not self.settings.numbered
         asked = self.record.outstanding
         for each in asked.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
             left_s = each.until_utc_s - now_s
-            _LOG.info("%s: %s is asked for again", self.settings.asset, each.identity)
+            _LOG.info("%s: %s is retransmitted", self.settings.asset, each.identity)
             await self._agent.send(
                 self.settings.endpoint, each.message, lifetime_s=left_s, confirm=self._confirm
             )
             asked.asked_again(each.identity, now_s)
 
     def on_delivery(self, delivery: Delivery) -> None:
-        """Take the messages of a bundle; log what is no message of this rover."""
+        """Process the messages of a bundle; log those that are not messages of this rover."""
         text = delivery.payload.decode("ascii", "replace")
         creation = delivery.identity.creation
         made_utc_s = (creation.time_ms + DTN_EPOCH_UTC_MS) / 1000
@@ -246,14 +246,14 @@ class RelayedRover:
                 self._refuse(str(fault))
 
     def tell(self, severity: Severity, text: str, figures: tuple[Figure, ...] = ()) -> None:
-        """Notify of the link: kind LINK, without a number, not kept."""
+        """Notify of the link: kind LINK, without a number, not recorded."""
         level = logging.INFO if severity is Severity.INFORMATIONAL else logging.WARNING
         _LOG.log(level, "%s: %s", self.settings.asset, text)
         said = Report(UNNUMBERED, self._utc_s(), ReportKind.LINK, severity, text, figures=figures)
         self._report(said)
 
     def parameters(self) -> tuple[ParameterValue, ...]:
-        """Return all parameters as the last telemetry says, at its time."""
+        """Return all parameters of the last telemetry, with its time."""
         last = self.record.last_telemetry()
         if last is None:
             now_s = self._utc_s()
@@ -262,7 +262,7 @@ class RelayedRover:
         return self._parameters(decode(octets), utc_s)
 
     def mode(self) -> Mode | None:
-        """Return the mode as the last telemetry says; None where it does not."""
+        """Return the mode of the last telemetry, or None."""
         last = self.record.last_telemetry()
         spelling = self._dictionary.spelling.telemetry
         return None if last is None else mode_of(decode(last[1]), spelling)
@@ -270,8 +270,8 @@ class RelayedRover:
     def _hear(self, message: Message, unit: str, made_utc_s: float) -> None:
         if message.source != self._name:
             raise MopsError(
-                f"source: {message.source} is not {self._name}; look at asset in the relay.yaml"
-                f" of who sends from {self.settings.eid}"
+                f"source: {message.source} is not {self._name}; correct asset in the relay.yaml"
+                f" of the sender at {self.settings.eid}"
             )
         spelling = self._dictionary.spelling
         if message.code == spelling.link.code:
@@ -303,19 +303,19 @@ class RelayedRover:
             part = unit if each is said else f"{unit} {each.stage}"
             new = self.record.add_report(each, part, ledger)
             if not new and self.record.contradicts(each, ledger):
-                text = f"the rover reports something else under {each.sequence} than before"
+                text = f"the rover sent another report with number {each.sequence} than before"
                 self.tell(Severity.WARNING, f"{text}: {each.text}")
         self._publish()
 
     def _begin_anew(self, ledger: str) -> None:
-        """Begin a new ledger of the rover, which knows nothing of commands of the old one."""
+        """Start a new ledger of the rover; it does not know the commands of the old one."""
         first = self.record.ledgers.number(ledger, 1)
-        text = f"the rover came back with a new ledger, whose reports are numbered from {first} on"
+        text = f"the rover restarted with a new ledger; its reports are numbered from {first}"
         self.tell(Severity.WARNING, text)
         self.record.outstanding.end_begun(self._utc_s())
 
     def _give_up_unheard(self, aboard: LinkHealth) -> None:
-        """Give up commands without a report, once all as old has come down."""
+        """Expire commands without a report, once the rover's downlink queue holds nothing older."""
         if aboard.unread:
             return
         now_s = self._utc_s()
@@ -330,9 +330,9 @@ class RelayedRover:
         _LOG.warning("%s: %s", self.settings.asset, fault)
 
     def _publish(self) -> None:
-        """Publish what was recorded since, in its order: no cursor is published before a lower one.
+        """Publish the newly recorded reports in order: no cursor follows a higher one.
 
-        So a client that has a cursor has all before it, also after commits that failed.
+        So a client that has a cursor has all reports before it, even after failed commits.
         """
         for each in self.record.ledger.newly_recorded():
             self._report(each.report, each.cursor)
@@ -344,20 +344,20 @@ class RelayedRover:
             self.listener.report(report, cursor)
 
     def _spelled(self, command: Command) -> bytes:
-        """Return a command as octets; raises MalError if it cannot go up."""
+        """Return a command as octets; raise MalError if it cannot be uplinked."""
         if command.arrival is not PreemptionPolicy.APPEND:
-            raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay wait their turn")
+            raise with_text(AreaError.NOT_SUPPORTED, "commands through the relay are only queued")
         try:
             message = self._dictionary.command(
                 command.request, command.identity, self._name, self._conditions(command)
             )
             return encode(replace(message, moe_inputs_counter=command.counter))
         except MopsError as fault:
-            text = f"it cannot go through the relay: {fault}"
+            text = f"cannot be sent through the relay: {fault}"
             raise with_text(AreaError.REJECTED, text) from fault
 
     def _conditions(self, command: Command) -> CommandConditions:
-        """Return the conditions of a command; a stop needs none."""
+        """Return the conditions of a command; stops have none."""
         if isinstance(command.request, Stop):
             return CommandConditions()
         authority = command.authority
@@ -369,16 +369,16 @@ class RelayedRover:
         return CommandConditions(authority, created_s, command.lifetime_s)
 
     def _left_s(self, command: Command) -> float | None:
-        """Return the rest of a command's lifetime, never more than it has; None for the default."""
+        """Return the remaining lifetime of a command, at most its full one; None for default."""
         if command.lifetime_s is None:
             return None
         created_s = self._utc_s() if command.created_utc_s is None else command.created_utc_s
         return min(created_s + command.lifetime_s - self._utc_s(), command.lifetime_s)
 
     def _remind(self, command: Command, known: bytes) -> None:
-        """Repeat the last report on a command that came again."""
+        """Repeat the last report on a command that was received again."""
         if digest(command) != known:
-            self.tell(Severity.WARNING, f"{command.identity} was another command before")
+            self.tell(Severity.WARNING, f"command id {command.identity} is used by another command")
             return
         identity = command.identity
         reports = self.record.ledger.recorded_on(identity)
@@ -389,12 +389,12 @@ class RelayedRover:
         for each in last:
             self._report(each.report, each.cursor)
         if not last:
-            self.tell(Severity.INFORMATIONAL, f"{identity}: nothing came down yet")
+            self.tell(Severity.INFORMATIONAL, f"{identity}: no report received yet")
 
 
 @contextmanager
 def _as_internal() -> Iterator[None]:
-    """Raise MalError where the record cannot be read or written."""
+    """Raise MalError if the record cannot be read or written."""
     try:
         yield
     except LedgerError as error:
@@ -402,12 +402,12 @@ def _as_internal() -> Iterator[None]:
 
 
 class RoverListener(Protocol):
-    """Gets what comes from a rover."""
+    """Receives reports and telemetry of a rover."""
 
     def report(self, report: Report, cursor: int | None) -> None:
-        """Take a report, with its place in the order of recording if it was recorded."""
+        """Process a report, with its cursor if it was recorded."""
         ...
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Take parameter values."""
+        """Process parameter values."""
         ...

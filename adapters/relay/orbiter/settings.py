@@ -1,4 +1,4 @@
-"""The orbiter's settings: its node, where it listens, and the rovers behind it."""
+"""Settings of the orbiter: its node, its listen addresses, and the rovers behind it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ class RelayedRoverSettings(Peer):
     """A rover behind the relay.
 
     Attributes:
-        asset: its name; in capitals it is the name of its MOPS messages.
-        domain: the MAL domain that names it.
-        port: the TCP port at which the MRS is served for it; 0 takes a free one.
+        asset: its name; in capitals it is the name in MOPS messages.
+        domain: its MAL domain.
+        port: TCP port of its MRS; 0 selects a free port.
         numbered: whether it numbers its reports, as executives do and bricks do not.
-        operations: of the MRS, by service and name, which commands it knows; None for all.
+        operations: MRS operations whose commands it supports, by service and name; None for all.
     """
 
     asset: str
@@ -34,37 +34,37 @@ class RelayedRoverSettings(Peer):
     operations: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the EID, the name, the port or an operation is none."""
+        """Raise ValueError if the EID, the name, the port or an operation is invalid."""
         Peer.__post_init__(self)
         require_asset(self.asset)
         if not 0 <= self.port <= HIGHEST_PORT:
-            raise ValueError(f"port: {self.port} is not a port of 0 to {HIGHEST_PORT}")
+            raise ValueError(f"port: {self.port} is not in 0 to {HIGHEST_PORT}")
         if self.operations is None:
             return
         for name in self.operations:
             if name not in _OPERATIONS:
                 known = ", ".join(_OPERATIONS)
-                raise ValueError(f"operations: {name} carries no command; there are: {known}")
+                raise ValueError(f"operations: {name} carries no command; known are: {known}")
         if _STOP not in self.operations:
-            raise ValueError(f"operations: {_STOP} is missing: every rover can be stopped")
+            raise ValueError(f"operations: {_STOP} is missing: every rover must support stop")
 
     def serves(self, service: str, operation: str) -> bool:
-        """Return whether the rover knows the command that an operation carries."""
+        """Return whether the rover supports the command of an operation."""
         return self.operations is None or f"{service}.{operation}" in self.operations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrbiterSettings(AgentSettings):
-    """The relay.
+    """Settings of the orbiter.
 
     Attributes:
-        lifetime_s: how long a command without a lifetime is worth sending.
-        silent_after_s: a rover of which nothing is heard for so long is OFFLINE.
-        old_after_s: commands that wait for longer are told of.
-        ask_again_s: a command that is up, and of which the rover should have said more for so
-            long, is sent once more; None for never. Longer than the way there and back.
-        history_reports: how many reports of each rover are kept.
-        health_interval_s: how often the relay's own health is sent.
+        lifetime_s: lifetime of commands that have none.
+        silent_after_s: time without reception after which a rover is OFFLINE.
+        old_after_s: waiting time after which a command is notified as old.
+        ask_again_s: time without a further report after which a command in flight is
+            retransmitted; None for never. Must exceed the round-trip time.
+        history_reports: maximum number of stored reports of each rover.
+        health_interval_s: period of the relay's health parameters.
     """
 
     rovers: tuple[RelayedRoverSettings, ...]
@@ -76,7 +76,7 @@ class OrbiterSettings(AgentSettings):
     health_interval_s: float = 5.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the EID or a figure makes no sense."""
+        """Raise ValueError if the EID or a value is invalid."""
         AgentSettings.__post_init__(self)
         times = ("lifetime_s", "silent_after_s", "old_after_s", "ask_again_s", "health_interval_s")
         require_above_zero(self, *times, "history_reports")
@@ -85,7 +85,7 @@ class OrbiterSettings(AgentSettings):
         """Return the settings of the bundle agent.
 
         Raises:
-            ValueError: a link makes no sense.
+            ValueError: a link is invalid.
         """
         neighbours = tuple(
             Neighbour(node_of(rover.endpoint), self.link_to(rover, f"rover {name}"))
@@ -98,7 +98,7 @@ def load_orbiter(path: Path) -> OrbiterSettings:
     """Return the settings of a file.
 
     Raises:
-        SettingsError: it cannot be read, or does not fit.
+        SettingsError: the file cannot be read, or is invalid.
     """
     settings = read_yaml(path, OrbiterSettings)
     try:
@@ -111,14 +111,14 @@ def load_orbiter(path: Path) -> OrbiterSettings:
 
 def _require_distinct(settings: OrbiterSettings) -> None:
     if not settings.rovers:
-        raise ValueError("rovers is empty: an orbiter without rovers has nothing to do")
+        raise ValueError("rovers is empty: an orbiter needs at least one rover")
     own = node_of(settings.endpoint)
     seen: dict[tuple[str, object], str] = {}
     for name, rover in _by_name(settings.rovers):
         if node_of(rover.endpoint) == own:
             raise ValueError(
                 f"eid {rover.eid} of rover {name} and eid {settings.eid} of the orbiter are on one"
-                f" node, {own}: each needs its own"
+                f" node, {own}: each needs a node of its own"
             )
         for what, value in _own_things(rover):
             other = seen.setdefault((what, value), name)
@@ -129,13 +129,13 @@ def _require_distinct(settings: OrbiterSettings) -> None:
 
 
 def _by_name(rovers: Sequence[RelayedRoverSettings]) -> Iterator[tuple[str, RelayedRoverSettings]]:
-    """Yield rovers by what they are called in errors: their place in the file, and asset."""
+    """Yield rovers with their name in errors: position in the file, and asset."""
     for number, rover in enumerate(rovers, 1):
         yield f"{number} ({rover.asset})", rover
 
 
 def _own_things(rover: RelayedRoverSettings) -> Iterator[tuple[str, object]]:
-    """Yield what no two rovers may share: what it is, and its value."""
+    """Yield values that must be unique to each rover, with their names."""
     yield "asset", rover.asset.lower()
     yield "node", node_of(rover.endpoint)
     if rover.port:

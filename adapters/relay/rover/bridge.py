@@ -1,4 +1,4 @@
-"""The bridge of `rover-relay` between bundles and MOPS strings, on a thread and loop of its own."""
+"""Bridge of `rover-relay` between bundles and MOPS strings, on a thread and loop of its own."""
 
 import asyncio
 import logging
@@ -41,73 +41,73 @@ PAUSE_S: Final = 0.2
 AGAIN_S: Final = 1.0
 BUNDLES_AT_ONCE: Final = 32
 COMMANDS_AT_ONCE: Final = 16
-"""So few that the executive, which takes them in one piece of work, is soon there for a stop."""
+"""Commands in one string: few, because the executive processes them together before a stop."""
 STRINGS_IN_FLIGHT: Final = 2
-"""Strings of commands that are not confirmed: while one is confirmed, the next is worked on."""
+"""Unconfirmed strings of commands: the next is processed while one is being confirmed."""
 REPORTS_AT_ONCE: Final = 100
 MOST_HELD_S: Final = 600.0
-"""How long a stop of a clock that is ahead refuses what that clock, set right, makes after it."""
+"""Maximum time during which a stop from a fast clock overtakes commands made after it."""
 LONGEST_PAYLOAD: Final = 65_536
 MOST_QUEUED: Final = 10_000
-"""Strings of reports that wait for a store that is full; more are refused."""
-NOBODY: Final = "nobody listens for them, neither rover-executive with --relay nor rover-nxt"
+"""Strings of reports that wait while the store is full; more are refused."""
+NOBODY: Final = "no subscriber, neither rover-executive with --relay nor rover-nxt"
 _LOG: Final = logging.getLogger(__name__)
 
 
 class RoverTopics(Protocol):
-    """The ROS topics, as the bridge uses them, on the thread of its loop."""
+    """ROS topics as used by the bridge, on the thread of its loop."""
 
     def publish(self, text: str, *, stops: bool) -> None:
-        """Publish commands, whole messages; stops go on a topic of their own."""
+        """Publish commands, as whole messages; stops use a topic of their own."""
         ...
 
     def has_listener(self, *, stops: bool) -> bool:
-        """Whether somebody listens."""
+        """Whether the topic has a subscriber."""
         ...
 
     def confirm(self, mark: int) -> None:
-        """Say that the string of this fingerprint is on the disk."""
+        """Publish the fingerprint of a string that is on the disk."""
         ...
 
 
 Made = tuple[int, int, int]
-"""When a command was made: the bundle's milliseconds since 2000, its number within them, and the
-command's place in it."""
+"""Creation time of a command: the bundle's milliseconds since 2000 and sequence number (RFC 9171,
+4.2.7), and the index of the command in the bundle."""
 
 
 @dataclass(frozen=True, slots=True)
 class BundledCommand:
-    """A command that a bundle held."""
+    """A command from a bundle."""
 
     message: Message
     made: Made
 
 
 class BundleBridge:
-    """Sends each string as a bundle, and publishes what bundles hold, at least once.
+    """Sends each string as a bundle, and publishes the content of bundles, at least once.
 
-    A bundle counts as delivered once who takes its commands has confirmed their string. Until then
-    it is published again: the rover's ledger, or the brick's record, knows a command by its source
-    and number and executes it once.
+    A bundle counts as delivered once the receiver of its commands has confirmed their string.
+    Until then the string is republished: the rover's ledger, or the brick's record, identifies a
+    command by source and number, and executes it once.
 
-    A stop overtakes all that wait here. What was made before the last stop is published with the
-    mark that a stop overtook it, so that nothing moves the rover after a stop that was asked for
-    before it. It is not refused here: an earlier process, or the direct link, may have handed the
-    command over, and only who takes it knows whether it has an end already.
+    A stop overtakes everything that waits here. Commands made before the last stop are published
+    with a mark that a stop overtook them, so that none of them moves the rover after the stop. They
+    are not refused here: an earlier process, or the direct link, may have delivered the command,
+    and only its receiver knows whether it has ended already.
 
     Args:
         settings: endpoints and links.
-        path: the store of the bundles.
-        plan: planned contacts; None for always.
-        dictionary: how messages are spelled.
-        topics: where strings leave.
-        security: signs and verifies the bundles; None for neither.
+        path: file of the bundle store.
+        plan: contact plan; None for permanent contact.
+        dictionary: MOPS formats of the messages.
+        topics: publishes the strings.
+        security: signs and verifies bundles; None disables both.
         system: its clock, disk and sockets.
 
     Attributes:
-        health: how the link was doing at the last look, as the ground is told.
-        agent_health: how the agent itself was.
-        refused: messages and bundles that were not passed on.
+        health: state of the link at the latest poll, as sent to the ground.
+        agent_health: state of the bundle agent.
+        refused: messages and bundles that were not forwarded.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class BundleBridge:
         self._dictionary = dictionary
         self._last_stop = LastStop(path.with_suffix(".stop"), system)
         self._in_flight = asyncio.Semaphore(STRINGS_IN_FLIGHT)
-        # Two bundles may hold the same stop: whoever waits for its string shares one event.
+        # Two bundles may hold the same stop: both wait for the string's one event.
         self._unconfirmed = WeakValueDictionary[int, asyncio.Event]()
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -150,7 +150,7 @@ class BundleBridge:
 
         Raises:
             BundleError: the store or the links cannot be used.
-            OSError: an address cannot be had.
+            OSError: an address cannot be bound.
         """
         opened: Future[None] = Future()
         self._thread = threading.Thread(
@@ -160,25 +160,25 @@ class BundleBridge:
         opened.result()
 
     def close(self) -> None:
-        """Close the agent; what waits is kept."""
+        """Close the agent; queued bundles are retained."""
         if self._thread is not None:
             self._end()
             self._thread.join()
 
     def notify(self, text: str) -> None:
-        """Take messages that are for the ground; from any thread."""
+        """Queue messages for the ground; callable from any thread."""
         self._post(self._on_notification, text)
 
     def confirmed(self, mark: int) -> None:
-        """Take a string of commands for taken; from any thread."""
+        """Mark a string of commands as confirmed; callable from any thread."""
         self._post(self._on_confirmed, mark)
 
     def set_plan(self, plan: ContactPlan | None) -> None:
-        """Go by another contact plan; from any thread."""
+        """Replace the contact plan; callable from any thread."""
         self._post(self._agent.set_plan, plan)
 
     def _refuse(self, line: str) -> None:
-        """Count a message that is not passed on; log the first since the last look."""
+        """Count a message that is not forwarded; log the first since the latest poll."""
         if self.refused == self._refused_before:
             _LOG.warning("refused: %s", line)
         self.refused += 1
@@ -201,10 +201,10 @@ class BundleBridge:
         """Open the agent on the running loop, and serve until it is closed.
 
         Args:
-            opened: completes once it serves.
+            opened: completed once it serves.
         """
         over = asyncio.Event()
-        await self._agent.open(lambda _: None)  # what is deleted, the agent logs
+        await self._agent.open(lambda _: None)  # the agent logs deletions
         self._loop = asyncio.get_running_loop()
         self._end = partial(self._post, over.set)
         try:
@@ -224,7 +224,7 @@ class BundleBridge:
             await self._agent.close()
 
     async def _receive(self, *, only_expedited: bool) -> None:
-        """Hand over what bundles hold in the order of their arrival, a stop before all else."""
+        """Pass on the content of bundles in order of arrival, stops first."""
         while True:
             async with self._agent.receive_some(
                 BUNDLES_AT_ONCE, only_expedited=only_expedited
@@ -280,14 +280,14 @@ class BundleBridge:
         return True
 
     def _text_of(self, asked: BundledCommand) -> str:
-        """Return a command as it is published now; empty where the mark has no room in it."""
+        """Return the present form of a command; empty if the mark does not fit into it."""
         message = asked.message
         if self._dictionary.is_stop(message) or not self._last_stop.overtakes(asked.made):
             return str(message)
         try:
             return str(mark_overtaken(message))
         except MopsError as error:
-            self._refuse(f"{message}: a stop has overtaken it, and it cannot say so: {error}")
+            self._refuse(f"{message}: overtaken by a stop, but the mark does not fit: {error}")
             return ""
 
     def _on_confirmed(self, mark: int) -> None:
@@ -296,11 +296,11 @@ class BundleBridge:
 
     def _on_notification(self, text: str) -> None:
         if not self._queue.put(text, self._refuse):
-            self._refuse(f"{text}: too many wait already")
+            self._refuse(f"{text}: the queue of reports is full")
         self._filled.set()
 
     async def _send(self) -> None:
-        """Send what is queued as bundles, many in a commit, and confirm reports that are stored."""
+        """Send the queue as bundles, many in a commit, and confirm reports that are stored."""
         while True:
             await self._filled.wait()
             queued = self.health.queued if self.health else 0
@@ -315,7 +315,7 @@ class BundleBridge:
                 self._topics.confirm(each.mark)
 
     async def _keep(self, reports: str) -> None:
-        """Send reports, however long there is no room for them."""
+        """Send reports; retry while the store is full."""
         ground = self._settings.ground
         confirm = self._agent.must_confirm(ground)
         while True:
@@ -372,11 +372,11 @@ class BundleBridge:
 
 
 class LastStop:
-    """The last stop, over restarts: what was made before it is not to move the rover after it.
+    """Creation time of the last stop, over restarts; earlier commands must not move the rover.
 
-    Both times are of the orbiter's clock. Where that was ahead of the clock here, what is made once
-    it is right would seem to be older than the stop, too: what was made after the stop had arrived
-    counts as overtaken for `MOST_HELD_S` only.
+    Both times are those of the orbiter's clock. If that clock was ahead and is then corrected,
+    later commands seem older than the stop. Therefore commands created after the arrival of the
+    stop count as overtaken for `MOST_HELD_S` only.
     """
 
     def __init__(self, path: Path, system: System = OPERATING_SYSTEM) -> None:
@@ -388,12 +388,12 @@ class LastStop:
             self._made = (time_ms, sequence, place)
 
     def take(self, made: Made) -> None:
-        """Take a stop that has arrived."""
+        """Record a stop that has arrived."""
         if made > self._made:
             self._made, self._arrived_ms = made, self._now_ms
 
     def overtakes(self, made: Made) -> bool:
-        """Return whether what was made then is not to be handed over any more."""
+        """Return whether a stop has overtaken a command with this creation time."""
         if made >= self._made:
             return False
         self._arrived_ms = min(self._arrived_ms, self._now_ms)  # the clock here was set back
@@ -401,12 +401,12 @@ class LastStop:
         return held or made[0] <= self._arrived_ms
 
     def keep(self) -> None:
-        """Write it down, whole or not at all; where that fails it holds until a restart."""
+        """Save it atomically; if that fails it applies until a restart."""
         text = " ".join(map(str, (*self._made, self._arrived_ms)))
         try:
             self._system.replace(self._path, f"{text}\n".encode("ascii"))
         except OSError as error:
-            _LOG.error("the last stop is not written down: %s", error)
+            _LOG.error("last stop not saved: %s", error)
 
     @property
     def _now_ms(self) -> int:
@@ -415,11 +415,11 @@ class LastStop:
 
 @dataclass(frozen=True, slots=True)
 class ReportBatch:
-    """Reports that go up in one bundle.
+    """Reports that are sent in one bundle.
 
     Attributes:
         text: their messages.
-        mark: the fingerprint of the string in which they came.
+        mark: fingerprint of the string that contained them.
     """
 
     text: str
@@ -427,11 +427,11 @@ class ReportBatch:
 
 
 class SendQueue:
-    """What waits to become bundles: reports all and in order, of telemetry the newest.
+    """Queue of messages that become bundles: all reports in order, and the newest telemetry.
 
     Args:
-        dictionary: which codes are telemetry and health.
-        telemetry_queue: while more bundles than that are queued, telemetry waits.
+        dictionary: defines the codes of telemetry and health.
+        telemetry_queue: telemetry is held back while more bundles than this wait.
     """
 
     def __init__(self, dictionary: Dictionary, telemetry_queue: int) -> None:
@@ -446,11 +446,11 @@ class SendQueue:
         self._newest: dict[int, Message] = {}
 
     def put(self, text: str, refuse: Callable[[str], None]) -> bool:
-        """Take a string of messages; return False where there is no room for its reports.
+        """Queue a string of messages; return False if the queue of reports is full.
 
         Args:
-            text: what came.
-            refuse: is told of each piece that is no message.
+            text: the string.
+            refuse: called with each piece that is not a message.
         """
         dropped: list[str] = []
         messages = list(messages_in(text, dropped.append))
@@ -467,11 +467,11 @@ class SendQueue:
         return True
 
     def take(self, queued: int, most: int) -> tuple[Sequence[ReportBatch], Sequence[Message]]:
-        """Return the reports and the measurements that are to be sent now.
+        """Return the reports and the measurements that are due now.
 
         Args:
-            queued: bundles that wait already.
-            most: how many strings of reports at most.
+            queued: number of bundles that wait already.
+            most: maximum number of strings of reports.
         """
         reports = list(islice(self._reports, most))
         for each in reports:

@@ -36,17 +36,17 @@ from executive.values.reasons import Reason, Refusal
 from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, ReportKind, Stage
 
 LOOK_S: Final = 0.2
-"""Between two calls of `look`."""
+"""Period of `look`."""
 HOUSEKEEPING_S: Final = 30.0
-"""Between two times that the housekeeping is told, at least: the link is narrow."""
+"""Minimum interval between housekeeping messages: the link has a low data rate."""
 RETRANSMIT_LOOKS: Final = 5
-"""Reports that the relay has not confirmed for so many looks are told again."""
+"""Unconfirmed reports are republished after this number of calls of `look`."""
 WINDOW: Final = 4
-"""Strings of reports that are not confirmed; what comes meanwhile is told together."""
+"""Unconfirmed strings of reports; later reports wait and share a string."""
 PAGE: Final = 50
-"""Reports that are told together."""
+"""Maximum number of reports in a string."""
 MOST_ANSWERED: Final = 100
-"""Strings of answers that are awaited; what more there is comes again."""
+"""Strings of answers that await confirmation; the commands of further ones are republished."""
 LONGEST_SOURCE: Final = 256
 Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]], None]
 """`Executive.submit`."""
@@ -54,18 +54,18 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class RelayTopics(Protocol):
-    """The topics between this end and `rover-relay`, as the link uses them."""
+    """Topics between this end and `rover-relay`, as used by the link."""
 
     def publish(self, text: str) -> None:
-        """Publish reports and telemetry, whole messages."""
+        """Publish reports and telemetry, as whole messages."""
         ...
 
     def confirm(self, mark: int) -> None:
-        """Publish the fingerprint of a string of commands that is taken."""
+        """Publish the fingerprint of a confirmed string of commands."""
         ...
 
     def count_listeners(self) -> int:
-        """Return how many subscribe to reports."""
+        """Return the number of subscribers to reports."""
         ...
 
 
@@ -74,7 +74,7 @@ class UnconfirmedReports:
     """A string of reports that the relay has not confirmed.
 
     Attributes:
-        first: the number after the last report of the string before it.
+        first: number after the last report of the preceding string.
     """
 
     first: int
@@ -82,22 +82,22 @@ class UnconfirmedReports:
 
 
 class ExecutiveRelayLink:
-    """Takes commands from a topic, and tells reports and telemetry on another.
+    """Receives commands on topics, and publishes reports and telemetry on another.
 
-    It implements `executive.values.ports.Downlink`; all but the taking of stops runs on the
-    executor's thread, which is the core's. A string of commands is confirmed once each of them is
-    admitted or refused, and `rover-relay` has confirmed the answers that are no new reports: last
-    reports on repeats, refusals without a number. A report on a command that came by the relay, or
-    an event, is published until `rover-relay` has confirmed its string, over restarts of either; a
-    repeated number is a repeated report. Plans and files are not published: commands of either have
-    their replies.
+    It implements `executive.values.ports.Downlink`. Except for receiving stops it runs on the
+    executor's thread, which is the core's. A string of commands is confirmed once each is accepted
+    or refused, and `rover-relay` has confirmed the answers that are no new reports: last reports on
+    repeats, refusals without a number. A report on a command of the relay, or an event, is
+    published until `rover-relay` has confirmed its string, over restarts of either; a repeated
+    number is a repeated report. Plans and files are not published: commands of either have their
+    replies.
 
     Args:
-        topics: where strings leave.
-        ledger: where reports are read that could not be told when they came.
-        dictionary: how messages are spelled.
+        topics: publishes the strings.
+        ledger: holds reports that could not be published at once.
+        dictionary: MOPS formats of the messages.
         asset: name of the rover in messages.
-        system: the time, and the name of a new ledger.
+        system: the clock, and the random name of a new ledger.
     """
 
     def __init__(
@@ -118,20 +118,20 @@ class ExecutiveRelayLink:
         self._sent = self._kept = self._record.kept
         self._unconfirmed: dict[int, UnconfirmedReports] = {}
         self._answered: dict[int, int] = {}
-        """By the fingerprint of answers that of the commands."""
+        """Fingerprint of the commands, by the fingerprint of their answers."""
         self._looks = self._listeners = 0
         self._house_s = -inf
 
     def serve(self, submit: Submit, mode: Callable[[], Mode | None] = lambda: None) -> None:
-        """Hand commands to an executive's inbox from now on, and report its mode."""
+        """Submit commands to an executive's inbox from now on, and report its mode."""
         self._submit, self._mode = submit, mode
 
     def report(self, reports: Sequence[Report]) -> None:
-        """Publish reports, or later where nobody listens or too many are unconfirmed."""
+        """Publish reports; defer them without a subscriber, or with too many unconfirmed."""
         if any(map(reported_uncertainty, reports)):
             self._house_s = -inf
         new = [each for each in reports if each.sequence > self._written]
-        if not new:  # only reports that answer a repeat: `_answer` gives them to who sent it
+        if not new:  # only reports that answer a repeat: `_answer` sends them to its sender
             return
         in_turn, self._written = self._sent == self._written, new[-1].sequence
         for first in range(0, len(new), PAGE):
@@ -139,7 +139,7 @@ class ExecutiveRelayLink:
                 self._tell(new[first : first + PAGE])
 
     def telemetry(self, values: Sequence[ParameterValue]) -> None:
-        """Publish all parameters, those that did not change included, and the mode."""
+        """Publish all parameters, including unchanged ones, and the mode."""
         self._values.update((value.parameter, value.value) for value in values)
         if self._listeners:
             spelling = self._dictionary.spelling.telemetry
@@ -147,7 +147,7 @@ class ExecutiveRelayLink:
             self._say(telemetry_of(self._values, spelling, self._asset, TO_ALL, mode))
 
     def housekeeping(self, figures: Mapping[str, float | None]) -> None:
-        """Publish how the executive is doing, now and then."""
+        """Publish the health figures of the executive, at most every `HOUSEKEEPING_S`."""
         now_s = self._system.now_s()
         if self._listeners and now_s >= self._house_s:
             self._house_s = now_s + HOUSEKEEPING_S
@@ -157,17 +157,17 @@ class ExecutiveRelayLink:
             )
 
     def file(self, event: FileEvent) -> None:
-        """Do nothing: files go by the direct link."""
+        """Ignored: files use the direct link."""
 
     def plan(self, update: PlanUpdate) -> None:
-        """Do nothing: the commands of a plan have reports of their own."""
+        """Ignored: the commands of a plan have reports of their own."""
 
     @property
     def _may_tell(self) -> bool:
         return self._listeners > 0 and len(self._unconfirmed) < WINDOW
 
     def _tell(self, reports: Sequence[Report]) -> None:
-        """Publish reports as one string, to be confirmed."""
+        """Publish reports as one string that needs confirmation."""
         first, self._sent = self._sent + 1, reports[-1].sequence
         text = "".join(str(message) for message in map(self._message, reports) if message)
         if text:
@@ -191,11 +191,11 @@ class ExecutiveRelayLink:
             entry = self._dictionary.entry_of(asked.code)
             return reply_of(report, entry, self._asset, asked.counter, name)
         except (MopsError, LedgerError) as error:
-            _LOG.error("report %d is not told by the relay: %s", report.sequence, error)
+            _LOG.error("report %d not published by the relay: %s", report.sequence, error)
             return None
 
     def kept(self, mark: int) -> None:
-        """Take a string for confirmed; that says nothing of those before it."""
+        """Mark a string as confirmed; earlier strings are not affected."""
         if (commands := self._answered.pop(mark, None)) is not None:
             self._topics.confirm(commands)
         if self._unconfirmed.pop(mark, None) is not None:
@@ -203,7 +203,7 @@ class ExecutiveRelayLink:
             self._catch_up()
 
     def look(self) -> None:
-        """Retransmit unconfirmed reports, and publish those that could not be when they came."""
+        """Republish unconfirmed reports, and publish those that were deferred."""
         before, self._listeners = self._listeners, self._topics.count_listeners()
         self._looks = self._looks + 1 if self._unconfirmed else 0
         if self._listeners > before or self._looks > RETRANSMIT_LOOKS:
@@ -217,17 +217,17 @@ class ExecutiveRelayLink:
             self._record.keep(self._kept)
 
     def _catch_up(self) -> None:
-        """Tell the next reports that were not told when they came."""
+        """Publish the next deferred reports."""
         if self._sent == self._written or not self._may_tell or self._ledger.failing:
             return
-        with suppress(LedgerError):  # the core sees that too, and says so
+        with suppress(LedgerError):  # the core sees that too, and reports it
             waiting = self._ledger.reports(self._sent + 1, count=PAGE)
             reports = [each for each in waiting if each.sequence <= self._written]
             if reports:
                 self._tell(reports)
 
     def command(self, text: str) -> None:
-        """Submit a string of commands; raises MopsError for the first that is none."""
+        """Submit a string of commands; raise MopsError for its first invalid message."""
         refused: list[str] = []
         messages = list(messages_in(text, refused.append))
         answers: list[Message] = []
@@ -245,9 +245,9 @@ class ExecutiveRelayLink:
             raise MopsError(refused[0])
 
     def _confirm(self, commands: int, answers: Sequence[Message]) -> None:
-        """Confirm a string of commands, at once or when the relay has its answers on the disk.
+        """Confirm a string of commands, at once or when the relay has stored its answers.
 
-        No ledger knows that an answer is owed. Until then the string comes again, over restarts of
+        No ledger records pending answers. Until then the string is republished, over restarts of
         either process, and is answered each time.
         """
         text = "".join(map(_text_of, answers))
@@ -265,7 +265,7 @@ class ExecutiveRelayLink:
         refuse: Callable[[str], None],
         answer: Callable[[Message | None], None],
     ) -> None:
-        """Submit a command; refuse what is none for this asset."""
+        """Submit a command; refuse a message that is no command for this asset."""
         if message.dest != self._asset or message.received or message.executed:
             refuse(f"{message} is no command for {self._asset}")
             answer(None)
@@ -283,7 +283,7 @@ class ExecutiveRelayLink:
         def reply(result: SubmitResult) -> None:
             match result:
                 case Refused(refusal) if refusal.reason is Reason.LEDGER_FAILED:
-                    pass  # not confirmed, it comes again, and ends once that can be recorded
+                    pass  # unconfirmed, it is received again, until its end can be recorded
                 case _:
                     answer(self._answer(message, result))
 
@@ -309,14 +309,14 @@ class ExecutiveRelayLink:
         )
 
     def _remember(self, command: Command, code: int) -> None:
-        """Report on the command by this link, unless its number is another command's."""
-        with suppress(LedgerError):  # where that cannot be read, the command is refused
+        """Report on the command over this link, unless its id belongs to another command."""
+        with suppress(LedgerError):  # if the ledger cannot be read, the command is refused
             known = self._ledger.digest_of(command.identity)
             if bad_identity(command) is None and (known is None or known == digest(command)):
                 self._record.remember(command, code)
 
     def _answer(self, message: Message, admission: SubmitResult) -> Message | None:
-        """Return the answer to a command; None where reports that are still to be kept are it."""
+        """Return the answer to a command; None if reports not yet confirmed are the answer."""
         match admission:
             case Admitted():
                 return None
@@ -340,7 +340,7 @@ class ExecutiveRelayLink:
 
 
 def _text_of(message: Message) -> str:
-    """Return a message as a string; empty where what it answers has left no room in it."""
+    """Return a message as a string; empty if the text of its answer does not fit."""
     try:
         return str(message)
     except MopsError as error:

@@ -1,4 +1,4 @@
-"""The ROS topics of the executive's end of the relay link."""
+"""ROS topics of the executive's end of the relay link."""
 
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -12,29 +12,29 @@ from adapters.ros import MessageError, Topic, declare_topic, steady_timer
 
 
 class SubscriptionHost(Protocol):
-    """What subscribes, and contains what callbacks raise: `adapters.ros.node`."""
+    """Host of subscriptions that contains exceptions of callbacks: `adapters.ros.node`."""
 
     def subscribe(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
         """Subscribe to a topic."""
         ...
 
     def subscribe_apart(self, kind: type, topic: Topic, callback: Callable[[Any], None]) -> None:
-        """Subscribe to a topic, with a thread of its own for the callback."""
+        """Subscribe to a topic, with the callback on a thread of its own."""
         ...
 
     def contained(self, callback: Callable[..., None]) -> Callable[..., None]:
-        """Return a callback that raises nothing."""
+        """Return a callback that raises no exception."""
         ...
 
 
 class ExecutiveRelayTopics:
-    """Publishes and subscribes; it is the link's `RelayTopics`.
+    """Publishers and subscriptions; implements the link's `RelayTopics`.
 
     Args:
-        node: its topics are named by ROS parameters.
+        node: its ROS parameters name the topics.
 
     Raises:
-        adapters.ros.parameters.ParameterError: a parameter is missing or wrong.
+        adapters.ros.parameters.ParameterError: a parameter is missing or invalid.
     """
 
     def __init__(self, node: Node) -> None:
@@ -45,16 +45,16 @@ class ExecutiveRelayTopics:
         )
         reports = declare_topic(node, "relay_notification", "std_msgs/String, MOPS to the relay")
         self._kept = declare_topic(
-            node, "relay_kept", "std_msgs/UInt64, fingerprint of a string of reports that is stored"
+            node, "relay_kept", "std_msgs/UInt64, fingerprint of a stored string of reports"
         )
         taken = declare_topic(
-            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
+            node, "relay_taken", "std_msgs/UInt64, fingerprint of a confirmed string of commands"
         )
         self._taken = node.create_publisher(UInt64, taken.name, taken.qos)
         self._reports = node.create_publisher(String, reports.name, reports.qos)
 
     def serve(self, link: ExecutiveRelayLink, served: SubscriptionHost) -> None:
-        """Hand commands and confirmations to the link from now on; stops on a thread apart."""
+        """Pass commands and confirmations to the link from now on; stops on a separate thread."""
 
         def on_command(text: String) -> None:
             try:
@@ -71,13 +71,13 @@ class ExecutiveRelayTopics:
         steady_timer(self._node, LOOK_S, served.contained(link.look))
 
     def publish(self, text: str) -> None:
-        """Publish reports and telemetry, whole messages."""
+        """Publish reports and telemetry, as whole messages."""
         self._reports.publish(String(data=text))
 
     def confirm(self, mark: int) -> None:
-        """Publish the fingerprint of a string of commands that is taken."""
+        """Publish the fingerprint of a confirmed string of commands."""
         self._taken.publish(UInt64(data=mark))
 
     def count_listeners(self) -> int:
-        """Return how many subscribe to reports."""
+        """Return the number of subscribers to reports."""
         return int(self._reports.get_subscription_count())

@@ -1,4 +1,4 @@
-"""`rover-relay` on ROS: its topics and diagnostics, and the process from start to signal."""
+"""ROS node of `rover-relay`: topics, diagnostics, and the process from start to signal."""
 
 import logging
 import signal
@@ -41,28 +41,28 @@ _LOG: Final = logging.getLogger(__name__)
 
 
 class RelayNode:
-    """Publishes and subscribes; it is the bridge's `RoverTopics`.
+    """Publishers and subscriptions; implements the bridge's `RoverTopics`.
 
     Args:
-        node: its topics are named by ROS parameters.
+        node: its ROS parameters name the topics.
         asset: the rover's name.
     """
 
     def __init__(self, node: Node, asset: str) -> None:
-        """Make the publishers.
+        """Create the publishers.
 
         Raises:
-            ParameterError: a parameter is missing or wrong.
+            ParameterError: a parameter is missing or invalid.
         """
         self._node, self._asset = node, asset
         command = declare_topic(node, "relay_command", "std_msgs/String, MOPS to the rover")
         stop = declare_topic(node, "relay_stop", "std_msgs/String, MOPS of stops to the rover")
         self._taken = declare_topic(
-            node, "relay_taken", "std_msgs/UInt64, fingerprint of a string of commands taken"
+            node, "relay_taken", "std_msgs/UInt64, fingerprint of a confirmed string of commands"
         )
         self._told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS of the rover")
         kept = declare_optional_topic(
-            node, "relay_kept", "std_msgs/UInt64, fingerprint of a string of reports that is stored"
+            node, "relay_kept", "std_msgs/UInt64, fingerprint of a stored string of reports"
         )
         publish_heartbeat(node, command)
         self._publishers = {
@@ -74,7 +74,7 @@ class RelayNode:
         self._refused_before = 0
 
     def serve(self, bridge: BundleBridge) -> None:
-        """Pass on notifications, and publish health, from now on."""
+        """Forward notifications and publish health, from now on."""
 
         def on_notification(text: String) -> None:
             bridge.notify(text.data)
@@ -87,15 +87,15 @@ class RelayNode:
         steady_timer(self._node, HEALTH_S, partial(self._diagnose, bridge))
 
     def publish(self, text: str, *, stops: bool) -> None:
-        """Publish commands, stops on a topic of their own."""
+        """Publish commands; stops use a topic of their own."""
         self._publishers[stops].publish(String(data=text))
 
     def has_listener(self, *, stops: bool) -> bool:
-        """Whether somebody listens for commands."""
+        """Whether the commands have a subscriber."""
         return bool(self._publishers[stops].get_subscription_count())
 
     def confirm(self, mark: int) -> None:
-        """Publish the fingerprint of a string that is stored."""
+        """Publish the fingerprint of a stored string."""
         if self._kept is not None:
             self._kept.publish(UInt64(data=mark))
 
@@ -112,20 +112,20 @@ class RelayNode:
 def diagnose(
     health: LinkHealth | None, agent: Health | None, refused: int, heard: bool
 ) -> tuple[bytes, str, dict[str, object]]:
-    """Return level, text and values: ERROR without an agent, WARN where nothing gets through.
+    """Return level, text and values: ERROR without an agent, WARN if nothing gets through.
 
     Args:
-        health: how the link is, as the ground is told; None before the first look.
-        agent: how the agent itself is.
+        health: state of the link, as sent to the ground; None before the first poll.
+        agent: state of the bundle agent.
         refused: messages refused since the last diagnosis.
-        heard: whether somebody takes commands.
+        heard: whether commands have a subscriber.
     """
     if health is None or agent is None:
-        return DiagnosticStatus.ERROR, "the bundle agent is not there", {}
+        return DiagnosticStatus.ERROR, "the bundle agent is not running", {}
     if agent.no_room:
         level, text = DiagnosticStatus.WARN, agent.no_room
     elif not heard:
-        level, text = DiagnosticStatus.WARN, "nobody takes commands"
+        level, text = DiagnosticStatus.WARN, "no subscriber to commands"
     elif refused:
         level, text = DiagnosticStatus.WARN, "messages were refused"
     else:
@@ -146,16 +146,16 @@ def serve(
 
     Args:
         asset: namespace of the rover.
-        settings: of the relay.
-        settings_file: where they were read; the contact plan is beside it.
+        settings: settings of the relay.
+        settings_file: file of the settings; the contact plan's path is relative to it.
         topics_file: ROS parameter file with the topics of the relay.
         data: folder of the store.
-        ros_arguments: what goes to ROS as it is.
+        ros_arguments: arguments passed to ROS unchanged.
 
     Raises:
-        StartError: it cannot start or go on.
-        adapters.ros.parameters.ParameterError: a ROS parameter or argument makes no sense.
-        executive.settings.SettingsError: the MOPS dictionary does not fit.
+        StartError: it cannot start or continue.
+        adapters.ros.parameters.ParameterError: a ROS parameter or argument is invalid.
+        executive.settings.SettingsError: the MOPS dictionary is invalid.
     """
     asked, asked_again = Termination(), list[int]()
     signal.signal(signal.SIGUSR1, lambda number, _: asked_again.append(number))
@@ -182,19 +182,19 @@ def serve(
                         asked_again.clear()
                         _read_again(bridge, read_plan)
                     if not bridge.alive:
-                        raise StartError("the bundle agent is down; its error is in the log")
-                _LOG.info("asked to end: what waits is kept")
+                        raise StartError("the bundle agent has ended; the log has its error")
+                _LOG.info("signal received: queued bundles are retained")
     except (BundleError, OSError) as error:
         raise StartError(str(error)) from error
 
 
 def _read_again(bridge: BundleBridge, read_plan: Callable[[], ContactPlan | None]) -> None:
-    """Read the contact plan again; a broken one changes nothing."""
+    """Reload the contact plan; an invalid one changes nothing."""
     try:
         bridge.set_plan(read_plan())
-        _LOG.info("asked to read the contact plan again")
+        _LOG.info("contact plan reloaded on request")
     except (BundleError, OSError) as error:
-        _LOG.error("the contact plan stays as it was: %s", error)
+        _LOG.error("contact plan not reloaded, the present one stays: %s", error)
 
 
 def _start(bridge: BundleBridge, settings: RelaySettings, settings_file: Path) -> None:

@@ -1,4 +1,4 @@
-"""`rover-relay`: the process aboard that carries MOPS strings between ROS topics and bundles."""
+"""`rover-relay`: the onboard process that carries MOPS strings between ROS topics and bundles."""
 
 from pathlib import Path
 
@@ -41,8 +41,8 @@ def main(
 ) -> None:
     """Carry MOPS strings between ROS topics and bundles of the relay until SIGINT or SIGTERM.
 
-    What waits for a contact is on the disk, and stays there however this ends. What follows
-    --ros-args goes to ROS.
+    Bundles that wait for a contact are on the disk, and survive any end of the process. Arguments
+    after --ros-args are passed to ROS.
 
     \b
     Examples:
@@ -52,9 +52,9 @@ def main(
 
     \b
     Exit status:
-      0  ended by a signal; what waits goes on waiting
-      1  cannot start or go on; the text says why
-      2  the command line or a settings file makes no sense
+      0  ended by a signal; queued bundles are retained
+      1  cannot start or continue; the text gives the reason
+      2  the command line or a settings file is invalid
     """
     from adapters.relay.rover.node import serve
     from adapters.relay.rover.settings import load_relay
@@ -63,13 +63,13 @@ def main(
     settings, path = load_relay(asset, config)
     if not topics.is_file():
         raise click.UsageError(
-            f"{topics}: there is no such file; --ros-params names where the topics stand"
+            f"{topics}: file not found; --ros-params names the file with the topics"
         )
     serve(asset, settings, path, topics, data or default_folder(asset), ros_arguments)
 
 
 def _topics(asset: str) -> Path:
-    """Return where the topics stand: with the brick, if the rover has one, as it takes commands."""
+    """Return the file with the topics: that of the brick if the rover has one, else of ROS."""
     from executive.settings import config_folder
 
     brick = config_folder() / f"{asset}.nxt.yaml"

@@ -1,4 +1,4 @@
-"""The rover's end of the relay: its endpoint, the orbiter, and how bundles go between them."""
+"""Settings of the rover end of the relay: its endpoint, the orbiter, and the link between them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,15 +13,15 @@ _SUFFIX: Final = ".relay.yaml"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RelaySettings(AgentSettings):
-    """What `config/<asset>.relay.yaml` says.
+    """Content of `config/<asset>.relay.yaml`.
 
     Attributes:
         asset: the rover's name in messages.
-        orbiter: the other end: where notifications go, and from where commands come.
-        lifetime_s: how long a report is worth sending.
-        telemetry_lifetime_s: the same of telemetry.
-        telemetry_queue: while more bundles than that wait, the newest telemetry waits for its turn.
-        health_interval_s: how often the health of this end is sent.
+        orbiter: the other end: destination of notifications, and source of commands.
+        lifetime_s: lifetime of reports.
+        telemetry_lifetime_s: lifetime of telemetry.
+        telemetry_queue: newer telemetry is held back while more bundles than this wait.
+        health_interval_s: period of this end's health messages.
     """
 
     asset: str
@@ -32,23 +32,23 @@ class RelaySettings(AgentSettings):
     health_interval_s: float = 5.0
 
     def __post_init__(self) -> None:
-        """Raise ValueError where the EID, the name or a figure makes no sense."""
+        """Raise ValueError if the EID, the name or a value is invalid."""
         AgentSettings.__post_init__(self)
         require_asset(self.asset)
         require_above_zero(self, "lifetime_s", "telemetry_lifetime_s", "health_interval_s")
         if self.telemetry_queue < 0:
-            raise ValueError(f"telemetry_queue is {self.telemetry_queue}: 0 or more")
+            raise ValueError(f"telemetry_queue is {self.telemetry_queue}, must be 0 or more")
 
     @property
     def ground(self) -> Eid:
-        """Where notifications go."""
+        """Destination EID of notifications."""
         return self.orbiter.endpoint
 
     def node(self) -> NodeSettings:
         """Return the settings of the bundle agent.
 
         Raises:
-            ValueError: the link makes no sense.
+            ValueError: the link is invalid.
         """
         link = self.link_to(self.orbiter, "orbiter")
         orbiter = Neighbour(node_of(self.ground), link, default=True)
@@ -56,10 +56,10 @@ class RelaySettings(AgentSettings):
 
 
 def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Path]:
-    """Return the settings of an asset, and where they were read.
+    """Return the settings of an asset, and the path of their file.
 
     Raises:
-        SettingsError: there are none, they do not fit, or are those of another asset.
+        SettingsError: the file is missing, invalid, or belongs to another asset.
     """
     path = path or config_folder() / f"{asset}{_SUFFIX}"
     if not path.is_file():
@@ -67,20 +67,20 @@ def load_relay(asset: str, path: Path | None = None) -> tuple[RelaySettings, Pat
             each.name.removesuffix(_SUFFIX) for each in config_folder().glob(f"*{_SUFFIX}")
         )
         raise SettingsError(
-            f"{path}: there is none, so {asset} has no relay; there is one for"
-            f" {', '.join(known) or 'nobody'}, and --config names another file"
+            f"{path}: file not found, so {asset} has no relay; files exist for"
+            f" {', '.join(known) or 'no asset'}, and --config names another file"
         )
     settings = read_yaml(path, RelaySettings)
     if settings.asset != asset.upper():
         raise SettingsError(
-            f"{path}: asset is {settings.asset}, and the name of {asset} in messages is"
-            f" {asset.upper()}: correct it there, or say with --asset whose file it is"
+            f"{path}: asset is {settings.asset}, but {asset} is named"
+            f" {asset.upper()} in messages: correct the file, or select its asset with --asset"
         )
     try:
         if node_of(settings.endpoint) == node_of(settings.ground):
             raise ValueError(
                 f"eid {settings.eid} and orbiter.eid {settings.orbiter.eid} are on one node: each"
-                " needs its own"
+                " needs a node of its own"
             )
         settings.node()
     except ValueError as error:

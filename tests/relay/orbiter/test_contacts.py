@@ -47,7 +47,7 @@ async def test_lines_open_the_way_in_an_eclipse_and_do_not_go_up(tmp_path: Path)
         status, said = await rover("mops", "--to", str(station.uri), typed=typed)
         assert "DTN_OVERRIDE=1.000" in said
         assert status == 1
-        assert "there is no action 'CONTACT AJAR'; there are: CONTACT UP" in said
+        assert "unknown action 'CONTACT AJAR'; the orbiter has: CONTACT UP" in said
         assert far.received == 1
 
 

@@ -163,7 +163,7 @@ async def test_only_a_link_made_late_enough_gives_it_up(
         await hear(link(sent_s + late_s + 20.0, queued=2, oldest_s=3.0))
         given_up = (await end).given_up
         assert given_up is not None
-        assert "nothing came down on it within its lifetime" in (given_up.text or "")
+        assert "no report within its lifetime" in (given_up.text or "")
         (loss,) = far.record.ledger.recorded_on(command.identity)
         assert loss.report.identity == command.identity
 

@@ -120,7 +120,7 @@ def test_settings_that_make_no_sense_are_a_usage_error(tmp_path: Path) -> None:
     wrong.write_text(SETTINGS.format(orbiter=1, rover=2, port=0).replace("ipn:2.1", "ipn:1.1"))
     with running(tmp_path / "log", "rover-mops", "--config", str(wrong)) as process:
         assert process.ended() == 2
-        assert "are on one node, ipn:1.0: each needs its own" in process.text
+        assert "are on one node, ipn:1.0: each needs a node of its own" in process.text
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault
 @pytest.mark.parametrize(
     ("operations", "fault"),
     [
-        ("MotionControl.fly", "operations: MotionControl.fly carries no command; there are: "),
+        ("MotionControl.fly", "operations: MotionControl.fly carries no command; known are: "),
         ("MotionControl.drive", "operations: MotionControl.stop is missing"),
     ],
 )

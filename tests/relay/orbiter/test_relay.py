@@ -152,7 +152,7 @@ async def test_a_repeat_is_told_what_is_known_and_goes_up_once(tmp_path: Path) -
             with pytest.raises(MalError) as caught:
                 await client.submit(other)
             assert caught.value.number == AreaError.DUPLICATE.value
-            assert "was another command" in ((await anext(said)).text or "")
+            assert "is used by another command" in ((await anext(said)).text or "")
             with pytest.raises(MalError):
                 await client.submit(command)
             again = await anext(said)
@@ -251,5 +251,5 @@ async def test_who_sends_under_another_name_is_told_where_to_look(
     async with orbiting(sky), landed(sky, "jackal") as rover:
         rover.name = "SCOUT"
         await rover.event("it is cold")
-        await until(lambda: "source: SCOUT is not JACKAL; look at asset in" in caplog.text)
+        await until(lambda: "source: SCOUT is not JACKAL; correct asset in" in caplog.text)
         assert "of who sends from ipn:2.1" in caplog.text

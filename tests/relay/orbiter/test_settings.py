@@ -24,7 +24,7 @@ MOCUP = "ltp: {address: {host: 127.0.0.1, port: 1115}}"
         (("asset: mocup", "asset: ../../evil"), "asset is '../../evil': it names files"),
         (("asset: mocup", "asset: JACKAL"), "have the same asset, jackal"),
         (("eid: ipn:3.1", "eid: two"), r"rovers\[1\]: eid: not an endpoint such as"),
-        (("port: 21101", "port: -1"), r"rovers\[1\]: port: -1 is not a port of 0 to 65535"),
+        (("port: 21101", "port: -1"), r"rovers\[1\]: port: -1 is not in 0 to 65535"),
         (("lifetime_s: 86400.0", "lifetime_s: .inf"), "lifetime_s: expected a finite number"),
         (("silent_after_s: 60.0", "silent_after_s: .nan"), "silent_after_s: expected a finite"),
         (("  ltp: {host: 127.0.0.1, port: 1113}", "  {}"), r"lacks ltp, which the link to rover 1"),
@@ -76,7 +76,7 @@ async def test_a_brick_is_offered_what_it_knows(tmp_path: Path) -> None:
         for request in (TakePicture(), Resume()):
             assert "does not serve" in await refusal(client, request)
         text = await refusal(client, ExecuteAction("VIDEO ON"))
-        assert text.startswith("NotSupported: the rover has no actions; at the orbiter")
+        assert text.startswith("NotSupported: the rover has no actions; the orbiter has")
         assert (await client.run(client.command(ExecuteAction("contact up")))).executed
         assert (await client.run(client.command(MoveForward(1.0)))).executed
         assert [message.command for message in far.commands] == ["MOVE_FORWARD"]

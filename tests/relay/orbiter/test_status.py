@@ -57,7 +57,7 @@ async def test_the_ground_is_told_when_it_fills_and_when_there_is_room_again(
         await until(lambda: not relay.agent.health().no_room)
         again = await said()
         assert (again.severity, again.text) == (
-            Severity.INFORMATIONAL, "the orbiter's store has room again",
+            Severity.INFORMATIONAL, "the orbiter's store has free space again",
         )  # fmt: skip
 
 

@@ -17,9 +17,9 @@ FULL = replace(AGENT, no_room="bundle store x: there is no room")
 @pytest.mark.parametrize(
     ("agent", "heard", "level", "text"),
     [
-        (None, True, DiagnosticStatus.ERROR, "the bundle agent is not there"),
+        (None, True, DiagnosticStatus.ERROR, "the bundle agent is not running"),
         (AGENT, True, DiagnosticStatus.OK, "2 bundles wait to be sent"),
-        (AGENT, False, DiagnosticStatus.WARN, "nobody takes commands"),
+        (AGENT, False, DiagnosticStatus.WARN, "no subscriber to commands"),
         (FULL, False, DiagnosticStatus.WARN, "bundle store x: there is no room"),
     ],
 )

@@ -128,6 +128,6 @@ def test_who_stands_in_the_lock_can_be_asked_for_the_plan(place: Place) -> None:
         while not lock.exists() or not lock.read_text():
             assert time.monotonic() < deadline_s, process.text
         process.send(signal.SIGUSR1)
-        process.said("asked to read the contact plan again")
+        process.said("contact plan reloaded on request")
         assert process.end() == 0
     assert lock.read_text() == ""

@@ -25,7 +25,10 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
         (("eid: ipn:1.1", "eid: one"), r"orbiter: eid: not an endpoint such as .*: 'one'$"),
         (("eid: ipn:1.1", "eid: dtn:none"), "orbiter: eid: dtn:none is the null endpoint$"),
         (("eid: ipn:2.1", "eid: ipn:1.2"), "eid ipn:1.2 and orbiter.eid ipn:1.1 are on one node"),
-        (("asset: JACKAL", "asset: SCOUT"), "asset is SCOUT, and the name of jackal in messages"),
+        (
+            ("asset: JACKAL", "asset: SCOUT"),
+            "asset is SCOUT, but jackal is named JACKAL in messages",
+        ),
         (("  ltp: {address", "  sms: {address"), "sms"),
         (("  ltp: {address: {host: 127.0.0.1, port: 1113}}\n", ""), "one of ltp, tcpcl, udp"),
         (("telemetry_queue: 4", "telemetry_queu: 4"), "telemetry_queu"),
@@ -34,7 +37,7 @@ def test_the_settings_of_our_assets_fit(asset: str) -> None:
         (("lifetime_s: 604800.0", "lifetime_s: .inf"), "lifetime_s: expected a finite number"),
         (("lifetime_s: 30.0", "lifetime_s: 1.0e+300"), "telemetry_lifetime_s must be .* at most"),
         (("lifetime_s: 30.0", "lifetime_s: .nan"), "telemetry_lifetime_s: expected a finite"),
-        (("telemetry_queue: 4", "telemetry_queue: -1"), "telemetry_queue is -1: 0 or more"),
+        (("telemetry_queue: 4", "telemetry_queue: -1"), "telemetry_queue is -1, must be 0 or more"),
         (("asset: JACKAL", "asset: ''"), "asset is '': a name has"),
         (("asset: JACKAL", "asset: JACKAL|2"), r"asset is 'JACKAL\|2': a name has"),
         (("asset: JACKAL", "asset: ../JACKAL"), "asset is '../JACKAL': it names files"),
@@ -71,7 +74,7 @@ def test_settings_that_do_not_fit_are_refused(
 
 
 def test_an_asset_without_a_relay_is_told_who_has_one() -> None:
-    with pytest.raises(SettingsError, match="nobody has no relay; there is one for jackal, mocup"):
+    with pytest.raises(SettingsError, match="nobody has no relay; files exist for jackal, mocup"):
         load_relay("nobody")
 
 
