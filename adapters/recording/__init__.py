@@ -1,4 +1,4 @@
-"""Recordings of runs as MCAP files: written, read, and replayed through the core."""
+"""Recordings of runs as MCAP files: writer, reader, and replay through the core."""
 
 from adapters.recording.background import BackgroundRecorder as BackgroundRecorder
 from adapters.recording.completion import complete as complete

@@ -1,8 +1,8 @@
-"""Recordings of a process that works at real time: written by a thread of their own, bounded.
+"""Recordings of a process that runs in real time: written by a separate thread, bounded.
 
-The core's thread only hands references over. Each recording is a file of its own in a folder, which
-goes on in a second file, a third and so on; the oldest files are deleted. What is older than
-`FLUSH_S` is in the system's hands, and survives the end of the process, however that comes.
+The core's thread only passes references. Each recording is a file in a folder, continued in a
+second file, a third and so on; the oldest files are deleted. Items older than `FLUSH_S` were handed
+to the operating system, and survive any end of the process.
 """
 
 import logging
@@ -24,28 +24,28 @@ from executive.settings import RecordingSettings
 _LOG: Final = logging.getLogger(__name__)
 
 PAUSE_S: Final = 0.1
-"""Between two looks for what was handed over: short bursts of work hold up no tick."""
+"""Poll period of the queue: short bursts of work do not delay a tick."""
 FLUSH_S: Final = 0.9
 MOST_WAITING: Final = 200_000
-"""Items that wait to be written; more are a disk that stands still, and end the recording."""
+"""Maximum number of queued items; more mean that the disk has stalled, and end the recording."""
 PARTS: Final = 10
-"""Files that the recordings may fill together."""
+"""Number of files into which the size limit of all recordings is divided."""
 MEGA: Final = 1_000_000
 DAY_S: Final = 86_400.0
 
 
 class BackgroundRecorder:
-    """Takes a recording on any thread, and writes it on its own.
+    """Accepts a recording's items on any thread, and writes them on its own.
 
     Args:
-        folder: of all recordings of the asset; this one is named after the time.
-        bounds: of what is kept.
+        folder: folder of all recordings of the asset; this one is named after the time.
+        bounds: limits of size and age.
 
     Attributes:
-        tell: called with one line, on the writing thread, where the recording ends early.
+        tell: called with one line, on the writing thread, if the recording ends early.
 
     Raises:
-        OSError: nothing can be written there.
+        OSError: the folder cannot be written.
     """
 
     def __init__(self, folder: Path, bounds: RecordingSettings) -> None:
@@ -68,7 +68,7 @@ class BackgroundRecorder:
             self._items.put(item)
 
     def close(self) -> None:
-        """Write what is left, and end the thread."""
+        """Write the remaining items, and end the thread."""
         self._closing.set()
         self._thread.join()
 
@@ -87,7 +87,7 @@ class BackgroundRecorder:
                     return
             self._drain()
         except Exception as error:
-            _LOG.exception("the recording raised")
+            _LOG.exception("recording failed")
             self._end(f"it raised {error!r}")
         finally:
             self._file.close()
@@ -101,7 +101,7 @@ class BackgroundRecorder:
                 self._file.put(item)
 
     def _turn_over(self) -> None:
-        """Begin another file where this one is full."""
+        """Continue in another file if this one is full."""
         if self._file.size_octets < self._bounds.most_mb * MEGA / PARTS:
             return
         self._part += 1
@@ -117,7 +117,7 @@ class BackgroundRecorder:
     def _end(self, why: str) -> None:
         self._ended = True
         self._items = SimpleQueue()
-        text = f"the recording {self._first.name} ends: {why}; the rover goes on"
+        text = f"the recording {self._first.name} ends: {why}; the rover continues"
         _LOG.warning(text)
         self.tell(text)
 
@@ -126,12 +126,12 @@ class BackgroundRecorder:
         for path in self._folder.glob(f"*{SUFFIX}"):
             try:
                 if path != self._first and complete(path):
-                    _LOG.info("recording %s broke off; it was completed", path)
+                    _LOG.info("recording %s was truncated; its index was added", path)
             except OSError as error:
                 _LOG.warning("recording %s cannot be completed: %s", path, error.strerror)
 
     def _prune(self) -> None:
-        """Delete the oldest files, but none of this recording's that begins or ends it."""
+        """Delete the oldest files, except the first and the present one of this recording."""
         found = []
         for path in self._folder.glob(f"*{SUFFIX}"):
             with suppress(FileNotFoundError):
@@ -139,7 +139,7 @@ class BackgroundRecorder:
                 found.append((status.st_mtime, status.st_size, path))
         found.sort()
         left = sum(size for _, size, _ in found)
-        room = self._bounds.most_mb * MEGA * (PARTS - 1) / PARTS  # for the file that grows
+        room = self._bounds.most_mb * MEGA * (PARTS - 1) / PARTS  # reserves the growing file
         oldest_s = time.time() - self._bounds.most_days * DAY_S
         own = {self._first, part_of(self._first, self._part)}
         for changed_s, size, path in found:
@@ -149,7 +149,7 @@ class BackgroundRecorder:
 
 
 def _new_file(folder: Path) -> Path:
-    """Return the name of a file that is not there, by the time."""
+    """Return the name of a new file, after the time."""
     began = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     names = (f"{began}-{number}" for number in count(2))
     paths = (folder / f"{name}{SUFFIX}" for name in chain([began], names))

@@ -1,4 +1,4 @@
-"""The command `rover replay`: whether the core decides as it did in a recorded run."""
+"""Command `rover replay`: checks that the core decides as it did in a recorded run."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -24,13 +24,13 @@ BAD_FILE: Final = 2
 def replay(files: tuple[str, ...], settings: str | None) -> None:
     """Replay recorded runs through the core, and compare what it decides.
 
-    The core gets what it got in the run, at the same times: settings, ledger, facts, commands. Each
-    velocity, report and answer, each change of the tree, the mode and the parameters that were sent
-    must be the same, to the last bit. The first that is not is shown, and the tree, where a node is
-    another than in the recording.
+    The core receives the same inputs at the same times as in the run: settings, ledger, facts,
+    commands. Each velocity, report, answer, tree change, mode change and published parameter must
+    be equal to the last bit. The first difference is shown, with the tree if a node differs from
+    the recording.
 
-    `rover scenario FILE --out DIR` records runs. Replay them after a change of the code: what
-    differs is what the change does to them. Of a folder all recordings in it are replayed.
+    `rover scenario FILE --out DIR` records runs. Replay them after a change of the code: the
+    differences are its effects. For a folder all recordings in it are replayed.
 
     \b
     Examples:
@@ -42,8 +42,8 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
     \b
     Exit status:
       0  all decisions are the same
-      1  one is not
-      2  a file is no recording
+      1  a decision differs
+      2  a file is not a recording
     """
     from adapters.recording.container import RecordingError
     from adapters.recording.replay import replay as play
@@ -74,10 +74,10 @@ def replay(files: tuple[str, ...], settings: str | None) -> None:
 
 
 def _recordings(files: tuple[str, ...]) -> list[Path]:
-    """Return the recordings that are named or lie in folders, without the files they go on in.
+    """Return the given recordings and those in given folders, without their continuation files.
 
     Raises:
-        click.UsageError: a folder holds none.
+        click.UsageError: a folder contains no recording.
     """
     from adapters.recording.run_file import first_parts
 
@@ -85,7 +85,7 @@ def _recordings(files: tuple[str, ...]) -> list[Path]:
     for path in map(Path, files):
         inside = first_parts(path) if path.is_dir() else [path]
         if not inside:
-            raise click.UsageError(f"{path}: holds no recording (*.mcap)")
+            raise click.UsageError(f"{path}: contains no recording (*.mcap)")
         found += inside
     return found
 
@@ -94,13 +94,13 @@ def _told(replayed: "ReplayResult") -> str:
     found = replayed.difference
     if found is None:
         lives = "" if replayed.lives == 1 else f", {replayed.lives} starts"
-        end = "" if replayed.whole else "; the recording breaks off there"
+        end = "" if replayed.whole else "; the recording is truncated there"
         return (
             f"{replayed.decisions} decisions in {replayed.ticks} ticks are the same"
             f" ({replayed.duration_s:.1f} s{lives}){end}"
         )
     place = f"in entry {found.number} ({found.entry})"
-    lines = [f"another decision after {found.time_s:.2f} s, {place}", *found.lines]
+    lines = [f"decisions differ after {found.time_s:.2f} s, {place}", *found.lines]
     return "\n  ".join(lines)
 
 

@@ -1,7 +1,7 @@
-"""Completes recordings that broke off, so that viewers open them: they want an index at the end.
+"""Completion of truncated recordings: adds the index at the end, which viewers need.
 
-What is torn at the end is left out; what can be read stays as it is. A record says that the
-recording broke off, which a reader tells.
+An incomplete end is removed; readable content stays unchanged. A metadata record marks the
+recording as truncated, for readers.
 """
 
 import os
@@ -23,9 +23,9 @@ from adapters.recording.run_file import BROKE_OFF, LIBRARY, PROFILE
 
 
 def complete(path: Path) -> bool:
-    """Complete a recording that broke off; return whether it had.
+    """Complete a recording if it is truncated; return whether it was.
 
-    One of which sound parts are behind a damaged one is left as it is.
+    A recording with sound parts behind a damaged one is left unchanged.
 
     Raises:
         OSError: the file cannot be read or written.
@@ -41,7 +41,7 @@ def complete(path: Path) -> bool:
             with whole.open("wb") as file:
                 is_copied = _copy(torn, file)
             if is_copied:
-                os.utime(whole, ns=(times.st_atime_ns, times.st_mtime_ns))  # the oldest go first
+                os.utime(whole, ns=(times.st_atime_ns, times.st_mtime_ns))  # pruned by this time
                 whole.replace(path)
             return is_copied
         finally:
@@ -49,13 +49,13 @@ def complete(path: Path) -> bool:
 
 
 def _copy(torn: IO[bytes], file: IO[bytes]) -> bool:
-    """Write what is before the torn end, with an index; return whether nothing else is lost."""
+    """Copy everything before the truncated end, with an index; return False if more is lost."""
     from mcap.writer import Writer
 
     writer, unpacker, is_damaged = Writer(file), Unpacker(), False
     writer.start(PROFILE, LIBRARY)
     schemas, channels = {0: 0}, dict[int, int]()
-    with suppress(DamageError):  # what is behind the last whole record is torn
+    with suppress(DamageError):  # the end behind the last complete record
         for chunk in read_records(torn):
             if chunk.opcode != CHUNK:
                 continue
@@ -75,7 +75,7 @@ def _copy(torn: IO[bytes], file: IO[bytes]) -> bool:
 
 
 def _write(record: Record, writer: Any, schemas: dict[int, int], channels: dict[int, int]) -> None:
-    """Write a record of a chunk; its schema and its channel get other numbers."""
+    """Write a record of a chunk; its schema and channel get new ids."""
     from mcap.records import Channel, Message, Schema
 
     if record.opcode == SCHEMA:

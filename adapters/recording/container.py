@@ -1,7 +1,7 @@
-"""The records of an MCAP file, read within bounds: as far as they are sound.
+"""Records of an MCAP file, read within bounds up to the first damage.
 
-The package `mcap` reads what is in a record. How many octets a record may have, and a chunk may
-unpack to, is decided here: a length that a file claims is not trusted.
+The package `mcap` decodes the content of records. This module limits the size of records and the
+unpacked size of chunks: lengths in a file are not trusted.
 """
 
 import os
@@ -15,33 +15,33 @@ from typing import IO, Any, Final
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MAX_RECORD_OCTETS: Final = 1 << 28
-"""Ten times the largest message: the image of a ledger of 100,000 reports (21 MB)."""
+"""Ten times the longest message, the image of a ledger of 100,000 reports (21 MB)."""
 MAX_SMALL_OCTETS: Final = 1 << 20
-"""Of a record other than a chunk."""
+"""Maximum size of a record that is not a chunk."""
 MIN_BUDGET_OCTETS: Final = 1 << 22
-"""What any file and any chunk may unpack to: four times a chunk that is written here."""
+"""Unpacked size allowed for any file and any chunk: four times that of a chunk written here."""
 MAX_CHUNK_RATIO: Final = 16
-"""Unpacked over packed octets of a larger chunk: the image of a ledger (measured: 10)."""
+"""Maximum compression ratio of a chunk beyond that; a ledger image has 10 (measured)."""
 MAX_RATIO: Final = 1000
-"""The same of a file. Measured: 3 with noise, 105 with a laser without returns; 30,000 can be."""
+"""The same for a file. Measured: 3 with noise, 105 with an empty laser; 30,000 is possible."""
 SCHEMA, CHANNEL, MESSAGE = 3, 4, 5
 HEADER, CHUNK, INDEX, ATTACHMENT, METADATA, DATA_END = 1, 6, 7, 9, 12, 15
-"""Kinds of records: those within chunks, and those beside them up to the summary."""
+"""Opcodes of records: those within chunks, and those beside them up to the summary."""
 _FRAME: Final = struct.Struct("<BQ")
-"""Of a record: its kind, and how many octets follow."""
+"""Head of a record: opcode, and number of octets that follow."""
 
 
 class RecordingError(Exception):
-    """A file cannot be used as a recording; the text says why."""
+    """A file cannot be used as a recording; the text gives the reason."""
 
 
 class DamageError(Exception):
-    """A file cannot be read from here on; the text says why."""
+    """A file cannot be read beyond this point; the text gives the reason."""
 
 
 @contextmanager
 def damage_in(what: str) -> Iterator[None]:
-    """Raise DamageError for what the parsers of untrusted octets raise."""
+    """Convert exceptions that parsers raise on untrusted octets to DamageError."""
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
@@ -54,7 +54,7 @@ def damage_in(what: str) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A record of a file or a chunk, which begins at an octet of it."""
+    """A record of a file or a chunk; `start` is its offset there."""
 
     start: int
     opcode: int
@@ -62,14 +62,14 @@ class Record:
 
     @property
     def channel(self) -> int:
-        """The channel of a message."""
+        """Channel id of a message."""
         return int.from_bytes(self.content[:2], "little")
 
     def parsed(self, kind: Any, *length: int) -> Any:
-        """Return the record as one of `mcap.records`; a message wants its length.
+        """Return the record decoded as a class of `mcap.records`; a message needs its length.
 
         Raises:
-            DamageError: it is none of this kind.
+            DamageError: the record does not have this type.
         """
         from mcap.data_stream import ReadDataStream
 
@@ -77,21 +77,21 @@ class Record:
             stream = ReadDataStream(BytesIO(self.content))
             record = kind.read(stream, *length)
             if stream.count != len(self.content):
-                raise ValueError(f"{stream.count} octets of {len(self.content)} are of it")
+                raise ValueError(f"{stream.count} of {len(self.content)} octets belong to it")
             return record
 
 
 def read_records(file: IO[bytes]) -> Iterator[Record]:
-    """Yield the records of the data of a file, as far as they are whole, but for attachments.
+    """Yield the complete records of a file's data section, except attachments.
 
-    The last is what ends the data. The summary behind it only repeats what is before it.
+    The last one ends the data section. The summary behind it only repeats earlier content.
 
     Raises:
-        DamageError: there are octets that are no record.
+        DamageError: octets that are not a record.
     """
     size = os.fstat(file.fileno()).st_size
     if not MAGIC.startswith(file.read(len(MAGIC))):
-        raise DamageError("it does not begin like one")
+        raise DamageError("it does not begin with the MCAP magic")
     start, opcode = len(MAGIC), 0
     while opcode != DATA_END and start + _FRAME.size <= size:
         opcode, length = _FRAME.unpack(file.read(_FRAME.size))
@@ -113,10 +113,10 @@ def read_records(file: IO[bytes]) -> Iterator[Record]:
 
 
 class Unpacker:
-    """Unpacks the chunks of one file, in their order, within bounds.
+    """Unpacks the chunks of one file in order, within bounds.
 
     Attributes:
-        packed: octets that were unpacked.
+        packed: packed octets of the chunks so far.
     """
 
     def __init__(self) -> None:
@@ -126,7 +126,7 @@ class Unpacker:
         """Yield the schemas, channels and messages of a chunk.
 
         Raises:
-            DamageError: it is none, unpacks to too much, fails its checksum, or holds others.
+            DamageError: not a chunk, too large, wrong checksum, or other records in it.
         """
         data, end = self._unpack(chunk), 0
         while (start := end) < len(data):
@@ -148,7 +148,7 @@ class Unpacker:
         self._unpacked += size
         is_too_large = size > MIN_BUDGET_OCTETS + MAX_CHUNK_RATIO * len(data)
         if is_too_large or self._unpacked > MIN_BUDGET_OCTETS + MAX_RATIO * self.packed:
-            raise DamageError(f"{where} would unpack {len(data)} octets to {size}")
+            raise DamageError(f"{where} unpacks {len(data)} octets to {size}, beyond the limit")
         if chunk.compression == "zstd":
             with damage_in(where), ZstdDecompressor().stream_reader(data) as stream:
                 data = stream.read(size + 1)

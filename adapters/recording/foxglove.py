@@ -1,4 +1,4 @@
-"""Messages of Foxglove's well-known JSON schemas, as viewers of recordings draw them by themselves.
+"""Messages of Foxglove's well-known JSON schemas, which viewers of recordings render natively.
 
 https://docs.foxglove.dev/docs/visualization/message-schemas
 """
@@ -16,10 +16,10 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """A kind of messages.
+    """Type of messages.
 
     Attributes:
-        name: by which viewers know it, if it is one of Foxglove's.
+        name: name of the schema, for viewers if it is one of Foxglove's.
         json: its JSON schema.
     """
 
@@ -120,19 +120,19 @@ LEVELS: Final[Mapping[Severity, int]] = {
     Severity.CRITICAL: 5,
 }
 _FINE: Final = 4
-"""Digits after the point: to look at, a tenth of a millimetre is enough."""
+"""Decimal digits: for display, a tenth of a millimetre is enough."""
 _MATCHING_ALL: Final = 1
 _LINE_STRIP: Final = 0
 
 
 def time_of(utc_s: float) -> Plain:
-    """Return a time to the microsecond, of seconds since 1970-01-01 UTC."""
+    """Return a Foxglove time, to the microsecond, from seconds since 1970-01-01 UTC."""
     microseconds = round(utc_s * 1e6)
     return {"sec": microseconds // 10**6, "nsec": microseconds % 10**6 * 1000}
 
 
 def fine(value: float) -> float:
-    """Return a figure as exactly as it is looked at."""
+    """Return a figure rounded for display."""
     return round(value, _FINE)
 
 
@@ -149,7 +149,7 @@ def _pose(pose: Pose) -> Plain:
 
 
 def frame_transform(utc_s: float, parent: str, child: str, pose: Pose) -> Plain:
-    """Return where one frame is in another."""
+    """Return the pose of a child frame in its parent."""
     return {
         "timestamp": time_of(utc_s),
         "parent_frame_id": parent,
@@ -160,12 +160,12 @@ def frame_transform(utc_s: float, parent: str, child: str, pose: Pose) -> Plain:
 
 
 def pose_in_frame(utc_s: float, frame: str, pose: Pose) -> Plain:
-    """Return a pose."""
+    """Return a pose in a frame."""
     return {"timestamp": time_of(utc_s), "frame_id": frame, "pose": _pose(pose)}
 
 
 def log(utc_s: float, severity: Severity, text: str, name: str) -> Plain:
-    """Return a line of a log; the name says what it is about."""
+    """Return a log line; the name is its subject."""
     level = LEVELS[severity]
     timestamp = time_of(utc_s)
     line = {"level": level, "message": text, "name": name, "file": "", "line": 0}
@@ -173,7 +173,7 @@ def log(utc_s: float, severity: Severity, text: str, name: str) -> Plain:
 
 
 def compressed_image(utc_s: float, frame: str, jpeg: bytes) -> Plain:
-    """Return a picture."""
+    """Return a JPEG picture."""
     data = base64.b64encode(jpeg).decode()
     return {"timestamp": time_of(utc_s), "frame_id": frame, "data": data, "format": "jpeg"}
 
@@ -195,7 +195,7 @@ def laser_scan(
 
 @dataclass(frozen=True, slots=True)
 class Color:
-    """Parts of red, green and blue, and opacity, each 0 to 1."""
+    """Colour: red, green, blue and opacity, each 0 to 1."""
 
     r: float
     g: float
@@ -204,7 +204,7 @@ class Color:
 
 
 def line(places: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
-    """Return a line in the plane for `entity`."""
+    """Return a polyline in the plane, for `entity`."""
     return {
         "type": _LINE_STRIP,
         "pose": _pose(Pose()),
@@ -218,12 +218,12 @@ def line(places: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
 
 
 def cube(pose: Pose, size_m: tuple[float, float, float], color: Color) -> Plain:
-    """Return a cube about a place for `entity`: its size along its axes."""
+    """Return a cuboid about a pose, with its size along its axes, for `entity`."""
     return {"pose": _pose(pose), "size": _vector(*size_m), "color": asdict(color)}
 
 
 def cylinder(pose: Pose, radius_m: float, height_m: float, color: Color) -> Plain:
-    """Return an upright cylinder about a place for `entity`."""
+    """Return an upright cylinder about a pose, for `entity`."""
     solid = cube(pose, (2 * radius_m, 2 * radius_m, height_m), color)
     return solid | {"bottom_scale": 1.0, "top_scale": 1.0}
 
@@ -237,7 +237,7 @@ def entity(
     cubes: Iterable[Plain] = (),
     cylinders: Iterable[Plain] = (),
 ) -> Plain:
-    """Return what moves with a frame until it is replaced by what has the same name."""
+    """Return a scene entity that moves with a frame; a later one with its name replaces it."""
     parts: Plain = {kind: [] for kind in _KINDS}
     parts |= {"lines": list(lines), "cubes": list(cubes), "cylinders": list(cylinders)}
     return {
@@ -252,6 +252,6 @@ def entity(
 
 
 def scene(utc_s: float, *entities: Plain) -> Plain:
-    """Return what a topic shows from now on, in place of what it showed before."""
+    """Return a scene update that replaces the earlier content of its topic."""
     everything = {"timestamp": time_of(utc_s), "type": _MATCHING_ALL, "id": ""}
     return {"deletions": [] if entities else [everything], "entities": list(entities)}

@@ -1,8 +1,8 @@
 """Items of a recording as messages: a topic and a JSON text each.
 
-Numbers come back as they were, to the last bit; what is not finite is a text ("inf", "-inf",
-"nan"). Names stand for enums. Of camera pictures the length is kept, and the end, by which the core
-tells whether they are whole.
+Numbers are preserved to the last bit; values that are not finite are texts ("inf", "-inf", "nan").
+Enums are stored by name. For camera pictures only the length is stored, and the end, which the core
+checks for completeness.
 """
 
 import base64
@@ -44,19 +44,19 @@ LIFE: Final = "/life"
 DECISIONS: Final = "/out/"
 TRUTH: Final = "/truth/pose"
 KIND: Final = "kind"
-"""The key that says of which of several kinds an object is."""
+"""Key that names the type of an object of a union."""
 MAX_TIME_S: Final = 2.0**33
-"""Of a clock; in UTC the year 2242."""
+"""Upper bound of clock times; in UTC the year 2242."""
 MAX_FRAME_OCTETS: Final = 1 << 25
-"""Of a picture: several times what cameras of rovers send."""
+"""Maximum size of a picture: several times the size of rover camera pictures."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingTopic:
-    """A topic, and what its messages hold.
+    """A topic, and the type of its messages.
 
     Attributes:
-        kind: of the items; of an `Observed` that of its fact.
+        kind: type of the items; for an `Observed` the type of its fact.
     """
 
     name: str
@@ -79,12 +79,12 @@ TOPICS: Final[Mapping[str, RecordingTopic]] = {
         RecordingTopic(TRUTH, Truth),
     )
 }
-"""All topics by their names."""
+"""All topics by name."""
 _OF_KIND: Final = {topic.kind: topic for topic in TOPICS.values()}
 
 
 def topic_of(item: Item) -> RecordingTopic:
-    """Return the topic that an item belongs to."""
+    """Return the topic of an item."""
     if isinstance(item, Called):
         return TOPICS[f"/in/{item.call.value}"]
     return _OF_KIND[type(item.fact) if isinstance(item, Observed) else type(item)]
@@ -97,15 +97,15 @@ def plain_of(item: Item) -> dict[str, Any]:
 
 
 def encode(item: Item) -> bytes:
-    """Return the text of an item."""
+    """Return the JSON text of an item, UTF-8 encoded."""
     return text_of(plain_of(item)).encode()
 
 
 def decode(topic: RecordingTopic, data: bytes) -> Any:
-    """Return the item that a message of a topic holds.
+    """Return the item in a message of a topic.
 
     Raises:
-        Exception: it holds no such item, or one that no executive records.
+        Exception: the data are no such item, or one that no executive records.
     """
     kind = Observed if topic.kind in get_args(Fact) else topic.kind
     item: Item = _converter().structure(json.loads(data), kind)
@@ -121,7 +121,7 @@ def decode(topic: RecordingTopic, data: bytes) -> Any:
 
 def _require(is_met: bool, what: str) -> None:
     if not is_met:
-        raise ValueError(f"a {what} is none that an executive records")
+        raise ValueError(f"invalid {what}: no executive records it")
 
 
 @cache
@@ -153,15 +153,15 @@ def _plain(value: float) -> float | str:
 
 
 def _number(raw: float | str, _: type) -> float:
-    """Return a number as it was, whole ones as such: texts show the difference."""
-    number = float(raw)  # raises for what is none, or too large
+    """Return a number in its original type, int or float, because texts show the difference."""
+    number = float(raw)  # raises for other types, and for numbers that are too large
     return number if isinstance(raw, str) else raw
 
 
 def _integer(raw: object, _: type) -> int:
-    """Return a whole number that the ledger and the wire can hold."""
+    """Return an integer within the 64 bits of ledger and wire."""
     if not isinstance(raw, int) or not -(1 << 63) <= raw < 1 << 63:
-        raise ValueError("no whole number of 64 bits")
+        raise ValueError("not an integer of 64 bits")
     return raw
 
 

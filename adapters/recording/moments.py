@@ -1,4 +1,4 @@
-"""A recording as moments: the tree, the mode, the place and the commands at any time of a run."""
+"""A recording as moments: tree, mode, position and commands at any time of a run."""
 
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -28,12 +28,12 @@ class Moment:
     """A tick of a run.
 
     Attributes:
-        time_s: since the beginning of the recording.
-        snapshot: the tree, and why the rover stood or moved when its mode changed last.
-        since_s: by the path of each node, when it changed last.
-        pose: by odometry; None before the first.
-        commands: the last report of each command, in the order of their arrival.
-        told: what was reported in this tick.
+        time_s: time since the beginning of the recording.
+        snapshot: the tree, and the reason of the latest mode change.
+        since_s: time of the latest change of each node, by its path.
+        pose: pose by odometry; None before the first.
+        commands: the latest report of each command, in order of arrival.
+        told: reports of this tick.
     """
 
     time_s: float
@@ -48,10 +48,10 @@ class RecordedMoments:
     """All moments of a recording.
 
     Attributes:
-        asset: whose run it is.
+        asset: name of the recorded rover.
 
     Raises:
-        RecordingError: the file cannot be used as a recording, or holds no tick.
+        RecordingError: the file cannot be used as a recording, or contains no tick.
     """
 
     def __init__(self, path: Path) -> None:
@@ -61,7 +61,7 @@ class RecordedMoments:
         self._times_s = [each.time_s for each in self.moments]
 
     def index_at(self, time_s: float) -> int:
-        """Return the number of the last moment that is not after a time; 0 before the first."""
+        """Return the index of the last moment at or before a time; 0 before the first."""
         return max(0, bisect_right(self._times_s, time_s + 1e-6) - 1)
 
     def index_of(self, name: str) -> int | None:
@@ -76,7 +76,7 @@ class RecordedMoments:
         return found
 
     def next_event(self, index: int, step: int) -> int:
-        """Return the nearest moment with reports after (step 1) or before (-1) one, else itself."""
+        """Return the next (step 1) or previous (-1) moment with reports; without one, `index`."""
         at = index + step
         while 0 <= at < len(self.moments):
             if self.moments[at].told:
@@ -129,4 +129,4 @@ class RecordedMoments:
                     pass
         end()
         if not self.moments:
-            raise RecordingError(f"{path}: holds no tick")
+            raise RecordingError(f"{path}: contains no tick")

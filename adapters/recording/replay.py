@@ -1,4 +1,4 @@
-"""Replays a recording: the same inputs through the core, and whether it decides the same."""
+"""Replay of a recording: runs the core on the same inputs, and compares its decisions."""
 
 import json
 import tempfile
@@ -44,12 +44,12 @@ from trees import RoverTree, TreeNodeSnapshot
 
 NOTHING: Final = "nothing"
 LONGEST: Final = 200
-"""Characters that are shown of a decision."""
+"""Maximum characters shown of a decision."""
 
 
 @dataclass(slots=True)
 class RecordedEntry:
-    """An entry of the core, with what came in during it and what was decided in it."""
+    """An entry of the core, with the inputs and the decisions during it."""
 
     entry: Entry
     inputs: list[Input | Entry] = field(default_factory=list)
@@ -58,16 +58,16 @@ class RecordedEntry:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first decision that is another one.
+    """The first decision that differs.
 
     Attributes:
-        number: of the entry in the recording, from 1.
-        entry: its topic.
-        time_s: of the entry, since the first.
-        recorded, replayed: the decision; None where there is none.
-        raised: what the core raised instead; empty if it did not.
-        tree: as replayed, after the entry.
-        then: what nodes of it were in the recording, by their paths; of those that differ.
+        number: number of the entry in the recording, from 1.
+        entry: topic of the entry.
+        time_s: time of the entry since the first.
+        recorded, replayed: the decisions; None if there is none.
+        raised: exception of the core as text; empty if there is none.
+        tree: tree of the replay after the entry.
+        then: recorded state of the nodes that differ, by their paths.
     """
 
     number: int
@@ -81,7 +81,7 @@ class Difference:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Both decisions, a line each; of two of one kind, a line for each part that differs."""
+        """Both decisions, a line each; for two of one type, a line for each field that differs."""
         then, now = self.recorded, self.replayed
         if self.raised:
             return f"recorded: {_told(then)}", f"replayed: {self.raised}"
@@ -97,7 +97,7 @@ class Difference:
 
 
 def _parts(value: object, path: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the numbers and texts in plain data, with their places."""
+    """Yield path and JSON text of each number and text in plain data."""
     if isinstance(value, dict):
         for key, part in value.items():
             yield from _parts(part, f"{path}.{key}" if path else key)
@@ -121,7 +121,7 @@ class ChangedReport:
     """A report that is only in the recording, or only in its replay.
 
     Attributes:
-        time_s: since the first entry.
+        time_s: time since the first entry.
         recorded: whether it is in the recording.
     """
 
@@ -132,15 +132,15 @@ class ChangedReport:
 
 @dataclass(frozen=True, slots=True)
 class ReplayResult:
-    """What a replay came to.
+    """Result of a replay.
 
     Attributes:
-        lives: how often the executive started.
-        entries, ticks, decisions: how many were compared.
-        duration_s: from the first entry to the last.
-        whole: whether the recording was closed in good order.
-        difference: the first; None where there is none.
-        reports: those that differ, with other settings.
+        lives: number of starts of the executive.
+        entries, ticks, decisions: numbers that were compared.
+        duration_s: time from the first entry to the last.
+        whole: whether the recording was closed properly.
+        difference: the first difference, or None.
+        reports: reports that differ, if other settings were given.
     """
 
     lives: int
@@ -157,9 +157,9 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
     """Replay a recording up to the first difference.
 
     Args:
-        path: of the recording.
-        settings: other than those of the run. Then it is replayed to its end, though the recorded
-            sensors do not answer to what the rover is commanded from the first difference on.
+        path: first file of the recording.
+        settings: settings to replace those of the run. The replay then continues to the end,
+            although recorded sensors do not follow commands that differ.
 
     Raises:
         RecordingError: the file cannot be used as a recording, or is of another asset.
@@ -179,7 +179,7 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
                         _with(each, settings, path), Path(folder, str(lives)), reader
                     )
                 except (OSError, ValueError) as error:
-                    raise RecordingError(f"{path}: its files cannot be made: {error}") from error
+                    raise RecordingError(f"{path}: cannot create its files: {error}") from error
                 continue
             if core is None:
                 raise RecordingError(f"{path}: begins in the middle, without {LIFE}")
@@ -198,7 +198,7 @@ def replay(path: Path, settings: Settings | None = None) -> ReplayResult:
         if core is not None:
             core.end()
     if lives == 0:
-        raise RecordingError(f"{path}: holds no run")
+        raise RecordingError(f"{path}: contains no run")
     return ReplayResult(
         lives, entries, ticks, decisions, time_s, reader.whole, difference, tuple(reports)
     )
@@ -226,14 +226,14 @@ def _other_reports(
 def _reports(
     reader: RunReader, decisions: Sequence[RecordedMessage]
 ) -> dict[tuple[object, ...], Report]:
-    """Return the reports by what they say; neither their numbers nor their figures count."""
+    """Return the reports by identity, stage, reason and text, ignoring numbers and figures."""
     found = (reader.decoded(each) for each in decisions if each.topic.kind is Reported)
     reports = (each.report for each in found)
     return {(each.identity, each.stage, each.reason, each.text): each for each in reports}
 
 
 def _entries(reader: RunReader) -> Iterator[Life | RecordedEntry]:
-    """Yield lives and entries; the last entry of a file that was not closed may lack its end."""
+    """Yield starts and entries; omit a truncated file's last entry, which may lack items."""
     current: RecordedEntry | None = None
     for message in reader.messages():
         if message.topic.name == TRUTH:
@@ -259,11 +259,11 @@ def _entries(reader: RunReader) -> Iterator[Life | RecordedEntry]:
 
 
 class _ReplayedCore:
-    """The executive of one life, in a folder of its own.
+    """Executive of one recorded start, in a folder of its own.
 
     Attributes:
-        decisions: of the last entry.
-        raised: what it raised; empty if it did not.
+        decisions: decisions of the last entry.
+        raised: exception of the last entry as text; empty if there was none.
     """
 
     def __init__(self, life: Life, folder: Path, reader: RunReader) -> None:
@@ -306,7 +306,7 @@ class _ReplayedCore:
             self._enter(recorded)
         except RecordingError:
             raise
-        except Exception as error:  # of code that was changed
+        except Exception as error:  # raised by changed code
             at = traceback.extract_tb(error.__traceback__)[-1]
             self.raised = f"{type(error).__name__}: {error} (line {at.lineno} of {at.filename})"
         for message in recorded.decisions:
@@ -317,7 +317,7 @@ class _ReplayedCore:
                     self._states.pop(path, None)
 
     def difference(self, recorded: RecordedEntry, number: int, time_s: float) -> Difference | None:
-        """Return the first decision of the entry that is another one."""
+        """Return the first decision of the entry that differs, or None."""
         pairs = zip_longest(recorded.decisions, self.decisions)
         then, now = next((pair for pair in pairs if pair[0] != pair[1]), (None, None))
         if then is None and now is None and not self.raised:
@@ -329,7 +329,7 @@ class _ReplayedCore:
         return Difference(number, name, time_s, then, now, self.raised, tree, self._then(tree))
 
     def _then(self, tree: Sequence[TreeNodeSnapshot]) -> dict[str, str]:
-        """Return what each node was in the recording, of those that were something else."""
+        """Return the recorded state of each node that differs."""
         told: dict[str, str] = {}
         for node in tree if self._states else ():
             state = self._states.get(node.path)
@@ -340,7 +340,7 @@ class _ReplayedCore:
         return told
 
     def end(self) -> None:
-        """End it as a crash would."""
+        """End it like a crash."""
         if self._executive is not None:
             self._executive.abandon()
 
@@ -351,7 +351,7 @@ class _ReplayedCore:
             return
         executive = self._executive
         if executive is None:
-            raise RecordingError(f"{topic_of(entry).name} stands before /in/start")
+            raise RecordingError(f"{topic_of(entry).name} precedes /in/start")
         if any(isinstance(each, GroundHeard) for each in recorded.inputs):
             executive.ground.hear()
         match entry:

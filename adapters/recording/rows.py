@@ -1,9 +1,8 @@
-"""Items of a recording as rows: the names of their parts once in a file, then values alone.
+"""Items of a recording as rows: field names are stored once in a file, then only values.
 
-A batch is a JSON object. `shapes` are those that its rows are the first to use: a topic, and the
-names in its messages, nested as they are. Each of `rows` is the number of its shape, in the order
-in which the file brings them, and the values. So a message comes back as it was, to the last
-character.
+A batch is a JSON object. `shapes` lists the shapes first used by its rows: a topic, and the field
+names of its messages, nested as they are. Each of `rows` is a shape index, counted through the
+file, and the values. So the text of a message is restored exactly.
 """
 
 import json
@@ -14,27 +13,27 @@ from typing import Any, Final
 from adapters.recording.container import DamageError, damage_in
 
 Shape = tuple["str | tuple[str, Shape]", ...]
-"""Names of parts; with its own shape where a part is an object."""
+"""Field names; with a shape of its own for a field that is an object."""
 
 MAX_VALUES: Final = 500_000
-"""In a batch, each of up to 72 octets in memory. Measured: 9,000 with a laser of 720 rays."""
+"""Maximum values of a batch, up to 72 octets each. Measured: 9,000 with a laser of 720 rays."""
 _SURROGATE: Final = re.compile(rb"\\u[dD][89a-fA-F]")
-"""What begins an escaped surrogate."""
+"""Begin of an escaped surrogate."""
 _TIMES: Final = ("now_s", "utc_s")
 _SHAPES: Final = "shapes"
 _ROWS: Final = "rows"
 
 
 def text_of(plain: object) -> str:
-    """Return the JSON text of plain data; texts that differ are data that differ."""
+    """Return the JSON text of plain data; different data have different texts."""
     return json.dumps(plain, allow_nan=False, separators=(",", ":"))
 
 
 class RowWriter:
-    """Makes batches of the messages that a file holds.
+    """Packs messages into batches.
 
     Attributes:
-        size_octets: of the batch that is being filled.
+        size_octets: size of the present batch.
     """
 
     def __init__(self) -> None:
@@ -56,7 +55,7 @@ class RowWriter:
         self.size_octets += len(row)
 
     def take(self) -> bytes | None:
-        """Return the batch, and begin another; None where nothing was put."""
+        """Return the batch and start another; None if it is empty."""
         if not self._rows:
             return None
         shapes, rows = ",".join(self._shapes), ",".join(self._rows)
@@ -74,11 +73,11 @@ class RowReader:
         """Return the messages of the next batch.
 
         Raises:
-            DamageError: it is no batch, or not the next.
+            DamageError: it is not a batch, or not the next one.
         """
         with damage_in("a batch of rows"):
             raw = _parsed(batch)
-            # A dictionary refuses what is no name.
+            # A dictionary rejects unhashable values, which are not names.
             self._shapes += dict.fromkeys((topic, _shape(names)) for topic, names in raw[_SHAPES])
             found = []
             for number, *values in raw[_ROWS]:
@@ -88,7 +87,7 @@ class RowReader:
 
 
 class RecordedRow:
-    """A message whose text is made only where it is wanted."""
+    """A message whose text is created on demand."""
 
     __slots__ = ("_shape", "_values", "topic")
 
@@ -99,7 +98,7 @@ class RecordedRow:
 
     @property
     def utc_s(self) -> float | None:
-        """The wall clock of an entry of the core; None of another message."""
+        """Wall clock time of an entry of the core; None for other messages."""
         if self._shape[:2] != _TIMES or len(self._values) < 2:
             return None
         return self._values[1] if isinstance(self._values[1], float) else None
@@ -109,13 +108,13 @@ class RecordedRow:
         """The JSON text of the message.
 
         Raises:
-            DamageError: it has not the values of its shape, or such as JSON has not.
+            DamageError: the values do not match the shape, or cannot be JSON.
         """
         values = iter(self._values)
         try:
             text = text_of(_put_together(self._shape, values))
         except (StopIteration, ValueError, RecursionError) as error:
-            raise DamageError(f"a row cannot be read: {error!r}") from error
+            raise DamageError(f"a row cannot be decoded: {error!r}") from error
         if next(values, self) is not self:
             raise DamageError("a row is longer than its shape")
         return text.encode()
@@ -147,10 +146,10 @@ def _shape(names: list[Any]) -> Shape:
 
 
 def _parsed(batch: bytes) -> Any:
-    """Return what a batch holds; raise ValueError for too much, and for texts beyond Unicode."""
+    """Decode a batch; raise ValueError if it is too large, or has texts that are not Unicode."""
     if sum(map(batch.count, (b",", b"[", b"{"))) > MAX_VALUES:
         raise ValueError(f"more than {MAX_VALUES} values")
     raw = json.loads(batch.decode())
     if _SURROGATE.search(batch):
-        json.dumps(raw, ensure_ascii=False).encode()  # raises for half of a pair of surrogates
+        json.dumps(raw, ensure_ascii=False).encode()  # raises for an unpaired surrogate
     return raw

@@ -1,4 +1,4 @@
-"""A recording as an MCAP file: chunks that zstd packs, of batches of items, and of their view."""
+"""A recording as an MCAP file: zstd chunks with batches of items, and with their view."""
 
 import logging
 import re
@@ -30,14 +30,14 @@ from executive.core.recording import Entry, Item, is_within
 _LOG = logging.getLogger(__name__)
 
 PROFILE: Final = "rover-run-2"
-"""Of the files that are written and read here: what their messages are."""
+"""MCAP profile of the files written and read here; names the version of their messages."""
 LIBRARY: Final = "rover-executive"
 BROKE_OFF: Final = "broke off"
-"""The metadata of a file that was completed later."""
+"""Name of the metadata record in a file that was completed later."""
 RUN: Final = "/run"
-"""The topic of the batches."""
+"""Topic of the batches."""
 MIN_ROWS: Final = 20_000
-"""What any file may hold; beyond that one for each packed octet. Measured: 0.2 at rest."""
+"""Rows allowed in any file; beyond that one for each packed octet. Measured: 0.2 at rest."""
 BATCH_S: Final = 1.0
 LARGEST_BATCH: Final = 1 << 18
 SUFFIX: Final = ".mcap"
@@ -45,26 +45,26 @@ _NO_SCHEMA: Final = 0
 
 
 def part_of(path: Path, number: int) -> Path:
-    """Return the file in which a recording goes on: 2 is the first of them."""
+    """Return the file with this number of a recording; 1 is the first, 2 its continuation."""
     return path if number == 1 else path.with_suffix(f".{number}{SUFFIX}")
 
 
 def first_parts(folder: Path) -> list[Path]:
-    """Return the recordings in a folder and those below it, each by the file it begins in."""
+    """Return the recordings in a folder and below, each by its first file."""
     found = sorted(folder.rglob(f"*{SUFFIX}"))
     return [path for path in found if not re.search(rf"\.\d+\{SUFFIX}$", path.name)]
 
 
 class RunFile:
-    """The file that a run is recorded in, made anew, and complete once it is closed.
+    """Newly created file of a recording; it is complete once it is closed.
 
-    Where it can no longer be written, as on a full disk, the recording ends and the run goes on.
+    If it cannot be written, for example on a full disk, the recording ends and the run continues.
 
     Attributes:
-        ended: whether it can no longer be written.
+        ended: whether it cannot be written any longer.
 
     Raises:
-        OSError: it cannot be made.
+        OSError: it cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -87,17 +87,17 @@ class RunFile:
 
     @property
     def size_octets(self) -> int:
-        """How much is in the file; what was put since the last flush may come on top."""
+        """Size of the file; items added since the last flush may be missing."""
         return self._file.tell()
 
     def flush(self) -> None:
-        """Hand what was put to the system, so that the end of this process does not lose it."""
+        """Pass buffered items to the operating system, so that the end of this process is safe."""
         self._or_end(self._flush)
 
     def continued(self, path: Path) -> "RunFile":
-        """Close it, and return the file in which the recording goes on.
+        """Close it, and return the file that continues the recording.
 
-        Where that cannot be made, the recording ends.
+        If that cannot be created, the recording ends.
         """
         self.close()
         try:
@@ -112,13 +112,13 @@ class RunFile:
         return following
 
     def close(self) -> None:
-        """Write what is left, and the index."""
+        """Write the remaining items and the index."""
         self._or_end(self._finish)
-        with suppress(OSError):  # of what is left in its buffer once the recording has ended
+        with suppress(OSError):  # for octets in its buffer after the recording has ended
             self._file.close()
 
     def _or_end(self, step: Callable[[], object]) -> None:
-        """Take a step unless the recording has ended; end it if the file cannot be written."""
+        """Run a step unless the recording has ended; end it if the file cannot be written."""
         if self.ended:
             return
         try:
@@ -165,7 +165,7 @@ class RunFile:
         )
 
     def _channel(self, topic: str) -> int:
-        """Return the channel of a topic of the view, which is made for its first message."""
+        """Return the channel of a topic of the view; create it for its first message."""
         known = self._channels.get(topic)
         if known is None:
             kind = VIEW_TOPICS[topic]
@@ -185,16 +185,16 @@ class RecordedMessage:
 
 
 class RunReader:
-    """Reads a recording, with the files in which it goes on, up to the first damage.
+    """Reads a recording, with its continuation files, up to the first damage.
 
-    What is behind a damaged part builds on what is lost with it.
+    Content behind a damaged part is not read, because it depends on the lost part.
 
     Args:
-        is_wanted: whether to go on; asked before each chunk, on the thread that reads.
+        is_wanted: returns whether to continue; called before each chunk, on the reading thread.
 
     Attributes:
-        path: of the first file.
-        whole: whether the last file was closed in good order; known at its end.
+        path: path of the first file.
+        whole: whether the last file was closed properly; known at its end.
         damaged: whether damage ended the reading; known at its end.
     """
 
@@ -205,10 +205,10 @@ class RunReader:
         self._is_wanted = is_wanted
 
     def messages(self, kinds: Collection[type] | None = None) -> Iterator[RecordedMessage]:
-        """Yield the messages in the order in which they were written.
+        """Yield the messages in the order of writing.
 
         Args:
-            kinds: of items, facts by their own; the others are skipped unread. None for all.
+            kinds: types of items, facts by their own; others are not decoded. None for all.
 
         Raises:
             RecordingError: the file cannot be read, is no recording, or damaged at its beginning.
@@ -237,15 +237,15 @@ class RunReader:
                 return
 
     def decoded(self, message: RecordedMessage) -> Any:
-        """Return the item that a message holds.
+        """Return the item in a message.
 
         Raises:
-            RecordingError: it holds none.
+            RecordingError: the message contains no valid item.
         """
         try:
             return decode(message.topic, message.data)
         except Exception as error:  # cattrs raises groups of many kinds
-            text = f"{self.path}: a message of {message.topic.name} cannot be read: {error}"
+            text = f"{self.path}: message of {message.topic.name} cannot be decoded: {error}"
             raise RecordingError(text) from error
 
     def _rows(self, file: IO[bytes]) -> Iterator[RecordedRow]:
@@ -254,7 +254,7 @@ class RunReader:
         unpacker, reader, runs, broke_off, rows = Unpacker(), RowReader(), set[int](), False, 0
         for record in read_records(file):
             if not self._is_wanted():
-                raise RecordingError(f"{self.path}: nobody waits for it any more")
+                raise RecordingError(f"{self.path}: reading was cancelled")
             if record.opcode == HEADER and (profile := record.parsed(Header).profile) != PROFILE:
                 raise RecordingError(
                     f"{self.path}: is no recording of this version ({PROFILE}), but"

@@ -1,4 +1,4 @@
-"""The world of a recorded run, which plays again what it did then: commands, answers, the time."""
+"""Ports of a replayed core, driven by the recording: inbox, ledger, solver, clock, and rover."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -33,42 +33,42 @@ from executive.values.ports import CameraIntent, WholeMotion
 
 
 class RecordedClock:
-    """Shows the time of the recording."""
+    """Clock that returns the times of the recording."""
 
     def __init__(self) -> None:
         self.entry: Entry = Called(0.0, 0.0, Call.START)
 
     def now_s(self) -> float:
-        """Return the monotonic time of the entry under way."""
+        """Return the monotonic time of the present entry."""
         return self.entry.now_s
 
     def utc_s(self) -> float:
-        """Return the wall clock's time of the entry under way."""
+        """Return the wall clock time of the present entry."""
         return self.entry.utc_s
 
 
 class Decisions:
-    """Keeps the decisions of the entry under way."""
+    """Collects the decisions of the present entry."""
 
     def __init__(self) -> None:
         self.decisions: list[RecordedMessage] = []
 
     def put(self, item: Item) -> None:
-        """Keep a decision."""
+        """Store an item if it is a decision."""
         topic = topic_of(item)
         if topic.name.startswith(DECISIONS):
             self.decisions.append(RecordedMessage(topic, encode(item)))
 
 
 Scripted = Served | AuthorityRequest | Noticed | MadeSafe
-"""What is taken from the inbox: commands, and what questions of other threads did."""
+"""Items that the inbox replays: commands, and effects of queries by other threads."""
 
 
 class ReplayInbox(Inbox):
-    """Hands over the commands and the questions of the recording, in its order.
+    """Delivers the recorded commands and queries in order.
 
     Attributes:
-        core: whom the questions ask.
+        core: the executive that the queries run on.
     """
 
     def __init__(self) -> None:
@@ -80,20 +80,20 @@ class ReplayInbox(Inbox):
         self.core: Executive | None = None
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
-        """Take what comes in during the next entry."""
+        """Load the inputs of the next entry."""
         self._script = [each for each in inputs if isinstance(each, Scripted)]
         came = (each.looks for each in inputs if isinstance(each, StopWaited))
         self._checks, self._stop_came = 0, next(came, inf)
 
     @property
     def stop_waits(self) -> bool:
-        """Whether a stop had come at this look."""
+        """Whether a stop was pending at this check of the recorded run."""
         self._checks += 1
         return self._checks > self._stop_came
 
     @property
     def stops_now(self) -> int:
-        """How many stops are first in the script."""
+        """Number of stops at the head of the script."""
         flags = [
             isinstance(e, Served) and isinstance(e.command.request, Stop) for e in self._script
         ]
@@ -101,7 +101,7 @@ class ReplayInbox(Inbox):
 
     @property
     def items_now(self) -> int:
-        """How many others are behind them."""
+        """Number of other items in the script."""
         return len(self._script) - self.stops_now
 
     def take_stop(self) -> Submission:
@@ -109,12 +109,12 @@ class ReplayInbox(Inbox):
         return self._submission(self._script.pop(0))
 
     def take(self) -> Submission | Question:
-        """Return the next command, or what a question did."""
+        """Return the next command, or a function with the effect of a query."""
         item = self._script.pop(0)
         return self._submission(item) if isinstance(item, Served) else partial(self._ask, item)
 
     def overtaken(self, submission: Submission) -> bool:
-        """Return whether a stop had overtaken it."""
+        """Return whether a stop had overtaken the submission."""
         return submission.arrival in self._overtaken
 
     def _ask(self, item: Scripted) -> None:
@@ -139,7 +139,7 @@ class ReplayInbox(Inbox):
 
 
 def notice(core: Executive, item: Noticed | MadeSafe) -> None:
-    """Have the core do what another thread asked of it."""
+    """Apply to the core what another thread requested."""
     if isinstance(item, Noticed):
         core.event(item.severity, item.text, item.figures, item.kind)
     else:
@@ -147,7 +147,7 @@ def notice(core: Executive, item: Noticed | MadeSafe) -> None:
 
 
 class ReplayLedger(Ledger):
-    """Fails where that of the recording did."""
+    """Ledger whose commits fail where the recorded ones failed."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, Synchronous.NORMAL)
@@ -155,13 +155,13 @@ class ReplayLedger(Ledger):
         self._commits = 0
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
-        """Take which commits of the next entry fail."""
+        """Load the failing commits of the next entry."""
         failed = (each for each in inputs if isinstance(each, CommitFailed))
         self._failures = {each.commits: each.text for each in failed}
         self._commits = 0
 
     def commit(self) -> None:
-        """Write what has gathered, or fail as in the recording."""
+        """Commit, or fail as in the recording."""
         text = self._failures.get(self._commits)
         self._commits += 1
         if text is None:
@@ -172,7 +172,7 @@ class ReplayLedger(Ledger):
 
 
 class ReplaySolver:
-    """Answers as in the recording."""
+    """Solver that returns the recorded results."""
 
     def __init__(self, lead_ticks: int) -> None:
         self.lead_ticks = lead_ticks
@@ -180,58 +180,58 @@ class ReplaySolver:
         self._busy: list[bool] = []
 
     def load(self, inputs: Sequence[Input | Entry]) -> None:
-        """Take what is answered in the next entry."""
+        """Load the results of the next entry."""
         self._plans = [each.plan for each in inputs if isinstance(each, SolverAnswered)]
         self._busy = [each.busy for each in inputs if isinstance(each, SolverBusy)]
 
     @property
     def busy(self) -> bool:
-        """Whether it was at a question at this look."""
+        """Whether the solver was busy at this check of the recorded run."""
         return self._busy.pop(0) if self._busy else False
 
     def ask(self, problem: TrajectoryProblem) -> None:
-        """Leave it to the recording."""
+        """Ignore the request: the recording has the result."""
 
     def answer(self) -> Trajectory | None:
-        """Return the next answer of the recording."""
+        """Return the next recorded result."""
         return self._plans.pop(0) if self._plans else None
 
     def beside(self, apart: bool = False) -> "ReplaySolver":
-        """Return itself: what all were answered is recorded in one order."""
+        """Return itself: the results of all solvers are recorded in one order."""
         return self
 
 
 class NullVideo:
-    """A video stream that nobody sees."""
+    """Video stream without output."""
 
     def __init__(self) -> None:
         self.on = False
 
     def switch(self, on: bool) -> None:
-        """Note whether it is on."""
+        """Store whether it is on."""
         self.on = on
 
 
 class NullRover:
-    """A rover that does nothing: the facts of the recording say what it did."""
+    """Rover without effect: the recorded facts contain the motion."""
 
     def drive(self, velocity: Velocity) -> None:
-        """Do nothing."""
+        """Ignored."""
 
     def carry_out(self, motion: WholeMotion) -> None:
-        """Do nothing."""
+        """Ignored."""
 
     def halt(self) -> None:
-        """Do nothing."""
+        """Ignored."""
 
     def point_camera(self, wanted: CameraIntent) -> None:
-        """Do nothing."""
+        """Ignored."""
 
     def request_frame(self) -> None:
-        """Do nothing."""
+        """Ignored."""
 
     def emergency_stop(self) -> None:
-        """Do nothing."""
+        """Ignored."""
 
     def lock(self, held: bool) -> None:
-        """Do nothing."""
+        """Ignored."""

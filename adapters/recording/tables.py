@@ -1,4 +1,4 @@
-"""A recording as tables of pandas."""
+"""A recording as pandas tables."""
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -16,14 +16,14 @@ _TIMES: Final = ("now_s", "utc_s", "time_s")
 
 
 def frames(path: Path | str, topics: Collection[str] = TOPICS) -> "dict[str, DataFrame]":
-    """Return a table for each topic that has messages, but for `/life`.
+    """Return a table for each topic that has messages, except `/life`.
 
-    The index is the time in seconds since the first call of the core. The columns are the parts of
-    the messages, as `pose.x_m`; of a list of numbers each has its own, as `left_radps.0`. Other
-    lists are left as they are. `attrs["began_utc_s"]` says when it began.
+    The index is the time in seconds since the first call of the core. The columns are the fields of
+    the messages, such as `pose.x_m`; lists of numbers have a column each, such as `left_radps.0`.
+    Other lists stay as they are. `attrs["began_utc_s"]` is the begin of the recording.
 
     Raises:
-        RecordingError: the file cannot be used as a recording, or holds no run.
+        RecordingError: the file cannot be used as a recording, or contains no run.
     """
     from pandas import DataFrame, Index
 

@@ -1,4 +1,4 @@
-"""A recording read for people: its items with the time since its beginning, and its history."""
+"""Items of a recording with their time since its beginning, and its run history."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ _ALWAYS: Final = frozenset({Life, *get_args(Entry)})
 
 @dataclass(frozen=True, slots=True)
 class TimedItem:
-    """An item, and when it came.
+    """An item with its time.
 
     Attributes:
-        time_s: since the first entry, by the wall clock aboard.
-        utc_s: the same, seconds since 1970-01-01 UTC.
+        time_s: time since the first entry, by the onboard wall clock.
+        utc_s: the same in seconds since 1970-01-01 UTC.
     """
 
     time_s: float
@@ -29,12 +29,12 @@ class TimedItem:
 
 
 def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem]:
-    """Yield the items of some kinds in their order, and all starts and calls.
+    """Yield the items of the given types in order, and all starts and calls.
 
-    Facts are named by their own kinds; the others are skipped unread.
+    Facts are selected by their own types; other items are skipped without decoding.
 
     Raises:
-        RecordingError: the file cannot be used as a recording, or holds no run.
+        RecordingError: the file cannot be used as a recording, or contains no run.
     """
     wanted = _ALWAYS | frozenset(kinds)
     began_s: float | None = None
@@ -44,7 +44,7 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem
         item: Item = reader.decoded(message)
         if isinstance(item, Life):
             life = item
-            continue  # its time is that of the entry after it
+            continue  # it gets the time of the following entry
         at_s = utc_s
         if isinstance(item, Entry):
             at_s = utc_s = item.utc_s
@@ -60,16 +60,16 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem
             life = None
         yield TimedItem(at_s - began_s, at_s, item)
     if began_s is None:
-        raise RecordingError(f"{reader.path}: holds no run")
+        raise RecordingError(f"{reader.path}: contains no run")
 
 
 def read_history(path: Path, until_s: float | None = None) -> tuple[RunHistory, float]:
-    """Return what a recording knows, and when it began, seconds since 1970-01-01 UTC.
+    """Return the history of a recorded run, and its begin in seconds since 1970-01-01 UTC.
 
-    What came later than `until_s` after its beginning is left out.
+    Items later than `until_s` after its beginning are omitted.
 
     Raises:
-        RecordingError: the file cannot be used as a recording, or holds no run.
+        RecordingError: the file cannot be used as a recording, or contains no run.
     """
     builder = HistoryBuilder(leaf_paths)
     began_utc_s: float | None = None

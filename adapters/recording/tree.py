@@ -1,4 +1,4 @@
-"""The behaviour tree of a recorded run, as the recording tells it."""
+"""Behaviour tree of a recorded run, rebuilt from the recording."""
 
 from dataclasses import replace
 from typing import Final
@@ -9,11 +9,11 @@ from executive.settings import Settings
 from trees import NodeKind, NodeStatus, TreeNodeSnapshot, preview
 
 _GUARDS: Final = {NodeKind.CONDITION, NodeKind.TAKE}
-"""What says nothing but which command it lets its branch work on."""
+"""Nodes whose message only names the command of their branch."""
 
 
 class RecordedTree:
-    """The tree of one life of an executive, kept up to date by what was recorded of it."""
+    """Behaviour tree of one start of an executive, updated by its recorded changes."""
 
     def __init__(self, settings: Settings) -> None:
         self._static = preview(settings)
@@ -23,10 +23,10 @@ class RecordedTree:
         self._nodes: tuple[TreeNodeSnapshot, ...] | None = None
 
     def put(self, change: TreeChanged) -> tuple[str, ...]:
-        """Take a change; return the paths of the nodes that differ in more than their words.
+        """Apply a change; return the paths of nodes that differ in more than their message.
 
-        That is, those that came, have another status, or name another command: guards, and the
-        leaves of a plan.
+        These are new nodes, nodes with another status, and nodes that name another command: guards,
+        and the leaves of a plan.
         """
         self._nodes = None
         others = []
@@ -41,7 +41,7 @@ class RecordedTree:
         return tuple(others)
 
     def nodes(self) -> tuple[TreeNodeSnapshot, ...]:
-        """Return the nodes as they are now; those of a plan stand first below the root."""
+        """Return the present nodes; those of a plan are first below the root."""
         if self._nodes is None:
             self._nodes = self._drawn()
         return self._nodes

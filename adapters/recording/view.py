@@ -1,7 +1,7 @@
-"""What viewers such as Foxglove show of a recording: derived from its items, thinned, never read.
+"""View of a recording for viewers such as Foxglove: derived from its items, thinned, never read.
 
-Topics carry Foxglove's well-known schemas where there is one; numbers to plot, the mode and the
-tree have plain ones. Figures are rounded, and most topics have ten messages a second at most.
+Topics use Foxglove's well-known schemas if there is one; numbers to plot, the mode and the
+tree have plain ones. Figures are rounded, and most topics have at most ten messages a second.
 """
 
 import io
@@ -78,7 +78,7 @@ OFTEN_S: Final = 0.1
 SELDOM_S: Final = 0.5
 RARELY_S: Final = 1.0
 TRACK_S: Final = 3.0
-"""Between two messages of a topic."""
+"""Minimum periods between two messages of a topic."""
 
 _TRACK_M: Final = 0.2
 _MOST_PLACES: Final = 200
@@ -137,14 +137,14 @@ TOPICS: Final[Mapping[str, Schema]] = {
 
 @dataclass(frozen=True, slots=True)
 class ViewMessage:
-    """A message of the view."""
+    """A message of a topic of the view."""
 
     topic: str
     message: Plain
 
 
 class ViewBuilder:
-    """Makes messages of the items of a recording, in their order."""
+    """Derives the view's messages from the items of a recording, in order."""
 
     def __init__(self) -> None:
         self._utc_s = 0.0
@@ -164,12 +164,12 @@ class ViewBuilder:
         self._aim: Identity | None = None
 
     def again(self) -> None:
-        """Begin another file: what has not changed is shown in it, too."""
+        """Prepare for another file, which must contain the unchanged content, too."""
         self._still_shown = False
         self._tree_changed = True
 
     def of(self, item: Item) -> Iterator[ViewMessage]:
-        """Yield what is to be shown when an item comes."""
+        """Yield the messages that an item causes."""
         match item:
             case Life(settings=settings):
                 self._begin(settings)
@@ -205,7 +205,7 @@ class ViewBuilder:
                 pass
 
     def _due(self, topic: str, period_s: float) -> bool:
-        """Return whether a message is due, and take it as sent."""
+        """Return whether a message is due; if so, count it as sent."""
         if self._utc_s < self._due_s.get(topic, 0.0):
             return False
         self._due_s[topic] = self._utc_s + period_s - 1e-3
@@ -297,16 +297,16 @@ class ViewBuilder:
                 yield ViewMessage("/scene/goal", scene(self._utc_s))
 
     def _places(self, request: Motion) -> list[Point]:
-        """Return where a motion leads to from where the rover is."""
+        """Return the line ends of a motion that starts at the present pose."""
         segments = request.segments(self._pose)
         return [each.end.point for each in segments if isinstance(each, Line)]
 
 
 class _Track:
-    """Where the rover has been: few places, the farther apart the longer it is.
+    """Track of the rover: few points, at distances that grow with its length.
 
     Attributes:
-        places: all of them.
+        places: points of the track.
     """
 
     def __init__(self) -> None:
@@ -314,7 +314,7 @@ class _Track:
         self._apart_m = _TRACK_M
 
     def takes(self, place: Point) -> bool:
-        """Return whether a place is one of them, far enough from the last."""
+        """Add a point that is far enough from the last; return whether a line can be drawn."""
         if self.places and place.distance_m(self.places[-1]) < self._apart_m:
             return False
         if len(self.places) == _MOST_PLACES:
@@ -329,7 +329,7 @@ def _velocity(travel_mps: float, rotate_radps: float) -> Plain:
 
 
 def _known(figures: Iterable[tuple[str, float | None]]) -> Plain:
-    """Return the figures that there are."""
+    """Return the figures that are known and finite."""
     return {name: fine(value) for name, value in figures if value is not None and isfinite(value)}
 
 
@@ -338,14 +338,14 @@ def _mean(values: tuple[float, ...]) -> float:
 
 
 def _scan(utc_s: float, fact: LaserScan) -> Plain:
-    """Return a scan; where nothing came back it is 0, at the laser itself."""
+    """Return a scan; rays without a return have range 0, at the laser itself."""
     end_rad = fact.angle_min_rad + (len(fact.ranges_m) - 1) * fact.angle_increment_rad
     ranges_m = (round(each, 2) if isfinite(each) else 0.0 for each in fact.ranges_m)
     return laser_scan(utc_s, BASE_LINK, fact.angle_min_rad, end_rad, ranges_m)
 
 
 def _still(settings: Settings, utc_s: float) -> Iterator[ViewMessage]:
-    """Yield what does not change in a life."""
+    """Yield the messages that do not change during a run of the executive."""
     footprint = settings.footprint
     if footprint is not None:
         size_m = (footprint.length_m, footprint.width_m, _HEIGHT_M)
@@ -369,7 +369,7 @@ def _zone(utc_s: float, zone: KeepIn | KeepOut | KnownRock) -> Plain:
 
 
 def _thumbnail(picture: bytes) -> bytes | None:
-    """Return a small JPEG of a picture; None where Pillow is not installed, or cannot read it."""
+    """Return a small JPEG of a picture; None without Pillow, or if it cannot be decoded."""
     try:
         from PIL import Image
     except ImportError:

@@ -174,9 +174,9 @@ async def test_a_file_of_a_browser_is_opened_and_closed(drive: Path, tmp_path: P
 async def test_what_is_no_recording_is_refused_and_not_kept(drive: Path, tmp_path: Path) -> None:
     async with at_console(tmp_path, NOBODY, "anna") as (anna,):
         for content, why in (
-            (b"", "run.mcap: holds no run"),
+            (b"", "run.mcap: contains no run"),
             (b"not at all", "run.mcap: is no MCAP file, or damaged"),
-            (drive.read_bytes()[:40], "run.mcap: holds no run"),
+            (drive.read_bytes()[:40], "run.mcap: contains no run"),
         ):
             status, answer = await anna.ask("POST", "api/recordings/run.mcap", data=content)
             assert (status, answer["field"]) == (422, "file")
@@ -267,5 +267,5 @@ async def test_reading_ends_when_who_sent_the_file_disconnects(
         is_gone.set()
         while list(kept.iterdir()):
             await asyncio.sleep(0)
-        assert [each.endswith("nobody waits for it any more") for each in told] == [True]
+        assert [each.endswith("reading was cancelled") for each in told] == [True]
         assert (await anna.get("api/dictionary"))["assets"] == {}

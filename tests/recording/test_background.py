@@ -99,7 +99,7 @@ def test_a_full_disk_ends_the_recording_and_tells_once(
         tape.put(tick(1))
         said = told.get(timeout=PATIENCE_S)
         tape.put(tick(2))
-    assert said == "the recording full ends: it cannot be written; the rover goes on"
+    assert said == "the recording full ends: it cannot be written; the rover continues"
     assert told.empty()
 
 

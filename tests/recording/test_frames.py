@@ -49,7 +49,7 @@ def test_what_is_not_finite_is_a_number(tmp_path: Path) -> None:
 def test_a_file_without_a_run_is_told(tmp_path: Path) -> None:
     with closing(RunFile(tmp_path / "run.mcap")):
         pass
-    with pytest.raises(RecordingError, match="holds no run"):
+    with pytest.raises(RecordingError, match="contains no run"):
         frames(tmp_path / "run.mcap")
 
 
@@ -59,5 +59,5 @@ def test_a_time_that_is_none_is_told(utc_s: object, tmp_path: Path) -> None:
     rows = [[0, 1.0, 2.0, "TICK"], [0, 1.5, utc_s, "TICK"]]
     path = tmp_path / "run.mcap"
     path.write_bytes(recording_of([json.dumps({"shapes": shapes, "rows": rows}).encode()]))
-    with pytest.raises(RecordingError, match="a message of /in/tick cannot be read"):
+    with pytest.raises(RecordingError, match="message of /in/tick cannot be decoded"):
         frames(path)

@@ -182,7 +182,7 @@ def test_the_first_difference_is_shown(drive: Path, monkeypatch: pytest.MonkeyPa
     told = typed(drive)
     assert told.exit_code == DIFFERS
     first, part = told.output.splitlines()
-    assert "another decision after 0.55 s, in entry " in first
+    assert "decisions differ after 0.55 s, in entry " in first
     assert part.startswith("  /out/drove velocity.rotate_radps: recorded -0.00017")
     assert ", replayed -0.00017" in part
 
@@ -211,7 +211,7 @@ def test_other_settings_are_tried(tmp_path: Path) -> None:
         jackal.replace("\nfaults:\n", "\nfaults:\n  wheels_off_command: {then: ignore}\n")
     )
     told = CliRunner().invoke(replay_command, [str(path), "--with", str(ignoring)]).output
-    assert "another decision after" in told
+    assert "decisions differ after" in told
     assert "recorded at 2.25 s: MOE:1  FAILED  the left wheels do not follow" in told
     assert "replayed at 2.35 s: MOE:1  FAILED  the left wheels do not follow" in told
     assert "predicted" not in told, "says the same"
@@ -231,7 +231,7 @@ def test_all_recordings_in_a_folder_are_replayed(drive: Path, tmp_path: Path) ->
     (tmp_path / "empty").mkdir()
     refused = typed(tmp_path / "empty")
     assert refused.exit_code == BAD_FILE
-    assert "holds no recording" in refused.output
+    assert "contains no recording" in refused.output
 
 
 def test_a_decision_that_is_lacking_is_shown(drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -252,10 +252,10 @@ def test_what_was_written_before_a_crash_is_replayed(
     told = typed(cut)
     assert told.exit_code in (0, BAD_FILE)
     if told.exit_code == 0:
-        assert told.output.endswith("the recording breaks off there\n")
+        assert told.output.endswith("the recording is truncated there\n")
         assert replay(cut).ticks < replay(flushed).ticks
     else:
-        assert "holds no run" in told.output
+        assert "contains no run" in told.output
 
 
 def _other_profile(path: Path) -> None:
@@ -288,14 +288,14 @@ def _with_message(topic: str, plain: dict[str, object]) -> Callable[[Path], None
     ("make", "told"),
     [
         (lambda _: None, "cannot be read (No such file or directory)"),
-        (lambda path: path.write_bytes(b""), "holds no run"),
+        (lambda path: path.write_bytes(b""), "contains no run"),
         (lambda path: path.write_bytes(b"text, and no recording"), "is no MCAP file"),
         (
             _other_profile,
             f"is no recording of this version ({PROFILE}), but MCAP of profile 'ros2'",
         ),
-        (_with_message("/life", {}), "a message of /life cannot be read"),
-        (_with_message("/in/tick", {"call": []}), "a message of /in/tick cannot be read"),
+        (_with_message("/life", {}), "message of /life cannot be decoded"),
+        (_with_message("/in/tick", {"call": []}), "message of /in/tick cannot be decoded"),
         (
             _with_message("/in/tick", {"now_s": 1.0, "utc_s": 1.0, "call": "TICK"}),
             "begins in the middle, without /life",
@@ -491,5 +491,5 @@ def test_a_recording_that_lacks_its_start_is_told(tmp_path: Path) -> None:
     assert batch is not None
     path = tmp_path / "headless.mcap"
     _write(path, batch)
-    with pytest.raises(RecordingError, match="stands before /in/start"):
+    with pytest.raises(RecordingError, match="precedes /in/start"):
         replay(path)

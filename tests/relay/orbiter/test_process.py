@@ -140,7 +140,7 @@ def test_figures_that_make_no_sense_are_refused(tmp_path: Path, more: str, fault
     with pytest.raises(SettingsError, match=fault):
         load_orbiter(path)
     path.write_text(SETTINGS.format(orbiter=1, rover=2, port=70000))
-    with pytest.raises(SettingsError, match="70000 is not a port"):
+    with pytest.raises(SettingsError, match="70000 is not in 0 to 65535"):
         load_orbiter(path)
     path.write_text(SETTINGS.format(orbiter=1, rover=2, port=0) + "ask_again_s: null")
     assert load_orbiter(path).ask_again_s is None
