@@ -22,7 +22,7 @@ BAD_FILE: Final = 2
     help="Replay with the settings of this asset or YAML file, and list the reports that differ.",
 )
 def replay(files: tuple[str, ...], settings: str | None) -> None:
-    """Replay recorded runs through the core, and compare what it decides.
+    """Replay recorded runs through the core, and compare its decisions.
 
     The core receives the same inputs at the same times as in the run: settings, ledger, facts,
     commands. Each velocity, report, answer, tree change, mode change and published parameter must

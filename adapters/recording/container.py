@@ -116,7 +116,7 @@ class Unpacker:
     """Unpacks the chunks of one file in order, within bounds.
 
     Attributes:
-        packed: packed octets of the chunks so far.
+        packed: packed octets of all chunks read.
     """
 
     def __init__(self) -> None:

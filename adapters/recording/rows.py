@@ -87,7 +87,7 @@ class RowReader:
 
 
 class RecordedRow:
-    """A message whose text is created on demand."""
+    """A message; its text is created on demand."""
 
     __slots__ = ("_shape", "_values", "topic")
 

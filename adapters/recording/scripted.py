@@ -147,7 +147,7 @@ def notice(core: Executive, item: Noticed | MadeSafe) -> None:
 
 
 class ReplayLedger(Ledger):
-    """Ledger whose commits fail where the recorded ones failed."""
+    """Ledger with the commit failures of the recording."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, Synchronous.NORMAL)

@@ -11,9 +11,9 @@ from adapters.bundle.codec import cbor
 from adapters.bundle.codec.eid import Eid, decode_eid, encode_eid, is_null, read_eid
 from adapters.bundle.codec.errors import DecodeError
 
-DTN_EPOCH_UTC_MS: Final = 946_684_800_000
+DTN_EPOCH_UTC_MS: Final = 946_684_800_000  # 2000-01-01T00:00:00Z (RFC 9171, 4.2.6)
 PAYLOAD_NUMBER: Final = 1
-_VERSION: Final = 7
+_VERSION: Final = 7  # RFC 9171, 4.3.1
 
 
 class Crc(IntEnum):
@@ -262,7 +262,7 @@ def decode_hop_count(data: bytes) -> HopCount:
     return hops
 
 
-_EXPEDITED_CLASS: Final = 2
+_EXPEDITED_CLASS: Final = 2  # of ION's quality-of-service block
 MOST_EXPEDITED_OCTETS: Final = 4096
 
 

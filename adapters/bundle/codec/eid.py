@@ -7,10 +7,10 @@ from typing import Final
 
 from adapters.bundle.codec import cbor
 
-_DTN, _IPN = 1, 2
+_DTN, _IPN = 1, 2  # URI scheme codes (RFC 9171, 4.2.5.1)
 _IPN_TEXT: Final = re.compile(r"ipn:(?:(\d{1,10})\.)?(\d{1,20})\.(\d{1,20})", re.ASCII)
 _DTN_TEXT: Final = re.compile(r"dtn:(//[!-~]+)", re.ASCII)
-_MOST_TEXT: Final = 1024
+_MOST_TEXT: Final = 1024  # chosen, not measured
 
 
 @dataclass(frozen=True, slots=True)

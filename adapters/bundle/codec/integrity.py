@@ -24,13 +24,13 @@ from adapters.bundle.codec.eid import Eid, encode_eid, read_eid
 from adapters.bundle.codec.errors import BundleError, DecodeError
 
 PRIMARY_NUMBER: Final = 0
-_CONTEXT: Final = 1
+_CONTEXT: Final = 1  # security context BIB-HMAC-SHA2 (RFC 9173)
 _HAS_PARAMETERS: Final = 1
 _RESULT: Final = 1
-_MOST_TARGETS: Final = 64
+_MOST_TARGETS: Final = 64  # chosen, not measured
 _WRAPPED_OCTETS: Final = (24, 32, 40, 48, 56, 64, 72)
 _WRAPPING_OCTETS: Final = (16, 24, 32)
-_NULL_SUITE: Final = bytes(20)
+_NULL_SUITE: Final = bytes(20)  # result of ION with NULL cipher suites
 
 
 class IntegrityVariant(Enum):

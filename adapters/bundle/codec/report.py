@@ -9,7 +9,7 @@ from adapters.bundle.codec import cbor
 from adapters.bundle.codec.bundle import Creation, FragmentRange
 from adapters.bundle.codec.eid import Eid, encode_eid, read_eid
 
-_STATUS_REPORT: Final = 1
+_STATUS_REPORT: Final = 1  # administrative record type (RFC 9171, 6.1)
 
 
 class Assertion(Enum):

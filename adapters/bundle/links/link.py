@@ -13,7 +13,7 @@ from adapters.bundle.node.settings import Address, Neighbour
 from adapters.system import OPERATING_SYSTEM, System
 
 _LOG: Final = logging.getLogger(__name__)
-_LONGEST_PAUSE_S: Final = 30.0
+_LONGEST_PAUSE_S: Final = 30.0  # chosen, not measured
 WHOLE_BUNDLES: Final = 1 << 62
 """Maximum bundle size on links that do not fragment."""
 

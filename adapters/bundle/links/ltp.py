@@ -27,7 +27,7 @@ from adapters.bundle.node.settings import Address, LtpLink, Neighbour, engine_of
 from adapters.system import SocketAddress
 
 _LOG: Final = logging.getLogger(__name__)
-_REFUSED_PAUSE_S: Final = 1.0
+_REFUSED_PAUSE_S: Final = 1.0  # chosen, not measured
 _LAST_SESSION: Final = "last LTP session"
 _SESSIONS_AT_ONCE: Final = 1 << 16
 _SERIALS: Final = 1 << 28

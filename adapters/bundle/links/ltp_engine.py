@@ -25,9 +25,9 @@ from adapters.bundle.links.ltp_segment import (
 )
 from adapters.bundle.node.settings import LtpLink
 
-BUNDLE_SERVICE: Final = 1
+BUNDLE_SERVICE: Final = 1  # LTP client service id of the Bundle Protocol
 _MOST_CLAIMS: Final = 100
-_MOST_IMPORTS: Final = 256
+_MOST_IMPORTS: Final = 256  # this and the next four: chosen, not measured
 _MOST_IMPORT_OCTETS: Final = 64 << 20
 _REMEMBERED: Final = 1024
 _REMEMBERED_ROUND_TRIPS: Final = 10

@@ -42,7 +42,7 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Data segment.
+    """Data segment (RFC 5326, 3.2.1).
 
     Attributes:
         red: whether it belongs to the reliable (red) part.
@@ -69,7 +69,7 @@ class ReceptionClaim:
 
 @dataclass(frozen=True, slots=True)
 class ReportSegment:
-    """Report of the octets received between two bounds of the block."""
+    """Report of the octets received between two bounds of the block (RFC 5326, 3.2.2)."""
 
     session: SessionId
     serial: int
@@ -81,7 +81,7 @@ class ReportSegment:
 
 @dataclass(frozen=True, slots=True)
 class ReportAck:
-    """Acknowledgement of a report."""
+    """Acknowledgement of a report (RFC 5326, 3.2.3)."""
 
     session: SessionId
     serial: int
@@ -89,7 +89,7 @@ class ReportAck:
 
 @dataclass(frozen=True, slots=True)
 class Cancel:
-    """Cancellation of a session; `reason` is a `CancelReason` or another code."""
+    """Cancellation of a session (RFC 5326, 3.2.4); `reason` may be an unknown code."""
 
     session: SessionId
     by_sender: bool

@@ -30,7 +30,7 @@ from adapters.bundle.node.sending import Outgoing
 from adapters.bundle.node.settings import Address, Neighbour, TcpclLink
 
 _LOG: Final = logging.getLogger(__name__)
-_DIAL_S: Final = 10.0
+_DIAL_S: Final = 10.0  # as `_GREETING_S`: chosen, not measured
 _BATCH_OCTETS: Final = 65_536
 _GREETING_S: Final = 10.0
 _MOST_BUNDLE_OCTETS: Final = 64 << 20

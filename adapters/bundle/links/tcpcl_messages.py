@@ -50,7 +50,7 @@ class ContactHeader:
 
 @dataclass(frozen=True, slots=True)
 class DataSegment:
-    """Part of a bundle."""
+    """Part of a bundle (RFC 7242, 5.2)."""
 
     octets: bytes
     start: bool
@@ -59,7 +59,7 @@ class DataSegment:
 
 @dataclass(frozen=True, slots=True)
 class AckSegment:
-    """Acknowledgement: octets of the bundle that were received."""
+    """Acknowledgement: octets of the bundle that were received (RFC 7242, 5.3)."""
 
     length: int
 
@@ -73,7 +73,7 @@ class RefuseBundle:
 
 @dataclass(frozen=True, slots=True)
 class Keepalive:
-    """Message that keeps an idle session open."""
+    """Keepalive of an idle session (RFC 7242, 5.6)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Shutdown:
 
 @dataclass(frozen=True, slots=True)
 class BundleLength:
-    """Length of the next bundle."""
+    """Length of the next bundle (RFC 7242, 5.5)."""
 
     length: int
 

@@ -46,7 +46,7 @@ STRINGS_IN_FLIGHT: Final = 2
 """Unconfirmed strings of commands: the next is processed while one is being confirmed."""
 REPORTS_AT_ONCE: Final = 100
 MOST_HELD_S: Final = 600.0
-"""Maximum time during which a stop from a fast clock overtakes commands made after it."""
+"""Time during which a stop from a fast clock overtakes later commands; chosen, not measured."""
 LONGEST_PAYLOAD: Final = 65_536
 MOST_QUEUED: Final = 10_000
 """Strings of reports that wait while the store is full; more are refused."""
