@@ -396,14 +396,14 @@ class BundleAgent:
     def _neighbour_health(self, node: Eid) -> NeighbourHealth:
         session, name = self._opened, str(node)
         link, gate = session.links[name], session.gates[name]
-        state, heard_s = gate.state(), link.last_heard_s
+        state, last_s = gate.state(), link.last_heard_s
         return NeighbourHealth(
             node=node,
             queued=session.node.outbox.depth(name),
             contact=state.contact and link.up,
             override=gate.override,
             next_contact_utc_s=state.next_contact_utc_s,
-            last_heard_s=None if heard_s is None else asyncio.get_running_loop().time() - heard_s,
+            last_heard_s=None if last_s is None else asyncio.get_running_loop().time() - last_s,
             traffic=replace(session.node.traffic[name]),
         )
 

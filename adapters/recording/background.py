@@ -139,11 +139,11 @@ class BackgroundRecorder:
                 found.append((status.st_mtime, status.st_size, path))
         found.sort()
         left = sum(size for _, size, _ in found)
-        room = self._bounds.most_mb * MEGA * (PARTS - 1) / PARTS  # reserves the growing file
+        limit = self._bounds.most_mb * MEGA * (PARTS - 1) / PARTS  # reserves the growing file
         oldest_s = time.time() - self._bounds.most_days * DAY_S
         own = {self._first, part_of(self._first, self._part)}
         for changed_s, size, path in found:
-            if path not in own and (left > room or changed_s < oldest_s):
+            if path not in own and (left > limit or changed_s < oldest_s):
                 path.unlink(missing_ok=True)
                 left -= size
 

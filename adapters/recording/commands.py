@@ -93,14 +93,14 @@ def _recordings(files: tuple[str, ...]) -> list[Path]:
 def _told(replayed: "ReplayResult") -> str:
     found = replayed.difference
     if found is None:
-        lives = "" if replayed.lives == 1 else f", {replayed.lives} starts"
+        starts = "" if replayed.lives == 1 else f", {replayed.lives} starts"
         end = "" if replayed.whole else "; the recording is truncated there"
         return (
             f"{replayed.decisions} decisions in {replayed.ticks} ticks are the same"
-            f" ({replayed.duration_s:.1f} s{lives}){end}"
+            f" ({replayed.duration_s:.1f} s{starts}){end}"
         )
-    place = f"in entry {found.number} ({found.entry})"
-    lines = [f"decisions differ after {found.time_s:.2f} s, {place}", *found.lines]
+    position = f"in entry {found.number} ({found.entry})"
+    lines = [f"decisions differ after {found.time_s:.2f} s, {position}", *found.lines]
     return "\n  ".join(lines)
 
 

@@ -96,8 +96,8 @@ def read_records(file: IO[bytes]) -> Iterator[Record]:
     while opcode != DATA_END and start + _FRAME.size <= size:
         opcode, length = _FRAME.unpack(file.read(_FRAME.size))
         is_small = opcode in {HEADER, INDEX, METADATA, DATA_END}
-        most = MAX_SMALL_OCTETS if is_small else MAX_RECORD_OCTETS
-        if not (is_small or opcode in {CHUNK, ATTACHMENT}) or length > most:
+        limit = MAX_SMALL_OCTETS if is_small else MAX_RECORD_OCTETS
+        if not (is_small or opcode in {CHUNK, ATTACHMENT}) or length > limit:
             raise DamageError(f"no record begins at octet {start}")
         end = start + _FRAME.size + length
         if end > size:

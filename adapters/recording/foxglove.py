@@ -210,7 +210,7 @@ def line(places: Iterable[Point], color: Color, width_m: float = 0.03) -> Plain:
         "pose": _pose(Pose()),
         "thickness": width_m,
         "scale_invariant": False,
-        "points": [_vector(place.x_m, place.y_m) for place in places],
+        "points": [_vector(point.x_m, point.y_m) for point in places],
         "color": asdict(color),
         "colors": [],
         "indices": [],

@@ -90,16 +90,16 @@ class RecordedMoments:
         mode, why, pose, ticks = "", "", None, 0
         commands: dict[str, Report] = {}
         lasts: tuple[Report, ...] = ()
-        told: list[Report] = []
+        new: list[Report] = []
         current: tuple[float, float] | None = None
 
         def end() -> None:
-            nonlocal current, told
+            nonlocal current, new
             if current is not None:
                 nodes = () if tree is None else tree.nodes()
                 snapshot = TreeSnapshot(ticks, current[1], mode, why, nodes)
-                self.moments.append(Moment(current[0], snapshot, since_s, pose, lasts, tuple(told)))
-                told = []
+                self.moments.append(Moment(current[0], snapshot, since_s, pose, lasts, tuple(new)))
+                new = []
             current = None
 
         for timed in read_timed(RunReader(path), {Odometry, ModeChanged, TreeChanged, Reported}):
@@ -121,7 +121,7 @@ class RecordedMoments:
                     mode = timed.item.mode.name
                     why = f"{timed.item.why} (as of {timed.time_s:.2f} s)"
                 case Reported(report=report):
-                    told.append(report)
+                    new.append(report)
                     if report.kind is ReportKind.COMMAND:
                         commands[str(report.identity)] = report
                         lasts = tuple(commands.values())

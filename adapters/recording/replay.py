@@ -219,8 +219,8 @@ def _other_reports(
     time_s: float,
 ) -> Iterator[ChangedReport]:
     then, now = _reports(reader, recorded), _reports(reader, replayed)
-    yield from (ChangedReport(time_s, True, then[told]) for told in then if told not in now)
-    yield from (ChangedReport(time_s, False, now[told]) for told in now if told not in then)
+    yield from (ChangedReport(time_s, True, then[key]) for key in then if key not in now)
+    yield from (ChangedReport(time_s, False, now[key]) for key in now if key not in then)
 
 
 def _reports(
@@ -284,11 +284,11 @@ class _ReplayedCore:
         if life.latch:
             (folder / "ledger.stop").write_bytes(life.latch)
         for each in life.files:
-            place = (folder / "files" / each.path).resolve()
-            if not place.is_relative_to((folder / "files").resolve()):
+            target = (folder / "files" / each.path).resolve()
+            if not target.is_relative_to((folder / "files").resolve()):
                 raise ValueError(f"{each.path} is outside of its folder")
-            place.parent.mkdir(parents=True, exist_ok=True)
-            with place.open("wb") as file:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("wb") as file:
                 file.truncate(each.size_octets)
 
     @property
@@ -330,14 +330,14 @@ class _ReplayedCore:
 
     def _then(self, tree: Sequence[TreeNodeSnapshot]) -> dict[str, str]:
         """Return the recorded state of each node that differs."""
-        told: dict[str, str] = {}
+        states: dict[str, str] = {}
         for node in tree if self._states else ():
             state = self._states.get(node.path)
             if state is None:
-                told[node.path] = "not in the recording"
+                states[node.path] = "not in the recording"
             elif (state.status, state.message) != (node.status.name, node.message):
-                told[node.path] = f"recorded: {state.status} {state.message}".rstrip()
-        return told
+                states[node.path] = f"recorded: {state.status} {state.message}".rstrip()
+        return states
 
     def end(self) -> None:
         """End it like a crash."""

@@ -82,8 +82,8 @@ class ReplayInbox(Inbox):
     def load(self, inputs: Sequence[Input | Entry]) -> None:
         """Load the inputs of the next entry."""
         self._script = [each for each in inputs if isinstance(each, Scripted)]
-        came = (each.looks for each in inputs if isinstance(each, StopWaited))
-        self._checks, self._stop_came = 0, next(came, inf)
+        checks = (each.looks for each in inputs if isinstance(each, StopWaited))
+        self._checks, self._stop_came = 0, next(checks, inf)
 
     @property
     def stop_waits(self) -> bool:

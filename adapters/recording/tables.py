@@ -51,7 +51,7 @@ def _columns(raw: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
         if isinstance(value, dict):
             yield from _columns(value, "" if name == "fact" else f"{name}.")
         elif isinstance(value, list) and all(map(_is_number, value)):
-            yield from _columns({str(place): each for place, each in enumerate(value)}, f"{name}.")
+            yield from _columns({str(index): each for index, each in enumerate(value)}, f"{name}.")
         elif name not in {*_TIMES, KIND}:
             yield name, _NOT_FINITE.get(value, value) if isinstance(value, str) else value
 

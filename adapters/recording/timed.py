@@ -39,11 +39,11 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem
     wanted = _ALWAYS | frozenset(kinds)
     began_s: float | None = None
     utc_s = apart_s = 0.0
-    life: Life | None = None
+    start: Life | None = None
     for message in reader.messages(wanted):
         item: Item = reader.decoded(message)
         if isinstance(item, Life):
-            life = item
+            start = item
             continue  # it gets the time of the following entry
         at_s = utc_s
         if isinstance(item, Entry):
@@ -55,9 +55,9 @@ def read_timed(reader: RunReader, kinds: Collection[type]) -> Iterator[TimedItem
             if not isinstance(item, Entry):
                 continue
             began_s = utc_s
-        if life is not None:
-            yield TimedItem(utc_s - began_s, utc_s, life)
-            life = None
+        if start is not None:
+            yield TimedItem(utc_s - began_s, utc_s, start)
+            start = None
         yield TimedItem(at_s - began_s, at_s, item)
     if began_s is None:
         raise RecordingError(f"{reader.path}: contains no run")

@@ -278,16 +278,16 @@ class ViewBuilder:
                 pass
 
     def _of_report(self, report: Report) -> Iterator[ViewMessage]:
-        words = (report.stage and report.stage.name, report.text)
-        text = ", ".join(each for each in words if each)
+        parts = (report.stage and report.stage.name, report.text)
+        text = ", ".join(each for each in parts if each)
         name = report.kind.name if report.identity is None else str(report.identity)
         yield ViewMessage("/log", log(self._utc_s, report.severity, text, name))
         if report.identity is None or report.stage is None:
             return
         if report.stage is Stage.STARTED and report.identity in self._asked:
-            if places := self._places(self._asked[report.identity]):
+            if points := self._places(self._asked[report.identity]):
                 self._aim = report.identity
-                drawn = line([self._pose.point, *places], _GREEN)
+                drawn = line([self._pose.point, *points], _GREEN)
                 goal = entity(self._utc_s, ODOM, "goal", lines=[drawn])
                 yield ViewMessage("/scene/goal", scene(self._utc_s, goal))
         elif report.stage.terminal:

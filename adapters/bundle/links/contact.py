@@ -144,9 +144,9 @@ def parse_plan(text: str, reference_utc_s: float) -> ContactPlan:
     contacts: list[Contact] = []
     ranges: list[LightTimeRange] = []
     for number, line in enumerate(text.splitlines(), 1):
-        words = line.split("#")[0].split()
+        fields = line.split("#")[0].split()
         try:
-            match words:
+            match fields:
                 case [] | [_]:
                     pass
                 case ["@", *times]:
@@ -289,8 +289,8 @@ def load_contact_plan(
         return None
     path, now_s = settings_file.parent / name, system.utc_s()
     read_plan(path, now_s)
-    kept = data / f"{settings_file.stem}{_FIRST_START}"
-    plan = read_plan(path, _first_start_utc_s(path.read_bytes(), kept, system))
+    start_file = data / f"{settings_file.stem}{_FIRST_START}"
+    plan = read_plan(path, _first_start_utc_s(path.read_bytes(), start_file, system))
     for sender, receiver in _never_open(plan, node, now_s):
         _LOG.warning(
             "contact plan %s: no further contact is planned from node %d to node %d;"
@@ -306,8 +306,8 @@ def _never_open(plan: ContactPlan, node: NodeSettings, now_s: float) -> Iterator
         hop = neighbour.next_hop
         if isinstance(node.node, Ipn) and isinstance(hop, Ipn):
             own, other = node.node.node, hop.node
-            ways = ((own, other), (other, own))
-            yield from (way for way in ways if not plan.planned(*way, now_s))
+            directions = ((own, other), (other, own))
+            yield from (each for each in directions if not plan.planned(*each, now_s))
 
 
 def _first_start_utc_s(plan: bytes, kept: Path, system: System) -> float:

@@ -57,11 +57,11 @@ class Ranges:
 
     def remove(self, begin: int, end: int) -> None:
         """Remove a range."""
-        kept = []
+        remaining = []
         for other_begin, other_end in self._ranges:
-            kept.append((other_begin, min(other_end, begin)))
-            kept.append((max(other_begin, end), other_end))
-        self._ranges = [(left, right) for left, right in kept if left < right]
+            remaining.append((other_begin, min(other_end, begin)))
+            remaining.append((max(other_begin, end), other_end))
+        self._ranges = [(left, right) for left, right in remaining if left < right]
 
     def within(self, begin: int, end: int) -> list[tuple[int, int]]:
         """Return the contained parts of a range."""
@@ -463,9 +463,9 @@ class LtpSpan:
                 export.resend_checkpoint()
                 export.checkpoint_at_s = None
                 export.due_s = now_s + self._answer_s
-        for key, told in list(self._pending_reports.items()):
-            if told.due_s <= now_s:
-                self._repeat(key, told, now_s)
+        for key, pending in list(self._pending_reports.items()):
+            if pending.due_s <= now_s:
+                self._repeat(key, pending, now_s)
 
     @property
     def _waiting(self) -> list[ExportSession | _PendingReport]:

@@ -160,8 +160,8 @@ class MessageReader:
         match kind:
             case _Kind.DATA:
                 if (length := reader.number()) > self._most_octets:
-                    most = self._most_octets
-                    raise DecodeError(f"TCPCL segment of {length} octets exceeds {most} octets")
+                    limit = self._most_octets
+                    raise DecodeError(f"TCPCL segment of {length} octets exceeds {limit} octets")
                 return DataSegment(reader.take(length), bool(flags & 2), bool(flags & 1))
             case _Kind.ACK:
                 return AckSegment(reader.number())

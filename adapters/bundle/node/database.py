@@ -307,6 +307,6 @@ class GroupCommit:
             _LOG.error("commit of the bundle store failed: %s", failure)
         self.failing = failure is not None
         waiting, self._waiting = self._waiting, []
-        with ExitStack() as told:
-            for tell in reversed(waiting):
-                told.callback(tell, failure)
+        with ExitStack() as callbacks:
+            for callback in reversed(waiting):
+                callbacks.callback(callback, failure)

@@ -172,15 +172,15 @@ class OutboxReader:
 
 def forwarded(bundle: Bundle, by: Eid, stayed_ms: int) -> Bundle:
     """Return a bundle as a node forwards it (RFC 9171, 5.4): previous node, age and hop count."""
-    kept = [
+    blocks = [
         _one_hop_on(block, stayed_ms)
         for block in bundle.blocks
         if block.type != BlockType.PREVIOUS_NODE
         and not (block.flags & BlockFlag.DISCARD_IF_UNKNOWN and block.type not in KNOWN_BLOCKS)
     ]
-    number = 1 + max(block.number for block in kept)
+    number = 1 + max(block.number for block in blocks)
     previous = Block(BlockType.PREVIOUS_NODE, number, encode_eid(by))
-    return replace(bundle, blocks=(previous, *kept))
+    return replace(bundle, blocks=(previous, *blocks))
 
 
 def _one_hop_on(block: Block, stayed_ms: int) -> Block:
@@ -204,24 +204,24 @@ def fragments(bundle: Bundle, most_octets: int) -> list[bytes] | None:
     if primary.flags & Flag.MUST_NOT_FRAGMENT or bundle.block(BlockType.INTEGRITY):
         return None
     base = primary.part or FragmentRange(0, len(payload))
-    longest = _fragment(bundle, FragmentRange(base.total, base.total), b"", first=True)
-    room = most_octets - len(encode_bundle(longest)) - _LENGTH_OCTETS
-    if room <= 0:
+    head = _fragment(bundle, FragmentRange(base.total, base.total), b"", first=True)
+    available = most_octets - len(encode_bundle(head)) - _LENGTH_OCTETS
+    if available <= 0:
         return None
     return [
         encode_bundle(
             _fragment(
                 bundle,
                 FragmentRange(base.offset + at, base.total),
-                payload[at : at + room],
+                payload[at : at + available],
                 first=not at,
             )
         )
-        for at in range(0, len(payload), room)
+        for at in range(0, len(payload), available)
     ]
 
 
 def _fragment(bundle: Bundle, part: FragmentRange, octets: bytes, *, first: bool) -> Bundle:
     primary = replace(bundle.primary, flags=bundle.primary.flags | int(Flag.FRAGMENT), part=part)
-    kept = [block for block in bundle.blocks[:-1] if first or block.flags & BlockFlag.REPLICATE]
-    return Bundle(primary, (*kept, replace(bundle.blocks[-1], data=octets)))
+    blocks = [block for block in bundle.blocks[:-1] if first or block.flags & BlockFlag.REPLICATE]
+    return Bundle(primary, (*blocks, replace(bundle.blocks[-1], data=octets)))

@@ -22,10 +22,10 @@ _CONFIRM_AFTER_S: Final = (0.1, 1e7)
 
 def check_ranges(settings: object, **bounds: tuple[float, float]) -> None:
     """Raise ValueError unless each named field is None or within its bounds."""
-    for name, (least, most) in bounds.items():
+    for name, (low, high) in bounds.items():
         figure = getattr(settings, name)
-        if figure is not None and not least <= figure <= most:
-            raise ValueError(f"{name} must be {least:,} to {most:,}, not {figure}")
+        if figure is not None and not low <= figure <= high:
+            raise ValueError(f"{name} must be {low:,} to {high:,}, not {figure}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -307,13 +307,13 @@ class BundleInbox:
         Returns:
             The units that were evicted.
         """
-        source, most = encode_eid(identity.source), self.most_fragments_octets
+        source, limit = encode_eid(identity.source), self.most_fragments_octets
         dropped: list[BundleId] = []
-        if self._held[source] + octets > most:
+        if self._held[source] + octets > limit:
             dropped += self._drop_oldest(source, identity.key, octets)
-        if self._held.total() + octets > 2 * most:
-            (greatest, _), *_ = self._held.most_common(1)
-            dropped += self._drop_oldest(greatest, identity.key, octets)
+        if self._held.total() + octets > 2 * limit:
+            (largest, _), *_ = self._held.most_common(1)
+            dropped += self._drop_oldest(largest, identity.key, octets)
         return dropped
 
     def _drop_oldest(self, source: bytes, last: bytes, octets: int) -> list[BundleId]:

@@ -66,18 +66,18 @@ class Console:
 
     async def _take(self, text: str, running: set[asyncio.Task[None]]) -> None:
         try:
-            words = shlex.split(text, comments=True)
-            if not words:
+            arguments = shlex.split(text, comments=True)
+            if not arguments:
                 return
-            if words == ["help"]:
+            if arguments == ["help"]:
                 for one in help_lines(self._dictionary):
                     self._say(one)
-            elif words == ["status"]:
+            elif arguments == ["status"]:
                 for value in await self._client.get_value():
                     self._gather(value)
             else:
-                command = self._client.command(self._request(words[0], words[1:]))
-                self._say(line(time.time(), "SENT", str(command.identity), *words))
+                command = self._client.command(self._request(arguments[0], arguments[1:]))
+                self._say(line(time.time(), "SENT", str(command.identity), *arguments))
                 running.add(asyncio.create_task(self._run(command)))
         except ValueError as fault:  # by shlex, or a MopsError
             self.well = False
@@ -151,10 +151,10 @@ def notification_line(notification: Notification) -> str:
     if notification.stage is None:
         severity = notification.severity.name
         return line(utc_s, notification.kind.name, severity, text)
-    whose = f"{notification.source}:{notification.commandId}"
+    command = f"{notification.source}:{notification.commandId}"
     steps = "" if notification.step is None else f"{notification.step}/{notification.stepCount}"
     code = "" if notification.code is None else f"reason {notification.code}:"
-    return line(utc_s, notification.stage.name, whose, steps, code, text)
+    return line(utc_s, notification.stage.name, command, steps, code, text)
 
 
 def values_line(kind: str, values: Sequence[ParameterValue]) -> str:

@@ -211,13 +211,13 @@ def aboard_values(health: LinkHealth | None) -> tuple[ParameterValue, ...]:
     """Return the last health report of the rover's end of the link, as MRS parameters."""
     if health is None:
         return _values(_ABOARD, (inf,) * len(_ABOARD), 0.0)
-    next_utc_s, heard_s = health.next_contact_utc_s, health.last_heard_s
+    next_utc_s, received_s = health.next_contact_utc_s, health.last_heard_s
     figures = (
         float(health.queued),
         float(health.unread),
         float(health.refused),
         inf if next_utc_s is None else next_utc_s - health.utc_s,
-        inf if heard_s is None else heard_s,
+        inf if received_s is None else received_s,
         health.oldest_s,
         inf if health.contact is None else float(health.contact),
         inf if health.queued_octets is None else float(health.queued_octets),

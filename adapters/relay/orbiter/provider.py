@@ -146,9 +146,9 @@ class RoverProvider:
         """
         request = command.request
         if isinstance(request, ExecuteAction):
-            words = request.action.upper().split()
-            if words[:1] in ([CONTACT], [AUTHORITY]):
-                await self._carry_out(command, " ".join(words))
+            parts = request.action.upper().split()
+            if parts[:1] in ([CONTACT], [AUTHORITY]):
+                await self._carry_out(command, " ".join(parts))
                 return
             if not self._settings.serves("Action", "execute"):
                 known = ", ".join(ORBITER_ACTIONS)
@@ -176,7 +176,7 @@ class RoverProvider:
     async def _carry_out(self, command: Command, action: str) -> None:
         await self._rover.require_new(command)
         try:
-            said = self._act(action, command.identity.source)
+            result = self._act(action, command.identity.source)
         except BundleError as error:
             raise with_text(AreaError.REJECTED, str(error)) from error
         now_s = self._utc_s()
@@ -186,7 +186,7 @@ class RoverProvider:
                 now_s,
                 ReportKind.COMMAND,
                 Severity.INFORMATIONAL,
-                said,
+                result,
                 command.identity,
             ),
             *(Stage.EXECUTED, LINK),
@@ -243,13 +243,13 @@ class RoverProvider:
 
     def _health(self) -> tuple[wire.ParameterValue, ...]:
         utc_s, status, aboard = self._utc_s(), self._link_status(), self._rover.aboard
-        usage, told = usage_figures(ORBITER, self._usage()), self._rover.housekeeping
+        usage, reported = usage_figures(ORBITER, self._usage()), self._rover.housekeeping
         return (
             *status.values(utc_s),
             *aboard_values(aboard),
             *status.planned.values(),
             *housekeeping_values(ORBITER_HOUSEKEEPING, usage, utc_s),
-            *housekeeping_values(ABOARD_HOUSEKEEPING, told.figures, told.utc_s),
+            *housekeeping_values(ABOARD_HOUSEKEEPING, reported.figures, reported.utc_s),
         )
 
     def _camera(self) -> wire.CameraState:
@@ -276,9 +276,9 @@ class RoverProvider:
         record = self._rover.record
         if self._link_status().last_heard_s > self._silent_after_s:
             return wire.AssetMode.OFFLINE
-        told = self._rover.mode()
-        if told is not None:
-            return wire.AssetMode(told.value)
+        mode = self._rover.mode()
+        if mode is not None:
+            return wire.AssetMode(mode.value)
         if record.stopped_by() is not None:
             return wire.AssetMode.STOPPED
         return wire.AssetMode.IDLE if record.outstanding.active() is None else wire.AssetMode.MOVING

@@ -241,7 +241,7 @@ class Ledgers:
     def __init__(self, ledger: ReportLedger) -> None:
         self._ledger = ledger
         rows = ledger.rows("SELECT name, place FROM ledgers ORDER BY place")
-        self._places = {str(name): int(place) for name, place in rows}
+        self._places = {str(name): int(index) for name, index in rows}
 
     def new(self, name: str) -> bool:
         """Return whether a name is that of a ledger that follows another.
@@ -265,8 +265,8 @@ class Ledgers:
         if name and name not in self._places:
             self._places[name] = len(self._places)
             self._ledger.write("INSERT INTO ledgers VALUES (?, ?)", (name, self._places[name]))
-        place = self._places[name] if name else max(self._places.values(), default=0)
-        return place * LEDGER_STRIDE + sequence
+        index = self._places[name] if name else max(self._places.values(), default=0)
+        return index * LEDGER_STRIDE + sequence
 
 
 _OF_COMMAND: Final = "{0}.source = c.source AND {0}.command_id = c.command_id"
@@ -332,10 +332,10 @@ class RecordRetention:
 
     def _forget(self, cursor: int, utc_s: float) -> None:
         stop = self._stopped_by()
-        kept = ("", 0) if stop is None else _key(stop)
+        stop_key = ("", 0) if stop is None else _key(stop)
         highest = "SELECT max(number) FROM recorded WHERE cursor <= ?"
         ((number,),) = self._ledger.rows(highest, (cursor,))
-        self._ledger.write(_COMMANDS, (cursor, utc_s, *kept))
+        self._ledger.write(_COMMANDS, (cursor, utc_s, *stop_key))
         self._ledger.write(_REPORTS, (cursor,))
         for statement in _LEFTOVERS:
             self._ledger.write(statement, ())

@@ -312,9 +312,9 @@ async def serve(
     Raises:
         StartError: it cannot start.
     """
-    asked = termination_event()
+    termination = termination_event()
     with exclusive(data, "orbiter.lock"):
-        await run(settings, settings_file, host, data, clear_text, terms, asked)
+        await run(settings, settings_file, host, data, clear_text, terms, termination)
 
 
 async def run(
@@ -360,8 +360,8 @@ async def run(
                     await provider.start(host, tls, clear_text)
                 except (ValueError, OSError) as error:
                     what = f"serve {provider.asset} at {host}:{provider.port}"
-                    elsewhere = f", or another port in {settings_file}"
-                    raise StartError(start_fault(error, what, host, elsewhere)) from error
+                    remedy = f", or another port in {settings_file}"
+                    raise StartError(start_fault(error, what, host, remedy)) from error
             for provider in providers:
                 print(f"{provider.asset} listens at {provider.uri}", flush=True)
             await _run_until(over, relay, providers, settings.health_interval_s)

@@ -225,14 +225,14 @@ class RelayedRover:
             LedgerError: the retransmission cannot be recorded.
         """
         now_s, begun = self._utc_s(), not self.settings.numbered
-        asked = self.record.outstanding
-        for each in asked.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
+        outstanding = self.record.outstanding
+        for each in outstanding.unanswered(now_s - ask_again_s, now_s, begun, AT_ONCE):
             left_s = each.until_utc_s - now_s
             _LOG.info("%s: %s is retransmitted", self.settings.asset, each.identity)
             await self._agent.send(
                 self.settings.endpoint, each.message, lifetime_s=left_s, confirm=self._confirm
             )
-            asked.asked_again(each.identity, now_s)
+            outstanding.asked_again(each.identity, now_s)
 
     def on_delivery(self, delivery: Delivery) -> None:
         """Process the messages of a bundle; log those that are not messages of this rover."""
@@ -249,8 +249,8 @@ class RelayedRover:
         """Notify of the link: kind LINK, without a number, not recorded."""
         level = logging.INFO if severity is Severity.INFORMATIONAL else logging.WARNING
         _LOG.log(level, "%s: %s", self.settings.asset, text)
-        said = Report(UNNUMBERED, self._utc_s(), ReportKind.LINK, severity, text, figures=figures)
-        self._report(said)
+        report = Report(UNNUMBERED, self._utc_s(), ReportKind.LINK, severity, text, figures=figures)
+        self._report(report)
 
     def parameters(self) -> tuple[ParameterValue, ...]:
         """Return all parameters of the last telemetry, with its time."""
@@ -288,11 +288,11 @@ class RelayedRover:
             if self.listener is not None:
                 self.listener.telemetry(values)
             return
-        said = report_of(message, self._dictionary, made_utc_s)
+        report = report_of(message, self._dictionary, made_utc_s)
         ledger = ledger_of(message, self._dictionary)
         if self.record.ledgers.new(ledger):
             self._begin_anew(ledger)
-        self._take(said, unit, ledger)
+        self._take(report, unit, ledger)
 
     def _take(self, said: Report, unit: str, ledger: str) -> None:
         reports: Sequence[Report] = (said,)
@@ -303,7 +303,7 @@ class RelayedRover:
             part = unit if each is said else f"{unit} {each.stage}"
             new = self.record.add_report(each, part, ledger)
             if not new and self.record.contradicts(each, ledger):
-                text = f"the rover sent another report with number {each.sequence} than before"
+                text = f"the rover used number {each.sequence} again for another report"
                 self.tell(Severity.WARNING, f"{text}: {each.text}")
         self._publish()
 

@@ -229,13 +229,13 @@ class BundleBridge:
             async with self._agent.receive_some(
                 BUNDLES_AT_ONCE, only_expedited=only_expedited
             ) as deliveries:
-                asked = [each for delivery in deliveries for each in self._read(delivery)]
-                stops = [each for each in asked if self._dictionary.is_stop(each.message)]
+                commands = [each for delivery in deliveries for each in self._read(delivery)]
+                stops = [each for each in commands if self._dictionary.is_stop(each.message)]
                 if stops:
                     self._last_stop.take(max(each.made for each in stops))
                     await self._hand_over(stops, stops=True)
                     self._last_stop.keep()
-                others = [each for each in asked if not self._dictionary.is_stop(each.message)]
+                others = [each for each in commands if not self._dictionary.is_stop(each.message)]
                 async with asyncio.TaskGroup() as group:
                     for first in range(0, len(others), COMMANDS_AT_ONCE):
                         await self._in_flight.acquire()
@@ -251,23 +251,23 @@ class BundleBridge:
         else:
             creation = delivery.identity.creation
             text = delivery.payload.decode("utf-8", "replace")
-            for place, message in enumerate(messages_in(text, self._refuse)):
-                yield BundledCommand(message, (creation.time_ms, creation.sequence, place))
+            for index, message in enumerate(messages_in(text, self._refuse)):
+                yield BundledCommand(message, (creation.time_ms, creation.sequence, index))
 
     async def _hand_over(self, asked: Sequence[BundledCommand], *, stops: bool) -> None:
         """Publish commands until they are confirmed; mark those that a stop has overtaken."""
-        told = False
+        logged = False
         while True:
             text = "".join(map(self._text_of, asked))
             if not text:
                 return
-            heard = self._topics.has_listener(stops=stops)
-            if heard:
+            has_subscriber = self._topics.has_listener(stops=stops)
+            if has_subscriber:
                 self._topics.publish(text, stops=stops)
-            elif not told:
+            elif not logged:
                 _LOG.warning("commands wait: %s", NOBODY)
-                told = True
-            if await self._is_confirmed(fingerprint(text), AGAIN_S if heard else PAUSE_S):
+                logged = True
+            if await self._is_confirmed(fingerprint(text), AGAIN_S if has_subscriber else PAUSE_S):
                 return
 
     async def _is_confirmed(self, mark: int, within_s: float) -> bool:
@@ -384,8 +384,8 @@ class LastStop:
         self._made: Made = (0, 0, 0)
         self._arrived_ms = 0
         with suppress(OSError, ValueError):
-            time_ms, sequence, place, self._arrived_ms = map(int, path.read_text("ascii").split())
-            self._made = (time_ms, sequence, place)
+            time_ms, sequence, index, self._arrived_ms = map(int, path.read_text("ascii").split())
+            self._made = (time_ms, sequence, index)
 
     def take(self, made: Made) -> None:
         """Record a stop that has arrived."""
@@ -462,8 +462,8 @@ class SendQueue:
             if len(self._reports) >= MOST_QUEUED:
                 return False
             whole = len(reports) == len(messages) and not dropped
-            kept = text if whole else "".join(map(str, reports))
-            self._reports[ReportBatch(kept, fingerprint(text))] = None
+            part = text if whole else "".join(map(str, reports))
+            self._reports[ReportBatch(part, fingerprint(text))] = None
         return True
 
     def take(self, queued: int, most: int) -> tuple[Sequence[ReportBatch], Sequence[Message]]:

@@ -151,9 +151,9 @@ class ExecutiveRelayLink:
         now_s = self._system.now_s()
         if self._listeners and now_s >= self._house_s:
             self._house_s = now_s + HOUSEKEEPING_S
-            told = Housekeeping(self._system.utc_s(), figures)
+            message = Housekeeping(self._system.utc_s(), figures)
             self._say(
-                housekeeping_message(told, self._dictionary.spelling.housekeeping, self._asset)
+                housekeeping_message(message, self._dictionary.spelling.housekeeping, self._asset)
             )
 
     def file(self, event: FileEvent) -> None:
@@ -183,13 +183,13 @@ class ExecutiveRelayLink:
         try:
             if report.identity is None:
                 return event_of(report, self._dictionary.spelling.event, self._asset, name)
-            asked = self._record.asked(report.identity)
-            if asked is None:
+            command = self._record.asked(report.identity)
+            if command is None:
                 return None
             if report.kind is not ReportKind.COMMAND:
                 return event_of(report, self._dictionary.spelling.event, self._asset, name)
-            entry = self._dictionary.entry_of(asked.code)
-            return reply_of(report, entry, self._asset, asked.counter, name)
+            entry = self._dictionary.entry_of(command.code)
+            return reply_of(report, entry, self._asset, command.counter, name)
         except (MopsError, LedgerError) as error:
             _LOG.error("report %d not published by the relay: %s", report.sequence, error)
             return None
@@ -208,8 +208,8 @@ class ExecutiveRelayLink:
         self._looks = self._looks + 1 if self._unconfirmed else 0
         if self._listeners > before or self._looks > RETRANSMIT_LOOKS:
             self._looks = 0
-            for told in self._unconfirmed.values():
-                self._topics.publish(told.text)
+            for unconfirmed in self._unconfirmed.values():
+                self._topics.publish(unconfirmed.text)
         self._catch_up()
         first = next((each.first for each in self._unconfirmed.values()), self._sent + 1)
         if first - 1 != self._kept:

@@ -61,7 +61,7 @@ class RelayNode:
             node, "relay_taken", "std_msgs/UInt64, fingerprint of a confirmed string of commands"
         )
         self._told = declare_topic(node, "relay_notification", "std_msgs/String, MOPS of the rover")
-        kept = declare_optional_topic(
+        ack = declare_optional_topic(
             node, "relay_kept", "std_msgs/UInt64, fingerprint of a stored string of reports"
         )
         publish_heartbeat(node, command)
@@ -69,7 +69,7 @@ class RelayNode:
             stops: node.create_publisher(String, topic.name, topic.qos)
             for stops, topic in ((True, stop), (False, command))
         }
-        self._kept = node.create_publisher(UInt64, kept.name, kept.qos) if kept else None
+        self._kept = node.create_publisher(UInt64, ack.name, ack.qos) if ack else None
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         self._refused_before = 0
 
@@ -157,8 +157,8 @@ def serve(
         adapters.ros.parameters.ParameterError: a ROS parameter or argument is invalid.
         executive.settings.SettingsError: the MOPS dictionary is invalid.
     """
-    asked, asked_again = Termination(), list[int]()
-    signal.signal(signal.SIGUSR1, lambda number, _: asked_again.append(number))
+    termination, reload_requests = Termination(), list[int]()
+    signal.signal(signal.SIGUSR1, lambda number, _: reload_requests.append(number))
     try:
         with (
             exclusive(data, "relay.lock"),
@@ -176,10 +176,10 @@ def serve(
             with closing(bridge):
                 topics.serve(bridge)
                 print(f"{settings.eid} relays for {settings.asset}", flush=True)
-                while not asked.requested:
+                while not termination.requested:
                     executor.spin_once()
-                    if asked_again:
-                        asked_again.clear()
+                    if reload_requests:
+                        reload_requests.clear()
                         _read_again(bridge, read_plan)
                     if not bridge.alive:
                         raise StartError("the bundle agent has ended; the log has its error")

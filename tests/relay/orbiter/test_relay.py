@@ -252,4 +252,4 @@ async def test_who_sends_under_another_name_is_told_where_to_look(
         rover.name = "SCOUT"
         await rover.event("it is cold")
         await until(lambda: "source: SCOUT is not JACKAL; correct asset in" in caplog.text)
-        assert "of who sends from ipn:2.1" in caplog.text
+        assert "of the sender at ipn:2.1" in caplog.text
