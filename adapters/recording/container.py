@@ -23,7 +23,7 @@ MIN_BUDGET_OCTETS: Final = 1 << 22
 MAX_CHUNK_RATIO: Final = 16
 """Maximum compression ratio of a chunk beyond that; a ledger image has 10 (measured)."""
 MAX_RATIO: Final = 1000
-"""The same for a file. Measured: 3 with noise, 105 with an empty laser; 30,000 is possible."""
+"""The same for a file. Measured: 3 with noise, 105 for a laser without returns; can be 30,000."""
 SCHEMA, CHANNEL, MESSAGE = 3, 4, 5
 HEADER, CHUNK, INDEX, ATTACHMENT, METADATA, DATA_END = 1, 6, 7, 9, 12, 15
 """Opcodes of records: those within chunks, and those beside them up to the summary."""

@@ -91,7 +91,7 @@ class RunFile:
         return self._file.tell()
 
     def flush(self) -> None:
-        """Pass buffered items to the operating system, so that the end of this process is safe."""
+        """Pass buffered items to the operating system; they then survive the end of the process."""
         self._or_end(self._flush)
 
     def continued(self, path: Path) -> "RunFile":

@@ -345,7 +345,7 @@ def _scan(utc_s: float, fact: LaserScan) -> Plain:
 
 
 def _still(settings: Settings, utc_s: float) -> Iterator[ViewMessage]:
-    """Yield the messages that do not change during a run of the executive."""
+    """Yield the messages that do not change after a start of the executive."""
     footprint = settings.footprint
     if footprint is not None:
         size_m = (footprint.length_m, footprint.width_m, _HEIGHT_M)

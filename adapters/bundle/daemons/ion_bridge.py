@@ -174,7 +174,7 @@ def _lines(path: Path) -> list[str]:
 
 
 class Probe:
-    """Checks whether ION is still the instance attached to, and queries bpadmin.
+    """Checks whether the attached instance of ION still runs, and queries bpadmin.
 
     A bpadmin that hangs is awaited and never killed: a kill could leave a lock behind.
 

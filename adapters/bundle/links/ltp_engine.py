@@ -94,7 +94,7 @@ class ExportSession:
         done: whether all octets have been claimed.
         due_s: time of the next checkpoint retransmission; set by the span.
         resent: number of retransmitted segments.
-        checkpoint_at_s: send time of the last checkpoint, until repeated or answered; likewise.
+        checkpoint_at_s: send time of the last checkpoint until repetition or answer; as `due_s`.
     """
 
     def __init__(

@@ -123,7 +123,7 @@ class BundleNode(NodeContext):
         return fetched.popleft() if fetched else None
 
     def give_back(self, delivery: Delivery) -> None:
-        """Queue a unit that was fetched again, before all others of its priority."""
+        """Requeue a fetched unit, before all others of its priority."""
         self._fetched[delivery.expedited].appendleft(delivery)
 
     def delivered(self, delivery: Delivery) -> None:

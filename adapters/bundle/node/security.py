@@ -171,7 +171,7 @@ class Security:
 def load_security(
     settings_file: Path, settings: SecuritySettings | None, node: Eid
 ) -> Security | None:
-    """Return the signatures of a node with its keys loaded; None without a section `security`.
+    """Return a node's `Security` with its keys loaded; None without a section `security`.
 
     Paths of keys are relative to the settings file.
 

@@ -262,7 +262,7 @@ class LinkMonitor:
     """Notifies when a contact begins or ends, and when a command has waited too long.
 
     Args:
-        old_after_s: longest waiting time of a command that is not old.
+        old_after_s: a command that waits for longer counts as old.
         tell: called with each change.
     """
 

@@ -29,7 +29,7 @@ def main(
 ) -> None:
     """Serve the MRS for rovers behind the relay until SIGINT or SIGTERM.
 
-    Commands become MOPS strings in bundles, which wait for a contact. Reports of the rovers
+    Commands become MOPS strings in bundles, which wait for a contact. Messages of the rovers
     become notifications and telemetry. It prints an address for each rover, then logs
     one line an event. Nothing that was acknowledged is lost, however the process ends.
 

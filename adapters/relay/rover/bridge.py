@@ -41,9 +41,9 @@ PAUSE_S: Final = 0.2
 AGAIN_S: Final = 1.0
 BUNDLES_AT_ONCE: Final = 32
 COMMANDS_AT_ONCE: Final = 16
-"""Commands in one string: few, because the executive processes them together before a stop."""
+"""Maximum commands in a string: a stop waits until the executive has processed the string."""
 STRINGS_IN_FLIGHT: Final = 2
-"""Unconfirmed strings of commands: the next is processed while one is being confirmed."""
+"""Maximum unconfirmed strings of commands: the next is processed while one is confirmed."""
 REPORTS_AT_ONCE: Final = 100
 MOST_HELD_S: Final = 600.0
 """Time during which a stop from a fast clock overtakes later commands; chosen, not measured."""

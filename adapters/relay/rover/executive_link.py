@@ -42,11 +42,11 @@ HOUSEKEEPING_S: Final = 30.0
 RETRANSMIT_LOOKS: Final = 5
 """Unconfirmed reports are republished after this number of calls of `look`."""
 WINDOW: Final = 4
-"""Unconfirmed strings of reports; later reports wait and share a string."""
+"""Maximum unconfirmed strings of reports; later reports wait and share a string."""
 PAGE: Final = 50
 """Maximum number of reports in a string."""
 MOST_ANSWERED: Final = 100
-"""Strings of answers that await confirmation; the commands of further ones are republished."""
+"""Maximum strings of answers that await confirmation; beyond it commands are republished."""
 LONGEST_SOURCE: Final = 256
 Submit = Callable[[Command, Callable[[SubmitResult], None], Callable[[], None]], None]
 """`Executive.submit`."""

@@ -20,7 +20,7 @@ class RelaySettings(AgentSettings):
         orbiter: the other end: destination of notifications, and source of commands.
         lifetime_s: lifetime of reports.
         telemetry_lifetime_s: lifetime of telemetry.
-        telemetry_queue: newer telemetry is held back while more bundles than this wait.
+        telemetry_queue: while more bundles than this wait, the newest telemetry is held back.
         health_interval_s: period of this end's health messages.
     """
 
