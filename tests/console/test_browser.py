@@ -242,7 +242,7 @@ def test_what_the_rover_refuses_and_what_makes_no_sense_is_told(page: Page) -> N
 def test_the_map_shows_how_uncertain_the_pose_is_and_was(
     site: Site, page: Page, people: Visitors
 ) -> None:
-    uncertain, words = page.get_by_test_id("uncertain"), page.locator(".map-view .place")
+    uncertain, words = page.get_by_test_id("uncertain"), page.locator(".map-view .pose")
     expect(uncertain).to_have_attribute("visibility", "hidden")
     confirm_pose(page, "0.6", "12")
     expect(uncertain).to_have_attribute("data-position", "0.600")
@@ -258,7 +258,7 @@ def test_the_map_shows_how_uncertain_the_pose_is_and_was(
     page.screenshot(path=picture("console-uncertain"))
     then_ms = page.evaluate("Date.now()")
     light = people.visit(f"{site.url}lite", "bert", (420, 800))
-    expect(light.locator(".map-view .place")).to_contain_text("uncertain by 0.60 m and 12.0°")
+    expect(light.locator(".map-view .pose")).to_contain_text("uncertain by 0.60 m and 12.0°")
     light.screenshot(path=picture("console-uncertain-light"))
     light.context.close()
     confirm_pose(page, "0", "0")
@@ -278,7 +278,7 @@ def test_a_second_console_is_refused_and_then_granted(
     expect(other.get_by_test_id("holder")).to_have_text("anna commands")
     choose(other, "rotateBy")
     other.get_by_label("angle", exact=True).fill("10")
-    expect(other.get_by_text("anna commands: request it above")).to_be_visible()
+    expect(other.get_by_text("anna commands: request the authority above")).to_be_visible()
     refused = other.request.post(
         f"{site.url}api/commands",
         headers={"X-Rover-Operator": "bert"},
@@ -318,7 +318,7 @@ def test_a_stop_from_whoever_has_no_authority_stops_the_rover(
     page.locator(cancelled).get_by_role("button", name="acknowledge").click()
     for somebody in (page, other):
         expect(somebody.locator(cancelled)).to_have_count(0)
-    page.get_by_role("button", name="also those that are over").click()
+    page.get_by_role("button", name="show closed alarms").click()
     expect(page.locator(cancelled)).to_contain_text("by anna")
     page.get_by_test_id("alarms").click()
     page.get_by_role("button", name="resume …").click()

@@ -63,7 +63,7 @@ async def test_what_is_aboard_is_listed_anew_and_a_recording_opened(
         rover.hang_up()
         await anna.page.until(lambda said: said.get("state") == "down")
         await fetch.click()
-        await expect(page.locator(".files-view .told")).to_contain_text("cannot be reached")
+        await expect(page.locator(".files-view .message")).to_contain_text("cannot be reached")
         rover.put("rock.txt", b"found while nobody heard of it")
         rover.listen()
         await anna.page.is_up()

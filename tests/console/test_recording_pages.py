@@ -64,7 +64,7 @@ def test_a_recording_is_looked_at_in_the_same_views_and_not_commanded(page: Page
     expect(marker).to_have_attribute("data-x", re.compile(r"^[12]\."))
     why = page.locator(".tree-view .why")
     expect(why).to_have_text(re.compile(r"^as of .*for MOE:1 moveForward$"))
-    expect(page.locator(".tree [data-look=running]").filter(has_text="drive")).to_be_visible()
+    expect(page.locator(".tree [data-status=running]").filter(has_text="drive")).to_be_visible()
     drive = commands(page, "moveForward")
     expect(drive).to_have_attribute("data-state", "started")
     expect(drive.locator("[data-stage=STARTED]")).to_have_attribute("data-reached", "true")
@@ -76,7 +76,7 @@ def test_a_recording_is_looked_at_in_the_same_views_and_not_commanded(page: Page
     expect(page.get_by_test_id("stop")).to_be_hidden()
     expect(page.get_by_label("command", exact=True)).to_have_count(0)
     page.keyboard.press("F8")
-    expect(page.get_by_text("is a recording: choose the rover that is to stop")).to_be_visible()
+    expect(page.get_by_text("is a recording: choose the rover to stop")).to_be_visible()
 
 
 def test_a_leaf_leads_to_the_command_that_it_worked_on_at_the_moment(page: Page) -> None:

@@ -40,7 +40,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         page = await browser.new_page(viewport={"width": 1200, "height": 700})
         page.on("pageerror", lambda error: errors.append(str(error)))
         await page.goto(f"{anna.address}{PAGE.format('scout', 'dtn')}")
-        await expect(page.get_by_text("No orbiter is known by which scout is")).to_be_visible()
+        await expect(page.get_by_text("No orbiter serves scout")).to_be_visible()
         await page.goto(f"{anna.address}{PAGE.format('rover-console', 'values')}")
         own_pages = page.get_by_test_id("value-CONSOLE_PAGES")
         await expect(own_pages).to_have_text("2", timeout=3e3 * EVERY_S)
@@ -54,7 +54,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await expect(way).to_have_attribute("data-open", "false")
         await anna.send("waits", "moveForward", distance=2.0)
         command = page.locator("tr[data-id=waits]")
-        await expect(command).to_contain_text("waits at the orbiter for")
+        await expect(command).to_contain_text("at the orbiter for")
         now_s = clock.utc_s()
         await far.link(
             LinkHealth(now_s, 0, 0.0, None, 41.0, 0, 0, True, 0, 12, 12, 1, 0, 4, round_trip_s=0.25)
@@ -62,7 +62,7 @@ async def test_a_command_is_seen_to_wait_for_the_contact_and_to_go_up_with_it(
         await until(lambda: all(each.aboard for each in relay.rovers.values()))
         await expect(page.get_by_test_id("DTN_QUEUED")).to_have_text("1")
         await expect(page.get_by_test_id("DTN_ABOARD_RETRANSMITTED")).to_have_text("1")
-        await expect(page.get_by_text("rover → orbiter, told")).to_be_visible()
+        await expect(page.get_by_text("rover → orbiter, reported")).to_be_visible()
         await expect(page.locator("[data-strip=DTN_CONTACTS_UP] [data-contact]")).to_have_count(1)
         await page.screenshot(path=ARTIFACTS / "console-relay.png")
         clock.shift_s = 3601.0

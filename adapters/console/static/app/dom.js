@@ -1,4 +1,4 @@
-/** Makes elements, and draws at most once a frame. */
+/** Helpers for HTML and SVG elements, and drawing at most once a frame. */
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -23,7 +23,7 @@ export function html(name, properties = {}, ...children) {
 export const button = (textContent, title, onclick, properties = {}) =>
   html("button", { type: "button", textContent, onclick, ...(title && { title }), ...properties });
 
-/** The head of a table. @param {...string} titles */
+/** Make the head of a table. @param {...string} titles */
 export const tableHead = (...titles) => html("thead", {}, html("tr", {}, ...titles.map((textContent) => html("th", { textContent }))));
 
 /** Make an SVG element. @param {string} name @param {Record<string, any>} [attributes] @param {...(Node | string)} children @returns {any} */
@@ -34,7 +34,7 @@ export function svg(name, attributes = {}, ...children) {
   return made;
 }
 
-/** Set attributes that differ from what is there. @param {Element} element @param {Record<string, any>} attributes */
+/** Set the attributes that differ from the present ones. @param {Element} element @param {Record<string, any>} attributes */
 export function set(element, attributes) {
   for (const [key, value] of Object.entries(attributes)) {
     const text = String(value);
@@ -42,26 +42,26 @@ export function set(element, attributes) {
   }
 }
 
-/** Set a text that differs from what is there. @param {Node} node @param {string} text */
-export function say(node, text) {
+/** Set the text of a node, if it differs from the present one. @param {Node} node @param {string} text */
+export function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-/** Return a function that asks for one drawing in the next frame, however often it is called. @param {() => void} draw */
+/** Return a function that schedules one drawing in the next frame; further calls before it have no effect. @param {() => void} draw */
 export function eachFrame(draw) {
-  let asked = false;
+  let scheduled = false;
   return () => {
-    if (asked) return;
-    asked = true;
+    if (scheduled) return;
+    scheduled = true;
     requestAnimationFrame(() => {
-      asked = false;
+      scheduled = false;
       draw();
     });
   };
 }
 
 /**
- * Keep the rows of a container in the order of some items, reusing the element of each.
+ * Update the children of a container to a list of items, in its order. The element of an item is reused by its key.
  * @template T
  * @param {HTMLElement} container
  * @param {T[]} items
@@ -69,7 +69,7 @@ export function eachFrame(draw) {
  * @param {(item: T) => any} make
  * @param {(element: any, item: T) => void} [update]
  */
-export function keep(container, items, keyOf, make, update = () => {}) {
+export function reconcile(container, items, keyOf, make, update = () => {}) {
   const known = new Map([...container.children].map((child) => [child.getAttribute("data-key"), child]));
   let before = null;
   for (const item of items) {
@@ -81,9 +81,9 @@ export function keep(container, items, keyOf, make, update = () => {}) {
       element.setAttribute("data-key", key);
     }
     update(element, item);
-    const place = before ? before.nextSibling : container.firstChild;
-    if (place !== element) container.insertBefore(element, place);
+    const next = before ? before.nextSibling : container.firstChild;
+    if (next !== element) container.insertBefore(element, next);
     before = element;
   }
-  for (const gone of known.values()) gone.remove();
+  for (const unused of known.values()) unused.remove();
 }

@@ -1,6 +1,6 @@
-/** The light page, for weak links: STOP, map, commands and values, and nothing of Open MCT. */
+/** The light page for slow links: STOP, map, commands and values, without Open MCT. */
 
-import { Bar } from "./views/bar.js";
+import { StatusBar } from "./views/status_bar.js";
 import { CommandForm } from "./views/command_form.js";
 import { CommandTable } from "./views/command_table.js";
 import { contextOf } from "./model/context.js";
@@ -25,12 +25,12 @@ const session = new Session(LIGHT_TOPICS);
 const shown = { name: null, choose: show };
 const top = html("div");
 const panels = html("main", { className: "panels" });
-const nobody = html("div");
+const noRover = html("div");
 document.body.append(
   top,
-  nobody,
+  noRover,
   panels,
-  html("footer", {}, html("a", { href: "/", textContent: "whole console" }), "This page is light: it loads without Open MCT."),
+  html("footer", {}, html("a", { href: "/", textContent: "full console" }), "Light page, without Open MCT."),
 );
 let unmounts = [];
 
@@ -49,11 +49,11 @@ function show(name) {
 
 function choose() {
   if (shown.name === null && session.rovers.length > 0) show(session.rovers[0].name);
-  nobody.hidden = shown.name !== null;
+  noRover.hidden = shown.name !== null;
   panels.hidden = shown.name === null;
 }
 
-Bar.mount(top, { session, shown });
-FleetView.mount(nobody, { session, shown });
+StatusBar.mount(top, { session, shown });
+FleetView.mount(noRover, { session, shown });
 session.on("assets", choose);
 choose();

@@ -1,6 +1,6 @@
-/** The whole console: Open MCT with the rovers as its objects, and the bar with STOP above it. */
+/** The full console: Open MCT with the rovers as its objects, and the status bar with STOP above it. */
 
-import { Bar } from "./views/bar.js";
+import { StatusBar } from "./views/status_bar.js";
 import { cursor, span } from "./model/context.js";
 import { login } from "./views/login.js";
 import { identifierOf, partsOf } from "./openmct/identifiers.js";
@@ -14,18 +14,18 @@ import { Session } from "./model/session.js";
 const MINUTE_MS = 60_000;
 const AHEAD_MS = 5_000;
 const TICK_MS = 250;
-/** Where Open MCT keeps which branches are open. */
+/** Storage key of Open MCT for the open branches. */
 const OPEN_BRANCHES = "mct-tree-expanded";
 const SPANS = { "5 minutes": 5, "15 minutes": 15, "1 hour": 60, "6 hours": 360 };
-const LOOKS = "hideInspector=true&hideRecents=true";
-const ROVERS = `#/browse/rover:rovers?${LOOKS}`;
+const DISPLAY_OPTIONS = "hideInspector=true&hideRecents=true";
+const ROVERS = `#/browse/rover:rovers?${DISPLAY_OPTIONS}`;
 
 await login();
 const session = new Session();
-/** @type {any} Open MCT puts itself there. */
+/** @type {any} Open MCT sets this property. */
 const { openmct } = /** @type {any} */ (window);
 
-/** The clock of rover-console: that of this browser may be wrong. */
+/** The clock of rover-console; the browser's clock may be wrong. */
 class ConsoleClock {
   key = "console";
   name = "Console clock";
@@ -57,7 +57,7 @@ const shown = {
     shown.name = name;
     const path = [identifierOf(), identifierOf(name), identifierOf(name, "layout")];
     const keys = path.map((each, index) => (index ? `rover:${each.key}` : "rover:rovers")).join("/");
-    location.hash = `#/browse/${keys}?${LOOKS}`;
+    location.hash = `#/browse/${keys}?${DISPLAY_OPTIONS}`;
   },
 };
 
@@ -114,7 +114,7 @@ openmct.time.setClock("console");
 openmct.time.setClockOffsets({ start: -5 * MINUTE_MS, end: AHEAD_MS });
 openmct.time.setMode("realtime");
 
-/** In fixed time the map shows where the rover was at the end of the span. */
+/** In fixed time the map shows the pose of the rover at the end of the span. */
 function followTime() {
   const isFixed = openmct.time.isFixed();
   if (isFixed) cursor.set(openmct.time.getBounds().end / 1000);
@@ -123,7 +123,7 @@ function followTime() {
 }
 let wasFixed = false;
 openmct.time.on("boundsChanged", (_, isTick) => isTick || followTime());
-/** Views that show a span of time show that of the time conductor. */
+/** Pass the span of the time conductor to the views. */
 const followSpan = ({ start, end }) => span.set(start / 1000, end / 1000);
 openmct.time.on("boundsChanged", followSpan);
 followSpan(openmct.time.getBounds());
@@ -132,20 +132,20 @@ cursor.on(() => {
   if (cursor.utc_s === null && openmct.time.isFixed()) openmct.time.setMode("realtime");
 });
 
-/** Look at a recording in its own time, and at a rover in the present. */
+/** Show a recording over its own time, and a rover in real time. */
 function followAsset() {
   const recording = shown.name === null ? null : session.asset(shown.name).recording;
   const name = recording ? shown.name : null;
-  if (name === lookedAt) return;
-  if (lookedAt !== null && !session.assets.has(lookedAt)) location.hash = ROVERS;
+  if (name === shownRecording) return;
+  if (shownRecording !== null && !session.assets.has(shownRecording)) location.hash = ROVERS;
   if (recording) openmct.time.setMode("fixed", { start: recording.began * 1000, end: Math.ceil(recording.ended * 1000) });
   else openmct.time.setMode("realtime");
-  lookedAt = name;
+  shownRecording = name;
 }
-/** @type {string | null} the recording that is looked at */
-let lookedAt = null;
+/** @type {string | null} the shown recording */
+let shownRecording = null;
 
-/** The asset of the object that is shown; else the first. */
+/** Return the asset of the shown object, else the first asset. */
 function chosen() {
   const found = /rover:([^/?]+)(?:[?]|$)/.exec(location.hash.replace(/rover:rovers\/?/, ""));
   const name = found ? partsOf({ key: found[1] })[0] : null;
@@ -155,20 +155,20 @@ function chosen() {
   return (assets.find((each) => !each.recording) ?? assets[0])?.name ?? null;
 }
 
-/** Without a place in the address show the first rover, as soon as there is one. */
+/** Show the first rover as soon as there is one, if the address names no object. */
 function choose() {
   const name = chosen();
-  if (isUnplaced && name !== null) {
-    isUnplaced = false;
+  if (hasNoPath && name !== null) {
+    hasNoPath = false;
     shown.choose(name);
   }
   shown.name = name;
   followAsset();
 }
-let isUnplaced = !location.hash.includes(":");
-if (isUnplaced) location.hash = ROVERS;
+let hasNoPath = !location.hash.includes(":");
+if (hasNoPath) location.hash = ROVERS;
 
-/** Have Open MCT open the branch of the first rover, until somebody opens and folds what they like. */
+/** Let Open MCT open the branch of the first rover, until the operator opens or folds a branch. */
 function openTree() {
   if (localStorage.getItem(OPEN_BRANCHES) !== null) return;
   const name = chosen();
@@ -179,7 +179,7 @@ function openTree() {
 
 session.on("assets", choose);
 addEventListener("hashchange", choose);
-Bar.mount(document.querySelector("#top"), { session, shown });
+StatusBar.mount(document.querySelector("#top"), { session, shown });
 await session.ready;
 choose();
 openTree();

@@ -1,19 +1,19 @@
 /**
- * The connection to rover-console: requests over HTTP, and messages over a WebSocket that comes back by
- * itself and asks for what was missed meanwhile.
+ * The connection to rover-console: requests over HTTP, and messages over a WebSocket. The WebSocket
+ * reconnects by itself and requests the missed messages.
  */
 
 const OPERATOR = "rover-console-operator";
-const FIRST_RETRY_MS = 300;
-const LONGEST_RETRY_MS = 5000;
-const SILENCE_MS = 10000;
+const MIN_RETRY_MS = 300;
+const MAX_RETRY_MS = 5000;
+const RECEIVE_TIMEOUT_MS = 10000;
 
-/** Who sits here. What changes something is asked for under this name. */
+/** The operator of this page. Requests that change state carry this name. */
 export const operator = {
   /** @returns {string} */
   get name() {
-    const kept = sessionStorage.getItem(OPERATOR);
-    if (kept) return kept;
+    const stored = sessionStorage.getItem(OPERATOR);
+    if (stored) return stored;
     const made = `operator-${Math.random().toString(36).slice(2, 6)}`;
     sessionStorage.setItem(OPERATOR, made);
     return made;
@@ -23,31 +23,31 @@ export const operator = {
   },
 };
 
-/** What the server refused, in its words. */
-export class Refused extends Error {
+/** A request that failed or was refused, with the text of the server. */
+export class RequestError extends Error {
   /**
-   * @param {number} status of HTTP; 0 where the server was not reached
+   * @param {number} status of HTTP; 0 if the server was not reached
    * @param {any} body
    */
   constructor(status, body) {
-    super(body?.error ?? (status ? `the server answers ${status}` : "rover-console does not answer"));
+    super(body?.error ?? (status ? `the server responds with status ${status}` : "rover-console does not answer"));
     this.status = status;
     this.body = body;
   }
 }
 
 /**
- * Ask the server for something.
+ * Send a request to the server and return the JSON body of its response.
  * @param {string} path
  * @param {RequestInit & {json?: any}} [options] `json` is sent as the body
- * @returns {Promise<any>} what it answers
+ * @returns {Promise<any>} the body; a RequestError is thrown for any status but 2xx
  */
-export async function ask(path, options = {}) {
+export async function fetchJson(path, options = {}) {
   const { json, headers, ...rest } = options;
   const method = options.method ?? (json === undefined ? "GET" : "POST");
-  let answer;
+  let response;
   try {
-    answer = await fetch(path, {
+    response = await fetch(path, {
       ...rest,
       method,
       ...(json === undefined ? {} : { body: JSON.stringify(json) }),
@@ -58,40 +58,40 @@ export async function ask(path, options = {}) {
       },
     });
   } catch {
-    throw new Refused(0, null);
+    throw new RequestError(0, null);
   }
-  const text = await answer.text();
+  const text = await response.text();
   let body = null;
   try {
     body = text ? JSON.parse(text) : null;
   } catch {
     body = { error: text };
   }
-  if (!answer.ok) throw new Refused(answer.status, body);
+  if (!response.ok) throw new RequestError(response.status, body);
   return body;
 }
 
-/** A number for a command, which is never sent twice under it; `randomUUID` is there over HTTPS alone. */
+/** Return an id for one command, the key of its deduplication; browsers offer `randomUUID` over HTTPS only. */
 export function newId() {
   return crypto.randomUUID?.() ?? `${Date.now()}-${Math.random()}`;
 }
 
 export class Connection {
   #listeners = new Set();
-  #wait_ms = FIRST_RETRY_MS;
+  #wait_ms = MIN_RETRY_MS;
   /** @type {WebSocket | null} */
   #socket = null;
-  #silence = 0;
+  #timeout = 0;
   /** @type {"connecting" | "open" | "lost"} */
   status = "connecting";
   /** when the status began, ms since 1970 UTC */
   since_ms = Date.now();
-  /** seconds by which the server's clock is ahead of this browser's */
-  ahead_s = 0;
+  /** server's clock minus this browser's clock, s */
+  clockOffset_s = 0;
 
   /**
-   * @param {(message: any) => void} receive gets each message
-   * @param {() => object} greeting what this page says first
+   * @param {(message: any) => void} receive called with each message
+   * @param {() => object} greeting returns the first message of this page
    */
   constructor(receive, greeting) {
     this.receive = receive;
@@ -114,48 +114,48 @@ export class Connection {
   #open() {
     const socket = new WebSocket(new URL("/ws", location.href.replace(/^http/, "ws")));
     this.#socket = socket;
-    this.#listen();
+    this.#restartTimeout();
     socket.onopen = () => socket.send(JSON.stringify(this.greeting()));
     socket.onmessage = (event) => {
       if (this.#socket !== socket) return;
-      this.#listen();
+      this.#restartTimeout();
       const data = JSON.parse(event.data);
       for (const message of Array.isArray(data) ? data : [data]) {
         if (message.ty === "hello") {
-          this.ahead_s = message.utc - Date.now() / 1000;
-          this.#wait_ms = FIRST_RETRY_MS;
-          this.#become("open");
+          this.clockOffset_s = message.utc - Date.now() / 1000;
+          this.#wait_ms = MIN_RETRY_MS;
+          this.#setStatus("open");
         }
         this.receive(message);
       }
     };
-    socket.onclose = () => this.#lose(socket);
+    socket.onclose = () => this.#onClosed(socket);
   }
 
   /** @param {WebSocket | null} socket */
-  #lose(socket) {
+  #onClosed(socket) {
     if (this.#socket !== socket) return;
-    clearTimeout(this.#silence);
+    clearTimeout(this.#timeout);
     this.#socket = null;
-    this.#become("lost");
+    this.#setStatus("lost");
     setTimeout(() => this.#socket ?? this.#open(), this.#wait_ms * (0.7 + 0.6 * Math.random()));
-    this.#wait_ms = Math.min(this.#wait_ms * 1.7, LONGEST_RETRY_MS);
+    this.#wait_ms = Math.min(this.#wait_ms * 1.7, MAX_RETRY_MS);
   }
 
   /**
-   * Connect again after a silence: the server sends a message every 5 s, and a browser detects neither a lost
-   * network nor a server that has lost power and with it the connection.
+   * Reconnect after RECEIVE_TIMEOUT_MS without a message. The server sends one every 5 s; a browser detects
+   * neither a lost network nor a server without power.
    */
-  #listen() {
-    clearTimeout(this.#silence);
+  #restartTimeout() {
+    clearTimeout(this.#timeout);
     const socket = this.#socket;
-    this.#silence = setTimeout(() => {
+    this.#timeout = setTimeout(() => {
       socket?.close();
-      this.#lose(socket);
-    }, SILENCE_MS);
+      this.#onClosed(socket);
+    }, RECEIVE_TIMEOUT_MS);
   }
 
-  #become(status) {
+  #setStatus(status) {
     if (status === this.status) return;
     this.status = status;
     this.since_ms = Date.now();

@@ -1,6 +1,6 @@
 /**
- * What a view gets. `mount(element, context)` puts it into an element and returns a function that takes
- * it out again; views of the same asset share selection, time cursor and draft.
+ * The context of a view. `mount(element, context)` puts the view into an element and returns a function that
+ * removes it. Views of the same asset share selection, time cursor and draft.
  */
 
 import { Draft } from "./draft.js";
@@ -19,7 +19,7 @@ import { Cursor, Selection, Span } from "./selection.js";
 
 /** @type {Map<string, Context>} */
 const contexts = new Map();
-/** One for the page: time is the same for all rovers. */
+/** Time cursor of the page, shared by all rovers. */
 export const cursor = new Cursor();
 export const span = new Span();
 

@@ -1,30 +1,30 @@
 /**
- * A command that is being prepared for one asset: what it is, its arguments as typed, what a preview
- * says it would come to. The form fills it, the map shows it, and nothing is sent before `send`.
+ * A command in preparation for one asset: its entry, its arguments as typed, and its preview. The form
+ * fills it and the map shows it; it is only sent from the form.
  */
 
-import { ask } from "./connection.js";
+import { fetchJson } from "./connection.js";
 import { Observable } from "./observable.js";
-import { number, unitOf } from "../words.js";
+import { number, unitOf } from "../format.js";
 
-const PAUSE_MS = 250;
+const DEBOUNCE_MS = 250;
 
 /** @import { ArgumentEntry, CommandEntry, Preview } from "./messages.js" */
 
 export class Draft extends Observable {
   #timer = 0;
-  #asked = 0;
+  #edits = 0;
   /** @type {CommandEntry | null} the entry of the command in the dictionary; null for none */
   entry = null;
   /** @type {Record<string, any>} as typed: texts; of a list, one such record an item */
   typed = {};
-  /** whether it replaces the motions under way and waiting */
+  /** whether it replaces the active and queued motions */
   replace = false;
-  /** @type {Preview | null} null while there is none */
+  /** @type {Preview | null} null until received */
   preview = null;
-  /** what the rover says against it, or why there is no preview */
+  /** the rover's refusal, or the reason why no preview was received */
   objection = "";
-  /** whether a preview is being worked out */
+  /** whether a preview is pending */
   waits = false;
 
   /** @param {import("./asset.js").Asset} asset */
@@ -33,25 +33,25 @@ export class Draft extends Observable {
     this.asset = asset;
   }
 
-  /** Begin anew. @param {string | null} name of the command; null for none @param {Record<string, any>} [values] in SI units */
+  /** Start a draft with another command. @param {string | null} name of the command; null for none @param {Record<string, any>} [values] in SI units */
   prepare(name, values = {}) {
     this.entry = this.asset.entry?.commands.find((each) => each.name === name) ?? null;
     this.typed = {};
     this.replace = false;
     for (const argument of this.entry?.arguments ?? []) {
       this.typed[argument.name] =
-        argument.type === "list" ? (values[argument.name] ?? [{}]) : shown(argument, values[argument.name]);
+        argument.type === "list" ? (values[argument.name] ?? [{}]) : typedText(argument, values[argument.name]);
     }
     this.#edited();
   }
 
-  /** Change what is typed. @param {Record<string, any>} record `typed`, or an item of one of its lists @param {string} name @param {string} text */
+  /** Set the typed text of an argument. @param {Record<string, any>} record `typed`, or an item of one of its lists @param {string} name @param {string} text */
   type(record, name, text) {
     record[name] = text;
     this.#edited();
   }
 
-  /** Add a place to a path. @param {string} list @param {Record<string, any>} item */
+  /** Add an item to a list, such as a waypoint to a path. @param {string} list @param {Record<string, any>} item */
   addItem(list, item) {
     const items = this.typed[list];
     const blank = items.length === 1 && Object.values(items[0]).every((each) => each === "" || each === undefined);
@@ -74,30 +74,30 @@ export class Draft extends Observable {
 
   #edited() {
     clearTimeout(this.#timer);
-    this.#asked++;
+    this.#edits++;
     this.preview = null;
     this.objection = "";
     this.waits = Boolean(this.entry?.motion) && this.problems.size === 0;
-    if (this.waits) this.#timer = setTimeout(() => this.#ask(this.#asked), PAUSE_MS);
+    if (this.waits) this.#timer = setTimeout(() => this.#fetchPreview(this.#edits), DEBOUNCE_MS);
     this.changed();
   }
 
-  async #ask(asked) {
+  async #fetchPreview(edit) {
     let preview = null;
     let objection = "";
     try {
-      preview = await ask("/api/preview", {
+      preview = await fetchJson("/api/preview", {
         json: { asset: this.asset.name, name: this.entry.name, args: this.values },
       });
     } catch (error) {
       objection = error.message;
     }
-    if (asked !== this.#asked) return;
+    if (edit !== this.#edits) return;
     Object.assign(this, { preview, objection, waits: false });
     this.changed();
   }
 
-  /** What is wrong with what is typed, by the name of the argument. */
+  /** The problems of the typed arguments, by the name of the argument. */
   get problems() {
     const found = new Map();
     for (const argument of this.entry?.arguments ?? []) {
@@ -122,7 +122,7 @@ export class Draft extends Observable {
     return found;
   }
 
-  /** The arguments in SI units, without those that are left out. */
+  /** The arguments in SI units, without the omitted ones. */
   get values() {
     const values = {};
     for (const argument of this.entry?.arguments ?? []) {
@@ -134,7 +134,7 @@ export class Draft extends Observable {
     return values;
   }
 
-  /** Where it would go, as far as is known: the last place typed. */
+  /** The target of the motion: the last typed waypoint, or null. */
   get target() {
     const { x, y, waypoints } = this.values;
     const last = waypoints?.at(-1) ?? { x, y };
@@ -156,7 +156,7 @@ function valueOf(argument, text) {
 }
 
 /** @param {ArgumentEntry} argument @param {any} value in SI units */
-function shown(argument, value) {
+function typedText(argument, value) {
   if (value === undefined || value === null) return "";
   if (typeof value !== "number") return String(value);
   return String(Math.round(value * (argument.typed?.per_unit ?? 1) * 1000) / 1000);
@@ -180,16 +180,16 @@ function problemOf(argument, text) {
 }
 
 /**
- * A range in the unit that people type; empty where none is known.
+ * Format a range in its display unit; empty if there is none.
  * @param {Pick<ArgumentEntry, "typed" | "unit" | "low" | "high">} argument
- * @param {string} [unit] as it is shown
+ * @param {string} [unit] to display
  */
 export function rangeOf(argument, unit = unitOf(argument)) {
   const factor = argument.typed?.per_unit ?? 1;
   const { low, high } = argument;
-  const words = (figure) => number(Math.round(figure * factor * 100) / 100);
+  const format = (figure) => number(Math.round(figure * factor * 100) / 100);
   if (low === null && high === null) return "";
-  if (low === null) return `≤ ${words(high)} ${unit}`.trim();
-  if (high === null) return `≥ ${words(low)} ${unit}`.trim();
-  return `${words(low)} … ${words(high)} ${unit}`.trim();
+  if (low === null) return `≤ ${format(high)} ${unit}`.trim();
+  if (high === null) return `≥ ${format(low)} ${unit}`.trim();
+  return `${format(low)} … ${format(high)} ${unit}`.trim();
 }

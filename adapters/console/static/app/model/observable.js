@@ -1,4 +1,4 @@
-/** What views subscribe to. */
+/** Observables that views subscribe to. */
 
 export class Observable {
   /** @type {Set<(what?: any) => void>} */

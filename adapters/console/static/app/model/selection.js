@@ -1,7 +1,7 @@
 /**
- * What is selected, shared by all views: a command, with the nodes of the tree that worked on it, its
- * lines in the log and its part of the driven path. A node leads to the command that it works on, or
- * worked on last, at the moment that is looked at; one that works on none is selected by itself.
+ * The selection, shared by all views: a command, with the nodes of the tree that executed it, its lines in
+ * the log and its part of the driven path. A node selects the command that it executes, or executed last, at
+ * the displayed time; a node without a command is selected alone.
  */
 
 import { Observable } from "./observable.js";
@@ -15,25 +15,25 @@ export class Selection extends Observable {
   /** @type {string | null} the path of a node of the tree */
   node = null;
 
-  /** Select a command, or nothing if it already was. @param {string | null} key */
+  /** Select a command, or deselect it if it was selected. @param {string | null} key */
   selectCommand(key) {
     this.#set(key === this.command ? null : key, null);
   }
 
-  /** Select a node with its command, or nothing if it already was. @param {Asset} asset @param {TreeNode} node */
+  /** Select a node with its command, or deselect it if it was selected. @param {Asset} asset @param {TreeNode} node */
   selectNode(asset, node) {
     if (node.path === this.node) return this.#set(null, null);
     const command = node.command === null ? null : asset.commandOf(node.command);
     this.#set(command?.id ?? null, node.path);
   }
 
-  /** When the selected command was carried out. @param {Asset} asset */
+  /** The execution times of the selected command. @param {Asset} asset */
   spanOf(asset) {
     const command = this.command === null ? undefined : asset.commands.get(this.command);
     return command ? asset.spanOf(command) : null;
   }
 
-  /** The paths of the nodes that are selected, or worked on the selected command. @param {Asset} asset */
+  /** The paths of the selected node and of the nodes that executed the selected command. @param {Asset} asset */
   nodesOf(asset) {
     const command = this.command === null ? undefined : asset.commands.get(this.command);
     const nodes = command ? asset.nodesOf(command) : [];
@@ -47,7 +47,7 @@ export class Selection extends Observable {
   }
 }
 
-/** The span of time that is looked at: that of the time conductor. */
+/** The displayed time span, set by the time conductor. */
 export class Span extends Observable {
   /** seconds since 1970-01-01 UTC */
   start_s = Date.now() / 1000 - 300;
@@ -61,7 +61,7 @@ export class Span extends Observable {
   }
 }
 
-/** The moment that is looked at; null is now. */
+/** The displayed time; null is now. */
 export class Cursor extends Observable {
   /** @type {number | null} seconds since 1970-01-01 UTC */
   utc_s = null;

@@ -1,36 +1,36 @@
-/** One page at work: its connection, the assets, who else is there, and the second that views tick by. */
+/** The session of one page: its connection, the assets, the open pages, and the one-second tick of the views. */
 
 import { Asset, UNCERTAINTY } from "./asset.js";
-import { Connection, ask, operator } from "./connection.js";
+import { Connection, fetchJson, operator } from "./connection.js";
 import { Topics } from "./observable.js";
 
 /** @import { AlarmStatus, AssetEntry, Message, OpenPage } from "./messages.js" */
 
-/** What a page hears of that shows neither log nor tree. */
+/** Topics of a page that shows neither log nor tree. */
 export const LIGHT_TOPICS = ["tm", "cmd", "auth", "link", "asset", "presence", "dictionary", "alarm"];
 const TOPICS = [...LIGHT_TOPICS, "ntf", "tree", "plan", "file", "transfer", "obj"];
 const HISTORY_S = 3600;
-const MOST_SAMPLES = 20000;
-const MOST_PAST = 1000;
-const MOST_NOTICES = 500;
+const MAX_SAMPLES = 20000;
+const MAX_RECORDING_ITEMS = 1000;
+const MAX_NOTICES = 500;
 const POSE = ["POS_X", "POS_Y", "HEAD"];
 
 /** @extends {Topics<"second" | "assets" | "presence" | "object" | "alarms">} */
 export class Session extends Topics {
-  #heard = { instance: "", seq: 0 };
+  #resume = { instance: "", seq: 0 };
   #tried = new Map();
   /** @type {(value?: any) => void} */
   #becomeReady = () => {};
   /** @type {Map<string, Asset>} */
   assets = new Map();
-  /** @type {Map<number, AlarmStatus>} those that stand, of all assets */
+  /** @type {Map<number, AlarmStatus>} open alarms of all assets */
   alarms = new Map();
-  /** @type {OpenPage[]} pages that are open */
+  /** @type {OpenPage[]} open pages */
   presence = [];
-  /** when the dictionary was read for the first time */
+  /** resolves when the dictionary was read for the first time */
   ready = new Promise((resolve) => (this.#becomeReady = resolve));
 
-  /** @param {string[]} [topics] what it hears of */
+  /** @param {string[]} [topics] to subscribe to */
   constructor(topics = TOPICS) {
     super();
     this.hasLog = topics.includes("ntf");
@@ -42,7 +42,7 @@ export class Session extends Topics {
         console: this.name,
         operator: operator.name,
         topics,
-        resume: this.#heard,
+        resume: this.#resume,
       }),
     );
     setInterval(() => this.changed("second"), 1000);
@@ -54,14 +54,14 @@ export class Session extends Topics {
     return rovers.sort((one, other) => one.name.localeCompare(other.name));
   }
 
-  /** The addresses at which no rover was reached yet. */
+  /** The addresses without a reached rover. */
   get tried() {
     return [...this.#tried.keys()];
   }
 
   /** The time by the server's clock, seconds since 1970-01-01 UTC. */
   get now() {
-    return Date.now() / 1000 + this.connection.ahead_s;
+    return Date.now() / 1000 + this.connection.clockOffset_s;
   }
 
   /** @param {() => void} listener */
@@ -69,42 +69,42 @@ export class Session extends Topics {
     return this.on("second", listener);
   }
 
-  /** Return an asset, new if it was not heard of. @param {string} name @param {AssetEntry | null} [entry] of the dictionary, where that is known */
+  /** Return an asset, created if unknown. @param {string} name @param {AssetEntry | null} [entry] of the dictionary, if known */
   asset(name, entry = null) {
     let asset = this.assets.get(name);
     if (!asset) {
       asset = new Asset(name, entry);
       this.assets.set(name, asset);
       this.changed("assets");
-      this.#readPast(asset);
+      this.#readHistory(asset);
     }
     return asset;
   }
 
-  /** Why nothing is there to be seen, and what to do. @param {Asset} [asset] */
+  /** Return why there is no data, and what to do. @param {Asset} [asset] */
   unreached(asset) {
     if (this.connection.status !== "open") {
-      return "rover-console does not answer. This page goes on by itself when it is back.";
+      return "rover-console does not answer. This page reconnects by itself.";
     }
     if (!asset) return "No rover is connected: start one with ./rover demo --stay";
-    if (asset.recording) return `${asset.recording.file} holds nothing of this until then. Look at a later time, or open another recording under “Rovers”.`;
+    if (asset.recording) return `${asset.recording.file} holds no such data up to this time. Choose a later time, or open another recording under “Rovers”.`;
     const links = [...asset.links.values()].map((each) => `${each.link} link (${each.uri}) ${each.state}`);
     return `${asset.name} cannot be reached: ${links.join(", ") || "no link"}. Start it, for example with ./rover demo --stay`;
   }
 
   /** @param {Message} message */
   #receive(message) {
-    if (message.seq !== undefined) this.#heard.seq = message.seq;
+    if (message.seq !== undefined) this.#resume.seq = message.seq;
     switch (message.ty) {
       case "hello":
         if (message.operator !== operator.name) operator.name = message.operator;
-        if (!message.resumed) this.#catchUp();
+        if (!message.resumed) this.#reload();
         if (!message.resumed) this.alarms.clear();
         for (const asset of this.assets.values()) {
-          asset.transfers.clear(); // those that there are follow
+          asset.transfers.clear(); // the present ones follow
           asset.changed("transfers");
         }
-        this.#heard = { instance: message.instance, seq: message.resumed ? this.#heard.seq : message.seq };
+        this.#resume = { instance: message.instance, seq: message.resumed ? this.#resume.seq : message.seq };
         break;
       case "tm":
         this.asset(message.asset).addSample(message);
@@ -161,10 +161,10 @@ export class Session extends Topics {
     }
   }
 
-  /** Read anew what the socket will not tell again. */
-  #catchUp() {
+  /** Reload the data that the socket will not send again. */
+  #reload() {
     this.readDictionary();
-    for (const asset of this.assets.values()) this.#readPast(asset);
+    for (const asset of this.assets.values()) this.#readHistory(asset);
   }
 
   #set(message, field) {
@@ -180,10 +180,10 @@ export class Session extends Topics {
     asset.changed(field);
   }
 
-  /** Read which assets there are; recordings, which are all past, are not for a page without the past. */
+  /** Read the assets of the dictionary. A page without a log omits recordings. */
   async readDictionary() {
     try {
-      const { assets, console: own } = await ask("/api/dictionary");
+      const { assets, console: own } = await fetchJson("/api/dictionary");
       for (const [name, { entry }] of this.assets) if (entry?.recording && !(name in assets)) this.assets.delete(name);
       for (const [name, entry] of [...Object.entries(assets), [own.asset, own]]) {
         if (entry.recording && !this.hasLog) continue;
@@ -198,22 +198,22 @@ export class Session extends Topics {
     }
   }
 
-  /** Read where it was, and what it told, before this page listened. @param {Asset} asset */
-  async #readPast(asset) {
+  /** Read the track, the notifications and a recording's commands from the archive. @param {Asset} asset */
+  async #readHistory(asset) {
     const start = asset.recording?.began ?? this.now - HISTORY_S;
-    const size = asset.recording ? MOST_SAMPLES : HISTORY_S;
+    const size = asset.recording ? MAX_SAMPLES : HISTORY_S;
     const name = encodeURIComponent(asset.name);
     try {
       if (asset.recording) {
-        const { commands } = await ask(`/api/commands?asset=${name}&limit=${MOST_PAST}`);
+        const { commands } = await fetchJson(`/api/commands?asset=${name}&limit=${MAX_RECORDING_ITEMS}`);
         for (const command of commands.reverse()) asset.setCommand(command);
-        const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_PAST}`);
-        asset.addNotices(told.notifications.reverse());
+        const answer = await fetchJson(`/api/notifications?asset=${name}&limit=${MAX_RECORDING_ITEMS}`);
+        asset.addNotices(answer.notifications.reverse());
       } else if (this.hasLog) {
-        const told = await ask(`/api/notifications?asset=${name}&limit=${MOST_NOTICES}`);
-        asset.addNotices(told.notifications.reverse());
+        const answer = await fetchJson(`/api/notifications?asset=${name}&limit=${MAX_NOTICES}`);
+        asset.addNotices(answer.notifications.reverse());
       }
-      const read = (key) => ask(`/api/tm/${name}/${key}?start=${start}&size=${size}`);
+      const read = (key) => fetchJson(`/api/tm/${name}/${key}?start=${start}&size=${size}`);
       const [xs, ys, headings] = await Promise.all(POSE.map(read));
       asset.addFixes(fixesOf(xs.samples, ys.samples, headings.samples));
       for (const key of UNCERTAINTY) asset.addUncertainty(key, (await read(key)).samples);
@@ -223,7 +223,7 @@ export class Session extends Topics {
   }
 }
 
-/** Join samples of the same moment. */
+/** Join samples with the same stamp. */
 function fixesOf(xs, ys, headings) {
   const at = (samples) => new Map(samples.map((each) => [each.utc, each.value]));
   const [y, heading] = [at(ys), at(headings)];

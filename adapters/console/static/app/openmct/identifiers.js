@@ -1,4 +1,4 @@
-/** How the objects of rovers are named: the asset, what of it, and for telemetry the link and the parameter. */
+/** Identifiers of the rovers' objects: asset, kind, and for telemetry link and parameter. */
 
 export const NAMESPACE = "rover";
 export const ROOT = "rovers";

@@ -1,16 +1,16 @@
 /**
- * The rovers as objects of Open MCT: for each asset a folder with its views, a layout of all of them,
- * and its telemetry by link. They follow from the dictionary, are not stored and cannot be edited.
+ * The rovers as objects of Open MCT: for each asset a folder with its views, a layout with all of them,
+ * and its telemetry by link. They are derived from the dictionary, not stored, and cannot be edited.
  */
 
-import { unitOf } from "../words.js";
+import { unitOf } from "../format.js";
 import { NAMESPACE, ROOT, identifierOf, partsOf } from "./identifiers.js";
 import { VIEWS, viewsOf } from "./views.js";
 
 /** @typedef {import("../model/session.js").Session} Session */
 
 /**
- * How many percent of the width a column of the layout has, and of its height each frame in it.
+ * Columns of the layout: width in percent, and the height of each frame in percent.
  * @type {[number, [string, number][]][]}
  */
 const LAYOUT = [
@@ -18,7 +18,7 @@ const LAYOUT = [
   [31, [["tree", 58], ["log", 42]]],
   [29, [["form", 56], ["values", 44]]],
 ];
-/** @type {typeof LAYOUT} the same of a recording, which is not commanded */
+/** @type {typeof LAYOUT} the layout of a recording, without the command form */
 const RECORDING_LAYOUT = [...LAYOUT.slice(0, 2), [29, [["recording", 32], ["values", 68]]]];
 
 /** @param {Session} session */
@@ -95,13 +95,13 @@ function telemetryOf(identifier, key, entry, location) {
       values: [
         { key: "utc", name: "Time aboard", source: "utc", format: "utc", hints: { domain: 1 } },
         { key: "value", name: key, unit, format: isText ? "string" : "number", hints: { range: 1 } },
-        { key: "rx", name: "Heard", format: "utc", hints: { domain: 2 } },
+        { key: "rx", name: "Received", format: "utc", hints: { domain: 2 } },
       ],
     },
   };
 }
 
-/** What is below the root, an asset, and its telemetry; assets and parameters may come later, and recordings go. */
+/** Children of the root, of an asset, and of its telemetry. Assets and parameters may be added, recordings removed. */
 function composition(session) {
   const below = (object) => {
     const [name, kind, link] = partsOf(object.identifier);
@@ -126,7 +126,7 @@ function composition(session) {
     },
     on: (object, event, callback, context) => {
       let known = below(object);
-      const look = () => {
+      const update = () => {
         const now = below(object);
         const [some, others] = event === "add" ? [now, known] : [known, now];
         const keys = new Set(others.map((each) => each.key));
@@ -136,8 +136,8 @@ function composition(session) {
       const [name] = partsOf(object.identifier);
       const offs =
         object.identifier.key === ROOT
-          ? [session.on("assets", look)]
-          : ["links", "entry"].map((topic) => session.asset(name).on(topic, look));
+          ? [session.on("assets", update)]
+          : ["links", "entry"].map((topic) => session.asset(name).on(topic, update));
       watched.set(callback, offs);
     },
     off: (_, __, callback) => {

@@ -1,46 +1,46 @@
 /**
- * What operators make themselves: layouts, plots, notebooks. They are kept by rover-console, shared by all
- * consoles; who changes what somebody else changed meanwhile is told so, and nothing is overwritten.
+ * Objects made by operators: layouts, plots, notebooks. rover-console stores them, and all consoles share
+ * them. A change to an outdated revision is refused with an error, so nothing is overwritten.
  */
 
-import { ask } from "../model/connection.js";
+import { fetchJson } from "../model/connection.js";
 
 const NAMESPACE = "shared";
 const ROOT = "displays";
-/** The folder of all, before anything is put into it. */
-const NOTHING_YET = { name: "Displays", type: "folder", location: "ROOT", composition: [] };
-/** What Open MCT sets itself at each change of another field. */
+/** The folder of all objects, before the first is stored. */
+const EMPTY_FOLDER = { name: "Displays", type: "folder", location: "ROOT", composition: [] };
+/** Fields that Open MCT sets at each change of another field. */
 const TIMES = ["modified", "persisted"];
 
 /** @param {import("../model/session.js").Session} session */
 export function storedObjects(session) {
-  /** @type {Map<string, {revision: number | null, value: any}>} objects as this page shows them; no revision: it is not kept yet */
+  /** @type {Map<string, {revision: number | null, value: any}>} objects as this page shows them; without a revision if not stored yet */
   const shown = new Map();
-  /** @type {Map<string, Promise<void>>} until each object was sent that is being sent */
+  /** @type {Map<string, Promise<void>>} pending requests, by object */
   const sending = new Map();
-  /** @type {Set<string>} objects that others changed while they were changed here */
-  const later = new Set();
+  /** @type {Set<string>} objects that another operator changed while this page was changing them */
+  const postponed = new Set();
   const path = (key) => `/api/objects/${encodeURIComponent(key)}`;
   const identifierOf = (key) => ({ namespace: NAMESPACE, key });
 
   return (openmct) => {
     const isBusy = (key) => sending.has(key) || openmct.editor.isEditing();
 
-    /** @param {string} key @returns {Promise<any>} the object as it is kept */
+    /** @param {string} key @returns {Promise<any>} the stored object */
     async function read(key) {
-      const { revision, value } = key === ROOT && !(await isKept(key)) ? { revision: null, value: NOTHING_YET } : await ask(path(key));
+      const { revision, value } = key === ROOT && !(await isStored(key)) ? { revision: null, value: EMPTY_FOLDER } : await fetchJson(path(key));
       const object = { ...value, identifier: identifierOf(key) };
       if (!shown.has(key)) shown.set(key, { revision, value: object });
       else if (!isBusy(key)) show(key, revision, object);
       return object;
     }
 
-    async function isKept(key) {
-      const { objects } = await ask("/api/objects");
-      return objects.some((kept) => kept.key === key);
+    async function isStored(key) {
+      const { objects } = await fetchJson("/api/objects");
+      return objects.some((stored) => stored.key === key);
     }
 
-    /** Show an object as somebody else made it, wherever it is shown. */
+    /** Show another operator's revision of an object in all its views. */
     function show(key, revision, object) {
       const before = shown.get(key);
       if (revision <= (before.revision ?? 0)) return;
@@ -53,7 +53,7 @@ export function storedObjects(session) {
       mutable.$destroy();
     }
 
-    /** Send an object after what was sent of it before: each change names the revision that it changes. */
+    /** Send an object after its pending requests: each change names the revision that it changes. */
     async function put(object) {
       const { key } = object.identifier;
       const value = JSON.parse(JSON.stringify(object));
@@ -73,8 +73,8 @@ export function storedObjects(session) {
       const revision = shown.get(key)?.revision ?? null;
       const headers = revision === null ? { "If-None-Match": "*" } : { "If-Match": `"${revision}"` };
       try {
-        const kept = await ask(path(key), { method: "PUT", json: { value }, headers });
-        shown.set(key, { revision: kept.revision, value });
+        const stored = await fetchJson(path(key), { method: "PUT", json: { value }, headers });
+        shown.set(key, { revision: stored.revision, value });
       } catch (error) {
         if (error.status !== 412) throw error;
         shown.delete(key);
@@ -82,17 +82,17 @@ export function storedObjects(session) {
       }
     }
 
-    /** Look at an object that was changed, if it is shown; not while it is changed here. */
-    async function look(key) {
+    /** Read a changed object again if it is shown; postponed while this page changes it. */
+    async function refresh(key) {
       if (!shown.has(key)) return;
-      if (isBusy(key)) later.add(key);
+      if (isBusy(key)) postponed.add(key);
       else await read(key).catch((error) => console.warn(error.message));
     }
 
     function catchUp() {
-      const waiting = [...later];
-      later.clear();
-      waiting.forEach(look);
+      const waiting = [...postponed];
+      postponed.clear();
+      waiting.forEach(refresh);
     }
 
     openmct.objects.addProvider(NAMESPACE, { get: ({ key }) => read(key), create: put, update: put });
@@ -100,7 +100,7 @@ export function storedObjects(session) {
     openmct.editor.on("isEditing", (/** @type {boolean} */ isEditing) => isEditing || catchUp());
     session.on("object", ({ key, revision }) => {
       if (revision === null) shown.delete(key);
-      else if (revision > (shown.get(key)?.revision ?? 0)) look(key);
+      else if (revision > (shown.get(key)?.revision ?? 0)) refresh(key);
     });
   };
 }

@@ -1,17 +1,17 @@
-/** Telemetry of Open MCT: live, of the past, limits, and whether it is stale. One object is one parameter by one link. */
+/** Telemetry provider for Open MCT: live values, history, limits, staleness. One object is one parameter over one link. */
 
-import { ask } from "../model/connection.js";
+import { fetchJson } from "../model/connection.js";
 import { limitOf } from "../views/values.js";
 import { NAMESPACE, partsOf } from "./identifiers.js";
 
-const GATHERED_MS = 20;
+const BATCH_MS = 20;
 const STALE_S = 5;
-const FAR = 1e9;
-const BEYOND = { cssClass: "is-limit--red", name: "beyond its limits" };
+const UNBOUNDED = 1e9;
+const LIMIT_VIOLATION = { cssClass: "is-limit--red", name: "outside its limits" };
 
 /** @param {import("../model/session.js").Session} session */
 export function telemetry(session) {
-  const latest = gathered(session);
+  const latest = batched(session);
 
   /** @param {any} object */
   function known(object) {
@@ -22,7 +22,7 @@ export function telemetry(session) {
   }
 
   const isOurs = (object) => object.identifier.namespace === NAMESPACE && object.type === "rover.telemetry";
-  // Whole milliseconds: what is both told and asked for is the same then, and a table shows it once.
+  // Whole milliseconds: a sample that is both pushed and requested is then equal, and a table shows it once.
   const datum = (sample, factor) => ({
     utc: Math.round(sample.utc * 1000),
     rx: Math.round(sample.rx * 1000),
@@ -36,7 +36,7 @@ export function telemetry(session) {
         const { asset, link, key, factor } = known(object);
         let before;
         return asset.on("sample", (sample) => {
-          // What comes late is in the history; a live plot of Open MCT 4.2 would draw it as the newest.
+          // Late samples are in the history only; a live plot of Open MCT 4.2 would draw them as the newest.
           if (sample.key !== key || sample.link !== link || sample.q === "late") return;
           if (isDrawn(sample, before)) callback(datum(sample, factor));
           before = sample;
@@ -54,7 +54,7 @@ export function telemetry(session) {
         if (options.strategy) query.set("strategy", options.strategy);
         if (options.size) query.set("size", String(Math.round(options.size)));
         const path = `/api/tm/${encodeURIComponent(asset.name)}/${encodeURIComponent(key)}?${query}`;
-        const { samples } = await ask(path, { signal: options.signal });
+        const { samples } = await fetchJson(path, { signal: options.signal });
         return samples.filter((each, at) => isDrawn(each, samples[at - 1])).map((each) => datum(each, factor));
       },
       supportsLimits: isOurs,
@@ -62,7 +62,7 @@ export function telemetry(session) {
         evaluate: ({ value }, metadata) => {
           const { entry, factor } = known(object);
           if (metadata?.key !== "value" || !entry) return undefined;
-          return limitOf(entry, value / factor) ? BEYOND : undefined;
+          return limitOf(entry, value / factor) ? LIMIT_VIOLATION : undefined;
         },
       }),
       getLimits: (object) => ({
@@ -70,11 +70,11 @@ export function telemetry(session) {
           const { entry, factor } = known(object);
           const { low = null, high = null } = entry ?? {};
           if (low === null && high === null) return {};
-          // Open MCT asks for both ends of a limit.
+          // Open MCT requires both ends of a limit.
           return {
             DISTRESS: {
-              low: { color: "red", value: low === null ? -FAR : low * factor },
-              high: { color: "red", value: high === null ? FAR : high * factor },
+              low: { color: "red", value: low === null ? -UNBOUNDED : low * factor },
+              high: { color: "red", value: high === null ? UNBOUNDED : high * factor },
             },
           };
         },
@@ -98,26 +98,26 @@ function staleness({ asset, link, key }, session) {
   return { isStale: !sample || session.now - sample.utc > STALE_S, timestamp: session.now * 1000 };
 }
 
-/** Whether a sample is a point of a plot: of samples that are not known only the first, where the line ends. */
+/** Whether a sample is drawn: of consecutive unknown values only the first, which ends the line. */
 function isDrawn(sample, before) {
   return sample.value !== null || (before !== undefined && before.value !== null);
 }
 
-/** Ask for the last values of many parameters at once: a table of Open MCT asks row by row. */
-function gathered(session) {
+/** Request the last values of many parameters at once: a table of Open MCT requests them row by row. */
+function batched(session) {
   let waiting = [];
   async function send() {
-    const asked = waiting;
+    const batch = waiting;
     waiting = [];
     try {
-      const keys = asked.map((each) => each.key);
-      const { samples } = await ask("/api/tm:batch", { json: { keys } });
-      for (const each of asked) {
+      const keys = batch.map((each) => each.key);
+      const { samples } = await fetchJson("/api/tm:batch", { json: { keys } });
+      for (const each of batch) {
         const [asset, key, link] = each.key;
         each.resolve(samples.find((sample) => sample.asset === asset && sample.key === key && sample.link === link));
       }
     } catch (error) {
-      asked.forEach((each) => each.reject(error));
+      batch.forEach((each) => each.reject(error));
     }
   }
   return (asset, key, link) => {
@@ -125,7 +125,7 @@ function gathered(session) {
     if (live) return Promise.resolve(live);
     return new Promise((resolve, reject) => {
       waiting.push({ key: [asset, key, link], resolve, reject });
-      if (waiting.length === 1) setTimeout(send, GATHERED_MS);
+      if (waiting.length === 1) setTimeout(send, BATCH_MS);
     });
   };
 }

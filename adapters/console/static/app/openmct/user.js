@@ -1,4 +1,4 @@
-/** Who sits here, for Open MCT: it writes the name on displays and on entries of notebooks. */
+/** The operator as the user of Open MCT, which writes the name to displays and notebook entries. */
 
 import { operator } from "../model/connection.js";
 

@@ -1,13 +1,13 @@
 /**
- * Alarms: what calls for somebody's attention. One stands until it is over and somebody acknowledged it; all
- * consoles show the same.
+ * Alarms (ISA-18.2). An alarm stays open until it has cleared and an operator has acknowledged it; all
+ * consoles show the same alarms.
  */
 
-import { ask } from "../model/connection.js";
+import { fetchJson } from "../model/connection.js";
 import { contextOf } from "../model/context.js";
-import { button, html, keep, say, set } from "../dom.js";
+import { button, html, reconcile, setText, set } from "../dom.js";
 import { View } from "./view.js";
-import { clock } from "../words.js";
+import { clock } from "../format.js";
 
 /** @import { AlarmStatus } from "../model/messages.js" */
 
@@ -16,75 +16,75 @@ const SEVERITIES = ["CRITICAL", "SEVERE", "ALARM", "WARNING"];
 /** @param {AlarmStatus} alarm */
 export const isUnacknowledged = (alarm) => alarm.acknowledged === null;
 
-/** The worst first, and of these the last. @param {AlarmStatus} one @param {AlarmStatus} other */
+/** Order: unacknowledged first, then by severity, then newest first. @param {AlarmStatus} one @param {AlarmStatus} other */
 const byUrgency = (one, other) =>
   Number(isUnacknowledged(other)) - Number(isUnacknowledged(one)) ||
   SEVERITIES.indexOf(one.severity) - SEVERITIES.indexOf(other.severity) ||
   other.last - one.last;
 
-/** Without an asset it shows the alarms of all. */
+/** Shows the alarms of its asset; without one, those of all assets. */
 export class AlarmsView extends View {
-  /** @type {AlarmStatus[] | null} those that were, and those that stand; null while they are not shown */
-  #past = null;
+  /** @type {AlarmStatus[] | null} closed and open alarms of the archive; null while hidden */
+  #closed = null;
 
   #count = html("span");
-  #all = button("acknowledge all", "", () => this.#acknowledge(this.#standing));
-  #history = button("also those that are over", "", () => this.#togglePast());
-  #told = html("p", { className: "told", role: "status" });
+  #all = button("acknowledge all", "", () => this.#acknowledge(this.#openAlarms));
+  #history = button("show closed alarms", "", () => this.#toggleClosed());
+  #message = html("p", { className: "message", role: "status" });
   #empty = html("p", { className: "empty" });
   #rows = html("tbody");
   root = html(
     "section",
     { className: "rover-view alarms-view" },
     html("header", {}, this.#count, html("span", { className: "tools" }, this.#history, this.#all)),
-    this.#told,
+    this.#message,
     this.#empty,
     html("div", { className: "scroll" }, html("table", {}, this.#rows)),
   );
 
   start() {
-    return [this.session.on("alarms", () => (this.#past === null ? this.draw() : this.#readPast()))];
+    return [this.session.on("alarms", () => (this.#closed === null ? this.draw() : this.#readClosed()))];
   }
 
-  get #standing() {
+  get #openAlarms() {
     const isOurs = (alarm) => !this.asset || alarm.asset === this.asset.name;
     return [...this.session.alarms.values()].filter(isOurs).sort(byUrgency);
   }
 
-  /** @param {AlarmStatus[]} alarms as they are seen here: what has occurred again meanwhile is not acknowledged */
+  /** @param {AlarmStatus[]} alarms as shown here; a recurrence after that stays unacknowledged */
   async #acknowledge(alarms) {
     const seen = alarms.filter(isUnacknowledged).map((each) => [each.id, each.occurrences]);
     try {
-      await ask("/api/alarms/acknowledge", { json: { alarms: seen } });
-      say(this.#told, "");
+      await fetchJson("/api/alarms/acknowledge", { json: { alarms: seen } });
+      setText(this.#message, "");
     } catch (error) {
-      say(this.#told, error.message);
+      setText(this.#message, error.message);
     }
   }
 
-  async #readPast() {
+  async #readClosed() {
     const query = this.asset ? `?asset=${encodeURIComponent(this.asset.name)}` : "";
-    this.#past = (await ask(`/api/alarms${query}`).catch(() => null))?.alarms ?? null;
+    this.#closed = (await fetchJson(`/api/alarms${query}`).catch(() => null))?.alarms ?? null;
     this.draw();
   }
 
-  #togglePast() {
-    if (this.#past === null) return this.#readPast();
-    this.#past = null;
+  #toggleClosed() {
+    if (this.#closed === null) return this.#readClosed();
+    this.#closed = null;
     this.draw();
   }
 
   render() {
-    const now = this.#standing;
-    const open = now.filter(isUnacknowledged).length;
+    const now = this.#openAlarms;
+    const unacknowledged = now.filter(isUnacknowledged).length;
     const ids = new Set(now.map((each) => each.id));
-    const shown = [...now, ...(this.#past ?? []).filter((each) => !ids.has(each.id))];
-    say(this.#count, now.length ? `${now.length} standing, ${open} to acknowledge` : "");
-    this.#all.hidden = open === 0;
-    this.#history.classList.toggle("on", this.#past !== null);
+    const shown = [...now, ...(this.#closed ?? []).filter((each) => !ids.has(each.id))];
+    setText(this.#count, now.length ? `${now.length} open, ${unacknowledged} to acknowledge` : "");
+    this.#all.hidden = unacknowledged === 0;
+    this.#history.classList.toggle("on", this.#closed !== null);
     this.#empty.hidden = shown.length > 0;
-    say(this.#empty, this.#past ? "There was no alarm yet." : "No alarm stands. Warnings and faults that are reported, and values beyond their limits, are listed here.");
-    keep(this.#rows, shown, (each) => String(each.id), (each) => this.#makeRow(each), (row, each) => this.#drawRow(row, each));
+    setText(this.#empty, this.#closed ? "No alarms yet." : "No open alarms. Reported warnings and faults, and values outside their limits, are listed here.");
+    reconcile(this.#rows, shown, (each) => String(each.id), (each) => this.#makeRow(each), (row, each) => this.#drawRow(row, each));
   }
 
   #makeRow({ asset, source, command, severity }) {
@@ -103,22 +103,22 @@ export class AlarmsView extends View {
 
   /** @param {HTMLElement} row @param {AlarmStatus} alarm */
   #drawRow(row, alarm) {
-    const [severity, , state, time, text, who] = row.children;
-    const isOpen = isUnacknowledged(alarm);
+    const [severity, , state, time, text, operator] = row.children;
+    const isUnacked = isUnacknowledged(alarm);
     const isActive = alarm.cleared === null;
     set(row, {
-      class: `${alarm.severity.toLowerCase()}${isOpen ? " open" : ""}`,
+      class: `${alarm.severity.toLowerCase()}${isUnacked ? " open" : ""}`,
       "data-state": isActive ? "active" : "cleared",
-      "data-acknowledged": String(!isOpen),
+      "data-acknowledged": String(!isUnacked),
     });
-    say(severity, alarm.severity.toLowerCase());
-    say(state, isActive ? "active" : "over");
+    setText(severity, alarm.severity.toLowerCase());
+    setText(state, isActive ? "active" : "cleared");
     set(state, { class: isActive ? "" : "dim" });
-    say(time, clock(alarm.last));
-    set(time, { title: `first ${clock(alarm.raised, true)}, last ${clock(alarm.last, true)} UTC aboard${isActive ? "" : `, over ${clock(alarm.cleared, true)}`}` });
-    say(text, alarm.occurrences > 1 ? `${alarm.text} (${alarm.occurrences} times)` : alarm.text);
+    setText(time, clock(alarm.last));
+    set(time, { title: `first ${clock(alarm.raised, true)}, last ${clock(alarm.last, true)} UTC aboard${isActive ? "" : `, cleared ${clock(alarm.cleared, true)}`}` });
+    setText(text, alarm.occurrences > 1 ? `${alarm.text} (${alarm.occurrences} times)` : alarm.text);
     set(text, { title: alarm.source });
-    keep(/** @type {HTMLElement} */ (who), [alarm], () => `${alarm.operator}`, () => (isOpen ? this.#acknowledger(alarm) : acknowledgement(alarm)));
+    reconcile(/** @type {HTMLElement} */ (operator), [alarm], () => `${alarm.operator}`, () => (isUnacked ? this.#acknowledger(alarm) : acknowledgement(alarm)));
   }
 
   /** @param {AlarmStatus} alarm */

@@ -1,17 +1,17 @@
-/** Who may command a rover, and what may be asked for; a button stays the same while somebody presses it. */
+/** The authority over a rover, and the actions on it. Buttons are reused, so that a press is not lost. */
 
-import { ask, operator } from "../model/connection.js";
-import { button, html, keep, say, set } from "../dom.js";
-import { age } from "../words.js";
+import { fetchJson, operator } from "../model/connection.js";
+import { button, html, reconcile, setText, set } from "../dom.js";
+import { age } from "../format.js";
 
 /** @import { Asset } from "../model/asset.js" */
 /** @import { AuthorityMessage } from "../model/messages.js" */
 
 const ACTS = {
-  request: ["request", "ask for the right to command"],
-  take: ["take", "take it without being asked, where the rover's settings let you"],
-  hand_over: ["hand over to", "let them command"],
-  release: ["release", "let nobody command"],
+  request: ["request", "request the authority"],
+  take: ["take", "take over the authority, if the rover's settings permit it"],
+  hand_over: ["hand over to", "hand over the authority"],
+  release: ["release", "release the authority"],
 };
 
 export class Authority {
@@ -20,7 +20,7 @@ export class Authority {
   element = html("span", { className: "authority" }, this.#holder, this.#buttons);
   #rover = "";
 
-  /** @param {(problem: string) => void} onProblem called with what was refused */
+  /** @param {(problem: string) => void} onProblem called with the text of a refusal */
   constructor(onProblem) {
     this.onProblem = onProblem;
   }
@@ -30,28 +30,28 @@ export class Authority {
     const held = rover?.authority;
     this.#rover = rover?.name ?? "";
     const make = () => html("span", { "data-testid": "holder" });
-    keep(this.#holder, held ? [held] : [], () => "holder", make, (element) => drawHolder(element, held, now));
-    keep(this.#buttons, actsOf(held), (each) => each.join(" "), (each) => this.#makeButton(each), (made, [what]) => {
-      if (what === "request") say(made, held.asked_by === operator.name ? "asked for" : "request");
+    reconcile(this.#holder, held ? [held] : [], () => "holder", make, (element) => drawHolder(element, held, now));
+    reconcile(this.#buttons, actsOf(held), (each) => each.join(" "), (each) => this.#makeButton(each), (made, [what]) => {
+      if (what === "request") setText(made, held.asked_by === operator.name ? "requested" : "request");
     });
   }
 
-  /** @param {string[]} act what, and to whom */
+  /** @param {string[]} act action, and the operator of a hand-over */
   #makeButton([what, to]) {
-    const [words, title] = ACTS[what];
-    return button(to ? `${words} ${to}` : words, title, () => this.#act(to ? { act: what, to } : { act: what }));
+    const [label, title] = ACTS[what];
+    return button(to ? `${label} ${to}` : label, title, () => this.#act(to ? { act: what, to } : { act: what }));
   }
 
   async #act(json) {
     try {
-      await ask(`/api/authority/${encodeURIComponent(this.#rover)}`, { json });
+      await fetchJson(`/api/authority/${encodeURIComponent(this.#rover)}`, { json });
     } catch (error) {
       this.onProblem(error.message);
     }
   }
 }
 
-/** What may be asked for, and for whom. @param {AuthorityMessage | null | undefined} held */
+/** Return the available actions, each with its operator if it needs one. @param {AuthorityMessage | null | undefined} held */
 function actsOf(held) {
   if (!held) return [];
   if (held.holder !== operator.name) return held.holder ? [["request"], ["take"]] : [["request"]];
@@ -62,7 +62,7 @@ function actsOf(held) {
 function drawHolder(element, { holder, needed, lease, lease_left, utc, epoch }, now) {
   const mine = holder === operator.name;
   const left = Math.max(0, lease_left - (now - utc));
-  say(element, mine ? "you command" : holder ? `${holder} commands` : needed ? "nobody commands" : "anyone may command");
+  setText(element, mine ? "you command" : holder ? `${holder} commands` : needed ? "no operator commands" : "every operator may command");
   element.className = `holder ${mine ? "mine" : holder ? "other" : "none"}`;
   set(element, { title: holder ? `lease of ${age(lease)}, ${age(left)} left, grant ${epoch}` : "" });
 }

@@ -1,7 +1,7 @@
-/** What orbiter and rover report of the relay, now or at the moment that is looked at. */
+/** Figures of the relay that orbiter and rover report, now or at the displayed time. */
 
 import { valuesAt } from "./values.js";
-import { age, clock, duration } from "../words.js";
+import { age, clock, duration } from "../format.js";
 
 /** @import { Context } from "../model/context.js" */
 /** @import { Sample } from "../model/messages.js" */
@@ -9,7 +9,7 @@ import { age, clock, duration } from "../words.js";
 export class RelayFigures {
   #context;
   #keys;
-  /** @type {Map<string, Map<string, Sample>>} the values at the moment that is looked at */
+  /** @type {Map<string, Map<string, Sample>>} the values at the displayed time */
   #past = new Map();
 
   /** @param {Context} context @param {string[]} keys of the parameters */
@@ -18,8 +18,8 @@ export class RelayFigures {
     this.#keys = keys;
   }
 
-  /** Read the values at the moment that is looked at; false where it is another meanwhile. */
-  async lookBack() {
+  /** Read the values at the displayed time; false if that time has changed since the request. */
+  async loadPast() {
     const { asset, cursor } = this.#context;
     const utc = cursor.utc_s;
     const found = utc === null ? new Map() : await valuesAt(asset, this.#keys, utc);
@@ -32,13 +32,13 @@ export class RelayFigures {
     return this.#context.cursor.utc_s ?? this.#context.session.now;
   }
 
-  /** The newest value of a parameter by the relay. @param {string} key @returns {Sample | undefined} */
+  /** The newest sample of a parameter over the relay. @param {string} key @returns {Sample | undefined} */
   sample(key) {
     const { asset, cursor } = this.#context;
     return (cursor.utc_s === null ? asset.values : this.#past).get(key)?.get("relay");
   }
 
-  /** The number of a parameter; null where it is not known. @param {string} key @returns {number | null} */
+  /** The number of a parameter; null if unknown. @param {string} key @returns {number | null} */
   number(key) {
     const value = this.sample(key)?.value ?? null;
     return value === null ? null : Number(value);
@@ -46,32 +46,32 @@ export class RelayFigures {
 
   /** @param {number} utc */
   ago(utc) {
-    const words = age(this.now - utc);
-    return words === "now" ? words : `${words} ago`;
+    const text = age(this.now - utc);
+    return text === "now" ? text : `${text} ago`;
   }
 
-  /** When the rover's end reported; empty where it did not. */
+  /** Age of the last report of the rover's end; empty without one. */
   get aboard() {
     const sample = this.sample("DTN_ABOARD_QUEUED");
-    return typeof sample?.value === "number" ? `told ${this.ago(sample.utc)}` : "";
+    return typeof sample?.value === "number" ? `reported ${this.ago(sample.utc)}` : "";
   }
 
-  /** Whether the orbiter can send to the rover, and until when or from when on. */
+  /** The contact between orbiter and rover, with the time of its end or of the next one. */
   get contact() {
     const next = this.sample("DTN_NEXT_CONTACT");
     const override = this.number("DTN_OVERRIDE");
     const held = override === 1 ? "held open until CONTACT PLAN" : override === -1 ? "held closed until CONTACT PLAN" : "";
-    if (!next) return { title: "", lines: ["nothing told yet"], isOpen: false };
+    if (!next) return { title: "", lines: ["no report yet"], isOpen: false };
     if (next.value === 0) {
       const end = this.contacts("DTN_CONTACTS_UP")?.find(([begin, end]) => begin <= this.now && this.now < end)?.[1];
       return { title: "contact", lines: [held || (end ? `until ${clock(end)}` : "")], isOpen: true };
     }
     const begin = typeof next.value === "number" ? next.utc + next.value : null;
-    const when = begin === null ? "none is planned" : `next at ${clock(begin)}, in ${duration(begin - this.now)}`;
+    const when = begin === null ? "none planned" : `next at ${clock(begin)}, in ${duration(begin - this.now)}`;
     return { title: "no contact", lines: [held || when], isOpen: false };
   }
 
-  /** The planned contacts of a direction; null where there is no plan. @param {string} key @returns {[number, number][] | null} */
+  /** The planned contacts of a direction; null without a plan. @param {string} key @returns {[number, number][] | null} */
   contacts(key) {
     const listed = this.sample(key)?.value;
     if (typeof listed !== "string") return null;

@@ -1,4 +1,4 @@
-/** Saves what was kept of an asset within a span of time, for other programs. */
+/** Exports the archived data of an asset over a time span. */
 
 import { html } from "../dom.js";
 
@@ -8,14 +8,14 @@ const ALL = Object.keys(KINDS).join(",");
 /**
  * @param {import("../model/asset.js").Asset} asset
  * @param {import("../model/selection.js").Span} span
- * @returns {HTMLElement} what to choose, and a button for each form
+ * @returns {HTMLElement} a choice of the data, and a button for each format
  */
 export function exporter(asset, span) {
   const option = ([value, textContent]) => html("option", { value, textContent });
   const what = html("select", { "aria-label": "what to export" }, ...Object.entries(KINDS).map(option), option([ALL, "all, as MCAP"]));
   what.onchange = () => (csv.disabled = what.value === ALL);
   const button = (textContent, title, fmt) => html("button", { type: "button", textContent, title, onclick: () => save(fmt) });
-  const csv = button("export CSV", "a table of what happened in this span", "csv");
+  const csv = button("export CSV", "a table of this span", "csv");
   const mcap = button("export MCAP", "this span for Foxglove or PlotJuggler", "mcap");
 
   function save(fmt) {

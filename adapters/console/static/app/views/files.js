@@ -1,19 +1,19 @@
 /**
- * Files of a component, newest first, and pictures among them; and those that are on their way from it. A file
- * is fetched from the rover when somebody asks for it, not before: the link may be slow.
+ * Files of a component, newest first, with their pictures, and the transfers from it. A file is fetched from
+ * the rover on request only, since the link may be slow.
  */
 
-import { ask } from "../model/connection.js";
-import { button, html, keep, say, set, tableHead } from "../dom.js";
+import { fetchJson } from "../model/connection.js";
+import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
 import { View } from "./view.js";
-import { age, clock, inTypedUnit, sizeOf } from "../words.js";
+import { age, clock, inDisplayUnit, sizeOf } from "../format.js";
 
 /** @import { FileEntry, Transfer } from "../model/messages.js" */
 
 const MOVING = ["waiting", "running", "interrupted"];
 
 export class FilesView extends View {
-  /** whether they are those that were fetched */
+  /** whether it lists the fetched files, which the console stores */
   #isHere = this.asset.isConsole;
   /** @type {FileEntry[]} the newest first */
   #files = [];
@@ -21,25 +21,25 @@ export class FilesView extends View {
   #wasReached = false;
 
   #empty = html("p", { className: "empty" });
-  #told = html("p", { className: "told", role: "status" });
+  #message = html("p", { className: "message", role: "status" });
   #rows = html("tbody");
   #table = html("table", {}, tableHead("file", "size", "changed (UTC)", ""), this.#rows);
   #moving = html("tbody");
   #transfers = html("table", { className: "transfers" }, tableHead("transfer", "", "by", ""), this.#moving);
-  #picture = html("img", { alt: "", onerror: () => say(this.#caption, "It could not be fetched.") });
+  #picture = html("img", { alt: "", onerror: () => setText(this.#caption, "The picture could not be fetched.") });
   #caption = html("figcaption", { className: "dim" });
   #shown = html("figure", { hidden: true }, this.#picture, this.#caption);
-  root = html("section", { className: "rover-view files-view" }, this.#told, html("div", { className: "scroll" }, this.#shown, this.#transfers, this.#empty, this.#table));
+  root = html("section", { className: "rover-view files-view" }, this.#message, html("div", { className: "scroll" }, this.#shown, this.#transfers, this.#empty, this.#table));
 
   start() {
     const { asset, draw } = this;
     if (this.#isHere) this.#refresh();
-    this.#followLink();
-    return [asset.on("files", () => this.#refresh()), asset.on("transfers", draw), asset.on("links", () => this.#followLink())];
+    this.#onLinks();
+    return [asset.on("files", () => this.#refresh()), asset.on("transfers", draw), asset.on("links", () => this.#onLinks())];
   }
 
-  /** Ask what is aboard once the rover is there, again: what was told meanwhile was not heard. */
-  #followLink() {
+  /** Read the list again when the rover is reached again: messages of the outage are missing. */
+  #onLinks() {
     if (this.asset.isReached && !this.#wasReached) this.#refresh();
     this.#wasReached = this.asset.isReached;
     this.draw();
@@ -47,7 +47,7 @@ export class FilesView extends View {
 
   async #refresh() {
     try {
-      const { files } = await ask(`/api/files/${encodeURIComponent(this.asset.name)}`);
+      const { files } = await fetchJson(`/api/files/${encodeURIComponent(this.asset.name)}`);
       this.#files = files.sort((one, other) => other.modified - one.modified);
       this.#trouble = "";
     } catch (error) {
@@ -65,27 +65,27 @@ export class FilesView extends View {
   #show(file) {
     const url = this.#urlOf(file.path);
     this.#shown.hidden = false;
-    say(this.#caption, this.#isHere ? file.path : `${file.path} is being fetched from aboard …`);
+    setText(this.#caption, this.#isHere ? file.path : `Fetching ${file.path} from the rover …`);
     this.#picture.onload = async () => {
-      const about = this.#isHere ? file : await ask(`${url}?about`).catch(() => file);
-      if (this.#picture.src.endsWith(url)) say(this.#caption, [`${file.path}, ${clock(file.modified)} UTC`, ...this.#figuresOf(about)].join("; "));
+      const about = this.#isHere ? file : await fetchJson(`${url}?about`).catch(() => file);
+      if (this.#picture.src.endsWith(url)) setText(this.#caption, [`${file.path}, ${clock(file.modified)} UTC`, ...this.#figuresOf(about)].join("; "));
     };
     this.#picture.src = url;
   }
 
-  /** Where a picture was taken, and how the camera stood, in words. @param {FileEntry} file */
+  /** Format the pose and the camera angles of a picture. @param {FileEntry} file */
   #figuresOf({ meta }) {
     const entries = new Map(this.asset.entry?.parameters.map((each) => [each.key, each]));
     return Object.entries(meta).filter(([key]) => entries.has(key)).map(([key, value]) => {
-      const { text, unit } = inTypedUnit(value, entries.get(key));
+      const { text, unit } = inDisplayUnit(value, entries.get(key));
       return `${key} ${text} ${unit}`.trim();
     });
   }
 
-  /** Do what a button says, and tell what was refused. @param {string} path @param {any} request */
+  /** Send a request, and show its refusal. @param {string} path @param {any} request */
   async #act(path, request) {
-    say(this.#told, "");
-    return ask(path, request).catch((error) => say(this.#told, error.message));
+    setText(this.#message, "");
+    return fetchJson(path, request).catch((error) => setText(this.#message, error.message));
   }
 
   /** @param {string} path */
@@ -95,7 +95,7 @@ export class FilesView extends View {
 
   /** @param {Transfer} transfer */
   async #openRecording({ id, path }) {
-    say(this.#told, `${path} is being read …`);
+    setText(this.#message, `Reading ${path} …`);
     const entry = await this.#act(`/api/transfers/${id}/recording`, { method: "POST" });
     if (!entry) return;
     await this.session.readDictionary();
@@ -106,13 +106,13 @@ export class FilesView extends View {
     const { asset, session } = this;
     const moving = [...asset.transfers.values()].sort((one, other) => other.made - one.made);
     this.#transfers.hidden = moving.length === 0;
-    keep(this.#moving, moving, (transfer) => transfer.id, makeTransfer, (row, transfer) => this.#drawTransfer(row, transfer));
+    reconcile(this.#moving, moving, (transfer) => transfer.id, makeTransfer, (row, transfer) => this.#drawTransfer(row, transfer));
     this.#empty.hidden = this.#files.length > 0;
     this.#table.hidden = !this.#empty.hidden;
-    if (this.#isHere) say(this.#empty, this.#trouble || "No file was fetched yet. “fetch” does that, under “Files” of a rover.");
-    else if (!asset.isReached) say(this.#empty, session.unreached(asset));
-    else say(this.#empty, this.#trouble || "There are no files aboard. “takePicture” makes one.");
-    keep(this.#rows, this.#files, (file) => `${file.path} ${file.modified}`, (file) => this.#makeFile(file));
+    if (this.#isHere) setText(this.#empty, this.#trouble || "No fetched files yet. Use “fetch” under “Files” of a rover.");
+    else if (!asset.isReached) setText(this.#empty, session.unreached(asset));
+    else setText(this.#empty, this.#trouble || "No files aboard. “takePicture” makes one.");
+    reconcile(this.#rows, this.#files, (file) => `${file.path} ${file.modified}`, (file) => this.#makeFile(file));
   }
 
   /** @param {FileEntry} file */
@@ -127,7 +127,7 @@ export class FilesView extends View {
         "td",
         {},
         isPicture(file) && button("show", "", () => this.#show(file)),
-        this.#isHere ? this.#save(file.path) : button("fetch", "from aboard to this console, where all can save it", () => this.#fetch(file.path)),
+        this.#isHere ? this.#save(file.path) : button("fetch", "transfer it to this console, where every operator can save it", () => this.#fetch(file.path)),
       ),
     );
   }
@@ -145,23 +145,23 @@ export class FilesView extends View {
     bar.hidden = state === "done" || state === "failed" || size === null;
     Object.assign(bar, { max: size ?? 1, value: done });
     const part = size === null ? "" : `${sizeOf(done)} of ${sizeOf(size)}`;
-    const pace = rate ? `${sizeOf(rate)}/s, ${age((size - done) / rate)} more` : "";
-    const words = state === "done" ? [sizeOf(size)] : [state, part, pace, detail];
-    say(how, words.filter(Boolean).join(", "));
-    // Buttons stay the same while somebody presses them.
-    keep(acts, [MOVING.includes(state) ? "moving" : state], String, () => html("span", {}, ...this.#actsOf(transfer)));
+    const rateText = rate ? `${sizeOf(rate)}/s, ${age((size - done) / rate)} left` : "";
+    const parts = state === "done" ? [sizeOf(size)] : [state, part, rateText, detail];
+    setText(how, parts.filter(Boolean).join(", "));
+    // Buttons are reused, so that a press is not lost.
+    reconcile(acts, [MOVING.includes(state) ? "moving" : state], String, () => html("span", {}, ...this.#actsOf(transfer)));
   }
 
   /** @param {Transfer} transfer */
   #actsOf(transfer) {
     const { id, path, state } = transfer;
-    const turn = (act) => this.#act(`/api/transfers/${id}`, { json: { act } });
+    const apply = (act) => this.#act(`/api/transfers/${id}`, { json: { act } });
     return [
-      MOVING.includes(state) && button("pause", "what came is kept", () => turn("pause")),
-      state === "paused" && button("resume", "go on where it stopped", () => turn("resume")),
-      state === "failed" && button("again", "", () => this.#fetch(path)),
-      state === "done" && /\.mcap$/i.test(path) && button("open", "look at this recording", () => this.#openRecording(transfer)),
-      button(state === "done" || state === "failed" ? "clear" : "end", "take it off the list", () => this.#act(`/api/transfers/${id}`, { method: "DELETE" })),
+      MOVING.includes(state) && button("pause", "the received part is stored", () => apply("pause")),
+      state === "paused" && button("resume", "continue at the interruption", () => apply("resume")),
+      state === "failed" && button("retry", "", () => this.#fetch(path)),
+      state === "done" && /\.mcap$/i.test(path) && button("open", "open this recording", () => this.#openRecording(transfer)),
+      button(state === "done" || state === "failed" ? "clear" : "end", "remove it from the list", () => this.#act(`/api/transfers/${id}`, { method: "DELETE" })),
       state === "done" && this.#save(path),
     ];
   }

@@ -1,52 +1,52 @@
-/** The fields in which the arguments of a draft are typed. */
+/** Input fields of a draft's arguments. */
 
-import { button, html, say } from "../dom.js";
+import { button, html, setText } from "../dom.js";
 import { rangeOf } from "../model/draft.js";
-import { unitOf } from "../words.js";
+import { unitOf } from "../format.js";
 
 /** @import { ArgumentEntry } from "../model/messages.js" */
 /** @import { Draft } from "../model/draft.js" */
 
-/** One argument, with its unit, range and help; in an item of a list there is room for name and unit only. */
+/** Field of one argument, with its unit, range and help; an item of a list shows name and unit only. */
 export class Field {
   #problem = html("span", { className: "problem" });
   #input;
   #key;
 
-  /** @param {Draft} draft @param {ArgumentEntry} argument @param {Record<string, any>} record what it is typed into @param {string} [key] of its problem, in an item */
+  /** @param {Draft} draft @param {ArgumentEntry} argument @param {Record<string, any>} record that stores the text @param {string} [key] of its problem, in an item */
   constructor(draft, argument, record, key) {
     const { name, help } = argument;
     const [unit, range] = [unitOf(argument), rangeOf(argument)];
-    const words = [range, help].filter(Boolean).join("; ");
+    const title = [range, help].filter(Boolean).join("; ");
     this.#key = key ?? name;
     this.#input = inputOf(draft, argument, record, this.#key);
     this.element = key
-      ? html("label", { title: words }, html("span", { className: "dim", textContent: `${name} ${unit}` }), this.#input)
+      ? html("label", { title: title }, html("span", { className: "dim", textContent: `${name} ${unit}` }), this.#input)
       : html(
           "label",
-          { className: "field", title: words },
+          { className: "field", title: title },
           html("span", { className: "name", textContent: name + (argument.optional ? "" : " *") }),
           this.#input,
           html("span", { className: "unit", textContent: unit }),
-          html("span", { className: "help dim", textContent: words }),
+          html("span", { className: "help dim", textContent: title }),
           this.#problem,
         );
   }
 
-  /** @param {Map<string, string>} problems by key; what is only missing is not marked */
+  /** @param {Map<string, string>} problems by key; missing values are not marked */
   render(problems) {
     const problem = problems.get(this.#key) ?? "";
     const shown = problem === "needed" ? "" : problem;
     this.#input.classList.toggle("wrong", Boolean(shown));
-    say(this.#problem, shown);
+    setText(this.#problem, shown);
     if (shown && !this.#problem.parentElement) this.#input.title = shown;
   }
 }
 
-/** The items of a list, a line each. */
+/** Field of a list, one item a row. */
 export class ListField {
   #items = html("div", { className: "items" });
-  /** @type {Record<string, any>[]} the items that have fields */
+  /** @type {Record<string, any>[]} the items with fields */
   #records = [];
   /** @type {Field[]} */
   #fields = [];
@@ -63,7 +63,7 @@ export class ListField {
       { className: "list" },
       html("legend", { textContent: `${name}: ${help || "in this order"}${most ? `, ${most} at most` : ""}` }),
       this.#items,
-      button("add one", "", () => draft.addItem(name, {})),
+      button("add item", "", () => draft.addItem(name, {})),
     );
   }
 
@@ -87,7 +87,7 @@ export class ListField {
       { className: "item" },
       html("b", { textContent: String(index + 1) }),
       ...fields.map((each) => each.element),
-      button("×", "leave it out", () => this.#draft.removeItem(name, index), { "aria-label": `leave out ${index + 1}` }),
+      button("×", "remove item", () => this.#draft.removeItem(name, index), { "aria-label": `remove item ${index + 1}` }),
     );
   }
 }
@@ -102,7 +102,7 @@ function inputOf(draft, { name, type, choices, optional }, record, key) {
     return html("input", { ...common, type: "text", inputMode, value: record[name] ?? "", oninput });
   }
   if (!optional && !record[name]) record[name] = choices?.[0] ?? "";
-  const options = [...(optional ? [""] : []), ...(choices ?? [])].map((value) => html("option", { value, textContent: value || "as set" }));
+  const options = [...(optional ? [""] : []), ...(choices ?? [])].map((value) => html("option", { value, textContent: value || "default" }));
   const made = html("select", { ...common, onchange: () => typed(made.value) }, ...options);
   made.value = record[name] ?? "";
   return made;

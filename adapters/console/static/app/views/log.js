@@ -1,35 +1,35 @@
-/** What the asset told: its notifications, newest first, with filters; those of the selection stand out. */
+/** The notifications of an asset, newest first, with filters; those of the selected command are highlighted. */
 
-import { button, html, keep, say } from "../dom.js";
+import { button, html, reconcile, setText } from "../dom.js";
 import { View } from "./view.js";
-import { clock } from "../words.js";
+import { clock } from "../format.js";
 
 /** @import { Notified } from "../model/messages.js" */
 
-const MOST_ROWS = 300;
+const MAX_ROWS = 300;
 const SEVERITIES = ["INFORMATIONAL", "WARNING", "ALARM", "SEVERE", "CRITICAL"];
 const KINDS = { COMMAND: "commands", EVENT: "events", LINK: "links" };
 
 export class LogView extends View {
-  /** the kinds that are not shown */
+  /** the hidden kinds */
   #hidden = new Set();
   /** whether only lines of the selected command are shown */
-  #isOnly = false;
+  #isSelectedOnly = false;
 
   #search = html("input", { type: "search", placeholder: "find in the log", "aria-label": "find in the log", oninput: this.draw });
-  #least = html(
+  #minSeverity = html(
     "select",
-    { "aria-label": "least severity", onchange: this.draw },
+    { "aria-label": "minimum severity", onchange: this.draw },
     ...SEVERITIES.map((each, index) => html("option", { value: String(index), textContent: index ? `${each.toLowerCase()} and worse` : "all severities" })),
   );
-  #kinds = Object.entries(KINDS).map(([kind, words]) => button(words, "", () => this.#toggle(kind), { "data-kind": kind }));
-  #only = button("only the selected command", "", () => ((this.#isOnly = !this.#isOnly), this.draw()));
+  #kinds = Object.entries(KINDS).map(([kind, label]) => button(label, "", () => this.#toggle(kind), { "data-kind": kind }));
+  #selectedOnly = button("only the selected command", "", () => ((this.#isSelectedOnly = !this.#isSelectedOnly), this.draw()));
   #empty = html("p", { className: "empty" });
   #lines = html("div", { className: "lines", role: "log" });
   root = html(
     "section",
     { className: "rover-view log-view" },
-    html("header", {}, html("span", { className: "tools" }, ...this.#kinds, this.#least, this.#search, this.#only)),
+    html("header", {}, html("span", { className: "tools" }, ...this.#kinds, this.#minSeverity, this.#search, this.#selectedOnly)),
     this.#empty,
     html("div", { className: "scroll" }, this.#lines),
   );
@@ -47,9 +47,9 @@ export class LogView extends View {
 
   render() {
     const { asset, session, selection } = this;
-    this.#isOnly &&= selection.command !== null;
-    this.#only.hidden = selection.command === null;
-    this.#only.classList.toggle("on", this.#isOnly);
+    this.#isSelectedOnly &&= selection.command !== null;
+    this.#selectedOnly.hidden = selection.command === null;
+    this.#selectedOnly.classList.toggle("on", this.#isSelectedOnly);
     for (const each of this.#kinds) {
       const isShown = !this.#hidden.has(each.dataset.kind);
       each.classList.toggle("on", isShown);
@@ -57,23 +57,23 @@ export class LogView extends View {
     }
     const shown = this.#shown();
     this.#empty.hidden = shown.length > 0;
-    if (asset.notices.length) say(this.#empty, "Nothing in the log fits these filters.");
-    else say(this.#empty, asset.isReached ? "Nothing was told yet. Send a command, and its life is told here." : session.unreached(asset));
-    keep(this.#lines, shown, (notice) => `${notice.utc} ${notice.sequence}`, (notice) => this.#makeLine(notice), (line, notice) => this.#drawLine(line, notice));
+    if (asset.notices.length) setText(this.#empty, "No notification matches these filters.");
+    else setText(this.#empty, asset.isReached ? "No notifications yet. Send a command to see its life cycle here." : session.unreached(asset));
+    reconcile(this.#lines, shown, (notice) => `${notice.utc} ${notice.sequence}`, (notice) => this.#makeLine(notice), (line, notice) => this.#drawLine(line, notice));
   }
 
-  /** The lines that fit the filters: from the last one on, or from not far behind the moment that is looked at. */
+  /** The lines that match the filters, around the displayed time. */
   #shown() {
     const { notices } = this.asset;
     const { utc_s } = this.cursor;
     const sought = this.#search.value.trim().toLowerCase();
-    const until = utc_s === null ? notices.length : notices.findLastIndex((each) => each.utc <= utc_s) + MOST_ROWS / 2;
+    const until = utc_s === null ? notices.length : notices.findLastIndex((each) => each.utc <= utc_s) + MAX_ROWS / 2;
     const shown = [];
-    for (let index = Math.min(notices.length - 1, until); index >= 0 && shown.length < MOST_ROWS; index--) {
+    for (let index = Math.min(notices.length - 1, until); index >= 0 && shown.length < MAX_ROWS; index--) {
       const { kind, severity, text, command } = notices[index];
-      if (this.#hidden.has(kind) || SEVERITIES.indexOf(severity) < Number(this.#least.value)) continue;
+      if (this.#hidden.has(kind) || SEVERITIES.indexOf(severity) < Number(this.#minSeverity.value)) continue;
       if (sought && !text.toLowerCase().includes(sought)) continue;
-      if (!this.#isOnly || command === this.selection.command) shown.push(notices[index]);
+      if (!this.#isSelectedOnly || command === this.selection.command) shown.push(notices[index]);
     }
     return shown;
   }

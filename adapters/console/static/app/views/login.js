@@ -1,18 +1,18 @@
-/** Where the console wants to know who somebody is: asks for a token, once for each browser. */
+/** Login with a token, once for each browser, if the console authenticates operators. */
 
-import { ask, operator } from "../model/connection.js";
-import { html, say } from "../dom.js";
+import { fetchJson, operator } from "../model/connection.js";
+import { html, setText } from "../dom.js";
 
-/** Return when this browser may ask the server. */
+/** Resolve once the server accepts requests of this browser. */
 export async function login() {
   try {
-    await ask("/api/dictionary");
+    await fetchJson("/api/dictionary");
   } catch (error) {
-    if (error.status === 401) await askForToken();
+    if (error.status === 401) await requestToken();
   }
 }
 
-function askForToken() {
+function requestToken() {
   return new Promise((done) => {
     const token = html("input", { type: "password", "aria-label": "token", autocomplete: "current-password" });
     const problem = html("p", { className: "problem", role: "alert" });
@@ -20,19 +20,19 @@ function askForToken() {
       "form",
       { className: "rover-view login-view", onsubmit: (event) => (event.preventDefault(), submit()) },
       html("h1", { textContent: "Rover console" }),
-      html("label", {}, "Your token, from whoever runs rover-console", token),
+      html("label", {}, "Your token, from the administrator of rover-console", token),
       html("button", { type: "submit", textContent: "Log in" }),
       problem,
     );
 
     async function submit() {
       try {
-        const answer = await ask("/api/login", { json: { token: token.value.trim() } });
+        const answer = await fetchJson("/api/login", { json: { token: token.value.trim() } });
         operator.name = answer.operator;
         form.remove();
         done(undefined);
       } catch (error) {
-        say(problem, error.message);
+        setText(problem, error.message);
       }
     }
 

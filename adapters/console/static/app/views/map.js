@@ -1,13 +1,13 @@
 /**
- * The map, in the rover's own metric frame: where it is and was, where it would go, and what it keeps
- * away from. x is to the right and y is up, as the frame has it; the grid tells the metres.
+ * The map, in the odometry frame of the rover, m: pose, driven track, planned and previewed motion, zones and
+ * rocks. x is to the right and y is up; the grid lines are labelled in metres.
  */
 
-import { button, html, say, set, svg } from "../dom.js";
+import { button, html, setText, set, svg } from "../dom.js";
 import * as layers from "./map_layers.js";
 import { View } from "./view.js";
 import { Viewport } from "./viewport.js";
-import { age, clock, degrees, fixed } from "../words.js";
+import { age, clock, degrees, fixed } from "../format.js";
 
 /** @import { Fix } from "../model/asset.js" */
 
@@ -16,7 +16,7 @@ const LATE_S = 5;
 const CLOSE_PX = 8;
 
 export class MapView extends View {
-  /** whether the rover is kept in the middle */
+  /** whether the map follows the rover */
   #follows = true;
   /** @type {{x: number, y: number, moved: boolean, at: [number, number]} | null} */
   #drag = null;
@@ -31,18 +31,18 @@ export class MapView extends View {
   #world = svg("g", {}, ...[this.#zones, this.#tracks, this.#planned, this.#preview, this.#uncertain, this.#rover].map((each) => each.element));
   #picture = svg("svg", { class: "map", role: "img", "aria-label": "map" }, this.#grid.element, this.#world);
   #viewport = new Viewport(this.#picture);
-  #place = html("span", { className: "place" });
+  #poseText = html("span", { className: "pose" });
   #pointed = html("span", { className: "pointed dim" });
   #now = button("back to now", "", () => this.cursor.set(null), { className: "now" });
-  #follow = button("follow", "keep the rover in the middle", () => ((this.#follows = !this.#follows), this.draw()));
-  #whole = button("show all", "show everything that is known", () => this.#fit());
+  #follow = button("follow", "centre the map on the rover", () => ((this.#follows = !this.#follows), this.draw()));
+  #whole = button("show all", "fit the whole track and all zones", () => this.#fit());
   #empty = html("p", { className: "empty over" });
   #hint = html("p", { className: "hint" });
   #menu = html("div", { className: "menu", hidden: true });
   root = html(
     "section",
     { className: "rover-view map-view" },
-    html("header", {}, this.#place, html("span", { className: "tools" }, this.#pointed, this.#now, this.#follow, this.#whole)),
+    html("header", {}, this.#poseText, html("span", { className: "tools" }, this.#pointed, this.#now, this.#follow, this.#whole)),
     html("div", { className: "canvas" }, this.#picture, this.#empty, this.#hint, this.#menu),
   );
 
@@ -51,7 +51,7 @@ export class MapView extends View {
     this.#picture.addEventListener("pointerdown", (event) => this.#onDown(event));
     this.#picture.addEventListener("pointermove", (event) => this.#onMove(event));
     this.#picture.addEventListener("pointerup", (event) => this.#onUp(event));
-    this.#picture.addEventListener("pointerleave", () => say(this.#pointed, ""));
+    this.#picture.addEventListener("pointerleave", () => setText(this.#pointed, ""));
     this.#picture.addEventListener("wheel", (event) => this.#onWheel(event), { passive: false });
     const resized = new ResizeObserver(draw);
     resized.observe(this.#picture);
@@ -82,30 +82,30 @@ export class MapView extends View {
     this.#preview.render(draft, scale);
     this.#uncertain.render(asset, pose, uncertainty, scale);
     this.#rover.render(asset, pose, scale);
-    this.#drawWords(pose, uncertainty);
+    this.#drawTexts(pose, uncertainty);
   }
 
   /** @param {Fix | null} pose @param {layers.Uncertainty | null} uncertainty */
-  #drawWords(pose, uncertainty) {
+  #drawTexts(pose, uncertainty) {
     const { asset, cursor, draft, session } = this;
     this.#empty.hidden = pose !== null;
-    say(this.#empty, asset.isReached ? "No position yet: the rover has not told where it is." : session.unreached(asset));
+    setText(this.#empty, asset.isReached ? "No position received yet." : session.unreached(asset));
     const isElsewhere = draft.entry !== null && document.querySelector(".form-view") === null;
     this.#hint.hidden = !pose || asset.recording !== null || (draft.entry !== null && !isElsewhere);
-    say(this.#hint, isElsewhere ? `${draft.entry.name} is prepared: see and send it under “Command”.` : "Click the map to prepare a move there.");
-    if (!pose) return say(this.#place, "");
-    const words = `x ${fixed(pose.x, 2)} m  y ${fixed(pose.y, 2)} m  ${fixed(degrees(pose.heading), 0)}°`;
+    setText(this.#hint, isElsewhere ? `${draft.entry.name} is prepared: send it under “Command”.` : "Click the map to prepare a move there.");
+    if (!pose) return setText(this.#poseText, "");
+    const text = `x ${fixed(pose.x, 2)} m  y ${fixed(pose.y, 2)} m  ${fixed(degrees(pose.heading), 0)}°`;
     const when = cursor.utc_s === null ? `${age(session.now - pose.utc)}` : `at ${clock(pose.utc)} (past)`;
-    say(this.#place, [words, uncertainty ? layers.uncertainBy(uncertainty) : "", when === "now" ? "" : when].filter(Boolean).join("   "));
+    setText(this.#poseText, [text, uncertainty ? layers.uncertainBy(uncertainty) : "", when === "now" ? "" : when].filter(Boolean).join("   "));
     this.root.classList.toggle("stale", cursor.utc_s === null && session.now - pose.utc > LATE_S);
     this.root.classList.toggle("past", cursor.utc_s !== null);
   }
 
-  /** Show everything that is known. */
+  /** Fit track, preview and zones into the view. */
   #fit() {
     const { asset, draft } = this;
-    const places = [...asset.track, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
-    const points = [...places.map(({ x, y }) => [x, y]), ...asset.zones.flatMap(layers.outline)].filter(([x]) => x !== null);
+    const fixes = [...asset.track, ...(draft.preview?.path ?? []), ...(asset.pose ? [asset.pose] : [])];
+    const points = [...fixes.map(({ x, y }) => [x, y]), ...asset.zones.flatMap(layers.outline)].filter(([x]) => x !== null);
     if (points.length) {
       this.#viewport.fit(points);
       this.#follows = false;
@@ -122,7 +122,7 @@ export class MapView extends View {
   #onMove({ offsetX, offsetY }) {
     const drag = this.#drag;
     const [x, y] = this.#viewport.toWorld(offsetX, offsetY);
-    say(this.#pointed, `${fixed(x, 2)}, ${fixed(y, 2)}`);
+    setText(this.#pointed, `${fixed(x, 2)}, ${fixed(y, 2)}`);
     if (!drag) return;
     const [dx, dy] = [offsetX - drag.x, offsetY - drag.y];
     if (!drag.moved && Math.hypot(dx, dy) < CLICK_PX) return;
@@ -132,7 +132,7 @@ export class MapView extends View {
     this.draw();
   }
 
-  /** Prepare a move, or on the driven path: let the operator choose between that and what was there. */
+  /** Prepare a move; on the driven track, offer the past at that point as well. */
   #onUp({ offsetX, offsetY }) {
     const isClick = this.#drag && !this.#drag.moved;
     this.#drag = null;
@@ -169,11 +169,11 @@ export class MapView extends View {
       const span = asset.spanOf(each);
       return span && span[0] <= fix.utc && fix.utc <= span[1];
     });
-    const item = (words, act) => button(words, "", () => ((this.#menu.hidden = true), act()));
+    const item = (text, act) => button(text, "", () => ((this.#menu.hidden = true), act()));
     this.#menu.replaceChildren(
       asset.recording ? "" : item(`prepare a move to ${x}, ${y}`, () => this.#prepare(x, y)),
-      item(`show ${clock(fix.utc)}, when it was here`, () => cursor.set(fix.utc)),
-      command ? item(`select ${command.name}, which it carried out here`, () => selection.selectCommand(command.id)) : "",
+      item(`show ${clock(fix.utc)}, when the rover was here`, () => cursor.set(fix.utc)),
+      command ? item(`select ${command.name}, executed here`, () => selection.selectCommand(command.id)) : "",
     );
     const { width, height } = this.#viewport.size;
     const across = px < width / 2 ? { left: `${px + 6}px`, right: "" } : { left: "", right: `${width - px + 6}px` };
@@ -183,7 +183,7 @@ export class MapView extends View {
   }
 }
 
-/** The fix nearest to a place, if it is close. @param {Fix[]} track @param {number} x @param {number} y @param {number} close */
+/** Return the fix nearest to a point, null if none is within `close`, m. @param {Fix[]} track @param {number} x @param {number} y @param {number} close */
 function nearestOf(track, x, y, close) {
   const away = (fix) => Math.hypot(fix.x - x, fix.y - y);
   return track.reduce((best, fix) => (away(fix) <= (best ? away(best) : close) ? fix : best), null);

@@ -1,7 +1,7 @@
-/** What the map shows, a layer each: made once, and drawn anew from what is known. */
+/** Layers of the map. Each is created once and updated from the state of the asset. */
 
-import { keep, say, set, svg } from "../dom.js";
-import { clock, degrees, fixed } from "../words.js";
+import { reconcile, setText, set, svg } from "../dom.js";
+import { clock, degrees, fixed } from "../format.js";
 
 /** @import { Asset, Fix } from "../model/asset.js" */
 /** @import { Draft } from "../model/draft.js" */
@@ -9,7 +9,7 @@ import { clock, degrees, fixed } from "../words.js";
 /** @import { Viewport } from "./viewport.js" */
 /** @typedef {{position_m: number, heading_rad: number}} Uncertainty */
 
-/** Lines at whole metres, or parts of one. */
+/** Grid lines, with their coordinates in metres. */
 export class Grid {
   element = svg("g", { class: "grid" });
 
@@ -24,34 +24,34 @@ export class Grid {
     for (let x = Math.ceil(west / step) * step; x <= east; x += step) lines.push(["x", tidy(x)]);
     for (let y = Math.ceil(south / step) * step; y <= north; y += step) lines.push(["y", tidy(y)]);
     const make = () => svg("g", {}, svg("line"), svg("text"));
-    keep(this.element, lines, (line) => line.join(""), make, ({ children: [line, text] }, [axis, value]) => {
+    reconcile(this.element, lines, (line) => line.join(""), make, ({ children: [line, text] }, [axis, value]) => {
       const [px, py] = viewport.toScreen(value, value);
       const across = axis === "x";
       const ends = across ? { x1: px, x2: px, y1: 0, y2: height } : { x1: 0, x2: width, y1: py, y2: py };
       set(line, { ...ends, class: value === 0 ? "origin" : "" });
       set(text, across ? { x: px + 3, y: height - 4 } : { x: 3, y: py - 3 });
-      say(text, `${value} m`);
+      setText(text, `${value} m`);
     });
   }
 }
 
-/** What the rover keeps away from, or within. */
+/** Keep-in zones, keep-out zones and rocks. */
 export class Zones {
   element = svg("g", { class: "zones" });
 
   /** @param {ZoneEntry[]} zones */
   render(zones) {
     const make = () => svg("g", {}, svg("polygon"), svg("title"));
-    keep(this.element, zones, (zone) => zone.title, make, (made, zone) => {
+    reconcile(this.element, zones, (zone) => zone.title, make, (made, zone) => {
       const [shape, title] = made.children;
       set(made, { class: zone.kind });
       set(shape, { points: outline(zone).map((each) => each.join(",")).join(" ") });
-      say(title, zone.title);
+      setText(title, zone.title);
     });
   }
 }
 
-/** Where it was: before and after the moment that is looked at, and with the selected command. */
+/** The driven track: before and after the displayed time, and during the selected command. */
 export class Tracks {
   #before = svg("polyline", { class: "track" });
   #after = svg("polyline", { class: "track ahead" });
@@ -67,25 +67,25 @@ export class Tracks {
   }
 }
 
-/** Where the motions under way and waiting lead. */
+/** Waypoints of the active and queued motions. */
 export class Planned {
   element = svg("g", { class: "planned" });
 
-  /** @param {CommandStatus[]} commands the last first @param {number} scale */
+  /** @param {CommandStatus[]} commands newest first @param {number} scale */
   render(commands, scale) {
     const points = waypointsOf(commands).map((each, index, all) => ({ ...each, index, from: all[index - 1] ?? each }));
     const make = () => svg("g", {}, svg("line"), svg("circle"), svg("title"));
-    keep(this.element, points, (each) => String(each.index), make, (made, { x, y, from, done, title: words }) => {
+    reconcile(this.element, points, (each) => String(each.index), make, (made, { x, y, from, done, title: text }) => {
       const [line, circle, title] = made.children;
       set(made, { class: done ? "done" : "" });
       set(line, { x1: from.x, y1: from.y, x2: x, y2: y });
       set(circle, { cx: x, cy: y, r: 5 / scale });
-      say(title, words);
+      setText(title, text);
     });
   }
 }
 
-/** Where the command that is being prepared would lead. */
+/** Predicted path of the command in preparation. */
 export class Preview {
   element = svg("g", { class: "preview" });
 
@@ -101,7 +101,7 @@ export class Preview {
   }
 }
 
-/** A circle in which the rover is, and a sector of its headings. */
+/** Uncertainty of the pose: a circle for the position and a sector for the heading. */
 export class UncertaintyMark {
   #circle = svg("circle");
   #sector = svg("path");
@@ -119,11 +119,11 @@ export class UncertaintyMark {
     set(this.#circle, { r: position_m });
     set(this.#sector, { d: `M0 0L${x} ${-y}A${reach} ${reach} 0 ${half > Math.PI / 2 ? 1 : 0} 1 ${x} ${y}Z` });
     set(this.element, { transform: turned(pose), "data-position": position_m.toFixed(3) });
-    say(this.#title, `${asset.name} is ${uncertainBy(uncertainty)}: correct its pose by setPositionCompensation, or confirm it by confirmPose`);
+    setText(this.#title, `${asset.name} is ${uncertainBy(uncertainty)}: correct its pose by setPositionCompensation, or confirm it by confirmPose`);
   }
 }
 
-/** The rover itself. */
+/** The rover's footprint and heading. */
 export class Rover {
   #body = svg("rect", { class: "body" });
   #nose = svg("path", { class: "nose" });
@@ -137,7 +137,7 @@ export class Rover {
     set(this.#body, { x: -length_m / 2, y: -width_m / 2, width: length_m, height: width_m });
     set(this.#nose, { d: arrow(scale) });
     set(this.element, { transform: turned(pose), "data-x": pose.x.toFixed(3), "data-y": pose.y.toFixed(3) });
-    say(this.#title, `${name}, ${clock(pose.utc)}`);
+    setText(this.#title, `${name}, ${clock(pose.utc)}`);
   }
 }
 
@@ -146,7 +146,7 @@ export function uncertainBy({ position_m, heading_rad }) {
   return `uncertain by ${fixed(position_m, 2)} m and ${fixed(degrees(heading_rad), 1)}°`;
 }
 
-/** Without the noise of binary fractions. @param {number} value */
+/** Round to 0.01, without the noise of binary fractions. @param {number} value */
 export function tidy(value) {
   return Math.round(value * 100) / 100 || 0;
 }
@@ -161,25 +161,25 @@ export function outline({ corners, x, y, radius }) {
 /** @param {{x: number, y: number, heading: number | null}} pose */
 const turned = (pose) => `translate(${pose.x} ${pose.y}) rotate(${degrees(pose.heading ?? 0)})`;
 
-/** An arrow that stays visible however far out the view is. @param {number} scale */
+/** Return the path of an arrow with a minimum size in px. @param {number} scale */
 function arrow(scale) {
   const half = Math.max(0.25, 9 / scale);
   return `M${half} 0L${-half * 0.8} ${half * 0.65}L${-half * 0.45} 0L${-half * 0.8} ${-half * 0.65}Z`;
 }
 
-/** The places of motions that are not done. @param {CommandStatus[]} commands the last first */
+/** Return the waypoints of motions that have not ended. @param {CommandStatus[]} commands newest first */
 function waypointsOf(commands) {
   const open = commands.filter((each) => !each.ended && each.args && each.state !== "unknown");
   return open.reverse().flatMap((command) => {
     const step = command.history.findLast((each) => each.step)?.step ?? 0;
-    const places = command.args.waypoints ?? [command.args];
-    return places
-      .filter((place) => Number.isFinite(place.x) && Number.isFinite(place.y))
-      .map((place, index, all) => ({
-        x: place.x,
-        y: place.y,
+    const waypoints = command.args.waypoints ?? [command.args];
+    return waypoints
+      .filter((waypoint) => Number.isFinite(waypoint.x) && Number.isFinite(waypoint.y))
+      .map((waypoint, index, all) => ({
+        x: waypoint.x,
+        y: waypoint.y,
         done: all.length > 1 && index < step,
-        title: all.length > 1 ? `${command.name}, place ${index + 1} of ${all.length}` : command.name,
+        title: all.length > 1 ? `${command.name}, waypoint ${index + 1} of ${all.length}` : command.name,
       }));
   });
 }

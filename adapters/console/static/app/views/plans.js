@@ -1,16 +1,16 @@
 /**
- * Plans: submit one from a file, give it the rover, take the rover from it, and see how far it is. Each act
- * is a command as any other, and appears among the commands.
+ * Plans: submit one from a file, activate, suspend, resume or abort it, and see its progress. Each action
+ * is a command, and appears in the command table.
  */
 
-import { ask, newId } from "../model/connection.js";
-import { button, html, keep, say, set, tableHead } from "../dom.js";
+import { fetchJson, newId } from "../model/connection.js";
+import { button, html, reconcile, setText, set, tableHead } from "../dom.js";
 import { View } from "./view.js";
-import { clock } from "../words.js";
+import { clock } from "../format.js";
 
 /** @import { PlanProgress, PlanRevision } from "../model/messages.js" */
 
-/** What may be done to a plan in each of its states. */
+/** Commands for a plan, by its state. */
 const ACTS = {
   SUBMITTED: ["activatePlan", "removePlan"],
   ACTIVATED: ["suspendPlan", "abortPlan"],
@@ -22,17 +22,17 @@ const ACTS = {
 };
 
 export class PlansView extends View {
-  /** @type {PlanRevision[]} those that were submitted here, the newest first */
+  /** @type {PlanRevision[]} plans submitted at the console, newest first */
   #submitted = [];
   #path = `/api/plans/${encodeURIComponent(this.asset.name)}`;
 
   #file = html("input", { type: "file", accept: ".xml", "aria-label": "file of a plan", onchange: () => this.#read(this.#file.files[0]) });
-  #name = html("input", { type: "text", "aria-label": "name of the plan", placeholder: "its name", oninput: this.draw });
-  #content = html("textarea", { "aria-label": "plan", rows: 8, spellcheck: false, placeholder: "The XML of a plan: choose a file, or write it here.", oninput: this.draw });
+  #name = html("input", { type: "text", "aria-label": "name of the plan", placeholder: "name", oninput: this.draw });
+  #content = html("textarea", { "aria-label": "plan", rows: 8, spellcheck: false, placeholder: "XML of a plan: choose a file, or write it here.", oninput: this.draw });
   #submit = html("button", { type: "submit", className: "send" });
-  #told = html("p", { className: "told", role: "status" });
+  #message = html("p", { className: "message", role: "status" });
   #rows = html("tbody");
-  #table = html("table", {}, tableHead("plan", "state", "how far", "", "submitted"), this.#rows);
+  #table = html("table", {}, tableHead("plan", "state", "progress", "", "submitted"), this.#rows);
   #form = html(
     "form",
     { onsubmit: (event) => (event.preventDefault(), this.#send()) },
@@ -40,7 +40,7 @@ export class PlansView extends View {
     this.#content,
   );
   #empty = html("p", { className: "empty" });
-  root = html("section", { className: "rover-view plans-view" }, html("div", { className: "scroll" }, this.#table, this.#empty, this.#form, this.#told));
+  root = html("section", { className: "rover-view plans-view" }, html("div", { className: "scroll" }, this.#table, this.#empty, this.#form, this.#message));
 
   start() {
     this.#refresh();
@@ -65,58 +65,58 @@ export class PlansView extends View {
 
   async #send() {
     const plan = { id: newId(), plan_id: this.#name.value.trim(), content: this.#content.value };
-    await this.#attempt(ask(this.#path, { json: plan }), `${plan.plan_id} was sent; see the commands.`);
+    await this.#attempt(fetchJson(this.#path, { json: plan }), `${plan.plan_id} was sent; see the commands.`);
     this.#refresh();
   }
 
   #act(name, plan) {
     const posted = { id: newId(), asset: this.asset.name, name, args: { plan_id: plan } };
-    return this.#attempt(ask("/api/commands", { json: posted }), `${name} ${plan} was sent; see the commands.`);
+    return this.#attempt(fetchJson("/api/commands", { json: posted }), `${name} ${plan} was sent; see the commands.`);
   }
 
-  /** @param {Promise<any>} asked @param {string} words */
-  async #attempt(asked, words) {
-    say(this.#told, await asked.then(() => words, (error) => error.message));
+  /** @param {Promise<any>} request @param {string} text */
+  async #attempt(request, text) {
+    setText(this.#message, await request.then(() => text, (error) => error.message));
   }
 
   async #refresh() {
-    const answer = await ask(this.#path).catch(() => null);
+    const answer = await fetchJson(this.#path).catch(() => null);
     if (answer) this.#submitted = answer.plans;
     this.draw();
   }
 
   async #show(revision) {
-    const { plan, content } = await ask(`${this.#path}/${revision}`);
+    const { plan, content } = await fetchJson(`${this.#path}/${revision}`);
     this.#fill(plan, content);
   }
 
   render() {
     const { asset, session } = this;
-    // Plans that were submitted here or told of by the rover, the last revision of each.
+    // Plans submitted at the console or reported by the rover, the last revision of each.
     const known = [...new Set([...this.#submitted.map((each) => each.plan), ...asset.plans.keys()])];
     this.#table.hidden = known.length === 0;
     this.#empty.hidden = known.length > 0;
-    say(this.#empty, asset.isReached ? "No plan yet. Choose a file below: config/plans/look-around.xml is an example." : session.unreached(asset));
+    setText(this.#empty, asset.isReached ? "No plan yet. Choose a file below: config/plans/look-around.xml is an example." : session.unreached(asset));
     const make = () => html("tr", {}, html("td"), html("td"), html("td"), html("td"), html("td", { className: "dim" }));
-    keep(this.#rows, known, String, make, (row, plan) => this.#drawRow(row, plan, asset.plans.get(plan), this.#submitted.find((each) => each.plan === plan)));
+    reconcile(this.#rows, known, String, make, (row, plan) => this.#drawRow(row, plan, asset.plans.get(plan), this.#submitted.find((each) => each.plan === plan)));
     this.#submit.disabled = !asset.isReached || !this.#name.value.trim() || !this.#content.value.trim();
-    say(this.#submit, `Submit to ${asset.name}`);
+    setText(this.#submit, `Submit to ${asset.name}`);
   }
 
   /** @param {HTMLElement} row @param {string} plan @param {PlanProgress | undefined} progress @param {PlanRevision | undefined} revision */
   #drawRow(row, plan, progress, revision) {
-    const [title, state, far, acts, when] = /** @type {any} */ (row.children);
+    const [title, state, progressCell, acts, when] = /** @type {any} */ (row.children);
     const status = progress?.status ?? "";
-    say(title, plan);
-    say(state, status.toLowerCase());
-    say(far, [progress?.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress?.text ?? ""].filter(Boolean).join(", "));
-    set(far, { title: progress?.node ?? "" });
-    say(when, revision ? `${clock(revision.utc)} by ${revision.operator}, revision ${revision.revision}` : "elsewhere");
+    setText(title, plan);
+    setText(state, status.toLowerCase());
+    setText(progressCell, [progress?.total ? `${progress.done ?? 0} of ${progress.total}` : "", progress?.text ?? ""].filter(Boolean).join(", "));
+    set(progressCell, { title: progress?.node ?? "" });
+    setText(when, revision ? `${clock(revision.utc)} by ${revision.operator}, revision ${revision.revision}` : "not at this console");
     const offered = [...(ACTS[status] ?? []), ...(revision ? [`show ${revision.revision}`] : [])];
-    keep(acts, offered, String, (each) => this.#makeAct(each, plan, revision));
+    reconcile(acts, offered, String, (each) => this.#makeAct(each, plan, revision));
   }
 
-  /** @param {string} act the name of a command, or to show a revision */
+  /** @param {string} act name of a command, or `show` with a revision */
   #makeAct(act, plan, revision) {
     if (act.startsWith("show")) return button("show", "", () => this.#show(revision.revision));
     return button(act.replace("Plan", ""), "", () => this.#act(act, plan));

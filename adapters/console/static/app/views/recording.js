@@ -1,16 +1,16 @@
-/** A recording: what it is of, and the moment of it that is looked at. */
+/** A recording: its description, and a slider for the displayed time. */
 
-import { ask } from "../model/connection.js";
-import { button, html, say } from "../dom.js";
+import { fetchJson } from "../model/connection.js";
+import { button, html, setText } from "../dom.js";
 import { View } from "./view.js";
-import { age, clock } from "../words.js";
+import { age, clock } from "../format.js";
 
 const STEP_S = 0.05;
 
 export class RecordingView extends View {
   #what = html("p", { className: "what" });
   #at = html("output", { className: "at" });
-  #slider = html("input", { type: "range", "aria-label": "moment", step: STEP_S, oninput: () => this.#look(this.asset.recording.began + Number(this.#slider.value)) });
+  #slider = html("input", { type: "range", "aria-label": "moment", step: STEP_S, oninput: () => this.#setMoment(this.asset.recording.began + Number(this.#slider.value)) });
   root = html(
     "section",
     { className: "rover-view recording-view" },
@@ -19,10 +19,10 @@ export class RecordingView extends View {
     html(
       "div",
       { className: "buttons" },
-      button("◂ told", "the moment before at which it told something", () => this.#step(-1)),
+      button("◂ report", "previous report", () => this.#step(-1)),
       this.#at,
-      button("told ▸", "the next moment at which it told something", () => this.#step(1)),
-      html("span", { className: "tools" }, button("close", "take it off the console; the file stays as it is", () => this.#close())),
+      button("report ▸", "next report", () => this.#step(1)),
+      html("span", { className: "tools" }, button("close", "remove it from the console; the file is not changed", () => this.#close())),
     ),
   );
 
@@ -31,22 +31,22 @@ export class RecordingView extends View {
   }
 
   /** @param {number} utc */
-  #look(utc) {
+  #setMoment(utc) {
     const { began, ended } = this.asset.recording;
     this.cursor.set(Math.min(Math.max(utc, began), ended));
   }
 
-  /** Go to the nearest moment, back or forth, at which something was told. @param {1 | -1} direction */
+  /** Go to the previous or next notification. @param {1 | -1} direction */
   #step(direction) {
     const { recording, notices } = this.asset;
     const now = this.cursor.utc_s ?? recording.ended;
     const isBeyond = (each) => (each.utc - now) * direction > STEP_S / 2;
-    const told = direction > 0 ? notices.find(isBeyond) : notices.findLast(isBeyond);
-    if (told) this.#look(told.utc);
+    const notice = direction > 0 ? notices.find(isBeyond) : notices.findLast(isBeyond);
+    if (notice) this.#setMoment(notice.utc);
   }
 
   async #close() {
-    await ask(`/api/recordings/${encodeURIComponent(this.asset.name)}`, { method: "DELETE" }).catch((error) => say(this.#what, error.message));
+    await fetchJson(`/api/recordings/${encodeURIComponent(this.asset.name)}`, { method: "DELETE" }).catch((error) => setText(this.#what, error.message));
   }
 
   render() {
@@ -54,15 +54,15 @@ export class RecordingView extends View {
     if (!recording) return;
     const { file, rover, began, ended, whole, damaged } = recording;
     const now = this.cursor.utc_s ?? ended;
-    say(this.#what, `${file}: a recording of ${rover}, ${new Date(began * 1000).toISOString().slice(0, 10)} from ${clock(began)} to ${clock(ended)} UTC (${age(ended - began)}). It ${whole ? "" : `${damaged ? "is damaged" : "breaks off"} there; it `}can be looked at, not commanded.`);
+    setText(this.#what, `${file}: a recording of ${rover}, ${new Date(began * 1000).toISOString().slice(0, 10)} from ${clock(began)} to ${clock(ended)} UTC (${age(ended - began)}). ${whole ? "" : `${damaged ? "Damaged" : "Incomplete"} from there on. `}View only.`);
     this.#slider.max = String(ended - began);
     this.#slider.value = String(now - began);
-    say(this.#at, `${clock(now, true)}, ${(now - began).toFixed(2)} s`);
+    setText(this.#at, `${clock(now, true)}, ${(now - began).toFixed(2)} s`);
   }
 }
 
-/** Give a file of this computer to the console. @param {File} file @returns {Promise<string>} the name of the asset that it is shown as */
+/** Upload a recording to the console. @param {File} file @returns {Promise<string>} the name of its asset */
 export async function openRecording(file) {
-  const { asset } = await ask(`/api/recordings/${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+  const { asset } = await fetchJson(`/api/recordings/${encodeURIComponent(file.name)}`, { method: "POST", body: file });
   return asset;
 }

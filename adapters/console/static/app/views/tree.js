@@ -1,23 +1,23 @@
 /**
- * The behaviour tree, live: a node a row, what it says beside its name, and in words why the rover
- * stands or what moves it. Branches in which nothing is done are folded until somebody opens them.
+ * The behaviour tree, live: one node a row with its message, and a sentence on the cause of motion or
+ * standstill. Branches without a running or failed node are folded until the operator opens them.
  */
 
-import { ask } from "../model/connection.js";
-import { button, html, keep, say, set, svg } from "../dom.js";
+import { fetchJson } from "../model/connection.js";
+import { button, html, reconcile, setText, set, svg } from "../dom.js";
 import { View } from "./view.js";
-import { clock } from "../words.js";
+import { clock } from "../format.js";
 
 /** @import { TreeNode, TreeState } from "../model/messages.js" */
 
 const ROW = 22;
 const INDENT = 18;
 const LEFT = 14;
-/** A tree is told when it changes, and every 10 s. */
+/** Age after which a tree is shown as stale, s. The rover publishes it on each change, and every 10 s. */
 const LATE_S = 25;
-/** A command that is done at once is seen in a tree that is told so soon after. */
+/** Time after the end of a command until its tree is read, s: a short command appears only there. */
 const SOON_S = 1;
-const MOST_RECALLED = 50;
+const MAX_RECALLED = 50;
 const MARKS = {
   selector: ["?", "selector: the first child that does not fail"],
   sequence: ["→", "sequence: one child after the other"],
@@ -28,7 +28,7 @@ const MARKS = {
   leaf: ["▸", "leaf"],
   planned: ["·", "of a plan"],
 };
-const LOOKS = {
+const STYLES = {
   running: "running",
   success: "success",
   declined: "nothing to do",
@@ -37,11 +37,11 @@ const LOOKS = {
 };
 
 export class TreeView extends View {
-  /** @type {TreeState | null} how it was at the time that is looked at */
+  /** @type {TreeState | null} the tree at the displayed time */
   #past = null;
-  /** @type {Map<string, boolean>} what the operator folded or opened, by path */
+  /** @type {Map<string, boolean>} branches that the operator opened or folded, by path */
   #chosen = new Map();
-  /** whether all is open */
+  /** whether all branches are open */
   #isOpen = false;
 
   #mode = html("span", { className: "mode" });
@@ -53,19 +53,19 @@ export class TreeView extends View {
   #legend = html(
     "p",
     { className: "legend" },
-    ...Object.entries(LOOKS).map(([look, words]) => html("span", {}, svg("svg", { width: 14, height: 14, class: look }, sign(7, 7)), words)),
+    ...Object.entries(STYLES).map(([style, label]) => html("span", {}, svg("svg", { width: 14, height: 14, class: style }, statusSign(7, 7)), label)),
   );
   #head = html("header", {}, this.#mode, this.#why, html("span", { className: "tools" }, this.#search, this.#all));
   root = html("section", { className: "rover-view tree-view" }, this.#head, this.#empty, html("div", { className: "scroll" }, this.#rows), this.#legend);
 
   start() {
     const { asset, session, selection, cursor, draw } = this;
-    this.#lookBack();
-    return [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(() => this.#recall()), cursor.on(() => this.#lookBack())];
+    this.#loadPast();
+    return [asset.on("tree", draw), asset.on("links", draw), session.onSecond(draw), selection.on(() => this.#recall()), cursor.on(() => this.#loadPast())];
   }
 
-  /** Ask how it was at the time that is looked at. */
-  async #lookBack() {
+  /** Request the tree at the displayed time. */
+  async #loadPast() {
     const utc = this.cursor.utc_s;
     if (utc === null) this.#past = null;
     this.draw();
@@ -76,20 +76,20 @@ export class TreeView extends View {
     this.draw();
   }
 
-  /** Look up which nodes worked on the selected command, where that was not heard. */
+  /** Request the trees during the selected command, if no tree with it was received. */
   async #recall() {
     const command = this.asset.commands.get(this.selection.command ?? "");
     this.draw();
     if (!command || this.asset.nodesOf(command).length) return;
     const at = command.history.at(-1)?.utc ?? command.made;
-    await this.#read(`start=${command.made}&before=${at + SOON_S}&limit=${MOST_RECALLED}`);
+    await this.#read(`start=${command.made}&before=${at + SOON_S}&limit=${MAX_RECALLED}`);
     this.draw();
   }
 
-  /** Read trees of the past, and note which commands their nodes worked on. @param {string} query @returns {Promise<TreeState[]>} */
+  /** Read archived trees, and record which commands their nodes executed. @param {string} query @returns {Promise<TreeState[]>} */
   async #read(query) {
     const path = `/api/records/tree?asset=${encodeURIComponent(this.asset.name)}&${query}`;
-    const { records } = await ask(path).catch(() => ({ records: [] }));
+    const { records } = await fetchJson(path).catch(() => ({ records: [] }));
     for (const each of records) this.asset.noteNodes(each);
     return records;
   }
@@ -113,25 +113,25 @@ export class TreeView extends View {
     this.root.classList.toggle("past", !isNow);
     this.#empty.hidden = tree !== null;
     this.#legend.hidden = this.#head.hidden = tree === null;
-    say(this.#empty, this.#whyEmpty());
-    say(this.#mode, tree?.mode ?? "");
+    setText(this.#empty, this.#whyEmpty());
+    setText(this.#mode, tree?.mode ?? "");
     this.#mode.dataset.mode = tree?.mode ?? "";
-    say(this.#why, !tree ? "" : isFresh ? tree.why : `as of ${clock(tree.utc)}: ${tree.why}`);
-    say(this.#all, this.#isOpen ? "fold" : "open all");
+    setText(this.#why, !tree ? "" : isFresh ? tree.why : `as of ${clock(tree.utc)}: ${tree.why}`);
+    setText(this.#all, this.#isOpen ? "fold" : "open all");
     this.#drawRows(visible(tree?.nodes ?? [], this.#search.value.trim().toLowerCase(), this.#chosen, selection.nodesOf(asset)));
   }
 
   #whyEmpty() {
     const { asset, cursor, session } = this;
     if (asset.recording) return session.unreached(asset);
-    if (cursor.utc_s !== null) return `Nothing is kept of the tree of ${clock(cursor.utc_s)}.`;
-    return asset.isReached ? "The rover has not told of its behaviour tree yet." : session.unreached(asset);
+    if (cursor.utc_s !== null) return `No archived behaviour tree at ${clock(cursor.utc_s)}.`;
+    return asset.isReached ? "No behaviour tree received yet." : session.unreached(asset);
   }
 
   #drawRows(rows) {
     const width = Math.max(320, ...rows.map((row) => row.x + 30 + 7.3 * (row.node.name.length + row.node.message.length + 4)));
     set(this.#rows, { width, height: rows.length * ROW + 6 });
-    keep(this.#rows, rows, (row) => row.node.path, (row) => this.#makeRow(row.node), drawRow);
+    reconcile(this.#rows, rows, (row) => row.node.path, (row) => this.#makeRow(row.node), drawRow);
   }
 
   /** @param {TreeNode} node */
@@ -143,7 +143,7 @@ export class TreeView extends View {
       svg("rect", { class: "back", x: 0, height: ROW, width: "100%" }),
       svg("path", { class: "branch" }),
       fold,
-      svg("g", { class: "status" }, sign(0, 0)),
+      svg("g", { class: "status" }, statusSign(0, 0)),
       svg("text", { class: "name" }, svg("title", {}, MARKS[kind]?.[1] ?? kind), svg("tspan", { class: "mark" }), svg("tspan")),
       svg("text", { class: "message" }),
     );
@@ -160,28 +160,28 @@ export class TreeView extends View {
   }
 }
 
-function drawRow(made, { node, index, parent, x, look, children, open, hit, selected }) {
+function drawRow(made, { node, index, parent, x, style, children, open, hit, selected }) {
   const y = index * ROW + ROW / 2 + 3;
   const [back, branch, fold, status, name, message] = made.children;
-  set(made, { class: `${look}${hit ? " hit" : ""}${selected ? " selected" : ""}`, "data-look": look });
+  set(made, { class: `${style}${hit ? " hit" : ""}${selected ? " selected" : ""}`, "data-status": style });
   if (children) made.setAttribute("aria-expanded", String(open));
   set(back, { y: y - ROW / 2 });
   set(branch, { d: parent === null ? "" : `M${x - INDENT + 1} ${y - (index - parent) * ROW + 9}V${y}H${x - 8}` });
   set(fold, { x: x + 12, y: y + 4 });
-  say(fold, children ? (open ? "▾" : "▸") : "");
+  setText(fold, children ? (open ? "▾" : "▸") : "");
   set(status, { transform: `translate(${x} ${y})` });
   const at = x + (children ? 26 : 12);
   set(name, { x: at, y: y + 4.5 });
-  const [, mark, words] = name.children;
-  say(mark, `${MARKS[node.kind]?.[0] ?? ""} `);
-  say(words, open || !children ? node.name : `${node.name}  (${children})`);
-  const label = node.name.length + (open || !children ? 0 : 3 + String(children).length) + 3;
-  set(message, { x: at + 4 + 7.3 * label, y: y + 4.5 });
-  say(message, look === "running" || look === "failure" ? node.message : "");
+  const [, mark, nameText] = name.children;
+  setText(mark, `${MARKS[node.kind]?.[0] ?? ""} `);
+  setText(nameText, open || !children ? node.name : `${node.name}  (${children})`);
+  const length = node.name.length + (open || !children ? 0 : 3 + String(children).length) + 3;
+  set(message, { x: at + 4 + 7.3 * length, y: y + 4.5 });
+  setText(message, style === "running" || style === "failure" ? node.message : "");
 }
 
-/** The signs of a status, of which the style shows the one that fits. */
-function sign(x, y) {
+/** Create the status signs; the stylesheet shows one of them. */
+function statusSign(x, y) {
   return svg(
     "g",
     { transform: `translate(${x} ${y})`, class: "sign" },
@@ -213,24 +213,24 @@ function visible(nodes, sought, chosen, selected) {
     matters[parent] ||= matters[index];
   }
   const rows = [];
-  const places = new Map();
+  const rowsByIndex = new Map();
   for (const [index, node] of nodes.entries()) {
     const parent = parents[index];
-    if (parent !== null && !places.get(parent)?.open) continue;
+    if (parent !== null && !rowsByIndex.get(parent)?.open) continue;
     if (sought !== "" && !holdsHit[index]) continue;
     const open = sought !== "" || (chosen.get(node.path) ?? (matters[index] || node.depth === 0));
     const row = {
       node,
       index: rows.length,
-      parent: parent === null ? null : places.get(parent).index,
+      parent: parent === null ? null : rowsByIndex.get(parent).index,
       x: LEFT + node.depth * INDENT,
-      look: node.look,
+      style: node.look,
       children: below[index],
       open,
       hit: hits[index],
       selected: selected.has(node.path),
     };
-    places.set(index, row);
+    rowsByIndex.set(index, row);
     rows.push(row);
   }
   return rows;

@@ -1,22 +1,22 @@
-/** The newest value of each parameter, with its unit, its limits, and how old it is by each link. */
+/** The newest value of each parameter, with its unit, its limits, and its age on each link. */
 
 import { newestOf } from "../model/asset.js";
-import { ask } from "../model/connection.js";
-import { html, keep, say, set } from "../dom.js";
+import { fetchJson } from "../model/connection.js";
+import { html, reconcile, setText, set } from "../dom.js";
 import { rangeOf } from "../model/draft.js";
 import { View } from "./view.js";
-import { age, clock, inTypedUnit } from "../words.js";
+import { age, clock, inDisplayUnit } from "../format.js";
 
 /** @import { Latest } from "../model/asset.js" */
 /** @import { Sample } from "../model/messages.js" */
 
 const LATE_S = 5;
-/** So many of the usual intervals without a value are a loss. */
-const MISSED = 2.5;
-const LONGEST_INTERVAL_S = 30;
+/** Number of sample intervals without a value after which it is late; chosen, not measured. */
+const MISSED_INTERVALS = 2.5;
+const MAX_INTERVAL_S = 30;
 
 export class ValuesView extends View {
-  /** @type {Map<string, Map<string, Sample>>} the values of the time that is looked at */
+  /** @type {Map<string, Map<string, Sample>>} the values at the displayed time */
   #past = new Map();
 
   #rows = html("tbody");
@@ -27,18 +27,18 @@ export class ValuesView extends View {
 
   start() {
     const { asset, session, cursor, draw } = this;
-    const lookBack = () => this.#lookBack();
-    lookBack();
+    const loadPast = () => this.#loadPast();
+    loadPast();
     return [
       ...["values", "entry", "links"].map((topic) => asset.on(topic, draw)),
       session.onSecond(draw),
-      cursor.on(lookBack),
-      asset.on("entry", lookBack),
+      cursor.on(loadPast),
+      asset.on("entry", loadPast),
     ];
   }
 
-  /** Ask what the values were at the time that is looked at. */
-  async #lookBack() {
+  /** Request the values at the displayed time. */
+  async #loadPast() {
     const { asset, cursor } = this;
     const utc = cursor.utc_s;
     const keys = (asset.entry?.parameters ?? []).map((each) => each.key);
@@ -54,7 +54,7 @@ export class ValuesView extends View {
     this.root.classList.toggle("past", this.cursor.utc_s !== null);
     this.#empty.hidden = asset.entry !== null || asset.values.size > 0;
     this.#table.hidden = !this.#empty.hidden;
-    say(this.#empty, asset.isReached ? "The rover has not told which values there are yet." : session.unreached(asset));
+    setText(this.#empty, asset.isReached ? "No parameter list received yet." : session.unreached(asset));
     this.#head.replaceChildren(
       html("th", { textContent: "parameter" }),
       html("th", { className: "figure", textContent: "value" }),
@@ -63,29 +63,29 @@ export class ValuesView extends View {
       html("th", { className: "limits", textContent: "limits" }),
     );
     const entries = asset.entry?.parameters ?? [...asset.values.keys()].map((key) => ({ key }));
-    keep(this.#rows, entries, (entry) => entry.key, makeRow, (row, entry) => this.#drawRow(row, entry, links));
+    reconcile(this.#rows, entries, (entry) => entry.key, makeRow, (row, entry) => this.#drawRow(row, entry, links));
   }
 
   #drawRow(row, entry, links) {
     const { utc_s } = this.cursor;
-    const told = (utc_s === null ? this.asset.values : this.#past).get(entry.key);
-    const newest = newestOf(told);
+    const samples = (utc_s === null ? this.asset.values : this.#past).get(entry.key);
+    const newest = newestOf(samples);
     const now = utc_s ?? this.session.now;
     const [, figure, unitCell] = row.children;
     const limits = row.lastElementChild;
     while (row.children.length < links.length + 4) row.insertBefore(html("td", { className: "age" }), limits);
-    const { text, unit } = inTypedUnit(newest?.value, entry);
-    say(figure, text);
-    say(unitCell, unit);
+    const { text, unit } = inDisplayUnit(newest?.value, entry);
+    setText(figure, text);
+    setText(unitCell, unit);
     const state = newest === null || newest.value === null ? "none" : limitOf(entry, newest.value);
     set(row, { class: `${state}${isLate(newest, now) ? " stale" : ""}` });
-    set(figure, { title: newest ? `${clock(newest.utc, true)} UTC by ${newest.link}: ${text}` : "never told" });
+    set(figure, { title: newest ? `${clock(newest.utc, true)} UTC, ${newest.link}: ${text}` : "never received" });
     links.forEach((link, index) => {
-      const sample = told?.get(link);
-      say(row.children[3 + index], sample ? age(now - sample.utc) : "–");
+      const sample = samples?.get(link);
+      setText(row.children[3 + index], sample ? age(now - sample.utc) : "–");
       set(row.children[3 + index], { class: `age${sample && isLate(sample, now) ? " late" : ""}` });
     });
-    say(limits, limitsOf(entry));
+    setText(limits, limitsOf(entry));
   }
 }
 
@@ -100,7 +100,7 @@ const makeRow = ({ key, description = "" }) =>
   );
 
 /**
- * The last values of parameters until a moment, by their keys and links.
+ * Request the last samples of parameters at or before a time, by keys and links.
  * @param {import("../model/asset.js").Asset} asset
  * @param {string[]} keys
  * @param {number} utc
@@ -108,31 +108,31 @@ const makeRow = ({ key, description = "" }) =>
  */
 export async function valuesAt(asset, keys, utc) {
   const wanted = keys.map((key) => [asset.name, key]);
-  const { samples } = await ask("/api/tm:batch", { json: { keys: wanted, end: utc } }).catch(() => ({ samples: [] }));
+  const { samples } = await fetchJson("/api/tm:batch", { json: { keys: wanted, end: utc } }).catch(() => ({ samples: [] }));
   const found = new Map();
   for (const sample of samples) found.set(sample.key, (found.get(sample.key) ?? new Map()).set(sample.link, sample));
   return found;
 }
 
 /**
- * Whether a value should have been told anew by now: by how often it is told, and a text at each change only.
+ * Whether a newer value is overdue, by its sample interval. Texts are never late: they are sent on change only.
  * @param {Latest | null | undefined} sample
  * @param {number} now
  */
 export function isLate(sample, now) {
   if (!sample) return true;
   if (typeof sample.value === "string" && Number.isNaN(Number(sample.value))) return false;
-  const usual = Math.min(LONGEST_INTERVAL_S, sample.interval ?? 0);
-  return now - sample.utc > Math.max(LATE_S, MISSED * usual);
+  const usual = Math.min(MAX_INTERVAL_S, sample.interval ?? 0);
+  return now - sample.utc > Math.max(LATE_S, MISSED_INTERVALS * usual);
 }
 
-/** The limits in the unit that people use; of octets in megabytes. */
+/** Format the limits in the display unit; octets in megabytes. */
 function limitsOf({ low = null, high = null, unit, typed = null }) {
   if (unit === "B") return rangeOf({ low, high, unit: "", typed: { unit: "MB", per_unit: 1e-6 } });
   return rangeOf({ low, high, unit: "", typed }, "");
 }
 
-/** Whether a value is beyond its limits. */
+/** Return "beyond" for a value outside its limits, else an empty string. The tolerance is 1% of the range. */
 export function limitOf(entry, value) {
   if (typeof value !== "number") return "";
   const { low, high } = entry;

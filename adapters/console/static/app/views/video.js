@@ -1,14 +1,14 @@
 /**
- * The camera, live: the newest picture, how many come, and a pad that turns it. The
- * stream is asked for while somebody watches; whether the rover sends it is a command of its own.
+ * The camera, live: the newest picture, the frame rate, and a pad that turns the camera. The stream is
+ * requested while the view is open; a separate command switches the rover's video.
  */
 
-import { ask, newId } from "../model/connection.js";
-import { button, html, say } from "../dom.js";
+import { fetchJson, newId } from "../model/connection.js";
+import { button, html, setText } from "../dom.js";
 import { View } from "./view.js";
-import { radians } from "../words.js";
+import { radians } from "../format.js";
 
-/** Of the time of arrival, before each picture. */
+/** Octets of the reception time before each picture. */
 const TIME_OCTETS = 8;
 const STEP_DEG = 10;
 const PAD = [
@@ -20,16 +20,16 @@ const PAD = [
 export class VideoView extends View {
   /** @type {WebSocket | null} */
   #socket = null;
-  /** what came in this second */
+  /** frames and octets of this second */
   #frames = 0;
   #octets = 0;
   #isDecoding = false;
-  /** @type {ArrayBuffer | null} the newest that is not shown */
+  /** @type {ArrayBuffer | null} the newest picture, not shown yet */
   #waiting = null;
 
   #canvas = html("canvas", { width: 640, height: 480, "data-testid": "video" });
   #rate = html("span", { className: "dim rate" });
-  #told = html("span", { className: "told", role: "status" });
+  #message = html("span", { className: "message", role: "status" });
   #watch = button("", "", () => (this.#socket ? this.#close() : this.#open()));
   #pad = PAD.map(([sign, left, up]) => (sign ? button(String(sign), "turn the camera", () => this.#turn(Number(left), Number(up))) : html("span")));
   root = html(
@@ -39,13 +39,13 @@ export class VideoView extends View {
       "header",
       {},
       this.#watch,
-      button("video on", "have the rover send its video", () => this.#send("executeAction", { action: "VIDEO ON" })),
-      button("video off", "have it send none", () => this.#send("executeAction", { action: "VIDEO OFF" })),
-      button("take picture", "take one and store it aboard", () => this.#send("takePicture", {})),
+      button("video on", "switch the rover's video on", () => this.#send("executeAction", { action: "VIDEO ON" })),
+      button("video off", "switch the rover's video off", () => this.#send("executeAction", { action: "VIDEO OFF" })),
+      button("take picture", "take a picture and store it aboard", () => this.#send("takePicture", {})),
       html("span", { className: "tools" }, this.#rate),
     ),
     html("div", { className: "canvas" }, this.#canvas, html("div", { className: "pad", title: `turns the camera by ${STEP_DEG}° each` }, ...this.#pad)),
-    this.#told,
+    this.#message,
   );
 
   start() {
@@ -58,13 +58,13 @@ export class VideoView extends View {
     const socket = new WebSocket(new URL(path, location.href.replace(/^http/, "ws")));
     this.#socket = socket;
     socket.binaryType = "arraybuffer";
-    say(this.#told, "Waiting for pictures: the rover sends them after “video on”.");
+    setText(this.#message, "Waiting for pictures: the rover sends them after “video on”.");
     socket.onmessage = ({ data }) => {
       this.#waiting = data;
       this.#show();
     };
     socket.onclose = ({ reason }) => {
-      if (this.#socket) say(this.#told, reason || "The stream has ended; watch it again.");
+      if (this.#socket) setText(this.#message, reason || "The stream has ended; watch it again.");
       this.#socket = null;
       this.draw();
     };
@@ -75,11 +75,11 @@ export class VideoView extends View {
     const closed = this.#socket;
     this.#socket = null;
     closed?.close();
-    say(this.#told, "");
+    setText(this.#message, "");
     this.draw();
   }
 
-  /** Draw the newest picture; those that came while one was decoded are passed over. */
+  /** Draw the newest picture; earlier ones received during decoding are skipped. */
   async #show() {
     if (this.#isDecoding || this.#waiting === null) return;
     this.#isDecoding = true;
@@ -94,9 +94,9 @@ export class VideoView extends View {
       canvas.dataset.frames = String(Number(canvas.dataset.frames ?? 0) + 1);
       this.#frames++;
       this.#octets += message.byteLength;
-      say(this.#told, "");
+      setText(this.#message, "");
     } catch {
-      say(this.#told, "A picture could not be read.");
+      setText(this.#message, "A picture could not be decoded.");
     } finally {
       this.#isDecoding = false;
     }
@@ -104,7 +104,7 @@ export class VideoView extends View {
   }
 
   async #send(name, args) {
-    await ask("/api/commands", { json: { id: newId(), asset: this.asset.name, name, args } }).catch((error) => say(this.#told, error.message));
+    await fetchJson("/api/commands", { json: { id: newId(), asset: this.asset.name, name, args } }).catch((error) => setText(this.#message, error.message));
   }
 
   /** @param {number} left steps @param {number} up steps */
@@ -113,12 +113,12 @@ export class VideoView extends View {
   }
 
   render() {
-    say(this.#watch, this.#socket ? "stop watching" : "watch");
+    setText(this.#watch, this.#socket ? "stop watching" : "watch");
     this.#watch.classList.toggle("on", this.#socket !== null);
   }
 
   #drawRate() {
-    say(this.#rate, this.#socket ? `${this.#frames} pictures/s, ${Math.round((this.#octets * 8) / 1000)} kbit/s` : "");
+    setText(this.#rate, this.#socket ? `${this.#frames} pictures/s, ${Math.round((this.#octets * 8) / 1000)} kbit/s` : "");
     this.#frames = this.#octets = 0;
   }
 }

@@ -1,6 +1,6 @@
 /**
- * A view: its elements and its state are fields, `start` subscribes to what it shows, handlers change the
- * state, and `render` draws it.
+ * Base class of views. Elements and state are fields, `start` subscribes to observables, handlers change
+ * the state, and `render` draws it.
  */
 
 import { eachFrame } from "../dom.js";
@@ -10,7 +10,7 @@ import { eachFrame } from "../dom.js";
 export class View {
   /** @type {HTMLElement} */
   root;
-  /** Have it drawn in the next frame. */
+  /** Schedule drawing in the next frame. */
   draw = eachFrame(() => this.render());
 
   /** @param {Context} context */
@@ -24,7 +24,7 @@ export class View {
     this.draft = draft;
   }
 
-  /** Put one into an element. @param {HTMLElement} element @param {Context} context @returns {() => void} takes it out again */
+  /** Create a view in an element. @param {HTMLElement} element @param {Context} context @returns {() => void} removes it */
   static mount(element, context) {
     const view = new this(context);
     element.append(view.root);
@@ -36,7 +36,7 @@ export class View {
     };
   }
 
-  /** Subscribe to what it shows. @returns {(() => void)[]} what ends with it */
+  /** Subscribe to the shown data. @returns {(() => void)[]} functions that end the subscriptions */
   start() {
     return [];
   }

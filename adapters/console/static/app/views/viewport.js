@@ -1,16 +1,16 @@
-/** What part of the ground the map shows, in px of its picture; x is to the right and y is up. */
+/** The visible part of the ground, in px of the picture; x is to the right and y is up. */
 
-const NEAREST_PX_PER_M = 2;
-const CLOSEST_PX_PER_M = 400;
-const FIRST_PX_PER_M = 45;
+const MIN_PX_PER_M = 2;
+const MAX_PX_PER_M = 400;
+const INITIAL_PX_PER_M = 45;
 
 export class Viewport {
   #picture;
-  /** in the middle, m */
+  /** centre, m */
   x = 0;
   y = 0;
   /** px per m */
-  scale = FIRST_PX_PER_M;
+  scale = INITIAL_PX_PER_M;
 
   /** @param {Element} picture */
   constructor(picture) {
@@ -21,7 +21,7 @@ export class Viewport {
     return { width: this.#picture.clientWidth || 400, height: this.#picture.clientHeight || 300 };
   }
 
-  /** How metres become px, for SVG. */
+  /** SVG transform from metres to px. */
   get transform() {
     const { width, height } = this.size;
     const k = this.scale;
@@ -48,17 +48,17 @@ export class Viewport {
 
   /** @param {number} factor */
   zoom(factor) {
-    this.scale = Math.min(Math.max(this.scale * factor, NEAREST_PX_PER_M), CLOSEST_PX_PER_M);
+    this.scale = Math.min(Math.max(this.scale * factor, MIN_PX_PER_M), MAX_PX_PER_M);
   }
 
-  /** Show all of some points. @param {number[][]} points */
+  /** Fit points into the view. @param {number[][]} points */
   fit(points) {
     const xs = points.map((each) => each[0]);
     const ys = points.map((each) => each[1]);
     const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     const { width, height } = this.size;
     const scale = Math.min(width / (east - west + 2), height / (north - south + 2));
-    this.scale = Math.min(Math.max(scale, NEAREST_PX_PER_M), FIRST_PX_PER_M * 2);
+    this.scale = Math.min(Math.max(scale, MIN_PX_PER_M), INITIAL_PX_PER_M * 2);
     this.centreAt((west + east) / 2, (south + north) / 2);
   }
 }

@@ -1,14 +1,14 @@
 /**
- * What the asset did over the span of the time conductor, in lanes: plans, commands, modes, who held the
- * authority, alarms. A click on a command selects it, one beside it sets the moment that is looked at.
+ * The history of an asset over the span of the time conductor, in lanes: plans, commands, modes, authority,
+ * alarms. A click on a command selects it; a click beside it sets the displayed time.
  */
 
-import { html, keep, say, set, svg } from "../dom.js";
+import { html, reconcile, setText, set, svg } from "../dom.js";
 import { exporter } from "./export.js";
-import { Past } from "../model/past.js";
+import { ArchivedHistory } from "../model/archive.js";
 import { lanesOf } from "./strip_lanes.js";
 import { View } from "./view.js";
-import { clock } from "../words.js";
+import { clock } from "../format.js";
 
 /** @import { Lane } from "./strip_lanes.js" */
 
@@ -17,18 +17,18 @@ const AXIS_PX = 20;
 const ROW_PX = 16;
 const GAP_PX = 8;
 const CHARACTER_PX = 6.4;
-const LEAST_PX = 4;
-/** Rows of a lane in which each bar has its label beside it; more bars are packed without. */
-const MOST_LABELLED_ROWS = 12;
+const MIN_PX = 4;
+/** Maximum rows of a lane with labels beside the bars; a fuller lane is packed without labels. */
+const MAX_LABELLED_ROWS = 12;
 const TICKS_S = [0.1, 0.5, 1, 5, 10, 30, 60, 300, 900, 1800, 3600, 10800, 21600, 86400];
 const TICK_PX = 110;
-const LEGEND = { sent: "sent", accepted: "accepted", started: "under way", expected: "predicted end", executed: "executed", rejected: "refused, failed", unknown: "unknown" };
+const LEGEND = { sent: "sent", accepted: "accepted", started: "active", expected: "predicted end", executed: "executed", rejected: "refused, failed", unknown: "unknown" };
 
-export class StripView extends View {
-  #past = new Past(this.session, this.asset, this.draw);
+export class TimeStripView extends View {
+  #history = new ArchivedHistory(this.session, this.asset, this.draw);
 
-  #told = html("span", { className: "dim" });
-  #legend = Object.entries(LEGEND).map(([look, words]) => html("span", { className: "key" }, html("i", { className: look }), words));
+  #spanText = html("span", { className: "dim" });
+  #legend = Object.entries(LEGEND).map(([style, label]) => html("span", { className: "key" }, html("i", { className: style }), label));
   #axis = svg("g", { class: "axis" });
   #lanes = svg("g");
   #later = svg("rect", { class: "later", y: AXIS_PX });
@@ -39,7 +39,7 @@ export class StripView extends View {
   root = html(
     "section",
     { className: "rover-view strip-view" },
-    html("header", {}, this.#told, html("span", { className: "tools" }, ...this.#legend), exporter(this.asset, this.span)),
+    html("header", {}, this.#spanText, html("span", { className: "tools" }, ...this.#legend), exporter(this.asset, this.span)),
     this.#scroll,
   );
 
@@ -54,11 +54,11 @@ export class StripView extends View {
       session.onSecond(draw),
       ...[selection, cursor, span].map((each) => each.on(draw)),
       () => size.disconnect(),
-      () => this.#past.close(),
+      () => this.#history.close(),
     ];
   }
 
-  /** How the span becomes px. */
+  /** Scale from time to px. */
   get #scale() {
     const { start_s, end_s } = this.span;
     const end_px = Math.max(this.#scroll.clientWidth, LEFT_PX + 100);
@@ -80,7 +80,7 @@ export class StripView extends View {
     const { asset, cursor, session } = this;
     const scale = this.#scale;
     const { start_s, end_s, end_px, xOf } = scale;
-    this.#past.look(start_s, end_s);
+    this.#history.load(start_s, end_s);
     const now_s = asset.recording?.ended ?? session.now;
     const height = this.#drawLanes({ ...scale, now_s });
     set(this.#picture, { width: end_px, height: Math.max(height, this.#scroll.clientHeight - 4) });
@@ -90,24 +90,24 @@ export class StripView extends View {
     const isPast = cursor.utc_s !== null && cursor.utc_s < end_s;
     set(this.#later, { x: xOf(cursor.utc_s ?? end_s), width: isPast ? end_px - xOf(cursor.utc_s) : 0, height: Math.max(height - AXIS_PX, 0) });
     const day = new Date(start_s * 1000).toISOString().slice(0, 10);
-    say(this.#told, this.#past.problem || `${day}, ${clock(start_s)} to ${clock(end_s)} UTC`);
+    setText(this.#spanText, this.#history.problem || `${day}, ${clock(start_s)} to ${clock(end_s)} UTC`);
   }
 
-  /** Draw the lanes one below the other; return where the last ends. */
+  /** Draw the lanes below each other; return the lower end, px. */
   #drawLanes(scale) {
     let y = AXIS_PX;
-    const drawn = lanesOf(this.asset, this.#past, scale.now_s).map((lane) => {
-      const { bars, rows } = placedOf(lane, scale);
+    const drawn = lanesOf(this.asset, this.#history, scale.now_s).map((lane) => {
+      const { bars, rows } = layOut(lane, scale);
       const top = y;
       y += rows * ROW_PX + GAP_PX;
       return { name: lane.name, bars, top, height: rows * ROW_PX };
     });
     const make = (lane) => svg("g", { "data-lane": lane.name }, svg("rect", { class: "back", x: 0 }), svg("text", { class: "lane", x: 6 }, lane.name), svg("g"));
-    keep(this.#lanes, drawn, (lane) => lane.name, make, (group, { bars, top, height }) => {
+    reconcile(this.#lanes, drawn, (lane) => lane.name, make, (group, { bars, top, height }) => {
       const [back, name, inside] = group.children;
       set(back, { y: top - GAP_PX / 2, width: scale.end_px, height: height + GAP_PX });
       set(name, { y: top + 12 });
-      keep(inside, bars, (each) => each.bar.key, ({ bar }) => this.#makeBar(bar), (made, each) => this.#drawBar(made, each, top));
+      reconcile(inside, bars, (each) => each.bar.key, ({ bar }) => this.#makeBar(bar), (made, each) => this.#drawBar(made, each, top));
     });
     return y;
   }
@@ -122,21 +122,21 @@ export class StripView extends View {
     const [title, rects, text, expected] = made.children;
     const y = top + row * ROW_PX;
     const isSelected = bar.command !== undefined && bar.command === this.selection.command;
-    set(made, { class: `bar ${bar.look}${isSelected ? " selected" : ""}`, ...(bar.state ? { "data-state": bar.state, "data-command": bar.command } : {}) });
-    say(title, bar.title);
-    const makePart = (part) => svg("rect", { rx: 2, height: ROW_PX - 3, class: part.look });
-    keep(rects, parts, (part) => part.look, makePart, (rect, { x, width }) => set(rect, { x, y, width }));
+    set(made, { class: `bar ${bar.style}${isSelected ? " selected" : ""}`, ...(bar.state ? { "data-state": bar.state, "data-command": bar.command } : {}) });
+    setText(title, bar.title);
+    const makePart = (part) => svg("rect", { rx: 2, height: ROW_PX - 3, class: part.style });
+    reconcile(rects, parts, (part) => part.style, makePart, (rect, { x, width }) => set(rect, { x, y, width }));
     set(text, { x: text_px, y: y + 11, "text-anchor": anchor });
-    say(text, label);
+    setText(text, label);
     set(expected, { visibility: expected_px === null ? "hidden" : "inherit", x1: expected_px ?? 0, x2: expected_px ?? 0, y1: y - 1, y2: y + ROW_PX - 2 });
   }
 
   #drawAxis({ start_s, end_s, px_per_s, xOf }, height) {
-    keep(this.#axis, ticksOf(start_s, end_s, px_per_s), String, () => svg("g", {}, svg("line"), svg("text", { y: 13 })), (tick, utc) => {
+    reconcile(this.#axis, ticksOf(start_s, end_s, px_per_s), String, () => svg("g", {}, svg("line"), svg("text", { y: 13 })), (tick, utc) => {
       const [line, text] = tick.children;
       set(line, { x1: xOf(utc), x2: xOf(utc), y1: 0, y2: height });
       set(text, { x: xOf(utc) + 3 });
-      say(text, clock(utc));
+      setText(text, clock(utc));
     });
   }
 
@@ -147,8 +147,8 @@ export class StripView extends View {
   }
 }
 
-/** Where the bars of a lane are drawn; those that would overlap get rows of their own. @param {Lane} lane */
-function placedOf(lane, { xOf, end_px, start_s, end_s, now_s }) {
+/** Lay out the bars of a lane; overlapping bars get further rows. @param {Lane} lane */
+function layOut(lane, { xOf, end_px, start_s, end_s, now_s }) {
   const bars = [];
   for (const bar of lane.bars) {
     const from = bar.parts[0]?.from ?? Infinity;
@@ -156,9 +156,9 @@ function placedOf(lane, { xOf, end_px, start_s, end_s, now_s }) {
     if (from > end_s || to < start_s) continue;
     const parts = bar.parts
       .filter((each) => each.from <= end_s && each.to >= start_s)
-      .map(({ from, to, look }) => {
+      .map(({ from, to, style }) => {
         const x = xOf(from);
-        return { look, x, width: Math.max(xOf(Math.min(to, now_s)) - x, LEAST_PX) };
+        return { style, x, width: Math.max(xOf(Math.min(to, now_s)) - x, MIN_PX) };
       });
     if (parts.length === 0) continue;
     const [x, right] = [parts[0].x, parts.at(-1).x + parts.at(-1).width];
@@ -171,12 +171,12 @@ function placedOf(lane, { xOf, end_px, start_s, end_s, now_s }) {
     return { bars: placed, rows: 1 };
   }
   const labelled = packed(bars, end_px, true);
-  return labelled.rows <= MOST_LABELLED_ROWS ? labelled : packed(bars, end_px, false);
+  return labelled.rows <= MAX_LABELLED_ROWS ? labelled : packed(bars, end_px, false);
 }
 
-/** Put each bar into the first row where it has room, with its label inside, else to the right or left of it. */
+/** Put each bar into the first row with free space; its label is inside if it fits, else to the right or left. */
 function packed(bars, end_px, hasLabels) {
-  /** @type {number[]} where the last bar of each row ends */
+  /** @type {number[]} right end of the last bar of each row, px */
   const ends = [];
   const placed = bars.map((each) => {
     const fits = each.right - each.x >= each.label_px;
@@ -193,7 +193,7 @@ function packed(bars, end_px, hasLabels) {
   return { bars: placed, rows: Math.max(ends.length, 1) };
 }
 
-/** Whole times for the axis. */
+/** Return the times of the ticks, at multiples of a step. */
 function ticksOf(start_s, end_s, scale) {
   const step = TICKS_S.find((each) => each * scale >= TICK_PX) ?? 7 * 86400;
   const first = Math.ceil(start_s / step);

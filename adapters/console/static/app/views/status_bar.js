@@ -1,57 +1,57 @@
 /**
- * What is above every page: STOP, who may command, how the links are, which pages are open, and whether
- * this page is connected at all.
+ * The status bar above every page: STOP, authority, states of the links, alarms, open pages, and the
+ * connection of this page.
  */
 
 import { AlarmsView, isUnacknowledged } from "./alarms.js";
 import { Authority } from "./authority.js";
-import { ask, operator } from "../model/connection.js";
+import { fetchJson, operator } from "../model/connection.js";
 import { contextOf } from "../model/context.js";
-import { button, html, keep, say, set } from "../dom.js";
+import { button, html, reconcile, setText, set } from "../dom.js";
 import { View } from "./view.js";
-import { age, clock } from "../words.js";
+import { age, clock } from "../format.js";
 
 /** @import { Asset } from "../model/asset.js" */
 /** @import { LinkStatus } from "../model/messages.js" */
 
 const STOP_KEYS = ["F8", "Pause"];
-const STANDING = ["STOPPED", "SAFE", "PAUSED"];
+const RESUMABLE_MODES = ["STOPPED", "SAFE", "PAUSED"];
 const TOPICS = ["links", "authority", "status", "tree", "commands", "entry"];
 const RETRIES = 5;
 const RETRY_MS = 400;
-const TOLD_MS = 8000;
+const MESSAGE_MS = 8000;
 
-export class Bar extends View {
+export class StatusBar extends View {
   #hiding = 0;
-  /** @type {Map<Asset, (() => void)[]>} what ends the subscriptions to each */
+  /** @type {Map<Asset, (() => void)[]>} the functions that end the subscriptions */
   #watched = new Map();
   #unmountAlarms = () => {};
 
   #picker = html("select", { "aria-label": "rover", onchange: () => this.shown.choose(this.#picker.value) });
   #mode = html("span", { className: "mode", "data-testid": "mode" });
   #doing = html("span", { className: "doing" });
-  #resume = button("resume …", "prepare the command that lets it move again", () => contextOf(this.session, this.shown.name ?? "").draft.prepare("resume"), { className: "resume" });
+  #resume = button("resume …", "open the resume command", () => contextOf(this.session, this.shown.name ?? "").draft.prepare("resume"), { className: "resume" });
   #links = html("span", { className: "links" });
-  #authority = new Authority((problem) => this.#tell(problem, "bad"));
+  #authority = new Authority((problem) => this.#showMessage(problem, "bad"));
   #pages = html("span", { className: "pages dim" });
-  #name = button("", "under which name you command; click to change it", rename, { className: "operator" });
+  #name = button("", "operator name; click to change it", rename, { className: "operator" });
   #stop = html(
     "button",
     { type: "button", className: "stop", "data-testid": "stop", onclick: () => this.#onStop() },
     html("b", { textContent: "STOP" }),
     html("small", { textContent: STOP_KEYS[0] }),
   );
-  #alarm = button("", "alarms of all rovers; click to see and acknowledge them", () => this.#toggleAlarms(), { className: "alarms", "data-testid": "alarms" });
+  #alarm = button("", "alarms of all rovers; click to show and acknowledge them", () => this.#toggleAlarms(), { className: "alarms", "data-testid": "alarms" });
   #list = html("div", { className: "alarm-list", hidden: true });
-  #told = html("div", { className: "told", role: "alert", hidden: true });
+  #message = html("div", { className: "message", role: "alert", hidden: true });
   #lost = html("div", { className: "lost", role: "alert", hidden: true });
-  #who = html("span", { className: "who" }, this.#name, this.#pages);
+  #identity = html("span", { className: "identity" }, this.#name, this.#pages);
   root = html(
     "header",
     { className: "rover-bar" },
-    html("div", { className: "row" }, this.#picker, this.#mode, this.#resume, this.#doing, this.#links, this.#authority.element, this.#who, this.#alarm, this.#stop),
+    html("div", { className: "row" }, this.#picker, this.#mode, this.#resume, this.#doing, this.#links, this.#authority.element, this.#identity, this.#alarm, this.#stop),
     this.#list,
-    this.#told,
+    this.#message,
     this.#lost,
   );
 
@@ -73,7 +73,7 @@ export class Bar extends View {
     ];
   }
 
-  /** Subscribe to rovers that were not there before. */
+  /** Subscribe to new rovers. */
   #watch() {
     for (const rover of this.session.rovers) {
       if (!this.#watched.has(rover)) this.#watched.set(rover, TOPICS.map((topic) => rover.on(topic, this.draw)));
@@ -81,13 +81,13 @@ export class Bar extends View {
     this.draw();
   }
 
-  /** Say something for a while. @param {string} text @param {"good" | "bad"} look */
-  #tell(text, look) {
-    say(this.#told, text);
-    this.#told.className = `told ${look}`;
-    this.#told.hidden = false;
+  /** Show a message for MESSAGE_MS. @param {string} text @param {"good" | "bad"} level */
+  #showMessage(text, level) {
+    setText(this.#message, text);
+    this.#message.className = `message ${level}`;
+    this.#message.hidden = false;
     clearTimeout(this.#hiding);
-    this.#hiding = setTimeout(() => (this.#told.hidden = true), TOLD_MS);
+    this.#hiding = setTimeout(() => (this.#message.hidden = true), MESSAGE_MS);
   }
 
   get #rover() {
@@ -103,15 +103,15 @@ export class Bar extends View {
 
   async #onStop() {
     const rover = this.#rover;
-    if (!rover) return this.#tell("There is no rover to stop.", "bad");
-    if (rover.recording) return this.#tell(`${rover.name} is a recording: choose the rover that is to stop.`, "bad");
+    if (!rover) return this.#showMessage("There is no rover to stop.", "bad");
+    if (rover.recording) return this.#showMessage(`${rover.name} is a recording: choose the rover to stop.`, "bad");
     this.#stop.classList.add("pressed");
-    this.#tell(`STOP is being sent to ${rover.name} …`, "bad");
+    this.#showMessage(`Sending STOP to ${rover.name} …`, "bad");
     try {
       await stopRover(rover.name);
-      this.#tell(`STOP was sent to ${rover.name}. It stays stopped until “resume”.`, "good");
+      this.#showMessage(`STOP was sent to ${rover.name}. It stays stopped until “resume”.`, "good");
     } catch (error) {
-      this.#tell(`STOP may not have reached ${rover.name}: ${error.message}. Press it again.`, "bad");
+      this.#showMessage(`STOP may not have reached ${rover.name}: ${error.message}. Press it again.`, "bad");
     } finally {
       this.#stop.classList.remove("pressed");
     }
@@ -129,25 +129,25 @@ export class Bar extends View {
     const rover = this.#rover;
     this.#drawPicker();
     this.#drawMode(rover);
-    keep(this.#links, [...(rover?.links.values() ?? [])], ({ link }) => link, () => html("span", { className: "link" }), (element, link) => this.#drawLink(element, link));
+    reconcile(this.#links, [...(rover?.links.values() ?? [])], ({ link }) => link, () => html("span", { className: "link" }), (element, link) => this.#drawLink(element, link));
     this.#authority.render(rover, session.now);
     this.#drawAlarms();
-    say(this.#name, operator.name);
+    setText(this.#name, operator.name);
     const others = session.presence.length - 1;
-    say(this.#pages, others > 0 ? `and ${others} more page${others > 1 ? "s" : ""}` : "alone here");
+    setText(this.#pages, others > 0 ? `and ${others} more page${others > 1 ? "s" : ""}` : "no other page");
     set(this.#pages, { title: session.presence.map((each) => `${each.operator} since ${clock(each.since)}`).join("\n") });
     this.#stop.disabled = rover === null;
     this.#stop.hidden = Boolean(rover?.recording);
     this.#lost.hidden = session.connection.status !== "lost";
     if (this.#lost.hidden) return;
     const ago = age((Date.now() - session.connection.since_ms) / 1000);
-    say(this.#lost, `No connection to rover-console for ${ago === "now" ? "a moment" : ago}. What you see is old; STOP is still tried.`);
+    setText(this.#lost, `No connection to rover-console for ${ago === "now" ? "a moment" : ago}. The page is out of date; STOP is still attempted.`);
   }
 
   #drawPicker() {
     const names = this.session.rovers.map((each) => each.name);
     this.#picker.hidden = names.length === 0;
-    keep(this.#picker, names, String, (each) => html("option", { value: each, textContent: each }));
+    reconcile(this.#picker, names, String, (each) => html("option", { value: each, textContent: each }));
     if (this.shown.name !== null && this.#picker.value !== this.shown.name) this.#picker.value = this.shown.name;
   }
 
@@ -155,44 +155,44 @@ export class Bar extends View {
   #drawMode(rover) {
     const mode = rover?.mode ?? "";
     const isRecording = Boolean(rover?.recording);
-    say(this.#mode, isRecording ? "RECORDING" : mode);
+    setText(this.#mode, isRecording ? "RECORDING" : mode);
     this.#mode.hidden = !this.#mode.textContent;
     this.#mode.dataset.mode = mode;
-    this.#resume.hidden = isRecording || !STANDING.includes(mode);
-    say(this.#doing, rover ? doingOf(rover) : this.session.unreached());
+    this.#resume.hidden = isRecording || !RESUMABLE_MODES.includes(mode);
+    setText(this.#doing, rover ? doingOf(rover) : this.session.unreached());
   }
 
   /** @param {HTMLElement} element @param {LinkStatus} link */
-  #drawLink(element, { link, state, uri, since, detail, heard }) {
-    const last = Math.max(heard, ...[...this.#rover.values.values()].map((samples) => samples.get(link)?.rx ?? 0));
+  #drawLink(element, { link, state, uri, since, detail, heard: lastReceived }) {
+    const last = Math.max(lastReceived, ...[...this.#rover.values.values()].map((samples) => samples.get(link)?.rx ?? 0));
     element.dataset.state = state;
-    say(element, `${link} ${state === "up" ? "" : state}`.trim());
-    const words = heard === null ? "never" : age(this.session.now - last);
-    set(element, { title: `${uri}\n${state} since ${clock(since)}${detail ? `: ${detail}` : ""}\nheard ${words}` });
+    setText(element, `${link} ${state === "up" ? "" : state}`.trim());
+    const received = lastReceived === null ? "never" : age(this.session.now - last);
+    set(element, { title: `${uri}\n${state} since ${clock(since)}${detail ? `: ${detail}` : ""}\nlast received: ${received}` });
   }
 
   #drawAlarms() {
-    const standing = [...this.session.alarms.values()];
-    const open = standing.filter(isUnacknowledged);
-    const count = open.length || standing.length;
-    say(this.#alarm, `${count || "no"} alarm${count === 1 ? "" : "s"}${count && !open.length ? " acknowledged" : ""}`);
-    const worst = open.some((each) => each.severity !== "WARNING") ? "alarm" : open.length ? "warning" : "none";
-    set(this.#alarm, { "data-worst": worst, "data-open": open.length });
+    const openAlarms = [...this.session.alarms.values()];
+    const unacknowledged = openAlarms.filter(isUnacknowledged);
+    const count = unacknowledged.length || openAlarms.length;
+    setText(this.#alarm, `${count || "no"} alarm${count === 1 ? "" : "s"}${count && !unacknowledged.length ? " acknowledged" : ""}`);
+    const worst = unacknowledged.some((each) => each.severity !== "WARNING") ? "alarm" : unacknowledged.length ? "warning" : "none";
+    set(this.#alarm, { "data-worst": worst, "data-open": unacknowledged.length });
   }
 }
 
 function rename() {
-  const next = prompt("Under which name do you command?", operator.name)?.trim();
+  const next = prompt("Operator name", operator.name)?.trim();
   if (!next || next === operator.name) return;
   operator.name = next;
   location.reload();
 }
 
-/** Send a stop, and again while the server cannot be reached. @param {string} name */
+/** Send a stop; up to RETRIES attempts while the server is unreachable. @param {string} name */
 async function stopRover(name) {
   for (let attempt = 1; ; attempt++) {
     try {
-      return await ask(`/api/stop/${encodeURIComponent(name)}`, { json: {}, keepalive: true });
+      return await fetchJson(`/api/stop/${encodeURIComponent(name)}`, { json: {}, keepalive: true });
     } catch (error) {
       if (error.status !== 0 || attempt === RETRIES) throw error;
       await new Promise((done) => setTimeout(done, RETRY_MS));
@@ -202,6 +202,6 @@ async function stopRover(name) {
 
 /** @param {Asset} rover */
 function doingOf({ recording, activeCommand, status }) {
-  if (recording) return `of ${recording.rover}, to be looked at only${recording.whole ? "" : recording.damaged ? "; it is damaged" : "; it breaks off"}`;
-  return `${activeCommand?.name ?? status?.plan ?? ""}${status?.queued ? `, ${status.queued} waiting` : ""}`;
+  if (recording) return `of ${recording.rover}, view only${recording.whole ? "" : recording.damaged ? "; damaged" : "; incomplete"}`;
+  return `${activeCommand?.name ?? status?.plan ?? ""}${status?.queued ? `, ${status.queued} queued` : ""}`;
 }

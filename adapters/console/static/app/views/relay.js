@@ -1,31 +1,31 @@
 /**
- * The way by the relay: ground, orbiter and rover, what waits and what went over each link, when there is
- * contact, and where each command under way is. All figures are those that orbiter and rover tell as
- * parameters DTN_…, so that it shows the past as well.
+ * The path over the relay: ground, orbiter and rover, queues and traffic of each link, contacts, and the
+ * location of each active command. All figures are parameters DTN_… of orbiter and rover, so the view can
+ * also show the past.
  */
 
-import { html, keep, say, set, tableHead } from "../dom.js";
+import { html, reconcile, setText, set, tableHead } from "../dom.js";
 import { RelayFigures } from "./dtn_figures.js";
 import { isLate } from "./values.js";
 import { View } from "./view.js";
-import { clock, duration, number, sizeOf } from "../words.js";
+import { clock, duration, number, sizeOf } from "../format.js";
 
 /** @import { CommandStatus, Sample, StageEntry } from "../model/messages.js" */
 /** @typedef {{kind: string, title: string, lines: string[], isOpen?: boolean}} Part `isOpen` is of a link */
 /** @typedef {{key: string, title: string, contacts: [number, number][]}} Strip */
 
-/** Rows of the table: what it is, the parameter of the orbiter, that of the rover's end, how it is written. */
+/** Rows of the table: title, parameter of the orbiter, parameter of the rover's end, format. */
 const ROWS = [
-  ["bundles that wait", "DTN_QUEUED", "DTN_ABOARD_QUEUED", "bundles"],
-  ["their octets", "DTN_QUEUED_OCTETS", "DTN_ABOARD_QUEUED_OCTETS", "octets"],
-  ["the oldest waits for", "DTN_OLDEST", "DTN_ABOARD_OLDEST", "span"],
+  ["queued bundles", "DTN_QUEUED", "DTN_ABOARD_QUEUED", "bundles"],
+  ["queued octets", "DTN_QUEUED_OCTETS", "DTN_ABOARD_QUEUED_OCTETS", "octets"],
+  ["age of the first in the queue", "DTN_OLDEST", "DTN_ABOARD_OLDEST", "span"],
   ["sent", "DTN_SENT", "DTN_ABOARD_SENT", "bundles"],
   ["acknowledged", "DTN_ACKNOWLEDGED", "DTN_ABOARD_ACKNOWLEDGED", "bundles"],
-  ["sent again", "DTN_RETRANSMITTED", "DTN_ABOARD_RETRANSMITTED", "pieces"],
+  ["retransmitted", "DTN_RETRANSMITTED", "DTN_ABOARD_RETRANSMITTED", "pieces"],
   ["expired", "DTN_EXPIRED", "DTN_ABOARD_EXPIRED", "bundles"],
   ["round trip", "DTN_ROUND_TRIP", "DTN_ABOARD_ROUND_TRIP", "seconds"],
-  ["came from the other end", "DTN_RECEIVED", "DTN_ABOARD_RECEIVED", "bundles"],
-  ["the other end was last heard", "DTN_LAST_HEARD", "DTN_ABOARD_LAST_HEARD", "ago"],
+  ["received from the other end", "DTN_RECEIVED", "DTN_ABOARD_RECEIVED", "bundles"],
+  ["last contact with the other end", "DTN_LAST_HEARD", "DTN_ABOARD_LAST_HEARD", "ago"],
 ];
 const KEYS = [
   ...ROWS.flatMap(([, here, aboard]) => [here, aboard]),
@@ -37,11 +37,11 @@ const DIRECTIONS = [
   ["DTN_CONTACTS_UP", "orbiter → rover"],
   ["DTN_CONTACTS_DOWN", "rover → orbiter"],
 ];
-const SHORTEST_STRIP_S = 600;
-const LONGEST_STRIP_S = 86_400;
-/** How much of the strip is past. */
-const PAST = 0.2;
-const MOST_COMMANDS = 30;
+const MIN_STRIP_S = 600;
+const MAX_STRIP_S = 86_400;
+/** Share of the strip that shows the past. */
+const PAST_SHARE = 0.2;
+const MAX_COMMANDS = 30;
 
 export class RelayView extends View {
   #figures = new RelayFigures(this, KEYS);
@@ -51,8 +51,8 @@ export class RelayView extends View {
   #rows = html("tbody");
   #asOf = html("th", { className: "figure" });
   #commands = html("tbody");
-  #noCommands = html("p", { className: "empty", textContent: "No command is on its way by the relay." });
-  #commandTable = html("table", {}, tableHead("command", "sent", "at the orbiter", "left it", "aboard", "now"), this.#commands);
+  #noCommands = html("p", { className: "empty", textContent: "No active command over the relay." });
+  #commandTable = html("table", {}, tableHead("command", "sent", "at the orbiter", "forwarded", "aboard", "now"), this.#commands);
   #trafficHead = html("thead", {}, html("tr", {}, html("th"), html("th", { className: "figure", textContent: "orbiter → rover" }), this.#asOf));
   #body = html(
     "div",
@@ -60,7 +60,7 @@ export class RelayView extends View {
     this.#path,
     this.#strips,
     html("table", { className: "traffic" }, this.#trafficHead, this.#rows),
-    html("h3", { textContent: "Commands under way by the relay" }),
+    html("h3", { textContent: "Active commands over the relay" }),
     this.#commandTable,
     this.#noCommands,
   );
@@ -68,13 +68,13 @@ export class RelayView extends View {
 
   start() {
     const { asset, session, selection, cursor, draw } = this;
-    const lookBack = async () => (await this.#figures.lookBack()) && draw();
-    lookBack();
+    const loadPast = async () => (await this.#figures.loadPast()) && draw();
+    loadPast();
     return [
       ...["values", "entry", "links", "commands"].map((topic) => asset.on(topic, draw)),
       session.onSecond(draw),
       selection.on(draw),
-      cursor.on(lookBack),
+      cursor.on(loadPast),
     ];
   }
 
@@ -83,7 +83,7 @@ export class RelayView extends View {
     this.#body.hidden = !isThere;
     this.#empty.hidden = isThere;
     if (!isThere) {
-      return say(this.#empty, `No orbiter is known by which ${this.asset.name} is reached. Start rover-console with a further --to, the address that rover-mops prints for it, such as --to 127.0.0.1:21100.`);
+      return setText(this.#empty, `No orbiter serves ${this.asset.name}. Start rover-console with a further --to and the address that rover-mops prints, such as --to 127.0.0.1:21100.`);
     }
     this.root.classList.toggle("past", this.cursor.utc_s !== null);
     this.#drawPath();
@@ -95,25 +95,25 @@ export class RelayView extends View {
   #drawPath() {
     const figures = this.#figures;
     const link = this.asset.links.get("relay");
-    const [heard, room] = [figures.sample("DTN_QUEUED"), figures.number("DTN_ROOM")];
+    const [queued, freeSpace] = [figures.sample("DTN_QUEUED"), figures.number("DTN_ROOM")];
     const roundTrip = figures.number("LINK_ROUND_TRIP");
     const unread = figures.number("DTN_ABOARD_UNREAD");
     const refused = figures.number("DTN_ABOARD_REFUSED");
-    const rover = [figures.aboard || "told nothing yet", unread ? `${unread} commands not taken` : "", refused ? `${refused} refused` : ""];
-    const ground = [link?.detail || (heard ? `told ${figures.ago(heard.utc)}` : "nothing told yet"), roundTrip === null ? "" : `round trip ${number(roundTrip)} s`];
+    const rover = [figures.aboard || "no report yet", unread ? `${unread} commands not delivered` : "", refused ? `${refused} refused` : ""];
+    const ground = [link?.detail || (queued ? `reported ${figures.ago(queued.utc)}` : "no report yet"), roundTrip === null ? "" : `round trip ${number(roundTrip)} s`];
     /** @type {Part[]} */
     const parts = [
       { kind: "ground", title: "rover-console", lines: [] },
-      { kind: "mal", title: `link ${link?.state ?? "not known"}`, lines: ground, isOpen: link?.state === "up" },
-      { kind: "orbiter", title: "orbiter", lines: [room === null ? "" : `room for ${sizeOf(room)}`] },
+      { kind: "mal", title: `link ${link?.state ?? "unknown"}`, lines: ground, isOpen: link?.state === "up" },
+      { kind: "orbiter", title: "orbiter", lines: [freeSpace === null ? "" : `${sizeOf(freeSpace)} free`] },
       { kind: "bundles", ...figures.contact },
       { kind: "rover", title: this.asset.name, lines: rover },
     ];
     const make = (/** @type {Part} */ { kind }) => html("div", { "data-part": kind }, html("b"), html("span"));
-    keep(this.#path, parts, ({ kind }) => kind, make, (part, { kind, title, lines, isOpen }) => {
+    reconcile(this.#path, parts, ({ kind }) => kind, make, (part, { kind, title, lines, isOpen }) => {
       set(part, { "data-open": isOpen ?? "", class: isOpen === undefined ? "node" : `leg ${kind}` });
-      say(part.children[0], title);
-      say(part.children[1], lines.filter(Boolean).join(", "));
+      setText(part.children[0], title);
+      setText(part.children[1], lines.filter(Boolean).join(", "));
     });
   }
 
@@ -125,22 +125,22 @@ export class RelayView extends View {
       return contacts === null ? [] : [{ key, title, contacts }];
     });
     const ends = planned.flatMap((each) => each.contacts).flat();
-    const ahead = Math.max(SHORTEST_STRIP_S, ...ends.map((each) => each - now));
-    const span = Math.min(LONGEST_STRIP_S, ahead / (1 - PAST));
-    const begin = now - span * PAST;
-    const place = (utc) => Math.min(100, Math.max(0, ((utc - begin) / span) * 100));
+    const ahead = Math.max(MIN_STRIP_S, ...ends.map((each) => each - now));
+    const span = Math.min(MAX_STRIP_S, ahead / (1 - PAST_SHARE));
+    const begin = now - span * PAST_SHARE;
+    const position = (utc) => Math.min(100, Math.max(0, ((utc - begin) / span) * 100));
     const contact = ([from, until]) =>
       html("i", {
         title: `${clock(from)} to ${clock(until)} UTC`,
-        style: `left: ${place(from)}%; width: ${place(until) - place(from)}%`,
+        style: `left: ${position(from)}%; width: ${position(until) - position(from)}%`,
         "data-contact": from,
       });
     const make = (/** @type {Strip} */ { key }) => html("div", { className: "strip", "data-strip": key }, html("span"), html("div"));
-    keep(this.#strips, planned, ({ key }) => key, make, ({ children: [name, line] }, { title, contacts }) => {
-      say(name, title);
+    reconcile(this.#strips, planned, ({ key }) => key, make, ({ children: [name, line] }, { title, contacts }) => {
+      setText(name, title);
       line.replaceChildren(
         ...contacts.filter(([from, until]) => until > begin && from < begin + span).map(contact),
-        html("b", { title: `now, ${clock(now)} UTC`, style: `left: ${place(now)}%` }),
+        html("b", { title: `now, ${clock(now)} UTC`, style: `left: ${position(now)}%` }),
         html("small", { textContent: clock(begin) }),
         html("small", { className: "end", textContent: clock(begin + span) }),
       );
@@ -150,19 +150,19 @@ export class RelayView extends View {
 
   #drawTraffic() {
     const figures = this.#figures;
-    say(this.#asOf, ["rover → orbiter", figures.aboard].filter(Boolean).join(", "));
+    setText(this.#asOf, ["rover → orbiter", figures.aboard].filter(Boolean).join(", "));
     const make = ([title, ...keys]) => html("tr", {}, html("td", { textContent: title }), ...keys.slice(0, 2).map((key) => html("td", { "data-testid": key })));
-    keep(this.#rows, ROWS, ([title]) => title, make, ({ children: [, ...cells] }, [, here, aboard, kind]) => {
+    reconcile(this.#rows, ROWS, ([title]) => title, make, ({ children: [, ...cells] }, [, here, aboard, kind]) => {
       for (const [index, key] of [here, aboard].entries()) {
         const sample = figures.sample(key);
-        say(cells[index], this.#written(sample, kind));
+        setText(cells[index], this.#formatted(sample, kind));
         set(cells[index], { class: `figure${isLate(sample, figures.now) ? " late" : ""}` });
       }
     });
   }
 
   /** @param {Sample | undefined} sample @param {string} kind */
-  #written(sample, kind) {
+  #formatted(sample, kind) {
     if (typeof sample?.value !== "number") return "–";
     switch (kind) {
       case "octets":
@@ -181,14 +181,14 @@ export class RelayView extends View {
   #drawCommands() {
     const { utc_s } = this.cursor;
     const open = this.asset.commandsAt(utc_s).filter((each) => each.link === "relay" && !each.ended && (utc_s === null || each.made <= utc_s));
-    const shown = open.slice(0, MOST_COMMANDS);
+    const shown = open.slice(0, MAX_COMMANDS);
     const make = (/** @type {CommandStatus} */ { id }) =>
       html("tr", { onclick: () => this.selection.selectCommand(id), "data-id": id }, ...Array.from({ length: 6 }, () => html("td")));
-    keep(this.#commands, shown, (command) => command.id, make, (row, command) => {
+    reconcile(this.#commands, shown, (command) => command.id, make, (row, command) => {
       const reached = ["TAKEN", "FORWARDED", "RECEIVED"].map((stage) => command.history.find((each) => each.stage === stage));
       const times = reached.map((each) => (each ? clock(each.utc) : ""));
       const texts = [command.name, clock(command.made), ...times, this.#whereIs(command, reached)];
-      texts.forEach((text, index) => say(row.children[index], text));
+      texts.forEach((text, index) => setText(row.children[index], text));
       set(row, { "data-state": command.state, class: this.selection.command === command.id ? "selected" : "" });
     });
     this.#commandTable.hidden = shown.length === 0;
@@ -196,12 +196,12 @@ export class RelayView extends View {
   }
 
   /** @param {CommandStatus} command @param {StageEntry[]} reached */
-  #whereIs({ state }, [taken, left, received]) {
+  #whereIs({ state }, [acknowledged, left, received]) {
     const since = ({ utc }) => duration(this.#figures.now - utc);
-    if (state === "given_up") return "given up by the orbiter: the rover may have it";
-    if (received) return `aboard, ${state === "unknown" ? "not heard of since" : state}`;
-    if (left) return `left the orbiter ${since(left)} ago, not heard of since`;
-    if (taken) return `waits at the orbiter for ${since(taken)}`;
-    return state === "unknown" ? "not known" : "on its way to the orbiter";
+    if (state === "given_up") return "lost: the rover may have received it";
+    if (received) return `aboard, ${state === "unknown" ? "no report since" : state}`;
+    if (left) return `forwarded ${since(left)} ago, no report since`;
+    if (acknowledged) return `at the orbiter for ${since(acknowledged)}`;
+    return state === "unknown" ? "unknown" : "in transit to the orbiter";
   }
 }
