@@ -1,8 +1,8 @@
-"""The operations console: what operators see of rovers in a browser, and command them by."""
+"""The operations console: operators monitor and command rovers in a browser."""
 
 from typing import Final
 
 PORT: Final = 21080
-"""TCP port of the console, below the ports that Linux hands out by itself (32768 to 60999)."""
+"""TCP port of the console, below the ephemeral ports of Linux (32768 to 60999)."""
 PORT_VARIABLE: Final = "ROVER_CONSOLE_PORT"
-"""The variable of the environment that names another."""
+"""Environment variable that overrides the port."""

@@ -1,4 +1,4 @@
-"""The life of a command: what a stage makes of it, and what several consoles know together."""
+"""Life cycle of a command: state transitions by stages, and the merge of several consoles."""
 
 from dataclasses import replace
 from typing import Final
@@ -37,7 +37,7 @@ LIFE: Final = (
 
 
 def reach(command: CommandStatus, reached: StageEntry) -> CommandStatus:
-    """Return a command after a stage was heard; the same command if that is no news."""
+    """Return a command after a stage was received; the same command if nothing changes."""
     history = command.history
     alike = [
         each
@@ -45,7 +45,7 @@ def reach(command: CommandStatus, reached: StageEntry) -> CommandStatus:
         if (each.stage, each.step) == (reached.stage, reached.step) and each.stage != UNKNOWN
     ]
     if alike and (alike[0].sequence is not None or reached.sequence is None):
-        return command  # by another link, or because the command came again
+        return command  # received over another link, or for a repeated command
     history = tuple(each for each in history if each not in alike)
     before = CommandState.RECEIVED if _disproves_refusal(command, reached) else command.state
     state = _later(before, _STATES.get(reached.stage, before))
@@ -61,11 +61,11 @@ def reach(command: CommandStatus, reached: StageEntry) -> CommandStatus:
 
 
 def merge(kept: CommandStatus, heard: CommandStatus) -> CommandStatus:
-    """Return a command as the archive and a console together know it, or two consoles.
+    """Return the merge of two views of a command: of archive and console, or of two consoles.
 
     Args:
-        kept: as the archive has it; who posted it, and what, is taken from here, if it is known.
-        heard: as the console has it.
+        kept: state of the archive; its operator and arguments have priority, if known.
+        heard: state of the console.
     """
     news = [each for each in heard.history if each not in kept.history]
     history = sorted([*kept.history, *news], key=_heard_at)
@@ -88,9 +88,9 @@ def merge(kept: CommandStatus, heard: CommandStatus) -> CommandStatus:
 
 
 def _disproves_refusal(command: CommandStatus, reached: StageEntry) -> bool:
-    """Whether a command that was answered by an error goes on all the same.
+    """Whether a command that was answered with an error is executed nevertheless.
 
-    As one does that was refused because the ledger could not be written.
+    This occurs if the command was refused because the ledger could not be written.
     """
     return (
         command.state is CommandState.REJECTED
@@ -105,7 +105,7 @@ def _heard_at(reached: StageEntry) -> tuple[float, int, float]:
 
 
 def _later(now: CommandState, reached: CommandState) -> CommandState:
-    """Return the state after a stage was heard, maybe late: a life goes on and does not go back."""
+    """Return the state after a stage, which may be late: the life cycle never goes back."""
     if now in ENDED:
         return now
     if reached in LIFE or now not in LIFE:

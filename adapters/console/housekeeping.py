@@ -1,4 +1,4 @@
-"""The console's own housekeeping: how it is doing, as parameters of an asset that is no rover."""
+"""Housekeeping of the console, as parameters of an asset that is no rover."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,19 +15,19 @@ from adapters.process import ResourceMonitor
 from adapters.system import System
 
 ASSET: Final = "rover-console"
-"""No rover is called so: it is no name of ROS."""
+"""Name of the console's asset. It is no valid ROS name, so no rover can have it."""
 EVERY_S: Final = 5.0
 
 
 class ConsoleHousekeeping:
-    """Measures the console, and tells it as telemetry.
+    """Measures the console and publishes the figures as telemetry.
 
     Args:
-        archive: where messages wait to be written.
-        hub: which pages are open.
-        data: the folder that the console writes to.
-        sample: sends a telemetry value to whoever wants it.
-        system: the time, and what is measured.
+        archive: its queue of messages is measured.
+        hub: its open pages are counted.
+        data: data folder of the console.
+        sample: publishes a telemetry value.
+        system: clock and resource usage.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class ConsoleHousekeeping:
         )
 
     async def run(self) -> None:
-        """Tell it again and again."""
+        """Publish the figures periodically."""
         while True:
             self._tell()
             await asyncio.sleep(EVERY_S)

@@ -1,4 +1,4 @@
-"""`rover-console`: the process on the ground from which operators see and command rovers."""
+"""`rover-console`: the ground process with which operators monitor and command rovers."""
 
 import asyncio
 from pathlib import Path
@@ -57,13 +57,13 @@ def _addresses(
     "--tokens",
     type=EXISTING_FILE,
     metavar="FILE",
-    help="Who may log in: lines NAME TOKEN. Needed where other computers reach the console.",
+    help="Operators who may log in: lines NAME TOKEN. Needed if other hosts reach the console.",
 )
 @click.option(
     "--tls-certificate",
     type=EXISTING_FILE,
     metavar="PEM",
-    help="HTTPS: certificate of the console. Needed where other computers reach it.",
+    help="HTTPS: certificate of the console. Needed if other hosts reach it.",
 )
 @click.option("--tls-key", type=EXISTING_FILE, metavar="PEM", help="HTTPS: its private key.")
 @click.option(
@@ -72,7 +72,7 @@ def _addresses(
     multiple=True,
     type=EXISTING_FILE,
     metavar="MCAP",
-    help="A recording of a rover to look at, beside the rovers; may be given again.",
+    help="Recording of a rover to open beside the rovers; may be repeated.",
 )
 @data_option("the archive", FOLDER)
 @click.option(
@@ -86,14 +86,14 @@ def _addresses(
     type=click.FloatRange(min=0.0, min_open=True),
     default=30.0,
     show_default=True,
-    help="How old what was heard may be in the archive.",
+    help="Maximum age of archived data, in days.",
 )
 @click.option(
     "--keep-mb",
     type=click.FloatRange(min=1.0),
     default=2000.0,
     show_default=True,
-    help="How much of it there may be; the oldest goes first.",
+    help="Maximum size of archived data, in MB; old data is deleted first.",
 )
 @log_level_option
 def main(
@@ -112,8 +112,8 @@ def main(
 ) -> None:
     """Serve the operations console until SIGINT or SIGTERM.
 
-    It prints its address, for a browser, then logs one line an event. It is a client of the rovers
-    as any other is, connects again by itself, and finds the assets that are registered at them.
+    It prints its address for a browser, then logs one line for each event. It is an MRS client of
+    the rovers, reconnects by itself, and finds the assets that are registered at them.
 
     \b
     Examples:
@@ -126,8 +126,8 @@ def main(
     \b
     Exit status:
       0  ended by a signal
-      1  cannot start; the text says why
-      2  the command line makes no sense
+      1  cannot start; the text gives the reason
+      2  invalid command line
     """
     if (tls_certificate is None) != (tls_key is None):
         raise click.UsageError("HTTPS needs both: --tls-certificate and --tls-key")

@@ -1,4 +1,4 @@
-"""The console's HTTP server: its routes, and how they are answered."""
+"""The console's HTTP server: routes, middlewares and pages."""
 
 from collections.abc import Callable, Iterable, Sequence
 from http import HTTPStatus
@@ -25,14 +25,14 @@ _CONDITIONS: Final = ("If-None-Match", "If-Modified-Since")
 
 
 class Server:
-    """Answers pages and programs.
+    """Serves pages and the HTTP interface.
 
     Args:
-        hub: what goes to the pages.
-        entries: returns what there is of each asset.
-        own: what there is of this console.
-        access: who may ask.
-        routes: where else is answered.
+        hub: sends messages to the pages.
+        entries: returns the dictionary entry of each asset.
+        own: dictionary entry of this console.
+        access: authenticates requests.
+        routes: further routes.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Server:
         self._routes = routes
 
     def application(self) -> web.Application:
-        """Return what a runner serves."""
+        """Return the aiohttp application."""
         application = web.Application(
             middlewares=[refusals, self._access.middleware, _compressed],
             client_max_size=MOST_OCTETS,
@@ -85,11 +85,10 @@ class Server:
 
 @web.middleware
 async def _compressed(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Compress pages and JSON for whoever takes it; what is kept compressed is sent as it is.
+    """Compress pages and JSON if the client accepts it; compressed files are sent unchanged.
 
-    A page that is only asked for if it has changed is not compressed, nor the answer to a HEAD:
-    aiohttp would send the end of a compressed body where there is none, and the browser would take
-    that for the next answer.
+    Responses to conditional requests and to HEAD are not compressed: aiohttp would send the end of
+    a compressed body where there is none, and the browser would read that as the next response.
     """
     response = await handler(request)
     is_conditional = any(name in request.headers for name in _CONDITIONS)
@@ -102,5 +101,5 @@ async def _compressed(request: web.Request, handler: Handler) -> web.StreamRespo
 
 
 async def _nothing(request: web.Request) -> web.Response:
-    text = f"there is no {request.path}: docs/console.md has what there is"
+    text = f"there is no {request.path}: see docs/console.md"
     raise refused(HTTPStatus.NOT_FOUND, text)

@@ -1,4 +1,4 @@
-"""Puts the console together, and serves it until a signal."""
+"""Assembles the console and serves it until a signal."""
 
 import asyncio
 import shutil
@@ -58,27 +58,27 @@ from adapters.recording import RecordingError
 from adapters.system import System
 
 READ_AGAIN_S: Final = 1.0
-"""Between two attempts to read the archive, where nothing goes on without it."""
+"""Retry interval for reads of the archive that must succeed, s."""
 LOCK: Final = "console.lock"
 FILES: Final = "files"
-"""The folder of the data folder in which files of assets are kept."""
+"""Subfolder of the data folder for files of assets."""
 OPENED: Final = "opened"
-"""The one in which is what was read of recordings, while the process runs."""
+"""Subfolder for opened recordings; emptied at each start."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConsoleOptions:
-    """What the command line says.
+    """Options of the command line.
 
     Attributes:
         to: the rovers.
-        host, port: where the console is served; 0 for any free port.
-        tokens: the file that says who may log in.
+        host, port: address of the console; port 0 for any free port.
+        tokens: file of the operators who may log in.
         tls: certificate and key, for HTTPS.
-        data: the folder of what must survive the process.
-        archive: the URL of the database; None for a file in the folder.
-        retention: how long the archive keeps what was heard.
-        video: where the video streams of assets arrive, by UDP; for others as their settings say.
+        data: folder for persistent data.
+        archive: URL of the database; None for a file in the folder.
+        retention: bounds of the archived data.
+        video: UDP addresses for the video of assets; other assets use their settings.
         recordings: files that are opened at the start.
     """
 
@@ -108,7 +108,7 @@ async def serve(options: ConsoleOptions, system: System) -> None:
 
 @asynccontextmanager
 async def running(options: ConsoleOptions, system: System) -> AsyncIterator[str]:
-    """Serve within the context; gives the address for a browser.
+    """Serve within the context; yields the address for a browser.
 
     Raises:
         StartError: it cannot start.
@@ -162,7 +162,7 @@ async def _serving(
     async def last_known(asset: str, link: LinkKind) -> LastNotification | None:
         last = partial(last_notification, asset=asset, link=link)
         while True:
-            with suppress(SQLAlchemyError):  # without that it is not known what was missed
+            with suppress(SQLAlchemyError):  # retried: without it missed notifications are unknown
                 found = await archive.read(last)
                 return None if found is None else LastNotification(*found)
             await asyncio.sleep(READ_AGAIN_S)
@@ -231,8 +231,8 @@ async def _serving(
             raise StartError(f"--recording: {error}") from error
         except OSError as error:
             raise StartError(
-                f"{options.host}:{options.port} cannot be served ({error.strerror}): stop what is"
-                " there, or give another with --port"
+                f"{options.host}:{options.port} cannot be served ({error.strerror}): stop the"
+                " process at this port, or choose another with --port"
             ) from error
         fleet.start()
         transfers.start()
@@ -249,12 +249,12 @@ async def _serving(
 
 
 def _access(options: ConsoleOptions) -> tuple[Access, ssl.SSLContext | None]:
-    """Return who may ask, and what it is served with."""
+    """Return the access control, and the TLS context for HTTPS."""
     if not is_loopback(options.host) and (options.tokens is None or options.tls is None):
         raise StartError(
-            f"other computers can reach {options.host}: say who may log in with --tokens FILE"
-            " (lines NAME TOKEN), and serve HTTPS with --tls-certificate PEM --tls-key PEM; or"
-            " leave out --host, and use a tunnel such as `ssh -L`"
+            f"other hosts can reach {options.host}: give --tokens FILE (lines NAME TOKEN) for"
+            " login, and --tls-certificate PEM --tls-key PEM for HTTPS; or omit --host and use a"
+            " tunnel such as `ssh -L`"
         )
     context = None
     if options.tls is not None:
@@ -270,7 +270,7 @@ def _access(options: ConsoleOptions) -> tuple[Access, ssl.SSLContext | None]:
 
 
 def _emptied(folder: Path) -> Path:
-    """Return a folder in which nothing is left of a former run."""
+    """Return the folder, emptied of data from former runs."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     return folder

@@ -1,6 +1,6 @@
-"""Tasks that go on for as long as the console does, and end with it.
+"""Tasks that run as long as the console.
 
-One that ends by a fault says so in the log.
+A task that ends with an exception is logged.
 """
 
 import asyncio
@@ -14,17 +14,17 @@ AGAIN_S: Final = 0.5
 
 
 def begin(work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
-    """Begin to work; keep what is returned."""
+    """Start a task. The caller must hold the returned reference."""
     task = asyncio.create_task(work)
     task.add_done_callback(_tell_fault)
     return task
 
 
 async def end(tasks: Iterable[asyncio.Task[None]]) -> None:
-    """Cancel tasks, in their order, and wait until they have ended.
+    """Cancel tasks in their order and wait until they have ended.
 
-    They are cancelled again if need be: before Python 3.13 a TaskGroup that fails at that moment
-    loses a cancellation, as `asyncio.wait_for` does before 3.12.
+    Cancellation is repeated: before Python 3.13 a TaskGroup that fails at that moment loses a
+    cancellation, as `asyncio.wait_for` does before 3.12.
     """
     left = list(tasks)
     while left:

@@ -417,8 +417,8 @@ def test_an_archive_is_opened_again_and_a_newer_one_is_refused(
 @pytest.mark.parametrize(
     ("url", "said"),
     [
-        ("nonsense", "no database that is known: write sqlite:///FILE"),
-        ("mysql://localhost/x", "no database that is known"),
+        ("nonsense", "no supported database: write sqlite:///FILE"),
+        ("mysql://localhost/x", "no supported database"),
         ("sqlite:////nowhere/at/all.sqlite", "cannot be opened: unable to open"),
         ("postgresql://me:secret@127.0.0.1:1/x", "127.0.0.1:1/x cannot be opened"),
     ],

@@ -51,7 +51,7 @@ async def test_without_the_authority_a_command_is_refused_and_then_granted(
         await anna.page.holds(None)
         status, refusal = await anna.send("a1", "moveForward", distance=0.5)
         assert status == 403
-        assert "nobody holds it; request it first" in refusal["error"]
+        assert "no operator holds it; request it first" in refusal["error"]
         assert (await anna.authority("request"))[1]["operator"] == "anna"
         await ben.page.holds("anna")
         assert (await anna.send("a2", "moveForward", distance=0.5))[0] == 202

@@ -30,7 +30,7 @@ def test_it_serves_until_a_signal_and_takes_its_archive_up_again(tmp_path: Path)
     [
         (["--to", "a/b"], 2, "--to: 'a/b' is not host, host:port"),
         (["--tls-certificate", "FILE"], 2, "HTTPS needs both"),
-        (["--host", "0.0.0.0"], 1, "say who may log in with --tokens FILE"),
+        (["--host", "0.0.0.0"], 1, "give --tokens FILE (lines NAME TOKEN) for"),
         (["--tokens", "FILE"], 1, "has no line NAME TOKEN"),
         (["--archive", "mysql://x/y"], 1, "write sqlite:///FILE or postgresql://"),
         (["--keep-days", "0"], 2, "is not in the range x>0"),

@@ -1,13 +1,13 @@
 """The archive of the console: telemetry, commands, notifications and the operators' objects.
 
-    put(message) ─> waiting ── one thread, a batch each half second ──> SQLite (WAL) or PostgreSQL
+    put(message) ─> queue ──── one thread, a batch each half second ──> SQLite (WAL) or PostgreSQL
     queries, objects <──────── another thread reads ───────────────────+
 
-Several consoles may write to one PostgreSQL. A writer has it alone until its transaction is over
-(`begin_writing`), so that each act can look before it writes, and revisions count up in the order
-in which other consoles see them; these look for new revisions each second. What two consoles
-receive is stored once: a sample by its parameter and time aboard, a notification by its number, a
-command by source and number, with the stages that either received
+Several consoles may write to one PostgreSQL. Write transactions are exclusive (`begin_writing`), so
+a transaction can read before it writes, and revisions increase in the order in which other consoles
+see them. Consoles poll for new revisions every second. Data that two consoles receive is stored
+once: a sample by its parameter and time aboard, a notification by its number, a command by source
+and number, with the stages that either received
 (`adapters.console.command_life`).
 """
 

@@ -1,7 +1,7 @@
-"""Alarms as the archive has them, which all consoles at one database share.
+"""Alarms in the archive, shared by all consoles at one database.
 
-One of a source stands at a time. What was heard before (by another link, by another console, or
-again after a restart) changes nothing: occurrences are told apart by their time aboard.
+At most one alarm of a source is open. A report that was received before (by another link or
+console, or before a restart) changes nothing: occurrences are identified by their time aboard.
 """
 
 from collections.abc import Sequence
@@ -18,13 +18,13 @@ from adapters.console.messages import AlarmStatus
 
 @dataclass(frozen=True, slots=True)
 class AlarmRaised:
-    """Something occurred that calls for an alarm.
+    """An alarm is to be raised.
 
     Attributes:
-        source: what it is an alarm of.
-        utc: when it occurred, by the clock aboard.
-        lasts: whether it goes on until it is told to be over (`AlarmCleared`).
-        again: whether it is another occurrence where the alarm is active already.
+        source: fault, report or limit that raises it.
+        utc: time of the occurrence, by the onboard clock.
+        lasts: whether it is active until an `AlarmCleared`.
+        again: whether it counts as another occurrence if the alarm is active already.
     """
 
     asset: str
@@ -39,7 +39,7 @@ class AlarmRaised:
 
 @dataclass(frozen=True, slots=True)
 class AlarmCleared:
-    """What an alarm tells of is over."""
+    """The cause of an alarm has ended."""
 
     asset: str
     source: str
@@ -50,7 +50,7 @@ Change = AlarmRaised | AlarmCleared
 
 
 def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
-    """Raise and clear alarms, in this order."""
+    """Raise and clear alarms in the order of the changes."""
     for change in changes:
         known = _last(connection, change)
         match change:
@@ -66,13 +66,13 @@ def change_alarms(connection: Connection, changes: Sequence[Change]) -> None:
 def acknowledge_alarms(
     connection: Connection, seen: Sequence[tuple[int, int]], operator: str, utc_s: float
 ) -> None:
-    """Acknowledge alarms as somebody saw them; what has occurred since then stays as it is.
+    """Acknowledge alarms as an operator saw them; an alarm with a later occurrence stays open.
 
     Args:
-        connection: of the one thread that writes.
-        seen: the id of each, and how often it had occurred.
-        operator: who acknowledges them.
-        utc_s: when.
+        connection: connection of the writer thread.
+        seen: id and number of occurrences of each.
+        operator: acknowledging operator.
+        utc_s: time of the acknowledgement.
     """
     for number, occurrences in seen:
         chosen = (
@@ -88,13 +88,13 @@ def acknowledge_alarms(
 
 
 def standing_alarms(connection: Connection, also: Sequence[int] = ()) -> list[AlarmStatus]:
-    """Return the alarms that stand, and some others by their ids, in the order of ids."""
+    """Return the open alarms, and further ones by their ids, in the order of ids."""
     chosen = select(ALARM).where(or_(ALARM.c.standing == 1, ALARM.c.id.in_(also)))
     return [alarm_of(row) for row in connection.execute(chosen.order_by(ALARM.c.id))]
 
 
 def read_alarms(connection: Connection, page: TablePage) -> list[AlarmStatus]:
-    """Return alarms, those that stand and those that do not any more, newest first."""
+    """Return open and closed alarms, newest first."""
     chosen = select(ALARM)
     if page.asset is not None:
         chosen = chosen.where(ALARM.c.asset == page.asset)
@@ -142,7 +142,7 @@ def _update(connection: Connection, number: int, **changed: Any) -> None:
 
 
 def alarm_of(row: Row[Any]) -> AlarmStatus:
-    """Return an alarm of its row."""
+    """Return the alarm of a row."""
 
     def utc(us: int | None) -> float | None:
         return None if us is None else us / US_PER_S

@@ -1,6 +1,6 @@
-"""Writes down what was heard, a batch at a time, and finds it again.
+"""Archives received messages in batches, and runs queries on them.
 
-One thread writes, so that the order stays; another reads. The loop waits for neither.
+One thread writes, which preserves the order; another reads. Neither blocks the event loop.
 """
 
 import asyncio
@@ -54,13 +54,13 @@ _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
 
 LOOK_S: Final = 1.0
-"""Between two looks at what other consoles wrote."""
+"""Poll interval for data of other consoles, s."""
 WRITE_S: Final = 0.5
-"""Between two batches."""
+"""Interval between two batches, s."""
 MOST_WAITING: Final = 100_000
-"""Messages that wait while the database cannot be written; then the oldest are lost."""
+"""Capacity of the queue while the database cannot be written; beyond it old messages are lost."""
 NEAR: Final = 8
-"""States that are looked at for the one before by the same link."""
+"""Number of neighbouring states that are searched for the previous one of the same link."""
 US_PER_S: Final = 1e6
 QUALITIES: Final = list(Quality)
 
@@ -71,21 +71,21 @@ Rows = list[dict[str, Any]]
 
 
 def to_us(utc_s: float) -> int:
-    """Return a time as the tables have it."""
+    """Convert a time to the whole microseconds of the tables."""
     return round(utc_s * US_PER_S)
 
 
 class Archive:
-    """Keeps what was heard.
+    """Stores messages in the database.
 
     Args:
-        engine: of a database whose tables are up to date.
-        utc: the time.
+        engine: engine of a migrated database.
+        utc: clock, s since 1970 UTC.
 
     Attributes:
-        utc: the time, which dates what it keeps.
-        samples: telemetry values that were written, since the start.
-        lost: messages that gave way to later ones while the database could not be written.
+        utc: clock of the reception times.
+        samples: number of telemetry values written since the start.
+        lost: number of messages dropped because the queue was full.
     """
 
     def __init__(self, engine: Engine, utc: Callable[[], float]) -> None:
@@ -103,19 +103,19 @@ class Archive:
 
     @property
     def waiting(self) -> int:
-        """How many messages are not written yet."""
+        """Number of queued messages."""
         return len(self._waiting)
 
     def put(self, message: Written) -> None:
-        """Have a message written with the next batch."""
+        """Queue a message for the next batch."""
         self.lost += len(self._waiting) == MOST_WAITING
         self._waiting.append(message)
 
     def put_tree(self, tree: TreeState) -> None:
-        """Have a behaviour tree written, if it looks other than the one before.
+        """Queue a behaviour tree, if it differs from the previous one.
 
-        That is, a node does or works on another command, or the mode or why it stands or moves is
-        another; figures apart.
+        Compared are statuses and commands of the nodes, the mode, and the cause of motion or
+        standstill without its figures.
         """
         looks = (
             (tree.mode, without_figures(tree.why)),
@@ -126,14 +126,14 @@ class Archive:
             self.put(tree)
 
     async def run(self) -> None:
-        """Write a batch again and again."""
+        """Write batches periodically."""
         while True:
             await asyncio.sleep(WRITE_S)
             await self.flush()
 
     async def flush(self) -> None:
-        """Write what waits; where that fails, it goes on waiting, and the log says so."""
-        async with self._flushing:  # or what came later would be written before what has to wait
+        """Write the queue. After a failure, which is logged, the messages stay queued."""
+        async with self._flushing:  # keeps the order: a failed batch returns to the queue
             await self._flush()
 
     async def _flush(self) -> None:
@@ -143,14 +143,14 @@ class Archive:
             return
         try:
             await self.write(partial(self._write, batch=batch, rx_us=to_us(self.utc())))
-        except asyncio.CancelledError:  # it may be written all the same: once more does no harm
+        except asyncio.CancelledError:  # it may be written nevertheless; writing is idempotent
             self._waiting.extendleft(reversed(batch))
             raise
         except SQLAlchemyError as error:
-            self._parameters.clear()  # those that are new were not written either
+            self._parameters.clear()  # new parameters were not written either
             self._waiting.extendleft(reversed(batch))
             if not self._failing:
-                _LOG.error("the archive cannot be written, what comes waits: %s", cause_of(error))
+                _LOG.error("the archive cannot be written, messages wait: %s", cause_of(error))
             self._failing = True
         else:
             self.samples += sum(isinstance(message, Sample) for message in batch)
@@ -159,9 +159,9 @@ class Archive:
             self._failing = False
 
     async def claim(self, command: CommandStatus) -> bool:
-        """Write a new command down; return whether it is, as its id and its number are new.
+        """Store a new command; return whether its id and its number are new.
 
-        Of several consoles that do so at the same time one has it.
+        If several consoles claim it at the same time, one succeeds.
 
         Raises:
             ArchiveError: it cannot be written.
@@ -172,9 +172,9 @@ class Archive:
             raise ArchiveError(f"the archive cannot be written: {cause_of(error)}") from error
 
     async def write(self, act: Callable[[Connection], T]) -> T:
-        """Do something in a transaction, after what was to be written before.
+        """Run a function in a write transaction, after the earlier writes.
 
-        No other console writes meanwhile.
+        No other console writes during the transaction.
         """
 
         def transaction() -> T:
@@ -185,7 +185,7 @@ class Archive:
         return await asyncio.get_running_loop().run_in_executor(self._writer, transaction)
 
     async def read(self, act: Callable[[Connection], T]) -> T:
-        """Read something."""
+        """Run a function on a connection of the reader thread."""
 
         def reading() -> T:
             with self._engine.connect() as connection:
@@ -194,7 +194,7 @@ class Archive:
         return await asyncio.get_running_loop().run_in_executor(self._reader, reading)
 
     async def close(self) -> None:
-        """Write what waits, and close the database."""
+        """Write the queue and close the database."""
         with suppress(SQLAlchemyError):
             await self.flush()
         self._writer.shutdown()
@@ -246,7 +246,7 @@ class Archive:
     def _state(
         self, connection: Connection, message: AssetState | AuthorityMessage, rx_us: int
     ) -> None:
-        """Write a state down, unless another console has told that it began, then or just after."""
+        """Store a state, unless a neighbouring state of the same link has the same content."""
         new = _record(message, message.utc, rx_us)
         this = (RECORD.c.ty == new["ty"], RECORD.c.asset == new["asset"])
         told, utc_us = _what_is_told(new["body"]), RECORD.c.utc_us
@@ -259,7 +259,7 @@ class Archive:
         connection.execute(_NEW_RECORD, new)
 
     def _sample(self, connection: Connection, sample: Sample) -> dict[str, Any]:
-        value = plain(sample.value)  # what is not finite is a text
+        value = plain(sample.value)  # a float that is not finite becomes text
         is_text = isinstance(value, str)
         return {
             "parameter": self._parameter(connection, sample),
@@ -271,7 +271,7 @@ class Archive:
         }
 
     def _samples(self, connection: Connection, rows: Rows) -> None:
-        """Write samples, and take those that are new into their minutes."""
+        """Store samples, and add the new ones to their minutes."""
         if not rows:
             return
         key = (SAMPLE.c.parameter, SAMPLE.c.utc_us)
@@ -295,7 +295,7 @@ class Archive:
         return self._parameters[key]
 
     def _insert(self, connection: Connection, table: Table, rows: Rows) -> None:
-        """Insert rows; what is there already stays."""
+        """Insert rows; existing rows are kept unchanged."""
         if rows:
             connection.execute(self._insert_into(table).on_conflict_do_nothing(), rows)
 
@@ -303,7 +303,7 @@ class Archive:
         return sqlite.insert(table) if self._is_sqlite else postgresql.insert(table)
 
     def _keep(self, connection: Connection, command: CommandStatus) -> None:
-        """Write how a command stands, with what other consoles wrote of it."""
+        """Store a command, merged with the state that other consoles stored."""
         this = (
             COMMAND.c.asset == command.asset,
             COMMAND.c.source == command.source,
@@ -336,7 +336,7 @@ def _record(message: _Recorded, utc_s: float, rx_us: int) -> dict[str, Any]:
 
 
 def _what_is_told(body: str) -> dict[str, Any]:
-    """Return what a state is, without when it was told: consoles hear of it one after the other."""
+    """Return a state without its times: consoles receive it at different times."""
     return {name: value for name, value in json.loads(body).items() if name not in _WHEN}
 
 
@@ -355,7 +355,7 @@ def _command_row(connection: Connection, command: CommandStatus) -> dict[str, An
 
 
 def _new_record() -> Insert:
-    """Return what inserts a record, unless another console has told the same."""
+    """Return the statement that inserts a record, unless an equal one is stored."""
     given = {
         each.name: bindparam(each.name, type_=each.type) for each in RECORD.c if each.name != "id"
     }

@@ -1,4 +1,4 @@
-"""Opens the archive's database, SQLite or PostgreSQL, and brings its tables up to date."""
+"""Opens the archive's database, SQLite or PostgreSQL, and migrates its tables."""
 
 import logging
 import sqlite3
@@ -21,7 +21,7 @@ SQLITE: Final = "sqlite"
 POSTGRESQL: Final = "postgresql"
 _DRIVERS: Final = {SQLITE: SQLITE, POSTGRESQL: "postgresql+psycopg"}
 _WRITING: Final = 0x526F766572
-"""The advisory lock of PostgreSQL under which one console writes at a time."""
+"""Advisory lock of PostgreSQL for exclusive write transactions."""
 _SILENT: Final = {
     "connect_timeout": 10,
     "tcp_user_timeout": 10_000,
@@ -29,23 +29,23 @@ _SILENT: Final = {
     "keepalives_interval": 2,
     "keepalives_count": 3,
 }
-"""Options of libpq (s, ms): a PostgreSQL that is silent for about ten seconds is lost."""
+"""Options of libpq (s, ms): a connection without an answer for about 10 s is lost."""
 BOUNDS_MS: Final = {"idle_in_transaction_session_timeout": 15_000, "lock_timeout": 30_000}
-"""Of PostgreSQL: a console that stands still in a transaction does not keep the others waiting."""
+"""Timeouts of PostgreSQL, ms: a console that stalls in a transaction does not block the others."""
 _HOW: Final = "write sqlite:///FILE or postgresql://USER@HOST/DATABASE"
 
 
 class ArchiveError(Exception):
-    """Something was not written down; the text says why."""
+    """The archive could not be written; the text gives the reason."""
 
 
 def cause_of(error: Exception) -> str:
-    """Return why a database did not do something, in one line."""
+    """Return the cause of a database error, in one line."""
     return str(getattr(error, "orig", None) or error).strip().partition("\n")[0]
 
 
 def begin_writing(connection: Connection) -> None:
-    """Begin a transaction in which nobody else writes: until it is over, other consoles wait."""
+    """Start an exclusive write transaction; other consoles wait for its end."""
     if connection.dialect.name == SQLITE:
         connection.exec_driver_sql("BEGIN IMMEDIATE")
     else:
@@ -53,12 +53,12 @@ def begin_writing(connection: Connection) -> None:
 
 
 def open_database(url: str | None, folder: Path, system: System = OPERATING_SYSTEM) -> Engine:
-    """Return the engine of a database whose tables are as this version has them.
+    """Return the engine of a database, migrated to this version.
 
     Args:
-        url: where it is; None for a file in the folder.
-        folder: the data folder.
-        system: opens the file of SQLite.
+        url: URL of the database; None for a file in the folder.
+        folder: data folder.
+        system: opens the SQLite file.
 
     Raises:
         StartError: it cannot be opened, or is of a newer version.
@@ -68,7 +68,7 @@ def open_database(url: str | None, folder: Path, system: System = OPERATING_SYST
         parsed = make_url(f"{SQLITE}:///{(folder / FILE).absolute()}" if url is None else url)
         driver = _DRIVERS[parsed.get_backend_name()]
     except (ArgumentError, KeyError, NoSuchModuleError) as error:
-        raise StartError(f"--archive: {url} is no database that is known: {_HOW}") from error
+        raise StartError(f"--archive: {url} is no supported database: {_HOW}") from error
     silent = {}
     if driver != SQLITE:
         require("psycopg")
@@ -94,7 +94,7 @@ def open_database(url: str | None, folder: Path, system: System = OPERATING_SYST
 
 def _prepare(connection: Any, _: object) -> None:
     assert isinstance(connection, sqlite3.Connection)
-    # FULL: a command that was sent is known after a loss of power, too, and not sent again.
+    # FULL: a sent command survives a loss of power, so it is not sent a second time.
     for pragma in ("auto_vacuum=INCREMENTAL", "journal_mode=WAL", "synchronous=FULL"):
         connection.execute(f"PRAGMA {pragma}").close()
     connection.execute("PRAGMA busy_timeout=5000").close()
@@ -117,7 +117,7 @@ def _migrate(engine: Engine) -> None:
         if current is not None and current not in known:
             raise StartError(
                 f"the archive is of a newer version (revision {current}): start that version of"
-                " rover-console, or give another archive with --archive"
+                " rover-console, or choose another archive with --archive"
             )
         config.attributes["connection"] = connection
         command.upgrade(config, "head")

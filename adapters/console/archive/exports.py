@@ -1,4 +1,4 @@
-"""What is exported, a page at a time, oldest first: samples, or what else is kept, whole."""
+"""Reads data for export in pages, oldest first: samples, or complete records."""
 
 import json
 from collections.abc import Sequence
@@ -21,13 +21,13 @@ from adapters.console.messages import (
 )
 
 PAGE: Final = 10_000
-"""Samples that are read at once."""
+"""Samples of one page."""
 KEPT_PAGE: Final = 500
-"""Of what else is read at once; a tree has some kilobytes."""
+"""Records of one page; a tree has some kilobytes."""
 
 
 class ExportRow(NamedTuple):
-    """A sample with all that is known of it; `value` is a text where it is no finite number."""
+    """A sample with its parameter; `value` is text unless it is a finite number."""
 
     utc: float
     rx: float
@@ -41,7 +41,7 @@ class ExportRow(NamedTuple):
 def export_page(
     connection: Connection, parameter: ArchivedParameter, start_us: int, end_us: int
 ) -> tuple[list[ExportRow], int | None]:
-    """Return samples from a time on, and where the next page starts; None for no more."""
+    """Return samples from a time on, and the start of the next page, µs; None after the last."""
     rows = connection.execute(
         select(SAMPLE)
         .where(SAMPLE.c.parameter == parameter.id, SAMPLE.c.utc_us.between(start_us, end_us))
@@ -66,17 +66,17 @@ def export_page(
 Exported = (
     type[CommandStatus] | type[Notified] | type[TreeState] | type[PlanProgress] | type[AlarmStatus]
 )
-"""What is exported whole."""
+"""Types that are exported as complete records."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExportRecord:
-    """Something that the archive keeps whole.
+    """A complete record of the archive.
 
     Attributes:
-        utc: when it was so, by the clock of who told it.
-        rx: when it was heard here, where that is known.
-        body: as pages get it, without `ty`.
+        utc: time by the clock of its sender.
+        rx: reception time at the console, if known.
+        body: JSON object of the message, without `ty`.
     """
 
     utc: float
@@ -96,7 +96,7 @@ def kept_page(
     end_us: int,
     after: Place | None = None,
 ) -> tuple[list[ExportRecord], Place | None]:
-    """Return what was told of a kind within a time, and after which place to go on, if at all."""
+    """Return records of a kind within a time span, and the cursor of the next page, if any."""
     table, at, rx = _SOURCES[kind]
     chosen = select(table, at.label("at_us"), rx.label("at_rx_us")).where(
         at.between(start_us, end_us)

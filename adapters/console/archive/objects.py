@@ -1,7 +1,7 @@
-"""What operators make and share, such as displays: JSON values by their keys, with revisions.
+"""Objects that operators make and share, such as displays: JSON values by key, with revisions.
 
-A change names the revision that it changes. Who changes what another has changed meanwhile is
-refused, and looks at the new one first.
+A change names the revision that it changes. A change to an outdated revision is refused, so that
+the operator reads the new one first.
 """
 
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ FIRST: Final = 1
 
 @dataclass(frozen=True, slots=True)
 class StoredObject:
-    """An object.
+    """A stored object.
 
     Attributes:
-        value: as JSON.
+        value: its JSON text.
     """
 
     key: str
@@ -31,7 +31,7 @@ class StoredObject:
 
 @dataclass(frozen=True, slots=True)
 class RevisionConflict:
-    """A change was refused: here is another revision than it names; None, there is no object."""
+    """A change names another revision than the stored one; None if there is no object."""
 
     revision: int | None
 
@@ -51,15 +51,15 @@ def get_object(connection: Connection, key: str) -> StoredObject | None:
 def put_object(
     connection: Connection, key: str, value: str, revision: int | None, operator: str, utc_s: float
 ) -> StoredObject | RevisionConflict:
-    """Make an object, or change it.
+    """Create or change an object.
 
     Args:
-        connection: of the one thread that writes.
-        key: of the object.
-        value: as JSON.
-        revision: the one that is changed; None where there is to be none.
-        operator: who changes it.
-        utc_s: when.
+        connection: connection of the writer thread.
+        key: key of the object.
+        value: its JSON text.
+        revision: revision to change; None to create the object.
+        operator: operator who changes it.
+        utc_s: time of the change.
     """
     row = {"value": value, "operator": operator, "changed_us": to_us(utc_s)}
     if revision is None:
@@ -78,7 +78,7 @@ def put_object(
 
 
 def delete_object(connection: Connection, key: str, revision: int) -> RevisionConflict | None:
-    """Delete an object, of this revision."""
+    """Delete an object of this revision; return a conflict if the stored one differs."""
     gone = connection.execute(
         OBJECT.delete().where(OBJECT.c.key == key, OBJECT.c.revision == revision)
     )

@@ -1,4 +1,4 @@
-"""The plans that were submitted here, each revision of them."""
+"""Plans submitted at the console, with all revisions."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,11 +11,11 @@ from adapters.console.archive.tables import PLAN
 
 @dataclass(frozen=True, slots=True)
 class PlanRevision:
-    """A plan as it was submitted.
+    """A submitted plan.
 
     Attributes:
-        revision: its number, higher than that of all before it.
-        command: the id of the command that submitted it.
+        revision: its number; later revisions have higher numbers.
+        command: id of the command that submitted it.
         content: its XML; empty in a list.
     """
 
@@ -29,7 +29,7 @@ class PlanRevision:
 
 
 def keep_plan(connection: Connection, revision: PlanRevision) -> None:
-    """Keep a plan that was submitted; it gets its number here."""
+    """Store a submitted plan; the database assigns its revision."""
     connection.execute(
         PLAN.insert().values(
             asset=revision.asset,

@@ -1,4 +1,4 @@
-"""Which pages are open at each console, for the other consoles at the database."""
+"""Open pages of each console, shared through the database."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -11,11 +11,11 @@ from adapters.console.messages import OpenPage
 
 @dataclass(frozen=True, slots=True)
 class ConsolePages:
-    """The pages of a console.
+    """The open pages of a console.
 
     Attributes:
-        instance: of its process.
-        beat: another one each time that it is written down.
+        instance: id of its process start.
+        beat: heartbeat; differs in each write.
     """
 
     instance: str
@@ -24,7 +24,7 @@ class ConsolePages:
 
 
 def write_pages(connection: Connection, console: ConsolePages) -> None:
-    """Write the pages of a console down, in place of those before; without any, nothing stays."""
+    """Replace the stored pages of a console; without pages its row is deleted."""
     connection.execute(PRESENCE.delete().where(PRESENCE.c.instance == console.instance))
     if console.pages:
         body = json.dumps([asdict(each) for each in console.pages])
@@ -39,7 +39,7 @@ def read_pages(connection: Connection) -> list[ConsolePages]:
 
 
 def forget_pages(connection: Connection, console: ConsolePages) -> None:
-    """Delete the pages of a console that has ended, unless it has written meanwhile."""
+    """Delete the pages of a console that has ended, unless its heartbeat has changed."""
     this = (PRESENCE.c.instance == console.instance, PRESENCE.c.beat == console.beat)
     connection.execute(PRESENCE.delete().where(*this))
 

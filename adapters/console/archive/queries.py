@@ -1,6 +1,6 @@
-"""What is asked of the archive: samples of a time, thinned out; commands; notifications; records.
+"""Queries of the archive: decimated samples, commands, notifications, records.
 
-Answers are JSON, written on the thread that reads.
+Results are JSON texts, encoded on the reader thread.
 """
 
 import json
@@ -23,21 +23,20 @@ from adapters.console.archive.tables import COMMAND, NOTIFICATION, PARAMETER, RE
 from adapters.console.messages import CommandStatus, LinkKind, decode_command
 
 MOST_SAMPLES: Final = 20_000
-"""Of one answer."""
+"""Maximum number of samples in one response."""
 LONG_US: Final = 720 * MINUTE_US
-"""From so long a time on its parts are whole minutes."""
+"""Minimum time span whose parts are whole minutes, µs."""
 PAGE: Final = 10_000
-"""Commands that are read at once."""
+"""Commands of one page."""
 
 
 @unique
 class Strategy(Enum):
-    """Which samples of a time are wanted.
+    """Selection of the samples of a time span.
 
     Attributes:
-        LATEST: the last ones.
-        MINMAX: of each of so many equal parts of the time, the lowest, the highest, and the first
-            that is not known.
+        LATEST: the last samples.
+        MINMAX: minimum, maximum and first unknown sample of each of `size` equal parts.
     """
 
     LATEST = "latest"
@@ -46,12 +45,12 @@ class Strategy(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SampleQuery:
-    """Samples of a parameter.
+    """Query for samples of a parameter.
 
     Attributes:
-        link: by which it was heard; None for any.
-        start_us, end_us: from when to when it was sampled, both included.
-        size: how many samples, or parts of the time.
+        link: link of the samples; None for any.
+        start_us, end_us: bounds of the sample time, included.
+        size: number of samples, or of parts of the time span.
     """
 
     asset: str
@@ -89,9 +88,9 @@ def read_samples(connection: Connection, wanted: SampleQuery) -> str:
 
 
 def _extremes(connection: Connection, wanted: SampleQuery, numbers: Sequence[int]) -> Select[Any]:
-    """Return what selects the lowest and the highest sample of each part of a time, and a gap.
+    """Return the query for minimum, maximum and gap of each part of a time span.
 
-    Parts of a long time are whole minutes, of which the extremes are known.
+    Parts of a long span are whole minutes, whose extremes are stored.
     """
     first_us = min(_ends(connection, wanted, numbers, SAMPLE.c.utc_us))
     last_us = max(_ends(connection, wanted, numbers, SAMPLE.c.utc_us.desc()))
@@ -124,7 +123,7 @@ def _extremes(connection: Connection, wanted: SampleQuery, numbers: Sequence[int
 def _ends(
     connection: Connection, wanted: SampleQuery, numbers: Sequence[int], order: Any
 ) -> list[int]:
-    """Return the first or the last time of each parameter within the time."""
+    """Return the first or the last sample time of each parameter within the time span."""
     found = (
         connection.execute(
             select(SAMPLE.c.utc_us)
@@ -143,7 +142,7 @@ def _ends(
 def read_last_sample(
     connection: Connection, asset: str, key: str, link: LinkKind | None, end_us: int
 ) -> list[dict[str, Any]]:
-    """Return the last sample of a parameter, until a time, by each link."""
+    """Return the last sample of a parameter at or before a time, for each link."""
     found = []
     for parameter in find_parameters(connection, asset, key, link):
         newest = (
@@ -158,7 +157,7 @@ def read_last_sample(
 
 @dataclass(frozen=True, slots=True)
 class ArchivedParameter:
-    """A telemetry parameter of which there are samples."""
+    """A telemetry parameter with samples."""
 
     id: int
     asset: str
@@ -172,7 +171,7 @@ def find_parameters(
     key: str | None = None,
     link: LinkKind | None = None,
 ) -> list[ArchivedParameter]:
-    """Return parameters; None for any."""
+    """Return parameters; None matches any."""
     chosen = select(PARAMETER)
     for column, wanted in (
         (PARAMETER.c.asset, asset),
@@ -194,19 +193,19 @@ def read_command(connection: Connection, name: str) -> CommandStatus | None:
 def find_command(
     connection: Connection, asset: str, source: str, number: int
 ) -> CommandStatus | None:
-    """Return a command by what its asset knows it by."""
+    """Return a command by its source and number."""
     this = (COMMAND.c.asset == asset, COMMAND.c.source == source, COMMAND.c.number == number)
     body = connection.execute(select(COMMAND.c.body).where(*this)).scalar()
     return None if body is None else decode_command(json.loads(body))
 
 
 def last_revision(connection: Connection) -> int:
-    """Return the revision of the command that was changed last; 0 for none."""
+    """Return the last revision of all commands; 0 for none."""
     return connection.execute(select(func.max(COMMAND.c.revision))).scalar() or 0
 
 
 def changed_commands(connection: Connection, since: int) -> tuple[list[CommandStatus], int]:
-    """Return the commands that were changed since a revision, and the last revision among them."""
+    """Return the commands changed after a revision, and the last revision among them."""
     later = select(COMMAND.c.body, COMMAND.c.revision).where(COMMAND.c.revision > since)
     rows = connection.execute(later.order_by(COMMAND.c.revision).limit(PAGE)).all()
     last = rows[-1].revision if rows else since
@@ -214,7 +213,7 @@ def changed_commands(connection: Connection, since: int) -> tuple[list[CommandSt
 
 
 def last_commands(connection: Connection, count: int) -> list[CommandStatus]:
-    """Return the last commands, and before them all that have not ended, oldest first."""
+    """Return the last commands and all that have not ended, oldest first."""
     newest = select(COMMAND.c.made_us, COMMAND.c.body).order_by(COMMAND.c.made_us.desc())
     found = {row.body: row.made_us for row in connection.execute(newest.limit(count))}
     found |= {
@@ -226,11 +225,11 @@ def last_commands(connection: Connection, count: int) -> list[CommandStatus]:
 
 @dataclass(frozen=True, slots=True)
 class TablePage:
-    """Part of a table, newest first.
+    """One page of a table, newest first.
 
     Attributes:
-        asset: whose; None for all.
-        start_us, before_us: from when, and before when; None for no bound.
+        asset: asset of the rows; None for all.
+        start_us, before_us: included and excluded bound of the time; None for no bound.
     """
 
     asset: str | None
@@ -250,12 +249,12 @@ def read_notifications(connection: Connection, page: TablePage) -> str:
 
 
 def read_records(connection: Connection, ty: str, page: TablePage) -> str:
-    """Return what else was told, of a type, as a JSON array."""
+    """Return records of a message type as a JSON array."""
     return _bodies(connection, RECORD, RECORD.c.utc_us, page, RECORD.c.ty == ty)
 
 
 def last_notification(connection: Connection, asset: str, link: LinkKind) -> tuple[int, int] | None:
-    """Return cursor and time of the last notification that was kept; None for none."""
+    """Return cursor and time, µs, of the last stored notification; None for none."""
     newest = (
         select(NOTIFICATION.c.cursor, NOTIFICATION.c.utc_us)
         .where(

@@ -1,8 +1,8 @@
-"""How long the archive keeps what it heard: by age, and by how much there is.
+"""Retention of archived data, by age and by size.
 
-Age counts by the console's clock: that of a rover may be wrong. Operators' objects, plans, and
-alarms that stand stay. So does the last notification of each link, from which on the console asks
-for more.
+Age is measured by the console's clock, since that of a rover may be wrong. Objects, plans and open
+alarms are never deleted. Nor is the last notification of each link: the console requests the later
+ones by its cursor.
 """
 
 import asyncio
@@ -24,21 +24,21 @@ _LOG: Final = logging.getLogger(__name__)
 DAY_S: Final = 86_400.0
 CHECK_S: Final = 600.0
 SAMPLE_OCTETS: Final = 40
-"""Of one sample in the database, with its share of the index."""
+"""Octets of one sample in the database, with its share of the index."""
 ROW_OCTETS: Final = 120
-"""Of one other row, beside its body."""
+"""Octets of one other row, without its body."""
 LESS: Final = 0.9
-"""Of the bound, so much is left where it was exceeded."""
+"""Share of the size bound down to which data is deleted once the bound is exceeded."""
 STEPS: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
 class RetentionPolicy:
-    """What is kept.
+    """Bounds of the archived data.
 
     Attributes:
-        days: at most so old.
-        megabytes: at most so much, of what was heard; the oldest goes first.
+        days: maximum age.
+        megabytes: maximum size; old data is deleted first.
     """
 
     days: float = 30.0
@@ -46,21 +46,21 @@ class RetentionPolicy:
 
 
 async def retain(archive: Archive, retention: RetentionPolicy) -> None:
-    """Delete what is too old or too much, again and again."""
+    """Delete data beyond the bounds periodically."""
     while True:
         try:
             deleted = await delete_old(archive, retention, archive.utc())
             if deleted:
-                _LOG.info("%d rows of the archive were too old or too many", deleted)
+                _LOG.info("%d archive rows beyond the retention bounds were deleted", deleted)
         except SQLAlchemyError as error:
-            _LOG.error("the archive cannot be cleared: %s", error)
+            _LOG.error("old archive rows cannot be deleted: %s", error)
         await asyncio.sleep(CHECK_S)
 
 
 async def delete_old(archive: Archive, retention: RetentionPolicy, utc_s: float) -> int:
-    """Delete what is too old, then the oldest until the rest is not too much; return how many.
+    """Delete data beyond the age bound, then in order of age to the size bound; return the count.
 
-    It goes by steps, between which commands are written.
+    Deletion proceeds in steps, so that commands can be written between them.
     """
     oldest_us = to_us(utc_s - retention.days * DAY_S)
     deleted = await _delete_before(archive, oldest_us)
@@ -82,7 +82,7 @@ async def _delete_before(archive: Archive, rx_us: int) -> int:
             partial(_delete_samples, parameter=parameter.id, rx_us=rx_us)
         )
     newest = select(func.max(NOTIFICATION.c.id)).group_by(NOTIFICATION.c.asset, NOTIFICATION.c.link)
-    last = select(func.max(COMMAND.c.revision)).scalar_subquery()  # revisions go on from there
+    last = select(func.max(COMMAND.c.revision)).scalar_subquery()  # revisions continue from it
     for deleting in (
         NOTIFICATION.delete().where(NOTIFICATION.c.rx_us < rx_us, NOTIFICATION.c.id.not_in(newest)),
         COMMAND.delete().where(
@@ -96,7 +96,7 @@ async def _delete_before(archive: Archive, rx_us: int) -> int:
 
 
 def _delete_samples(connection: Connection, parameter: int, rx_us: int) -> int:
-    """Delete samples that are too old, also from their minutes."""
+    """Delete samples received before a time, also from their minutes."""
     old = (SAMPLE.c.parameter == parameter, SAMPLE.c.rx_us < rx_us)
     at = SAMPLE.c.utc_us
     first_us, last_us = connection.execute(select(func.min(at), func.max(at)).where(*old)).one()

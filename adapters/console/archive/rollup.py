@@ -1,7 +1,7 @@
-"""The lowest and the highest sample of each minute, from which long times are drawn fast.
+"""Minimum and maximum sample of each minute, for fast queries of long time spans.
 
-Minutes are counted since 1970-01-01 UTC, by the clock aboard. What comes late changes its minute as
-what comes in time does; what is deleted changes it, too.
+Minutes are counted since 1970-01-01 UTC, by the onboard clock. Late samples and deletions update
+their minutes, too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -42,12 +42,12 @@ class _Minute:
 
 
 def add_samples(connection: Connection, insert: Any, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Take in samples that were not there before.
+    """Add new samples to their minutes.
 
     Args:
-        connection: in the transaction that wrote them.
-        insert: the dialect's insertion into the table.
-        rows: the samples.
+        connection: connection of the transaction that stored them.
+        insert: insert statement of the SQL dialect for the table.
+        rows: rows of the samples.
     """
     minutes: dict[tuple[int, int], _Minute] = {}
     for row in rows:
@@ -89,7 +89,7 @@ def add_samples(connection: Connection, insert: Any, rows: Iterable[Mapping[str,
 
 
 def remake_minutes(connection: Connection, parameter: int, first_us: int, last_us: int) -> None:
-    """Make the minutes of a time anew from the samples that are there."""
+    """Recompute the minutes of a time span from the stored samples."""
     first, last = first_us // MINUTE_US, last_us // MINUTE_US
     old = SAMPLE_MINUTE.c
     connection.execute(
@@ -112,7 +112,7 @@ def remake_minutes(connection: Connection, parameter: int, first_us: int, last_u
 
 
 def samples_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[Any]:
-    """Return what selects the figures of parameters, by their ids, within a time."""
+    """Return the query for numeric samples of parameters, by ids, within a time span."""
     return select(SAMPLE.c.parameter, SAMPLE.c.utc_us, SAMPLE.c.value).where(
         SAMPLE.c.parameter.in_(list(numbers)),
         SAMPLE.c.utc_us.between(start_us, end_us),
@@ -123,7 +123,7 @@ def samples_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[Any
 def gaps_of(
     numbers: Iterable[int], start_us: int, end_us: int, width_us: int, origin_us: int
 ) -> Select[Any]:
-    """Return what selects the first sample of each part of a time of those that are not known."""
+    """Return the query for the first unknown sample of each part of a time span."""
     return (
         select(SAMPLE.c.parameter, func.min(SAMPLE.c.utc_us).label("utc_us"))
         .where(
@@ -136,9 +136,9 @@ def gaps_of(
 
 
 def candidates_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[Any]:
-    """Return what selects those samples of a time among which are its extremes.
+    """Return the query for a subset of samples that includes the extremes of a time span.
 
-    That is, of each whole minute the lowest and the highest, and all beside whole minutes.
+    It has minimum and maximum of each whole minute, and all samples outside of whole minutes.
     """
     numbers = list(numbers)
     first = -(-start_us // MINUTE_US)
@@ -154,7 +154,7 @@ def candidates_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[
         select(minutes.parameter, minutes.low_us.label("utc_us"), minutes.low.label("value")).where(
             *whole
         ),
-        # The same sample need not be there twice: which is the extreme is told by rank.
+        # A sample that is both minimum and maximum is selected once: `ranked_of` finds extremes.
         select(minutes.parameter, minutes.high_us, minutes.high).where(
             *whole, minutes.high_us != minutes.low_us
         ),
@@ -165,9 +165,9 @@ def candidates_of(numbers: Iterable[int], start_us: int, end_us: int) -> Select[
 
 
 def ranked_of(samples: Select[Any], width_us: int, origin_us: int = 0) -> Subquery:
-    """Return samples with their rank, from the lowest and from the highest, in parts of a time.
+    """Return samples with their ranks in ascending and descending order, in parts of a time span.
 
-    Of equal ones the first in time ranks first.
+    Of equal values the first in time ranks first.
     """
     found = samples.subquery()
     part = _part(found.c.utc_us, width_us, origin_us)

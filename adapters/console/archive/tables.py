@@ -1,8 +1,8 @@
 """The tables of the archive. Times are whole microseconds since 1970-01-01 UTC.
 
-`utc_us` is by the clock aboard, `rx_us` by that of the console.
+`utc_us` is the time of the onboard clock, `rx_us` that of the console's clock.
 
-A change here needs a migration in `migrations/versions`, as docs/console.md shows.
+A change to the tables needs a migration in `migrations/versions`, as docs/console.md shows.
 """
 
 from typing import Final
@@ -41,7 +41,7 @@ PARAMETER: Final = Table(
     Column("link", String(16), nullable=False),
     UniqueConstraint("asset", "key", "link"),
 )
-"""A telemetry parameter of an asset, as heard by a link."""
+"""A telemetry parameter of an asset on one link."""
 
 SAMPLE: Final = Table(
     "sample",
@@ -54,15 +54,15 @@ SAMPLE: Final = Table(
     Column("quality", SmallInteger, nullable=False),
     sqlite_with_rowid=False,
 )
-"""A telemetry value: a number, or else a text; neither where it is not known."""
+"""A telemetry value: a number or a text; neither if unknown."""
 
 UNKNOWN: Final = and_(SAMPLE.c.value.is_(None), SAMPLE.c.text.is_(None))
-"""Of a sample: that it is not known."""
+"""Condition for a sample with an unknown value."""
 Index(
     "ix_sample_unknown",
     SAMPLE.c.parameter,
     SAMPLE.c.utc_us,
-    SAMPLE.c.value,  # for else SQLite would rather read all samples by their key
+    SAMPLE.c.value,  # otherwise SQLite scans all samples by their key
     SAMPLE.c.text,
     sqlite_where=UNKNOWN,
     postgresql_where=UNKNOWN,
@@ -79,9 +79,9 @@ SAMPLE_MINUTE: Final = Table(
     Column("high_us", BigInteger, nullable=False),
     sqlite_with_rowid=False,
 )
-"""The lowest and the highest figure of each minute since 1970 UTC.
+"""Minimum and maximum value of each minute since 1970 UTC.
 
-Of equal ones it is the first in time.
+Of equal values it is the first in time.
 """
 
 NOTIFICATION: Final = Table(
@@ -98,7 +98,7 @@ NOTIFICATION: Final = Table(
     UniqueConstraint("asset", "link", "cursor", "utc_us"),
     Index(None, "utc_us"),
 )
-"""A notification, whole as the JSON that pages get; its cursor is 0 if it is not recorded there."""
+"""A notification, as the JSON of its message; the cursor is 0 if the asset does not record it."""
 
 COMMAND: Final = Table(
     "command",
@@ -115,9 +115,9 @@ COMMAND: Final = Table(
     Index(None, "revision"),
     UniqueConstraint("asset", "source", "number"),
 )
-"""A command and its life so far, whole as the JSON that pages get.
+"""A command with its life cycle so far, as the JSON of its message.
 
-`revision` counts up with each change of any command: so other consoles find what is new to them.
+`revision` increases with each change of any command, so other consoles find the changes.
 """
 
 RECORD: Final = Table(
@@ -132,7 +132,7 @@ RECORD: Final = Table(
     Index(None, "ty", "asset", "utc_us"),
     Index(None, "utc_us"),
 )
-"""What else was told: modes, authority, links, plans, files, trees; as the JSON that pages get."""
+"""Other messages as JSON: modes, authority, links, plans, files, trees."""
 
 OBJECT: Final = Table(
     "object",
@@ -143,7 +143,7 @@ OBJECT: Final = Table(
     Column("changed_us", BigInteger, nullable=False),
     Column("value", Text, nullable=False),
 )
-"""What operators made and share, such as a display; it is kept until one deletes it."""
+"""Objects that operators share, such as displays; kept until deleted by an operator."""
 
 PLAN: Final = Table(
     "plan",
@@ -157,7 +157,7 @@ PLAN: Final = Table(
     Column("content", Text, nullable=False),
     Index(None, "asset", "id"),
 )
-"""Each revision of a plan that was submitted here."""
+"""Revisions of plans submitted at the console."""
 
 ALARM: Final = Table(
     "alarm",
@@ -179,7 +179,7 @@ ALARM: Final = Table(
     Index(None, "asset", "source"),
     Index(None, "raised_us"),
 )
-"""An alarm, from its first occurrence until it is both cleared and acknowledged, and after that."""
+"""An open or closed alarm."""
 
 PRESENCE: Final = Table(
     "presence",
@@ -188,4 +188,4 @@ PRESENCE: Final = Table(
     Column("beat", BigInteger, nullable=False),
     Column("body", Text, nullable=False),
 )
-"""The pages that are open at a console; `beat` is another one as long as it runs."""
+"""Open pages of a console; `beat` changes while it runs."""

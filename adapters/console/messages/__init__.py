@@ -1,7 +1,7 @@
-"""What the console's server and its pages say to each other, as values; `encode` writes them.
+"""Messages between the console's server and its pages, as values; `encode` converts them to JSON.
 
 Times are seconds since 1970-01-01 UTC; figures are in SI units and radians. The README of
-`adapters.console` lists the messages. They stand on the standard library alone.
+`adapters.console` lists the messages. The package imports the standard library only.
 """
 
 from adapters.console.messages.commands import ENDED as ENDED

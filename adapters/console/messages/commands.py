@@ -1,4 +1,4 @@
-"""The life of commands, and who may send them."""
+"""Messages on the life cycle of commands and on the authority."""
 
 from dataclasses import dataclass, field
 from enum import Enum, unique
@@ -9,14 +9,13 @@ from adapters.console.messages.telemetry import LinkKind, Scalar
 
 @unique
 class CommandState(Enum):
-    """How far a command is known to be.
+    """State of a command, as far as known.
 
     Attributes:
-        SENDING: it is on its way, and not answered.
-        TAKEN: the other end of the link has it.
-        GIVEN_UP: the relay gave it up; whether the rover got it is not known.
-        UNKNOWN: nothing was heard of it in time, or not how it ended; the rover may have carried
-            it out.
+        SENDING: sent, not answered yet.
+        TAKEN: acknowledged by the other end of the link.
+        GIVEN_UP: lost: the relay expects no report; the rover may have received it.
+        UNKNOWN: no report in time, or none of its end; the rover may have executed it.
     """
 
     SENDING = "sending"
@@ -42,20 +41,20 @@ ENDED: Final = frozenset(
         CommandState.EXPIRED,
     }
 )
-"""States that no other follows."""
+"""Terminal states."""
 
 
 @dataclass(frozen=True, slots=True)
 class StageEntry:
-    """A stage of a command's life.
+    """A stage of a command's life cycle.
 
     Attributes:
-        stage: as the MRS spells it, SENT, TAKEN, FORWARDED, PREDICTED, GIVEN_UP or UNKNOWN.
-        node: who says so: `console`, `orbiter` or the asset.
-        utc: by the clock of who says so.
-        rx: when it was heard here.
-        code: the reason's number, of what is refused or failed.
-        sequence: of the notification; None where there was none.
+        stage: stage of the MRS, or SENT, TAKEN, FORWARDED, PREDICTED, GIVEN_UP or UNKNOWN.
+        node: reporting node: `console`, `orbiter` or the asset.
+        utc: time by the clock of the node.
+        rx: reception time at the console.
+        code: number of the reason of a refusal or failure.
+        sequence: number of the notification; None without one.
     """
 
     stage: str
@@ -72,16 +71,16 @@ class StageEntry:
 
 @dataclass(frozen=True, slots=True)
 class CommandStatus:
-    """A command and its life so far; each message has all of it.
+    """A command with its complete life cycle so far.
 
     Attributes:
-        id: made by who posted it; ASSET:SOURCE:NUMBER of a stop, and of what came from elsewhere.
-        name: of the request, as in the dictionary.
-        args: as they were posted; None where they are not known here.
-        by: the operator, or the source.
-        source, number: what the asset knows it by.
-        made: when it was posted.
-        deadline: by then something is to be heard of it, else it is UNKNOWN; None once it was.
+        id: created by the page; ASSET:SOURCE:NUMBER for stops and for commands of other clients.
+        name: name of the request in the dictionary.
+        args: posted arguments; None if unknown to this console.
+        by: operator, or source.
+        source, number: command id at the asset.
+        made: time of posting.
+        deadline: time of the first report, after which it is UNKNOWN; None once reported.
     """
 
     ty: ClassVar[str] = "cmd"
@@ -103,15 +102,15 @@ class CommandStatus:
 
 @dataclass(frozen=True, slots=True)
 class AuthorityMessage:
-    """Who may command an asset.
+    """The authority over an asset.
 
     Attributes:
-        holder: its name, as the asset knows it; None if nobody holds it.
-        operator: for whom of the operators the holder has it; None where that is not known.
+        holder: source that holds it at the asset; None for no holder.
+        operator: operator for whom the holder has it; None if unknown.
         needed: whether commands need it.
-        lease_left: seconds, at `utc`, until it ends if its holder is silent.
-        lease: seconds for which its holder may be silent.
-        asked_by: who asked for it last, since it was granted.
+        lease_left: remaining lease at `utc`, s, without a renewal.
+        lease: duration of the lease, s.
+        asked_by: last operator or source that requested it since the grant.
     """
 
     ty: ClassVar[str] = "auth"

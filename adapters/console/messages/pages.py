@@ -1,10 +1,10 @@
-"""What concerns the pages: who has one open, what they share."""
+"""Messages on the pages: presence, and the data that they share."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
 PROTOCOL: Final = 1
-"""Of the messages; a page that knows another asks its operator to load it again."""
+"""Version of the messages; a page with another version prompts its operator to reload."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,10 +12,10 @@ class Hello:
     """The first message to a page.
 
     Attributes:
-        instance: of the server's process; numbers of messages start anew with each.
-        seq: the number of the last message that was sent to all.
-        resumed: whether all that the page missed since the number it named follows.
-        operator: under which name this page commands.
+        instance: id of the server's process start; message numbers restart with each.
+        seq: number of the last message that was sent to all pages.
+        resumed: whether the missed messages since the requested number follow.
+        operator: name of the page's operator.
     """
 
     ty: ClassVar[str] = "hello"
@@ -30,7 +30,7 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class OpenPage:
-    """A page that is open."""
+    """An open page."""
 
     console: str
     operator: str
@@ -39,7 +39,7 @@ class OpenPage:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """Which pages are open, at all consoles with the same archive."""
+    """The open pages of all consoles with the same archive."""
 
     ty: ClassVar[str] = "presence"
 
@@ -48,7 +48,7 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class DictionaryChanged:
-    """The dictionary has something new of an asset: ask for it again."""
+    """The dictionary entry of an asset has changed: request the dictionary again."""
 
     ty: ClassVar[str] = "dictionary"
 
@@ -57,7 +57,7 @@ class DictionaryChanged:
 
 @dataclass(frozen=True, slots=True)
 class ObjectChanged:
-    """An operators' object has a new revision; None, it was deleted."""
+    """A stored object has a new revision; None if it was deleted."""
 
     ty: ClassVar[str] = "obj"
 

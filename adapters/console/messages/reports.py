@@ -1,4 +1,4 @@
-"""What happened: reports, alarms, plans, files and their transfers."""
+"""Messages on reports, alarms, plans, files and transfers."""
 
 from dataclasses import dataclass
 from enum import Enum, unique
@@ -14,8 +14,8 @@ class Notified:
     Attributes:
         kind: COMMAND, EVENT or LINK.
         severity: INFORMATIONAL, WARNING, ALARM, SEVERE or CRITICAL.
-        command: the id of the command that it is of.
-        cursor: its place in the order of recording at the other end; None if it is not recorded.
+        command: id of its command.
+        cursor: number in the ledger of the other end; None if it is not recorded.
     """
 
     ty: ClassVar[str] = "ntf"
@@ -39,16 +39,16 @@ class Notified:
 
 @dataclass(frozen=True, slots=True)
 class AlarmStatus:
-    """An alarm (ISA-18.2): it stands until it is both cleared and acknowledged.
+    """An alarm (ISA-18.2). It is open until it is both cleared and acknowledged.
 
     Attributes:
-        source: what it is an alarm of; one of a source stands at a time.
-        severity: as of a notification.
-        command: the id of the command that it is of.
-        raised, last: when it occurred first and last, by the clock aboard.
-        occurrences: how often it occurred.
-        cleared: when what it tells of was over, by the clock aboard; None while it is active.
-        operator, acknowledged: who acknowledged it, and when, by the console's clock.
+        source: fault, report or limit that raises it; at most one alarm of a source is open.
+        severity: severity of a notification.
+        command: id of its command.
+        raised, last: times of its first and last occurrence, by the onboard clock.
+        occurrences: number of occurrences.
+        cleared: time at which its cause ended, by the onboard clock; None while it is active.
+        operator, acknowledged: operator and time of the acknowledgement, by the console's clock.
     """
 
     ty: ClassVar[str] = "alarm"
@@ -68,17 +68,17 @@ class AlarmStatus:
 
     @property
     def standing(self) -> bool:
-        """Whether something is still to be done about it."""
+        """Whether it is active or unacknowledged."""
         return self.cleared is None or self.acknowledged is None
 
 
 @dataclass(frozen=True, slots=True)
 class PlanProgress:
-    """How far a plan has come.
+    """Progress of a plan.
 
     Attributes:
-        node: the path of the leaf that began or ended last.
-        done, total: leaves.
+        node: path of the leaf that started or ended last.
+        done, total: numbers of leaves.
     """
 
     ty: ClassVar[str] = "plan"
@@ -95,10 +95,10 @@ class PlanProgress:
 
 @dataclass(frozen=True, slots=True)
 class FileChanged:
-    """Something happened to a file aboard.
+    """A file aboard has changed.
 
     Attributes:
-        rx: when it was heard here.
+        rx: reception time at the console.
         event: STORED, CHANGED, DELETED or TRANSFERRED.
     """
 
@@ -115,13 +115,13 @@ class FileChanged:
 
 @unique
 class TransferState(Enum):
-    """How a transfer of a file is.
+    """State of a file transfer.
 
     Attributes:
-        WAITING: others are under way.
-        INTERRUPTED: nothing comes; it goes on where it stopped, by itself.
-        PAUSED: an operator has it wait until an operator resumes it.
-        REMOVED: it is not in the list any more.
+        WAITING: queued behind other transfers.
+        INTERRUPTED: no data is received; it resumes by itself.
+        PAUSED: paused by an operator until resumed.
+        REMOVED: removed from the list.
     """
 
     WAITING = "waiting"
@@ -135,15 +135,15 @@ class TransferState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """A file on its way between an asset and the console.
+    """A file transfer from an asset to the console.
 
     Attributes:
-        by: the operator who asked for it; empty for a page that shows the file.
-        done, size: octets that have come, and those of the whole; None until it is known.
-        rate: octets a second, lately; None unless it runs.
-        made: when it was asked for.
-        utc: when this was so.
-        detail: why it is so, for people.
+        by: operator who requested it; empty for a page that displays the file.
+        done, size: received octets, and size of the file; None until known.
+        rate: recent rate, octets/s; None unless it runs.
+        made: time of the request.
+        utc: time of this state.
+        detail: human-readable reason of the state.
     """
 
     ty: ClassVar[str] = "transfer"

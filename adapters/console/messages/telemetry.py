@@ -1,4 +1,4 @@
-"""What is heard of assets again and again: values, the behaviour tree, links, modes."""
+"""Messages on the present state of assets: values, behaviour tree, links, modes."""
 
 from dataclasses import dataclass
 from enum import Enum, unique
@@ -9,11 +9,11 @@ Scalar = float | int | str | bool | None
 
 @unique
 class LinkKind(Enum):
-    """The way by which something was heard of an asset, or is sent to it.
+    """The link over which data of an asset is received, or commands are sent to it.
 
     Attributes:
-        RECORDING: it was read in a recording; nothing is sent by it.
-        CONSOLE: the console has measured it; nothing is sent by it.
+        RECORDING: read from a recording; nothing can be sent.
+        CONSOLE: measured by the console; nothing can be sent.
     """
 
     DIRECT = "direct"
@@ -24,11 +24,11 @@ class LinkKind(Enum):
 
 @unique
 class Quality(Enum):
-    """What is to be known of a telemetry value.
+    """Quality of a telemetry value.
 
     Attributes:
-        LATE: a newer one of this parameter and link was heard before.
-        INVALID: the asset says that it is not known.
+        LATE: received after a newer value of this parameter and link.
+        INVALID: unknown to the asset.
     """
 
     GOOD = "good"
@@ -38,10 +38,10 @@ class Quality(Enum):
 
 @unique
 class LinkState(Enum):
-    """Whether an asset can be reached by a link.
+    """State of a link.
 
     Attributes:
-        SILENT: connected, but it does not answer.
+        SILENT: connected, but requests are not answered.
     """
 
     CONNECTING = "connecting"
@@ -55,9 +55,9 @@ class Sample:
     """A value of a telemetry parameter.
 
     Attributes:
-        utc: when it was sampled aboard.
-        rx: when it was heard here.
-        value: None when nothing valid is known; what is not finite is written as a text.
+        utc: sample time aboard.
+        rx: reception time at the console.
+        value: None for an invalid value; `encode` writes a value that is not finite as text.
     """
 
     ty: ClassVar[str] = "tm"
@@ -73,7 +73,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class SamplesDropped:
-    """So many telemetry values were not sent to this page, which is too slow."""
+    """Number of telemetry values that were dropped for this slow page."""
 
     ty: ClassVar[str] = "gap"
 
@@ -86,11 +86,10 @@ class TreeNode:
 
     Attributes:
         path: names from the root, joined by slashes.
-        kind: as `NodeKind` of the trees has it.
-        look: as `Look` has it, small: a guard that does not hold is `declined`, no `failure`.
-        message: what it says of itself.
-        command: the one that it works on, or worked on last, as SOURCE:NUMBER; None where there is
-            none.
+        kind: value of `NodeKind`.
+        look: `Look` in lower case: a guard that does not hold is `declined`, no `failure`.
+        message: its status message.
+        command: SOURCE:NUMBER of the command that it executes or executed last; None for none.
     """
 
     path: str
@@ -104,13 +103,13 @@ class TreeNode:
 
 @dataclass(frozen=True, slots=True)
 class TreeState:
-    """The behaviour tree of an asset: each message has all of it, and only the last one counts.
+    """The complete behaviour tree of an asset. A new message replaces the previous one.
 
     Attributes:
-        why: why it stands, or what moves it: one line.
-        active: the command under way, as SOURCE:NUMBER.
-        faults: a line for each that is not over.
-        nodes: depth first.
+        why: cause of motion or standstill, in one line.
+        active: active command, as SOURCE:NUMBER.
+        faults: one line for each fault that has not cleared.
+        nodes: nodes in depth-first order.
     """
 
     ty: ClassVar[str] = "tree"
@@ -128,12 +127,12 @@ class TreeState:
 
 @dataclass(frozen=True, slots=True)
 class LinkStatus:
-    """How a link to an asset is.
+    """Status of a link to an asset.
 
     Attributes:
-        since: when it came to be so.
-        heard: when something was last heard by it; None for never.
-        detail: why, for people.
+        since: start time of the state.
+        heard: last reception time; None for never.
+        detail: human-readable reason.
     """
 
     ty: ClassVar[str] = "link"
@@ -149,13 +148,13 @@ class LinkStatus:
 
 @dataclass(frozen=True, slots=True)
 class AssetState:
-    """What an asset is about.
+    """Mode and work of an asset.
 
     Attributes:
-        mode: as the MRS spells it.
-        active: the number of the command under way, as the asset tells it.
-        queued: commands that wait.
-        plan: the plan that has the rover.
+        mode: mode of the MRS.
+        active: number of the active command, as the asset reports it.
+        queued: number of queued commands.
+        plan: active plan.
     """
 
     ty: ClassVar[str] = "asset"

@@ -1,4 +1,4 @@
-"""The messages as JSON, and the topics by which pages subscribe to them."""
+"""JSON of the messages, and the topics to which pages subscribe."""
 
 import json
 from dataclasses import fields
@@ -43,18 +43,18 @@ Broadcast = (
     | DictionaryChanged
     | ObjectChanged
 )
-"""What is numbered, never dropped, and sent again to a page that comes back."""
+"""Messages that are numbered, never dropped, and resent to a page that reconnects."""
 
 
 Latest = TreeState | Transfer
-"""What is told whole at each change, so that only the last one of a topic counts."""
+"""Messages that carry a complete state, so that the last one of a topic replaces the others."""
 
 
 Message = Hello | Sample | Latest | SamplesDropped | Broadcast
 
 
 def topic_of(message: Message) -> str:
-    """Return what a page subscribes to for a message: its type and asset, and which of these."""
+    """Return the topic of a message: its type, asset, and key or id."""
     match message:
         case Sample(asset=asset, key=key):
             return f"{message.ty}:{asset}:{key}"
@@ -67,9 +67,9 @@ def topic_of(message: Message) -> str:
 
 
 def is_wanted(topic: str, topics: frozenset[str]) -> bool:
-    """Whether a topic, or a beginning of it that ends in `*`, is among those subscribed to.
+    """Whether a topic matches one of the subscriptions, which may be prefixes that end in `*`.
 
-    `cmd` stands for all topics of that type, as `cmd:*` does.
+    `cmd` matches all topics of that type, as `cmd:*` does.
     """
     return topic in topics or any(
         topic.startswith(each[:-1]) if each.endswith("*") else topic.startswith(f"{each}:")
@@ -78,9 +78,9 @@ def is_wanted(topic: str, topics: frozenset[str]) -> bool:
 
 
 def plain(value: Any) -> Any:
-    """Return a value, or a dataclass of values, as plain data for JSON, fields under their names.
+    """Return a value, or a dataclass with its field names as keys, as plain data for JSON.
 
-    What is not finite becomes "NaN", "Infinity" or "-Infinity", which `Number()` reads.
+    Floats that are not finite become "NaN", "Infinity" or "-Infinity", which `Number()` reads.
     """
     match value:
         case None | bool() | int() | str():
@@ -104,7 +104,7 @@ def encode(message: Message, seq: int | None = None) -> str:
 
 
 def decode_command(body: dict[str, Any]) -> CommandStatus:
-    """Return a command of what `encode` wrote."""
+    """Return the command of a body from `encode`."""
     given = {name: body[name] for name in _names(CommandStatus)}
     history = tuple(StageEntry(**reached) for reached in body["history"])
     given |= {
@@ -116,7 +116,7 @@ def decode_command(body: dict[str, Any]) -> CommandStatus:
 
 
 def decode_transfer(body: dict[str, Any]) -> Transfer:
-    """Return a transfer of what `plain` made."""
+    """Return the transfer of a body from `plain`."""
     given = {name: body[name] for name in _names(Transfer)}
     return Transfer(**given | {"state": TransferState(body["state"])})
 

@@ -1,4 +1,4 @@
-"""A recording as the messages that a console would have had of the rover."""
+"""Converts a recording into the messages that a console would have received from the rover."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -48,19 +48,19 @@ from trees import TreeSnapshot, leaf_paths
 
 _KINDS: Final = {*KINDS, ToldParameters, ToldPlan}
 WORDS_S: Final = 1.0
-"""Between two trees in which nothing differs but what nodes say of themselves."""
+"""Minimum interval between two trees that differ in node messages only, s."""
 _LINKS: Final = {link.value: link for link in LinkKind}
 
 
 class RecordedRun:
-    """Reads a recording once, from its beginning to its end.
+    """Reads a recording once, from start to end.
 
     Args:
-        path: of the recording.
-        is_wanted: as of `RunReader`.
+        path: path of the recording.
+        is_wanted: see `RunReader`.
 
     Attributes:
-        rover: the name of the asset that was recorded.
+        rover: name of the recorded asset.
 
     Raises:
         RecordingError: the file cannot be used as a recording, or holds no run.
@@ -83,10 +83,10 @@ class RecordedRun:
         self._utc_s = 0.0
 
     def messages(self, name: str) -> Iterator[Written]:
-        """Yield the messages in their order.
+        """Yield the messages in order of time.
 
         Args:
-            name: of the asset that the recording is shown as.
+            name: asset name of the recording.
 
         Raises:
             RecordingError: the file cannot be used as a recording, or holds no run.
@@ -106,7 +106,7 @@ class RecordedRun:
         yield from self._found
 
     def entry(self) -> AssetEntry:
-        """Return what there is to see of the rover, once all messages were read."""
+        """Return the dictionary entry of the recording. Call it after all messages were read."""
         settings = self._settings
         assert self._began_utc_s is not None
         return AssetEntry(
@@ -131,7 +131,7 @@ class RecordedRun:
         )
 
     def history(self) -> RunHistory:
-        """Return what explanations are made from, once all messages were read."""
+        """Return the run history for explanations. Call it after all messages were read."""
         return self._history.history()
 
     def _take(self, timed: TimedItem) -> None:
@@ -160,7 +160,7 @@ class RecordedRun:
                 pass
 
     def _end_moment(self) -> None:
-        """Tell how the tree is, if it is other than it was told; of words alone not too often."""
+        """Add the tree if it has changed; changes of messages alone at most every `WORDS_S`."""
         is_due = self._words_differ and self._utc_s - self._tree_utc_s >= WORDS_S
         if self._tree is None or self._mode is None or not (self._tree_differs or is_due):
             return
@@ -195,7 +195,7 @@ class RecordedRun:
             )
 
     def _heard(self, command: CommandStatus) -> None:
-        """Take how a command is; what was asked and has no life is not shown as a command."""
+        """Add the status of a command, unless it is a request without a life cycle."""
         if command.history:
             self._found.append(command)
 
@@ -231,4 +231,4 @@ def _settings_of(reader: RunReader) -> Settings:
     for timed in read_timed(reader, ()):
         if isinstance(timed.item, Life):
             return timed.item.settings
-    raise RecordingError(f"{reader.path}: does not tell of which rover it is")
+    raise RecordingError(f"{reader.path}: the recording names no rover")

@@ -1,7 +1,7 @@
-"""Recordings that are looked at: each is one more asset, whose past comes from its file.
+"""Opened recordings: each is one more asset, with its history from the file.
 
-What a file holds is read once, into a database of its own that ends with the process; all requests
-for the past are answered from that, as those for a rover are from the archive.
+A file is read once, into its own database, which is deleted at the end of the process. All requests
+for the history are answered from it, as requests for a rover are from the archive.
 """
 
 import asyncio
@@ -29,22 +29,22 @@ from executive.history import RunHistory
 _LOG: Final = logging.getLogger(__name__)
 
 MOST_OCTETS: Final = 1 << 30
-"""Of a file that a browser sends."""
+"""Maximum size of an uploaded file."""
 PART: Final = 5000
-"""Messages that are read, and then written, at once."""
+"""Messages of one batch of reading and writing."""
 PIECE: Final = 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """A recording that was read.
+    """An opened recording.
 
     Attributes:
-        path: of the file.
-        stamp: its octets, and when it was changed (ns since 1970 UTC), when it was read.
-        folder: what is here of it.
-        archive: what it told, as of a rover.
-        history: what explanations are made from.
+        path: path of the file.
+        stamp: size in octets and change time (ns since 1970 UTC) of the file that was read.
+        folder: folder of its database, and of an uploaded file.
+        archive: its messages.
+        history: run history for explanations.
     """
 
     path: Path
@@ -56,12 +56,12 @@ class Recording:
 
 
 class Recordings:
-    """Opens recordings, and answers the requests for that.
+    """Opens recordings, and serves the requests for that.
 
     Args:
-        folder: where their databases are, and files that browsers sent.
-        publish: tells pages that there is another asset, or one less.
-        utc: the time.
+        folder: folder for their databases and for uploaded files.
+        publish: notifies pages of a new or removed asset.
+        utc: clock, s since 1970 UTC.
     """
 
     def __init__(
@@ -75,30 +75,30 @@ class Recordings:
         self._opening = asyncio.Lock()
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are answered."""
+        """Return the routes."""
         return [
             web.post("/api/recordings/{file}", self._receive),
             web.delete("/api/recordings/{asset}", self._delete),
         ]
 
     def entries(self) -> Iterator[AssetEntry]:
-        """Yield what there is of each."""
+        """Yield their dictionary entries."""
         return (each.entry for each in self._opened.values())
 
     def get(self, asset: str | None) -> Recording | None:
-        """Return the recording that is shown as an asset; None if that is none."""
+        """Return the recording of an asset; None if the asset is no recording."""
         return None if asset is None else self._opened.get(asset)
 
     async def open(self, path: Path, is_wanted: Callable[[], bool] = lambda: True) -> Recording:
-        """Read a recording; the same file again is read again only if it was changed.
+        """Read a recording; an opened file is read again only if it has changed.
 
         Args:
-            path: of the file.
-            is_wanted: whether to go on reading, asked again and again.
+            path: path of the file.
+            is_wanted: called repeatedly; reading ends once it returns False.
 
         Raises:
-            RecordingError: the file cannot be used as a recording, or is not wanted any more; the
-                text says why.
+            RecordingError: the file cannot be used as a recording, or is no longer wanted; the
+                text gives the reason.
         """
         async with self._opening:
             path = path.resolve()
@@ -110,7 +110,7 @@ class Recordings:
             return await self._read(path, await self._new_folder(), is_wanted)
 
     async def close(self) -> None:
-        """Let go of all of them."""
+        """Close all recordings."""
         for asset in list(self._opened):
             await self._close(asset)
 
@@ -152,7 +152,7 @@ class Recordings:
         self._publish(DictionaryChanged(asset))
 
     async def _receive(self, request: web.Request) -> web.Response:
-        """Take a file that a browser has."""
+        """Receive a file that a browser uploads, and open it."""
         name = PurePosixPath(request.match_info["file"]).name
         folder = await self._new_folder()
         path = folder / _tidy(name)
@@ -168,7 +168,7 @@ class Recordings:
             text = str(error).replace(str(path), name)
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="file") from error
         except OSError as error:
-            text = f"{name} cannot be kept here: {error.strerror}"
+            text = f"{name} cannot be stored: {error.strerror}"
             raise refused(HTTPStatus.INSUFFICIENT_STORAGE, text) from error
         return answer(opened.entry, HTTPStatus.CREATED)
 
@@ -195,7 +195,7 @@ async def _receive_into(path: Path, request: web.Request, name: str) -> None:
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
-    """Return what tells that a file was not changed; None if there is none."""
+    """Return size and change time of a file; None if it does not exist."""
     if not path.exists():
         return None
     now = path.stat()
@@ -203,12 +203,12 @@ def _stamp(path: Path) -> tuple[int, int] | None:
 
 
 def _tidy(name: str) -> str:
-    """Return a name that can stand in an address and be that of a file."""
+    """Return a name that is valid in a URL and as a file name."""
     return re.sub(r"[^\w.-]+", "-", name).lstrip(".") or "recording"
 
 
 def is_connected(request: web.Request) -> Callable[[], bool]:
-    """Return what says whether who sent a request still waits for the answer."""
+    """Return a function that tests whether the client of a request is still connected."""
     return lambda: request.transport is not None
 
 

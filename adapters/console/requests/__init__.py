@@ -1,7 +1,7 @@
-"""The requests of pages and programs, which the README of `adapters.console` lists.
+"""The HTTP requests, which the README of `adapters.console` lists.
 
-Each module has the handlers of one subject, as `routes()`. They answer by `adapters.console.web`
-and command by `adapters.console.rovers`.
+Each module has the handlers of one subject, as `routes()`. They respond through
+`adapters.console.web` and command through `adapters.console.rovers`.
 """
 
 from adapters.console.requests.alarms import AlarmRequests as AlarmRequests

@@ -1,8 +1,8 @@
-"""Alarms: what calls for somebody's attention, until it is over and somebody acknowledged it.
+"""Alarms with the states of ISA-18.2: open until both cleared and acknowledged.
 
-Reports of severity WARNING and above are alarms: those of a monitor's fault are active until it is
-over, the others are over at once. So are parameters beyond their limits. States are those of
-ISA-18.2. What stands is kept in the archive, where several consoles find the same.
+Reports of severity WARNING and above raise alarms: those of a monitor's fault are active until the
+fault clears, the others clear at once. A parameter outside its limits raises an alarm, too. Open
+alarms are stored in the archive, which several consoles may share.
 """
 
 import asyncio
@@ -38,11 +38,11 @@ from executive.values.reasons import Reason
 _LOG: Final = logging.getLogger(__name__)
 
 BEYOND_S: Final = 1.0
-"""For so long a parameter is beyond a limit before that is an alarm."""
+"""Time for which a parameter must be outside its limits before an alarm, s."""
 SLACK: Final = 0.01
-"""Of the width of its limits, a parameter may be beyond them."""
+"""Tolerance of the limits, as a share of their range, until an alarm is raised."""
 MOST_WAITING: Final = 10_000
-"""Changes that wait while the archive cannot be written."""
+"""Capacity of the queue of changes while the archive cannot be written."""
 MOST_SEEN: Final = 1000
 LONGEST_SOURCE: Final = 200
 
@@ -56,12 +56,12 @@ Key = tuple[str, str]
 
 
 class AlarmRequests:
-    """Raises, clears and acknowledges alarms, and tells pages.
+    """Raises, clears, acknowledges and publishes alarms.
 
     Args:
-        archive: where they are.
-        publish: tells all pages how an alarm is.
-        limits: between which values a parameter of an asset may be.
+        archive: stores the alarms.
+        publish: sends the status of an alarm to all pages.
+        limits: returns the limits of a parameter, by asset and key.
     """
 
     def __init__(
@@ -79,20 +79,20 @@ class AlarmRequests:
         self._trees: dict[str, TreeState] = {}
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where requests are answered."""
+        """Return the routes."""
         return [
             web.get("/api/alarms", self._list),
             web.post("/api/alarms/acknowledge", self._acknowledge),
         ]
 
     async def run(self) -> None:
-        """Write down what changes, and tell what others changed, again and again."""
+        """Store changes, and publish those of other consoles, periodically."""
         while True:
             self._something.clear()
             try:
                 await self.refresh()
             except SQLAlchemyError as error:
-                _LOG.error("alarms wait, as the archive cannot be used: %s", error)
+                _LOG.error("alarms are queued, the archive cannot be used: %s", error)
                 await asyncio.sleep(LOOK_S)
             try:
                 async with asyncio.timeout(LOOK_S):
@@ -101,14 +101,14 @@ class AlarmRequests:
                 continue
 
     async def close(self) -> None:
-        """Write down what changed at the end."""
+        """Store the last changes."""
         try:
             await self.refresh()
         except SQLAlchemyError as error:
-            _LOG.error("alarms are lost, as the archive cannot be used: %s", cause_of(error))
+            _LOG.error("alarms are lost, the archive cannot be used: %s", cause_of(error))
 
     async def refresh(self) -> None:
-        """Write down what changed, and tell pages of all that is not as they were told."""
+        """Store the changes, and publish the alarms whose status has changed."""
         async with self._refreshing:
             changes = tuple(self._waiting)
             self._waiting.clear()
@@ -125,7 +125,7 @@ class AlarmRequests:
             self._told = {alarm.id: alarm for alarm in found if alarm.standing}
 
     def hear_report(self, report: Notified) -> None:
-        """Raise or clear what a report tells of."""
+        """Raise or clear the alarm of a report."""
         over = _OVER.fullmatch(report.text) if report.code == Reason.FAULT_OVER.value else None
         if over is not None and over[1] in _CODES:
             self._put(AlarmCleared(report.asset, _fault(_CODES[over[1]]), report.utc))
@@ -144,7 +144,7 @@ class AlarmRequests:
         self._put(raised)
 
     def hear_tree(self, tree: TreeState) -> None:
-        """Raise and clear faults of monitors by the list of those that are not over."""
+        """Raise and clear alarms of monitor faults by the tree's list of active faults."""
         before = self._trees.get(tree.asset)
         if before is not None and tree.utc < before.utc:
             return
@@ -159,7 +159,7 @@ class AlarmRequests:
                 self._put(_standing(tree.asset, source, tree.utc, severity, text))
 
     def hear_sample(self, sample: Sample) -> None:
-        """Raise and clear that a parameter is beyond its limits, by whatever link it is newest."""
+        """Raise and clear the limit alarm of a parameter, by its newest sample of any link."""
         limits = self._limits(sample.asset, sample.key)
         if limits == (None, None) or not isinstance(sample.value, int | float):
             return
@@ -188,7 +188,7 @@ class AlarmRequests:
     async def _acknowledge(self, request: web.Request) -> web.Response:
         seen = (await body_of(request)).get("alarms")
         if not isinstance(seen, list) or len(seen) > MOST_SEEN or not all(map(_is_seen, seen)):
-            text = f"alarms: at most {MOST_SEEN} [id, occurrences], as they were seen, are needed"
+            text = f"alarms: at most {MOST_SEEN} pairs [id, occurrences], as displayed, are needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="alarms")
         acknowledge = partial(
             acknowledge_alarms, seen=seen, operator=request[OPERATOR], utc_s=self._archive.utc()
@@ -206,12 +206,12 @@ class AlarmRequests:
 
 @dataclass(slots=True)
 class _LimitCheck:
-    """A parameter that has limits.
+    """Limit check of a parameter.
 
     Attributes:
-        utc: of its newest sample.
-        beyond_since: since when it is beyond them; None while it is not.
-        alarmed: whether that is an alarm; None where nothing was told yet.
+        utc: time of the newest sample.
+        beyond_since: time at which it left its limits; None while it is within them.
+        alarmed: whether the alarm is active; None before the first result.
     """
 
     utc: float = 0.0
@@ -219,7 +219,7 @@ class _LimitCheck:
     alarmed: bool | None = None
 
     def look(self, utc: float, how: str) -> str | None:
-        """Return how it is beyond its limits, empty for not at all, if that is news."""
+        """Return how it violates its limits, empty if it does not; None without a change."""
         self.utc = utc
         if not how:
             self.beyond_since = None
@@ -233,9 +233,9 @@ class _LimitCheck:
 
 
 def _beyond(value: float, limits: Limits, alarmed: bool | None) -> str:
-    """Return how a value is beyond its limits; empty where it is not.
+    """Return how a value violates its limits; empty if it does not.
 
-    Somewhat beyond is not, until it is an alarm: what trembles about a limit is one alarm.
+    `SLACK` applies until the alarm is active, so that a value that jitters at a limit is one alarm.
     """
     low, high = limits
     width = 0.0 if low is None or high is None else high - low
@@ -248,12 +248,12 @@ def _beyond(value: float, limits: Limits, alarmed: bool | None) -> str:
 
 
 def _standing(asset: str, source: str, utc: float, severity: str, text: str) -> AlarmRaised:
-    """Return what raises an alarm that goes on, if it does not yet."""
+    """Return the change that raises a persistent alarm, unless it is active already."""
     return AlarmRaised(asset, source, utc, severity, text, lasts=True, again=False)
 
 
 def _faults_of(tree: TreeState) -> dict[int, tuple[str, str]]:
-    """Return severity and text of the faults that a tree tells of, by their codes."""
+    """Return severity and text of the active faults of a tree, by their codes."""
     found = {}
     for line in tree.faults:
         severity, _, rest = line.partition(" ")
@@ -264,7 +264,7 @@ def _faults_of(tree: TreeState) -> dict[int, tuple[str, str]]:
 
 
 def _source_of(report: Notified) -> str:
-    """Return what a report is an alarm of: the same again is the same alarm once more."""
+    """Return the alarm source of a report: an equal report is another occurrence of the alarm."""
     if report.kind == "EVENT" and report.code in _LASTING:
         return _fault(report.code)
     if report.stage is not None:
@@ -278,5 +278,5 @@ def _fault(code: int | None) -> str:
 
 
 def _is_seen(each: object) -> bool:
-    """Whether it is the id of an alarm, with how often that had occurred."""
+    """Whether it is a pair of an alarm's id and its number of occurrences."""
     return isinstance(each, list) and [type(number) for number in each] == [int, int]

@@ -1,7 +1,7 @@
-"""What operators ask of assets: commands, stops, previews.
+"""Sends operators' requests to assets: commands, stops, previews.
 
-The assets decide: a command claims the epoch of the authority that its operator holds there, and a
-stop claims nothing.
+The asset decides on the authority: a command claims the epoch that its operator holds there, a stop
+claims none.
 """
 
 import asyncio
@@ -43,12 +43,12 @@ _REFUSALS: Final = {error.value for error in AreaError}
 
 @dataclass(frozen=True, slots=True)
 class CommandPost:
-    """A command as a page posts it.
+    """A command that a page posts.
 
     Attributes:
-        id: made by the page: the same again is not sent a second time.
-        link: by which to send it; None for the one by which it is there soonest.
-        lifetime_s: how long it may wait; None for as long as it takes.
+        id: created by the page; a repeated id is not sent a second time.
+        link: link to send it over; None for the fastest link.
+        lifetime_s: lifetime of the command; None for unlimited.
     """
 
     id: str
@@ -64,7 +64,7 @@ def posted_command(body: dict[str, Any]) -> CommandPost:
     """Return the command of a body.
 
     Raises:
-        RefusedError: a field makes no sense.
+        RequestError: a field is invalid.
     """
     return CommandPost(
         id=identifier(body.get("id")),
@@ -80,14 +80,14 @@ def posted_command(body: dict[str, Any]) -> CommandPost:
 
 
 class Commanding:
-    """Sends what operators ask for.
+    """Sends commands, stops and preview requests of operators.
 
     Args:
         fleet: the assets.
-        tracker: hears what becomes of commands.
-        commands: those of all consoles.
-        desk: who holds the authority.
-        numbers: those of commands: one sequence, as links of an asset do not know of each other.
+        tracker: tracks the states of commands.
+        commands: commands of all consoles.
+        desk: holders of the authority.
+        numbers: command ids: one sequence for all links of an asset.
     """
 
     def __init__(
@@ -103,12 +103,12 @@ class Commanding:
         self._sending: set[asyncio.Task[None]] = set()
 
     async def post(self, operator: str, posted: CommandPost) -> CommandStatus:
-        """Send a command; return how it stands, which is on its way.
+        """Send a command; return its status, SENDING.
 
         Raises:
-            RefusedError: it is not sent.
+            RequestError: it is not sent.
         """
-        if posted.name == STOP:  # nothing stands before it
+        if posted.name == STOP:  # sent without any check
             return await self.stop(operator, posted.asset)
         return await self.send(
             operator,
@@ -119,15 +119,15 @@ class Commanding:
     async def send(
         self, operator: str, posted: CommandPost, make: Callable[[], Request]
     ) -> CommandStatus:
-        """Send a command; return how it stands, which is on its way.
+        """Send a command; return its status, SENDING.
 
         Args:
-            operator: who sends it.
-            posted: what is known of it.
-            make: returns its request, or raises RefusedError.
+            operator: sending operator.
+            posted: posted command.
+            make: returns its request, or raises RequestError.
 
         Raises:
-            RefusedError: it is not sent.
+            RequestError: it is not sent.
         """
         if (known := self._tracker.get(posted.id)) is not None:
             raise _posted_before(known)
@@ -152,17 +152,17 @@ class Commanding:
         return status
 
     async def stop(self, operator: str, asset: str) -> CommandStatus:
-        """Stop an asset, whoever holds the authority; by the direct link, if that is up.
+        """Stop an asset without the authority, over the direct link if that is up.
 
-        Else it is sent by all links that are there. By a relay it may come much later, and would
-        stop the rover again that was resumed meanwhile. It is sent again each time.
+        Otherwise all connected links send it. Over a relay a stop may arrive much later, and would
+        stop a rover that was resumed in between. Each call sends a new stop.
 
         Args:
-            operator: who stops it.
+            operator: operator who stops it.
             asset: its name.
 
         Raises:
-            RefusedError: it cannot be reached.
+            RequestError: it cannot be reached.
         """
         links = self._asset(asset).links
         direct = links.get(LinkKind.DIRECT)
@@ -174,7 +174,7 @@ class Commanding:
         source = self._desk.source(link, operator)
         command = client.command(Stop(), source=source, command_id=self._numbers.take())
         _LOG.warning("%s stops %s: %s", operator, asset, command.identity)
-        name = f"{asset}:{command.identity}"  # so others call it, too: it is not claimed first
+        name = f"{asset}:{command.identity}"  # not claimed first; other consoles derive the same id
         status = _status(operator, CommandPost(name, asset, STOP, {}), link, command)
         self._tracker.begin(status)
         for link, client in found:
@@ -182,10 +182,10 @@ class Commanding:
         return status
 
     async def preview(self, name: str, motion: str, args: object) -> Preview:
-        """Return what a motion of an asset would come to.
+        """Return the preview of a motion.
 
         Raises:
-            RefusedError: it would be refused, or cannot be worked out.
+            RequestError: the motion would be refused, or the preview is not available.
         """
         asset = self._asset(name)
         request = self._request(asset, motion, args)
@@ -203,51 +203,51 @@ class Commanding:
             raise _unreachable(name) from error
 
     def client(self, asset: str) -> MrsClient:
-        """Return the session with an asset, by the link by which it is there soonest.
+        """Return the session with an asset over its fastest link.
 
         Raises:
-            RefusedError: there is none, or it is down.
+            RequestError: there is no link, or it is down.
         """
         return self._desk.client(self.link(asset, None))
 
     def file_client(self, asset: str) -> MrsClient:
-        """Return the session by which an asset's files come: by the direct link alone.
+        """Return the session for files of an asset, over the direct link only.
 
         Raises:
-            RefusedError: there is none, or it is down.
+            RequestError: there is no direct link, or it is down.
         """
         known = self._asset(asset)
         if LinkKind.DIRECT not in known.links:
             text = (
-                f"files of {asset} come by its direct link, which is not known here: the orbiter"
-                " keeps no files and passes none on; give the rover's address with --to"
+                f"files of {asset} need its direct link, which is not configured: the orbiter"
+                " does not forward files; give the rover's address with --to"
             )
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
         return self._desk.client(self._link(known, LinkKind.DIRECT))
 
     async def identity(self, name: str) -> str:
-        """Return SOURCE:NUMBER of a command by its id; the same of what has no id here."""
+        """Return SOURCE:NUMBER of a command by its id; an unknown id is returned unchanged."""
         known = await self._commands.find(name)
         return name if known is None else f"{known.source}:{known.number}"
 
     async def close(self) -> None:
-        """Wait for what is being sent, not for long."""
+        """Wait up to 1 s for commands that are being sent, then cancel them."""
         if self._sending:
             await asyncio.wait(self._sending, timeout=1.0)
         for task in self._sending:
             task.cancel()
 
     async def _claim(self, status: CommandStatus) -> bool:
-        """Make a command this console's to send; return False if its number was given elsewhere.
+        """Claim a command for this console; return False if its number is already used.
 
         Raises:
-            RefusedError: its id was posted before, or it cannot be written down.
+            RequestError: its id was posted before, or the archive cannot be written.
         """
         try:
             if await self._commands.claim(status):
                 return True
         except ArchiveError as error:
-            text = f"{error}: nothing was sent; make room, then post it again"
+            text = f"{error}: nothing was sent; free disk space, then post it again"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
         known = await self._commands.find(status.id)
         if known is not None:
@@ -257,15 +257,15 @@ class Commanding:
     def _asset(self, name: str) -> ConnectedAsset:
         asset = self._fleet.assets.get(name)
         if asset is None:
-            known = ", ".join(self._fleet.assets) or "none was reached yet"
-            text = f"asset: there is no {name[:64]!r}; there are: {known}"
+            known = ", ".join(self._fleet.assets) or "none reached yet"
+            text = f"asset: {name[:64]!r} is unknown; known assets: {known}"
             raise refused(HTTPStatus.NOT_FOUND, text, field="asset")
         return asset
 
     def _request(self, asset: ConnectedAsset, name: str, args: object) -> Request:
         form = next((each for each in asset.entry.commands if each.name == name), None)
         if form is None:
-            text = f"name: there is no command {name[:64]!r}; the dictionary has what there is"
+            text = f"name: command {name[:64]!r} is unknown; the dictionary lists the commands"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="name")
         request = request_of(form, args)
         if isinstance(request, InvalidArgument):
@@ -280,10 +280,10 @@ class Commanding:
         return request
 
     def link(self, asset: str, wanted: LinkKind | None) -> RoverLink:
-        """Return the link to an asset, the one that is wanted or the one that is there soonest.
+        """Return the wanted link to an asset; None selects the fastest.
 
         Raises:
-            RefusedError: there is none, or it is not up.
+            RequestError: there is no such link, or it is not up.
         """
         return self._link(self._asset(asset), wanted)
 
@@ -309,17 +309,17 @@ class Commanding:
             if error.number in _REFUSALS:
                 self._tracker.refused(name, node, describe_error(error))
             else:
-                self._tracker.doubt(name, f"the answer is missing: {describe_error(error)}")
+                self._tracker.doubt(name, f"no valid answer: {describe_error(error)}")
         except ConnectionError as error:
-            self._tracker.doubt(name, f"the link was lost before it was answered: {error}")
+            self._tracker.doubt(name, f"the link was lost before the answer: {error}")
         else:
             self._tracker.taken(name, node)
 
 
 def _status(operator: str, posted: CommandPost, link: RoverLink, command: Command) -> CommandStatus:
-    """Return how a command stands that is about to be sent."""
+    """Return the status of a command that is about to be sent."""
     now_s = command.created_utc_s
-    assert now_s is not None, "MrsClient.command says when"
+    assert now_s is not None, "MrsClient.command sets the creation time"
     return CommandStatus(
         id=posted.id,
         asset=posted.asset,
@@ -341,12 +341,12 @@ STOP: Final = next(each.name for each in FORMS.values() if each.family is Family
 
 
 def _posted_before(known: CommandStatus) -> Exception:
-    text = f"{known.id} was posted before, and is not sent again: `command` is how it stands"
+    text = f"{known.id} was posted before and is not sent again: `command` has its status"
     return refused(HTTPStatus.CONFLICT, text, command=known)
 
 
 def _unreachable(asset: str, by: str = "") -> Exception:
-    text = f"{asset} cannot be reached{by} now: nothing was sent; try again when its link is up"
+    text = f"{asset} cannot be reached{by}: nothing was sent; try again when its link is up"
     return refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
 
 
@@ -354,10 +354,10 @@ def identifier(value: object) -> str:
     """Return the id of a command.
 
     Raises:
-        RefusedError: it is none.
+        RequestError: it is invalid.
     """
     if not isinstance(value, str) or not 0 < len(value) <= LONGEST_ID or not value.isprintable():
-        text = f"id: a text of 1 to {LONGEST_ID} printable characters is needed, new for each"
+        text = f"id: 1 to {LONGEST_ID} printable characters are needed, new for each command"
         raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="id")
     return value
 

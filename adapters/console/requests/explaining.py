@@ -1,4 +1,4 @@
-"""The requests that ask an asset why: of a command, or of what it does now."""
+"""Requests for explanations of a command, or of the present state of an asset."""
 
 import asyncio
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ ASK_S: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class ExplanationStepBody:
-    """What led there.
+    """A step of an explanation.
 
     Attributes:
-        utc: when, by the clock aboard; None for what belongs to no moment.
+        utc: time by the onboard clock; None for a step without a time.
     """
 
     utc: float | None
@@ -39,13 +39,13 @@ class ExplanationStepBody:
 
 @dataclass(frozen=True, slots=True)
 class ExplanationBody:
-    """Why something is as it is.
+    """An explanation.
 
     Attributes:
-        headline: the answer in one sentence.
-        reason, code: name and number of the reason behind it, where there is one.
-        evidence: the figures that showed it.
-        lines: all of it, for people.
+        headline: explanation in one sentence.
+        reason, code: name and number of the underlying reason, if any.
+        evidence: figures that prove it.
+        lines: complete human-readable text.
     """
 
     headline: str
@@ -57,11 +57,11 @@ class ExplanationBody:
 
 
 class ExplanationRequests:
-    """Answers these requests.
+    """Serves these requests.
 
     Args:
-        commanding: knows assets and commands.
-        recordings: know what was.
+        commanding: access to assets and commands.
+        recordings: opened recordings.
     """
 
     def __init__(self, commanding: Commanding, recordings: Recordings) -> None:
@@ -69,7 +69,7 @@ class ExplanationRequests:
         self._recordings = recordings
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are answered."""
+        """Return the routes."""
         return [
             web.get("/api/why/{asset}", self._why),
             web.get("/api/why/{asset}/{command}", self._why),
@@ -90,7 +90,7 @@ class ExplanationRequests:
         except UnknownCommandError as error:
             raise refused(HTTPStatus.NOT_FOUND, str(error), field="command") from error
         except MalError as error:
-            text = f"{asset} does not tell: {describe_error(error)}"
+            text = f"{asset} gives no history: {describe_error(error)}"
             raise refused(HTTPStatus.NOT_IMPLEMENTED, text) from error
         except (ConnectionError, TimeoutError) as error:
             text = f"{asset} does not answer: try again when its link is up"

@@ -1,4 +1,4 @@
-"""The request that exports what the archive keeps, in pieces, however much it is."""
+"""The request that exports archived data, streamed in chunks."""
 
 from collections.abc import AsyncIterator
 from enum import Enum, unique
@@ -33,7 +33,7 @@ from adapters.console.web import HIGHEST, number_of, one_of, refused
 
 @unique
 class ExportFormat(Enum):
-    """How it is written."""
+    """Format of an export."""
 
     CSV = "csv"
     MCAP = "mcap"
@@ -41,7 +41,7 @@ class ExportFormat(Enum):
 
 @unique
 class ExportKind(Enum):
-    """What there is to export."""
+    """Kind of exported data."""
 
     TELEMETRY = "tm"
     COMMANDS = "commands"
@@ -61,11 +61,11 @@ _KEPT: Final[dict[ExportKind, Exported]] = {
 
 
 class ExportRequests:
-    """Answers it.
+    """Serves the request.
 
     Args:
-        archive: what was kept.
-        recordings: where the past of a recording is instead.
+        archive: archived data of rovers.
+        recordings: opened recordings, with their own archives.
     """
 
     def __init__(self, archive: Archive, recordings: Recordings) -> None:
@@ -73,7 +73,7 @@ class ExportRequests:
         self._recordings = recordings
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where it is answered."""
+        """Return the route."""
         return [web.get("/api/export", self._export, allow_head=False)]
 
     async def _export(self, request: web.Request) -> web.StreamResponse:
@@ -81,7 +81,7 @@ class ExportRequests:
         names = request.query.get("what", ExportKind.TELEMETRY.value).split(",")
         wanted = [one_of(ExportKind, "what", name) for name in dict.fromkeys(names)]
         if form is ExportFormat.CSV and len(wanted) > 1:
-            text = "what: a CSV file holds one kind; ask for each, or for fmt=mcap"
+            text = "what: a CSV file holds one kind; request each alone, or use fmt=mcap"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="what")
         asset = request.query.get("asset")
         start_us = to_us(number_of(request, "start", 0.0))

@@ -1,8 +1,8 @@
-"""How what is exported is written for other programs: as CSV, or as MCAP with a topic each.
+"""Writers of exported data: CSV, or MCAP with one topic for each kind.
 
 MCAP messages are JSON. Telemetry is `{"value", "quality"}` on `/ASSET/LINK/KEY`, reports are
-`foxglove.Log` on `/ASSET/reports`, all else is as pages get it, on `/ASSET/KIND`. They are
-published at the time aboard, and logged when they arrived here.
+`foxglove.Log` on `/ASSET/reports`, other kinds are console messages on `/ASSET/KIND`. The publish
+time is the time aboard, the log time is the reception time.
 """
 
 import csv
@@ -35,14 +35,14 @@ TELEMETRY: Final = {
 }
 STAGES: Final = ("SENT", "TAKEN", "FORWARDED", "RECEIVED", "ACCEPTED", "STARTED")
 _LEVELS: Final = {"INFORMATIONAL": 2, "WARNING": 3, "ALARM": 4, "SEVERE": 4, "CRITICAL": 5}
-"""Of foxglove.Log: 2 is INFO, 5 is FATAL."""
+"""Levels of foxglove.Log: 2 is INFO, 5 is FATAL."""
 
 
 class CsvFile:
-    """A line for each, and one with the names of the columns before them.
+    """CSV file with a header line and one line for each item.
 
-    A tree has a line for each node, a command one with the time of each stage; what is no figure or
-    text is JSON.
+    A tree has one line for each node. A command has one line with the times of its stages. Values
+    other than numbers and text are JSON.
     """
 
     content_type = "text/csv"
@@ -51,21 +51,21 @@ class CsvFile:
         self._has_names = False
 
     def begin(self) -> bytes:
-        """Return nothing: the columns depend on what comes."""
+        """Return no octets: the columns depend on the data."""
         return b""
 
     def samples(self, rows: Sequence[ExportRow]) -> bytes:
-        """Return the lines of values."""
+        """Return the lines of samples."""
         return self._lines(ExportRow._fields, rows)
 
     def kept(self, _: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
-        """Return the lines of what was kept whole."""
+        """Return the lines of records."""
         names, lines = _COLUMNS.get(kind, (_names(kind), _one_line))
         rows = (line for each in page for line in lines(each.body))
         return self._lines(names, ([_cell(row.get(name)) for name in names] for row in rows))
 
     def end(self) -> bytes:
-        """Return nothing more."""
+        """Return no octets: CSV has no trailer."""
         return b""
 
     def _lines(self, names: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
@@ -121,7 +121,7 @@ _COLUMNS: Final[dict[Exported, tuple[tuple[str, ...], Any]]] = {
 
 
 class _ChunkBuffer(io.BytesIO):
-    """What a writer wrote since it was last taken; positions are those in the whole."""
+    """Buffer of written octets since the last `take`; positions are those of the complete file."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -139,7 +139,7 @@ class _ChunkBuffer(io.BytesIO):
 
 
 class McapFile:
-    """A topic for each parameter and link, and for each kind of what was kept whole."""
+    """MCAP file with a topic for each parameter and link, and for each kind of records."""
 
     content_type = "application/octet-stream"
 
@@ -155,14 +155,14 @@ class McapFile:
         return self._pieces.take()
 
     def samples(self, rows: Sequence[ExportRow]) -> bytes:
-        """Return what is written of values; the writer may keep some until it has a chunk."""
+        """Return the octets of samples; the writer may buffer some until a chunk is complete."""
         for row in rows:
             channel = self._channel(f"/{row.asset}/{row.link}/{row.key}", "telemetry", TELEMETRY)
             self._add(channel, row.utc, row.rx, {"value": row.value, "quality": row.quality})
         return self._pieces.take()
 
     def kept(self, name: str, kind: Exported, page: Sequence[ExportRecord]) -> bytes:
-        """Return what is written of what was kept whole, on topics of that name."""
+        """Return the octets of records, on topics of that name."""
         for each in page:
             topic = f"/{each.body['asset']}/{name}"
             if kind is Notified:
@@ -174,7 +174,7 @@ class McapFile:
         return self._pieces.take()
 
     def end(self) -> bytes:
-        """Return the rest, with the index."""
+        """Return the remaining octets, with the index."""
         self._writer.finish()
         return self._pieces.take()
 
@@ -202,7 +202,7 @@ def _ns(utc_s: float) -> int:
 
 
 def _log(report: ExportRecord) -> dict[str, Any]:
-    """Return a report as Foxglove's panel for logs reads it, with all that is known of it."""
+    """Return a report as a `foxglove.Log` message, with the complete report."""
     sec, nsec = divmod(_ns(report.utc), NS_PER_S)
     body = report.body
     return {
@@ -217,7 +217,7 @@ def _log(report: ExportRecord) -> dict[str, Any]:
 
 
 def schema_of(kind: Any) -> dict[str, Any]:
-    """Return the JSON schema of a type as `messages.plain` writes its values."""
+    """Return the JSON schema of a type, for the encoding of `messages.plain`."""
     options = get_args(kind) if isinstance(kind, UnionType) else ()
     if options and NoneType in options:
         others = [schema_of(each) for each in options if each is not NoneType]
@@ -252,4 +252,4 @@ LOG: Final = {
         "report": schema_of(Notified),
     },
 }
-"""https://docs.foxglove.dev/docs/sdk/schemas/log, and the report that it is of."""
+"""Schema of https://docs.foxglove.dev/docs/sdk/schemas/log, with the report."""

@@ -1,4 +1,4 @@
-"""The files that the console keeps: each under the name of its asset, and its path aboard."""
+"""Files that the console stores, each under the name of its asset and its path aboard."""
 
 import hashlib
 import os
@@ -12,17 +12,17 @@ from executive.state import FileFolder, FileStamp, check_path
 from executive.values.reasons import Refusal
 
 MOST_KEPT: Final = 1_000_000_000
-"""Octets of files; those that were fetched longest ago go first."""
+"""Capacity for files, in octets; beyond it the earliest fetched files are deleted."""
 _READ_OCTETS: Final = 1 << 20
 _STAGED: Final = ".transfers"
-"""What is on its way; a name that begins with a dot is no part of the folder."""
+"""Subfolder for unfinished files; names that begin with a dot are not listed."""
 
 
 class FileStore:
-    """Keeps files in a folder, and those that are on their way in a hidden one within.
+    """Stores files in a folder, and unfinished ones in a hidden subfolder.
 
     Args:
-        root: the folder; made when the first file comes.
+        root: the folder; created with the first file.
     """
 
     def __init__(self, root: Path) -> None:
@@ -31,16 +31,16 @@ class FileStore:
         self._verified: dict[FileStamp, int] = {}
 
     def entries(self) -> Iterator[tuple[str, FileStamp]]:
-        """Yield the files that are here, in no order."""
+        """Yield the stored files, in no order."""
         return self._folder.entries()
 
     def find(self, path: str) -> Path | None:
-        """Return where a file is; None if it is not here."""
+        """Return the path of a stored file; None if it is not stored."""
         place = self._folder.find(path)
         return None if isinstance(place, Refusal) else place
 
     def find_same(self, path: str, file: FileInfo) -> Path | None:
-        """Return where a file is if it has the content that it has aboard; may read all of it."""
+        """Return the path of a stored file with the same content as aboard; may read all of it."""
         place = self.find(path)
         if place is None or file.checksum is None:
             return None
@@ -53,14 +53,14 @@ class FileStore:
 
     @property
     def staged(self) -> Path:
-        """The folder of what is on its way."""
+        """The folder for unfinished files."""
         return self.root / _STAGED
 
     def stage(self, path: str) -> Path:
-        """Return where a file is while it is on its way; parts of it are named after that.
+        """Return the path of an unfinished file; its parts have this path as prefix.
 
         Raises:
-            ValueError: no file here can have this path.
+            ValueError: the path is not permitted.
         """
         if (refusal := check_path(path)) is not None:
             raise ValueError(refusal.text)
@@ -68,10 +68,10 @@ class FileStore:
         return self.staged / hashlib.sha256(path.encode()).hexdigest()
 
     def take(self, path: str, file: FileInfo) -> None:
-        """Put a file that has come whole, and was verified, where it belongs.
+        """Move a complete and verified file to its path in the store.
 
         Raises:
-            OSError: it cannot be put there.
+            OSError: it cannot be moved.
         """
         came, place = self.stage(path), self.root / path
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -83,7 +83,7 @@ class FileStore:
         self._forget_oldest()
 
     def discard(self, path: str) -> None:
-        """Remove what came of a file so far."""
+        """Remove the received parts of a file."""
         staged = self.stage(path)
         for part in staged.parent.glob(f"{staged.name}*"):
             part.unlink(missing_ok=True)

@@ -1,6 +1,6 @@
-"""The requests for files: of those aboard, of those kept here, and for transfers of them.
+"""Requests for files aboard, for stored files, and for transfers.
 
-What a rover sends is not trusted: a browser shows it as a picture, or saves it, and runs nothing.
+Files of a rover are not trusted: a browser displays pictures, saves other files, and runs none.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ from adapters.mrs.spec import AreaError, FileInfo, describe_error
 from adapters.recording import RecordingError
 from executive.state import FileStamp
 
-_GONE: Final = "there is no such transfer any more"
+_GONE: Final = "no such transfer"
 _SHOWN: Final = {"image/jpeg", "image/png", "image/gif", "image/webp"}
 
 
@@ -33,8 +33,8 @@ class FileEntry:
     """A file of a component.
 
     Attributes:
-        checksum: CRC-32 of the content; None where the list does not tell it.
-        meta: what is known of it, such as where a picture was taken.
+        checksum: CRC-32 of the content; None if the list does not have it.
+        meta: metadata, such as the pose of a picture.
     """
 
     path: str
@@ -46,14 +46,14 @@ class FileEntry:
 
 
 class FileRequests:
-    """Answers these requests.
+    """Serves these requests.
 
     Args:
-        client: connects with an asset.
-        store: the files kept here.
-        transfers: fetches files into it.
-        recordings: opens those among them.
-        own: the name of the asset whose files are those kept here.
+        client: returns the session with an asset.
+        store: stored files.
+        transfers: fetches files into the store.
+        recordings: opens stored recordings.
+        own: name of the asset that lists the stored files.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class FileRequests:
         self._recordings, self._own = recordings, own
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are answered."""
+        """Return the routes."""
         return [
             web.get(f"/api/files/{self._own}", self._list_kept),
             web.get(f"/api/files/{self._own}/{{path:.+}}", self._kept),
@@ -94,7 +94,7 @@ class FileRequests:
         return answer({"files": [_kept_entry(*each) for each in found]})
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
-        """Answer with a file aboard, which is fetched unless the same is kept here."""
+        """Respond with a file aboard, which is fetched unless the store has the same content."""
         asset, path = request.match_info["asset"], request.match_info["path"]
         client, kept = self._client(asset), kept_at(asset, path)
         try:
@@ -117,13 +117,13 @@ class FileRequests:
         begun = self._transfers.fetch(asset, path, "")
         stopped = await self._transfers.until_stopped(begun.id)
         if stopped.state is TransferState.INTERRUPTED:
-            text = f"it is not here yet: {stopped.detail}; it goes on by itself: see its transfer"
+            text = f"not fetched yet: {stopped.detail}; its transfer resumes by itself"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
         if stopped.state is TransferState.PAUSED:
-            text = "it is not here yet: its transfer is paused; resume that"
+            text = "not fetched yet: its transfer is paused; resume the transfer"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
         if stopped.state is not TransferState.DONE:
-            text = f"it was not fetched: {stopped.detail or 'its transfer was ended'}; ask again"
+            text = f"not fetched: {stopped.detail or 'its transfer was ended'}; request it again"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
 
     async def _list_transfers(self, _: web.Request) -> web.Response:
@@ -132,7 +132,7 @@ class FileRequests:
     async def _transfer(self, request: web.Request) -> web.Response:
         body = await body_of(request)
         asset, path = text_of(body, "asset"), text_of(body, "path")
-        self._client(asset)  # one that can never come is told of at once
+        self._client(asset)  # refuses at once if no session is available
         try:
             begun = self._transfers.fetch(asset, path, request[OPERATOR])
         except (OSError, ValueError) as error:
@@ -148,12 +148,12 @@ class FileRequests:
         return answer(turned)
 
     async def _open(self, request: web.Request) -> web.Response:
-        """Show a recording that was fetched as an asset."""
+        """Open a fetched recording as an asset."""
         name = request.match_info["id"]
         found = next((each for each in self._transfers.listed if each.id == name), None)
         place = None if found is None else self._store.find(kept_at(found.asset, found.path))
         if place is None:
-            raise refused(HTTPStatus.NOT_FOUND, "there is no such file here: fetch it first")
+            raise refused(HTTPStatus.NOT_FOUND, "no such file in the store: fetch it first")
         try:
             opened = await self._recordings.open(place, is_connected(request))
         except RecordingError as error:
@@ -171,7 +171,7 @@ class FileRequests:
 
 def _found(here: Path | None, mime: str | None) -> web.FileResponse:
     if here is None:
-        raise refused(HTTPStatus.NOT_FOUND, "there is no such file here")
+        raise refused(HTTPStatus.NOT_FOUND, "no such file in the store")
     name = quote(PurePosixPath(here).name)
     how = "inline" if mime in _SHOWN else "attachment"
     return web.FileResponse(
@@ -203,13 +203,13 @@ def _kept_entry(path: str, stamp: FileStamp) -> FileEntry:
 def _refused(error: Exception) -> Exception:
     match error:
         case MalError(number=AreaError.NOT_FOUND.value):
-            return refused(HTTPStatus.NOT_FOUND, f"there is no such file aboard: {error}")
+            return refused(HTTPStatus.NOT_FOUND, f"no such file aboard: {error}")
         case MalError():
             return refused(HTTPStatus.UNPROCESSABLE_ENTITY, describe_error(error))
         case ConnectionError():
-            text = f"the link was lost: {error}; ask again when it is up"
+            text = f"the link was lost: {error}; request it again when the link is up"
             return refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
         case ValueError():
             return refused(HTTPStatus.UNPROCESSABLE_ENTITY, f"path: {error}", field="path")
         case _:
-            return refused(HTTPStatus.INSUFFICIENT_STORAGE, f"it cannot be kept here: {error}")
+            return refused(HTTPStatus.INSUFFICIENT_STORAGE, f"the file cannot be stored: {error}")

@@ -1,4 +1,4 @@
-"""The requests that read the archive."""
+"""Requests that read the archive."""
 
 from collections.abc import Callable
 from functools import partial
@@ -43,11 +43,11 @@ MOST_KEYS: Final = 1000
 
 
 class ArchiveRequests:
-    """Answers these requests.
+    """Serves these requests.
 
     Args:
-        archive: what was kept.
-        recordings: where the past of a recording is instead.
+        archive: archived data of rovers.
+        recordings: opened recordings, with their own archives.
     """
 
     def __init__(self, archive: Archive, recordings: Recordings) -> None:
@@ -55,7 +55,7 @@ class ArchiveRequests:
         self._recordings = recordings
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are answered."""
+        """Return the routes."""
         return [
             web.get("/api/tm/{asset}/{key}", self._samples),
             web.post("/api/tm:batch", self._last_samples),
@@ -65,12 +65,12 @@ class ArchiveRequests:
         ]
 
     def _archive_of(self, asset: str | None) -> Archive:
-        """Return where the past of an asset is."""
+        """Return the archive with the history of an asset."""
         recording = self._recordings.get(asset)
         return self._archive if recording is None else recording.archive
 
     async def _read(self, asset: str | None, act: Callable[[Connection], T]) -> T:
-        """Read what was heard so far of an asset; None for all rovers."""
+        """Write the queue, then read the history of an asset; None for all rovers."""
         archive = self._archive_of(asset)
         await archive.flush()
         return await archive.read(act)

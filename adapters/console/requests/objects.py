@@ -1,4 +1,4 @@
-"""The requests for what operators make and share, such as displays, on all consoles."""
+"""Requests for objects that operators share on all consoles, such as displays."""
 
 import asyncio
 import json
@@ -30,11 +30,11 @@ _REVISION: Final = re.compile(r"[0-9]{1,18}")
 
 
 class ObjectRequests:
-    """Answers these requests.
+    """Serves these requests.
 
     Args:
-        archive: where they are.
-        publish: tells pages that an object has changed.
+        archive: stores the objects.
+        publish: notifies pages of a changed object.
     """
 
     def __init__(self, archive: Archive, publish: Callable[[ObjectChanged], None]) -> None:
@@ -43,7 +43,7 @@ class ObjectRequests:
         self._refreshing = asyncio.Lock()
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are answered."""
+        """Return the routes."""
         return [
             web.get("/api/objects", self._list),
             web.get("/api/objects/{key}", self._get),
@@ -52,14 +52,14 @@ class ObjectRequests:
         ]
 
     async def run(self) -> None:
-        """Tell what other consoles changed, again and again."""
+        """Publish changes of other consoles periodically."""
         while True:
-            with suppress(SQLAlchemyError):  # the archive tells when it cannot be written
+            with suppress(SQLAlchemyError):  # the archive logs that it cannot be written
                 await self.refresh()
             await asyncio.sleep(LOOK_S)
 
     async def refresh(self) -> None:
-        """Tell pages of all objects that are not as they were told; at first nothing is new."""
+        """Publish objects that changed since the last call; the first call publishes none."""
         async with self._refreshing:
             found = dict(await self._archive.read(list_objects))
             told = found if self._told is None else self._told
@@ -76,7 +76,7 @@ class ObjectRequests:
         key = request.match_info["key"]
         found = await self._archive.read(partial(get_object, key=key))
         if found is None:
-            raise refused(HTTPStatus.NOT_FOUND, f"there is no object {key!r}")
+            raise refused(HTTPStatus.NOT_FOUND, f"no object {key!r}")
         response = answer(
             {
                 "key": key,
@@ -123,8 +123,8 @@ def _if_match(request: web.Request) -> int:
     given = request.headers.get("If-Match", "").strip('"')
     if not _REVISION.fullmatch(given):
         text = (
-            'the header If-Match: "REVISION" is needed, which is the one that is changed; for a'
-            " new object If-None-Match: *"
+            'the header If-Match: "REVISION" is needed, with the revision to change; for a new'
+            " object If-None-Match: *"
         )
         raise refused(HTTPStatus.PRECONDITION_REQUIRED, text)
     return int(given)
@@ -132,6 +132,6 @@ def _if_match(request: web.Request) -> int:
 
 def _conflict(key: str, conflict: RevisionConflict) -> Exception:
     if conflict.revision is None:
-        return refused(HTTPStatus.PRECONDITION_FAILED, f"there is no object {key!r} any more")
-    text = f"{key!r} is at revision {conflict.revision}: get it, and change that"
+        return refused(HTTPStatus.PRECONDITION_FAILED, f"object {key!r} was deleted")
+    text = f"{key!r} is at revision {conflict.revision}: read and change that revision"
     return refused(HTTPStatus.PRECONDITION_FAILED, text, revision=conflict.revision)

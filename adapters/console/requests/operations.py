@@ -1,4 +1,4 @@
-"""The requests by which operators act: commands, stops, previews, the authority."""
+"""Requests for commands, stops, previews and the authority."""
 
 import asyncio
 from http import HTTPStatus
@@ -11,22 +11,22 @@ from adapters.console.rovers import OperatorAction, OperatorAuthority, OperatorR
 from adapters.console.web import OPERATOR, answer, body_of, one_of, refused, text_of
 
 ASK_S = 10.0
-"""For an answer on the authority."""
+"""Timeout of an authority request, s."""
 
 
 class OperationRequests:
-    """Answers these requests.
+    """Serves these requests.
 
     Args:
-        commanding: sends what operators ask for.
-        desk: asks for the authority.
+        commanding: sends commands, stops and preview requests.
+        desk: performs actions on the authority.
     """
 
     def __init__(self, commanding: Commanding, desk: OperatorAuthority) -> None:
         self._commanding, self._desk = commanding, desk
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are answered."""
+        """Return the routes."""
         return [
             web.post("/api/commands", self._command),
             web.post("/api/stop/{asset}", self._stop),
@@ -71,5 +71,5 @@ class OperationRequests:
             async with asyncio.timeout(ASK_S):
                 return answer(await self._desk.ask(link, asked))
         except TimeoutError as error:
-            text = f"{link.asset} does not answer: whether it was done is not known"
+            text = f"{link.asset} does not answer: the result is unknown"
             raise refused(HTTPStatus.GATEWAY_TIMEOUT, text) from error

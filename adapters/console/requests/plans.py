@@ -1,4 +1,4 @@
-"""The requests that submit plans, and find those that were submitted."""
+"""Requests that submit plans, and read submitted ones."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -15,23 +15,23 @@ from executive.commands import PlanArgument, PlanDefinition, SubmitPlan, declara
 from executive.plans import FORMAT
 
 LARGEST: Final = 256 * 1024
-"""Octets of a plan that a rover takes."""
+"""Maximum size of a plan, in octets."""
 SUBMIT: Final = declaration_of(SubmitPlan).name
 
 
 class PlanRequests:
-    """Answers these requests.
+    """Serves these requests.
 
     Args:
         commanding: sends plans.
-        archive: keeps them.
+        archive: stores them.
     """
 
     def __init__(self, commanding: Commanding, archive: Archive) -> None:
         self._commanding, self._archive = commanding, archive
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are answered."""
+        """Return the routes."""
         return [
             web.post("/api/plans/{asset}", self._submit),
             web.get("/api/plans/{asset}", self._list),

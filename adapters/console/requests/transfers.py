@@ -1,7 +1,7 @@
-"""Files on their way from aboard: each goes on where it stopped, also after a kill.
+"""File transfers from assets; each resumes at its interruption, also after a kill.
 
-What came lies in the store's folder for that, and beside it a list of the transfers, written
-whenever one of them is in another state.
+Received parts are in the store's folder for unfinished files, with the list of the transfers. The
+list is written at each change of a state.
 """
 
 import asyncio
@@ -25,36 +25,36 @@ from adapters.system import System
 _LOG: Final = logging.getLogger(__name__)
 
 MOST_AT_ONCE: Final = 3
-"""Transfers that run at the same time; others wait."""
+"""Maximum number of concurrent transfers; others are queued."""
 MOST_WRONG: Final = 3
-"""Attempts that may bring what is not the file that is aboard."""
+"""Attempts with a received file that differs from the one aboard, before the transfer fails."""
 MOST_LISTED: Final = 100
-"""Transfers in the list; those that ended first go from it first."""
+"""Maximum length of the list; beyond it, ended transfers are removed."""
 AGAIN_S: Final = 1.0
-"""Between two looks whether what was interrupted can go on."""
+"""Retry interval of an interrupted transfer, s."""
 TELL_S: Final = 0.25
-"""Between two messages on how far one is."""
+"""Minimum interval between two progress messages of a transfer, s."""
 RATED: Final = 12
-"""Messages over which the rate is taken."""
+"""Number of progress messages over which the rate is averaged."""
 _LIST: Final = "list.json"
 _FOR_GOOD: Final = {error.value for error in AreaError} - {AreaError.BUSY.value}
-"""Answers that another attempt would get again."""
+"""Errors that another attempt would receive again."""
 Connect = Callable[[str], MrsClient]
-"""Returns the session by which an asset's files come; raises RefusedError if there is none now."""
+"""Returns the session for files of an asset; raises RequestError if there is none."""
 
 _ENDED: Final = {TransferState.DONE, TransferState.FAILED, TransferState.REMOVED}
 
 
 @unique
 class TransferAction(Enum):
-    """What an operator may do with a transfer."""
+    """Action of an operator on a transfer."""
 
     PAUSE = "pause"
     RESUME = "resume"
 
 
 def kept_at(asset: str, path: str) -> str:
-    """Return where a file of an asset is in the store."""
+    """Return the path of an asset's file in the store."""
     return f"{asset}/{path}"
 
 
@@ -63,9 +63,9 @@ class _ActiveTransfer:
     """A transfer and its task.
 
     Attributes:
-        stopped: set unless it is on its way, or waits for others.
-        lately: when it was how far, by the loop's clock.
-        wrong: how often what came was not the file that is aboard.
+        stopped: set unless it runs or is queued.
+        lately: recent times of the loop's clock, with the octets received by then.
+        wrong: number of received files that differ from the one aboard.
     """
 
     transfer: Transfer
@@ -79,10 +79,10 @@ class Transfers:
     """Fetches files from assets into the store.
 
     Args:
-        client: connects with an asset.
-        store: where they are kept.
-        tell: called with each transfer whenever it is otherwise.
-        system: the time, and what names them.
+        client: returns the session with an asset.
+        store: stores the files.
+        tell: called with a transfer at each change.
+        system: clock and random ids.
     """
 
     def __init__(
@@ -99,18 +99,18 @@ class Transfers:
 
     @property
     def listed(self) -> tuple[Transfer, ...]:
-        """The transfers, in the order in which they were asked for."""
+        """The transfers, in the order of their requests."""
         return tuple(each.transfer for each in self._known.values())
 
     def start(self) -> None:
-        """Go on with those that an earlier process had under way."""
+        """Resume the transfers of a former process."""
         try:
             listed = json.loads(self._list.read_bytes())
             found = [decode_transfer(each) for each in listed]
         except FileNotFoundError:
             return
         except (OSError, ValueError, TypeError, KeyError) as error:
-            _LOG.warning("%s cannot be read, and is left out: %s", self._list, error)
+            _LOG.warning("%s cannot be read and is ignored: %s", self._list, error)
             return
         for transfer in found:
             moving = self._known[transfer.id] = _ActiveTransfer(transfer)
@@ -118,19 +118,19 @@ class Transfers:
                 moving.stopped.set()
                 self._tell(transfer)
             else:
-                self._turn(moving, TransferState.INTERRUPTED, "rover-console was started again")
+                self._turn(moving, TransferState.INTERRUPTED, "rover-console was restarted")
                 moving.task = begin(self._work(moving))
 
     async def close(self) -> None:
-        """End all; what came so far is kept."""
+        """Stop all transfers; received parts are kept for resumption."""
         await end(each.task for each in self._known.values() if each.task is not None)
 
     def fetch(self, asset: str, path: str, by: str) -> Transfer:
-        """Begin to fetch a file, unless it is on its way already; return how that is.
+        """Start the transfer of a file, unless one has not ended; return its status.
 
         Raises:
-            ValueError: no file here can have this path.
-            OSError: nothing can be kept here.
+            ValueError: the path is not permitted.
+            OSError: the store cannot be written.
         """
         self._store.stage(kept_at(asset, path))
         for known in list(self._known.values()):
@@ -147,16 +147,16 @@ class Transfers:
         return moving.transfer
 
     async def until_stopped(self, name: str) -> Transfer:
-        """Wait until a transfer has ended or is interrupted; return how it is."""
+        """Wait until a transfer has ended or is interrupted; return its status."""
         moving = self._known[name]
         await moving.stopped.wait()
         return moving.transfer
 
     async def turn(self, name: str, act: TransferAction) -> Transfer:
-        """Pause a transfer that has not ended, or resume one that is paused; return how it is.
+        """Pause a transfer that has not ended, or resume a paused one; return its status.
 
         Raises:
-            KeyError: there is none of that id.
+            KeyError: the id is unknown.
         """
         moving = self._known[name]
         paused = moving.transfer.state is TransferState.PAUSED
@@ -174,10 +174,10 @@ class Transfers:
         return moving.transfer
 
     async def remove(self, name: str) -> None:
-        """End a transfer, and take it off the list; what is in the store stays.
+        """End a transfer and remove it from the list; a stored file is not deleted.
 
         Raises:
-            KeyError: there is none of that id.
+            KeyError: the id is unknown.
         """
         moving = self._known[name]
         await _cancel(moving)
@@ -186,16 +186,16 @@ class Transfers:
         self._write()
 
     async def _work(self, moving: _ActiveTransfer) -> None:
-        """Fetch a file, again and again until it is here or cannot be."""
+        """Fetch a file; retry until it is stored or the transfer fails."""
         while moving.transfer.state not in _ENDED:
             try:
                 client = self._client(moving.transfer.asset)
                 if self._room.locked():
-                    self._turn(moving, TransferState.WAITING, "others are under way")
+                    self._turn(moving, TransferState.WAITING, "queued behind other transfers")
                 async with self._room:
                     await self._attempt(client, moving)
                 self._turn(moving, TransferState.DONE, "")
-            except TransferError as error:  # changed aboard, for example: it begins anew
+            except TransferError as error:  # for example changed aboard: it restarts
                 moving.wrong += 1
                 anew = moving.wrong < MOST_WRONG
                 state = TransferState.INTERRUPTED if anew else TransferState.FAILED
@@ -233,7 +233,7 @@ class Transfers:
         self._tell(moving.transfer)
 
     def _turn(self, moving: _ActiveTransfer, state: TransferState, detail: str) -> None:
-        """Have a transfer be in a state, and tell of it if that is news."""
+        """Set the state of a transfer, and publish it if it has changed."""
         before, utc_s = moving.transfer, self._system.utc_s()
         moving.transfer = replace(before, state=state, detail=detail, rate=None, utc=utc_s)
         if state in {TransferState.WAITING, TransferState.RUNNING}:
@@ -251,7 +251,7 @@ class Transfers:
         self._tell(moving.transfer)
 
     def _write(self) -> None:
-        """Write the list down, whole or not at all, without those that ended long ago."""
+        """Write the list atomically, without the earliest ended transfers beyond `MOST_LISTED`."""
         ended = [each for each in self._known.values() if each.transfer.state in _ENDED]
         for moving in ended[: max(0, len(self._known) - MOST_LISTED)]:
             self._forget(moving)
@@ -270,7 +270,7 @@ async def _cancel(moving: _ActiveTransfer) -> None:
 
 
 def _outcome(error: Exception) -> tuple[TransferState, str]:
-    """Return what an error makes of a transfer, and why, for people."""
+    """Return the state of a transfer after an error, with a human-readable reason."""
     match error:
         case MalError() if error.number in _FOR_GOOD:
             return TransferState.FAILED, describe_error(error)
@@ -279,4 +279,4 @@ def _outcome(error: Exception) -> tuple[TransferState, str]:
         case RequestError() | ConnectionError():
             return TransferState.INTERRUPTED, str(error)
         case _:
-            return TransferState.FAILED, f"it cannot be kept here: {error}"
+            return TransferState.FAILED, f"the file cannot be stored: {error}"

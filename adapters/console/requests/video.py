@@ -1,7 +1,7 @@
-"""`/ws/video/{asset}`: the pictures of a rover's camera, as they come; the newest wins.
+"""`/ws/video/{asset}`: live pictures of a rover's camera; a slow page skips to the newest.
 
-The stream arrives by UDP, where the rover's VIDEO ON sends it. It is listened to while a page
-watches, so that other receivers have the port otherwise. A message is the time of arrival (seconds
+The stream arrives by UDP, after the rover's VIDEO ON. The port is bound only while a page is
+connected, so that other receivers can use it otherwise. A message is the reception time (seconds
 since 1970 UTC, 8 octets, big-endian float) and a JPEG file.
 """
 
@@ -25,7 +25,7 @@ Address = tuple[str, int]
 
 
 class FrameAssembler(asyncio.DatagramProtocol):
-    """Puts the pictures of a stream together, and keeps the newest."""
+    """Assembles the pictures of a stream, and holds the newest."""
 
     def __init__(self, utc: Callable[[], float]) -> None:
         self._stream, self._utc = JpegStream(), utc
@@ -35,7 +35,7 @@ class FrameAssembler(asyncio.DatagramProtocol):
         self.watchers = 0
 
     def datagram_received(self, data: bytes, _: object) -> None:
-        """Take a datagram."""
+        """Add a datagram to the stream."""
         picture = self._stream.add(data)
         if picture is None:
             return
@@ -45,7 +45,7 @@ class FrameAssembler(asyncio.DatagramProtocol):
         more.set()
 
     async def after(self, number: int) -> tuple[int, bytes]:
-        """Return the newest picture and its number, once there is one after a number."""
+        """Wait for a picture after a number; return the newest one with its number."""
         while self._number <= number:
             await self._more.wait()
         return self._number, self._newest
@@ -55,9 +55,9 @@ class VideoRequests:
     """Serves the streams.
 
     Args:
-        given: where those of some assets arrive.
-        of_settings: returns where that of an asset arrives by its settings; None where it has none.
-        utc: the time.
+        given: UDP addresses of assets' streams, from the command line.
+        of_settings: returns the UDP address of an asset's settings; None if there is none.
+        utc: clock, s since 1970 UTC.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class VideoRequests:
         self._listening = asyncio.Lock()
 
     def routes(self) -> list[web.RouteDef]:
-        """Return where they are served."""
+        """Return the route."""
         return [web.get("/ws/video/{asset}", self._serve)]
 
     async def _serve(self, request: web.Request) -> web.WebSocketResponse:
@@ -80,7 +80,7 @@ class VideoRequests:
         await socket.prepare(request)
         address = self._given.get(asset) or self._of_settings(asset)
         if address is None:
-            await self._refuse(socket, f"{asset} has no video that is known here: --video")
+            await self._refuse(socket, f"no video address for {asset}: give --video")
             return socket
         try:
             pictures = await self._listen(address)
@@ -93,7 +93,7 @@ class VideoRequests:
         sending = asyncio.create_task(_send(socket, pictures))
         try:
             while (await socket.receive()).type is WSMsgType.TEXT:
-                pass  # nothing that a page says means anything here
+                pass  # messages of the page are ignored
         finally:
             sending.cancel()
             self._leave(address)

@@ -1,4 +1,4 @@
-"""Sessions with rovers: what is heard as messages, what is commanded as requests."""
+"""Sessions with rovers: received data as messages, commands as requests of the core."""
 
 from adapters.console.rovers.authority_desk import OperatorAction as OperatorAction
 from adapters.console.rovers.authority_desk import OperatorAuthority as OperatorAuthority

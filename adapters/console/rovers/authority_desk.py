@@ -1,7 +1,7 @@
-"""Who of the operators commands an asset: what they ask of its authority, and its renewal.
+"""Authority of operators over an asset: requests, hand-over and renewal of the lease.
 
-The authority is the asset's. Operators have their own names there, unless the console's certificate
-proves one name for all of them: then the console holds it for one operator at a time.
+The asset grants the authority. Operators use their own names as sources, unless the console's
+certificate proves one name for all: then the console holds it for one operator at a time.
 """
 
 import asyncio
@@ -23,17 +23,17 @@ from adapters.mrs.spec import AuthorityStatus, describe_error
 _LOG: Final = logging.getLogger(__name__)
 
 RENEW_BELOW: Final = 2 / 3
-"""Of a lease: it is renewed when less is left, so that one lost answer does not end it."""
+"""Share of a lease below which it is renewed, so that one lost answer does not end it."""
 CHECK_S: Final = 1.0
 RENEWAL_S: Final = 0.5
-"""A lease that ends so much later than was told is told anew."""
+"""Change of a lease's end from which on it is published again, s."""
 
 Key = tuple[str, LinkKind]
 
 
 @unique
 class OperatorAction(Enum):
-    """What an operator may ask of the authority."""
+    """Action of an operator on the authority."""
 
     REQUEST = "request"
     TAKE = "take"
@@ -43,11 +43,11 @@ class OperatorAction(Enum):
 
 @dataclass(frozen=True, slots=True)
 class OperatorRequest:
-    """What an operator asks of the authority over an asset.
+    """Request of an operator for an action on the authority over an asset.
 
     Attributes:
-        to, lease_s: of `HAND_OVER`: to whom, and for how long that one may be silent; None for as
-            long as everybody.
+        to, lease_s: new holder of a `HAND_OVER`, and the duration of its lease, s; None for the
+            default.
     """
 
     act: OperatorAction
@@ -57,12 +57,12 @@ class OperatorRequest:
 
 
 class OperatorAuthority:
-    """Asks for the authority on behalf of operators, and renews it while they are there.
+    """Requests the authority for operators, and renews it while they have a page open.
 
     Args:
-        publish: tells all pages who holds it.
+        publish: sends the status of the authority to all pages.
         is_present: whether an operator has a page open.
-        utc: the time.
+        utc: clock, s since 1970 UTC.
     """
 
     def __init__(
@@ -81,29 +81,29 @@ class OperatorAuthority:
 
     @property
     def held(self) -> tuple[AuthorityMessage, ...]:
-        """Who commands what, as last heard."""
+        """The last received authority of each asset and link."""
         return tuple(self._held.values())
 
     def source(self, link: RoverLink, operator: str) -> str:
-        """Return the name under which an operator commands by a link."""
+        """Return the source of an operator's commands over a link."""
         return link.proven_name or operator
 
     def client(self, link: RoverLink) -> MrsClient:
         """Return the session of a link.
 
         Raises:
-            RefusedError: it is down.
+            RequestError: it is down.
         """
         if link.client is None:
-            text = f"{link.asset} cannot be reached now: nothing was sent; try again when it is up"
+            text = f"{link.asset} cannot be reached: nothing was sent; try again when it is up"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text)
         return link.client
 
     def claim(self, link: RoverLink, operator: str) -> int | None:
-        """Return the epoch that an operator's command claims; None where it needs none.
+        """Return the epoch that an operator's command claims; None if it needs none.
 
         Raises:
-            RefusedError: another holds the authority, or nobody, and a command needs it.
+            RequestError: a command needs the authority, and the operator does not hold it.
         """
         held = self._held.get(_key(link))
         if held is None:
@@ -115,7 +115,7 @@ class OperatorAuthority:
         raise self._not_held(held, f"{operator} does not hold the authority over {held.asset}")
 
     def hear(self, link: RoverLink, status: AuthorityStatus) -> AuthorityMessage:
-        """Take in what an asset says of it; tell it if it is news."""
+        """Store the authority status of an asset; publish it if it has changed."""
         key = _key(link)
         self._links[key] = link
         before = self._held.get(key)
@@ -142,24 +142,24 @@ class OperatorAuthority:
         return held
 
     async def ask(self, link: RoverLink, asked: OperatorRequest) -> AuthorityMessage:
-        """Do what an operator asks.
+        """Perform the action that an operator requests.
 
         Raises:
-            RefusedError: another holds it, or the asset cannot be reached.
+            RequestError: another operator holds it, or the asset cannot be reached.
         """
-        _LOG.info("%s: %s asks: %s %s", link.asset, asked.operator, asked.act.value, asked.to)
+        _LOG.info("%s: %s: %s %s", link.asset, asked.operator, asked.act.value, asked.to)
         self._require_turn(link, asked)
         try:
             status = await self._perform(link, asked)
         except MalError as error:
             raise await self._refused(link, error) from error
         except ConnectionError as error:
-            text = f"{link.asset} cannot be reached now: {error}"
+            text = f"{link.asset} cannot be reached: {error}"
             raise refused(HTTPStatus.SERVICE_UNAVAILABLE, text) from error
         return self.hear(link, status)
 
     async def run(self) -> None:
-        """Renew what operators hold who are there."""
+        """Renew the leases of operators with an open page periodically."""
         while True:
             await asyncio.sleep(CHECK_S)
             for key, held in tuple(self._held.items()):
@@ -201,7 +201,7 @@ class OperatorAuthority:
         return status
 
     def _require_turn(self, link: RoverLink, asked: OperatorRequest) -> None:
-        """Where all operators have one name at the asset, let one of them at a time hold it."""
+        """Raise RequestError if all operators share one source and another one holds it."""
         held = self._held.get(_key(link))
         if held is None or link.proven_name is None or held.holder != link.proven_name:
             return
@@ -215,7 +215,7 @@ class OperatorAuthority:
         raise self._not_held(held, f"{asked.operator} does not hold the authority")
 
     async def _refused(self, link: RoverLink, error: MalError) -> RequestError:
-        """Return the refusal of the asset, with who holds it now."""
+        """Return the refusal of the asset, with the present holder."""
         holder = None
         with suppress(MalError, ConnectionError, RequestError):
             holder = self.hear(link, await self.client(link).authority.status()).holder
@@ -224,13 +224,13 @@ class OperatorAuthority:
     def _not_held(self, held: AuthorityMessage, wrong: str) -> RequestError:
         who = held.holder
         if who is None:
-            text = f"{wrong}: nobody holds it; request it first"
+            text = f"{wrong}: no operator holds it; request it first"
         else:
             left_s = max(held.utc + held.lease_left - self._utc(), 0.0)
             operator = "" if held.operator in {None, who} else f" ({held.operator})"
             text = (
-                f"{wrong}: {who}{operator} holds it for another {left_s:.0f} s; request it, so that"
-                " its holder hears of it"
+                f"{wrong}: {who}{operator} holds it for another {left_s:.0f} s; request it, which"
+                " notifies the holder"
             )
         return refused(HTTPStatus.FORBIDDEN, text, holder=held.operator or who)
 

@@ -1,7 +1,7 @@
-"""What there is to see and to command of an asset, derived from what declares it.
+"""Dictionary of an asset: its parameters, commands and zones, derived from their declarations.
 
-Figures are in SI units and radians. Where people write another unit, `typed` says which, and how
-many of it one SI unit has.
+Figures are in SI units and radians. `typed` has the display unit if it differs, with the number of
+display units per SI unit.
 """
 
 from collections.abc import Iterable
@@ -35,7 +35,7 @@ _IN_DEGREES: Final = {"rad": "deg", "rad/s": "deg/s"}
 
 @dataclass(frozen=True, slots=True)
 class DisplayUnit:
-    """The unit that people write, and how many of it one of the SI unit is."""
+    """Display unit of a value, and the number of display units per SI unit."""
 
     unit: str
     per_unit: float
@@ -46,8 +46,8 @@ class ParameterEntry:
     """A telemetry parameter.
 
     Attributes:
-        type: as MAL spells it.
-        low, high: beyond which it is out of what the asset's settings allow; None for no bound.
+        type: name of the MAL type.
+        low, high: limits by the asset's settings; None for no limit.
         writable: whether a command sets it.
     """
 
@@ -66,13 +66,13 @@ class ArgumentEntry:
     """An argument of a command.
 
     Attributes:
-        name: as it is posted.
+        name: key in the posted `args`.
         type: `number`, `integer`, `text`, `choice`, `list` (of objects of `items`).
-        low, high: bounds, included; None where they are not known here: the asset knows.
-        or_zero: whether 0 is allowed besides.
-        choices: what may be chosen; None for anything.
-        items: of a list, the fields of each of its items.
-        least, most: how many items.
+        low, high: bounds, included; None if only the asset knows them.
+        or_zero: whether 0 is accepted outside the bounds.
+        choices: permitted values; None for any.
+        items: fields of each item of a list.
+        least, most: minimum and maximum number of items.
     """
 
     name: str
@@ -95,11 +95,11 @@ class CommandEntry:
     """A command as a form.
 
     Attributes:
-        name: as it is posted.
-        family: of commands that are accepted in the same modes.
-        modes: in which it is accepted.
-        motion: whether it is a motion: it can be previewed, and may replace those under way.
-        at_least_one: whether one of its arguments has to be given.
+        name: posted `name`.
+        family: family of commands that are accepted in the same modes.
+        modes: modes that accept it.
+        motion: whether it is a motion: it has a preview, and may replace active motions.
+        at_least_one: whether at least one of its arguments is required.
     """
 
     name: str
@@ -116,13 +116,13 @@ class CommandEntry:
 
 @dataclass(frozen=True, slots=True)
 class ZoneEntry:
-    """What an asset keeps away from, or within, in the frame of its odometry.
+    """A zone or rock of an asset, in the frame of its odometry, m.
 
     Attributes:
         kind: `keep_in`, `keep_out` or `rock`.
-        title: what it is, with its name, for people.
-        corners: of a zone, [x, y] each.
-        x, y, radius: of a rock.
+        title: human-readable kind and name.
+        corners: corners [x, y] of a zone.
+        x, y, radius: centre and radius of a rock.
     """
 
     kind: str
@@ -135,13 +135,13 @@ class ZoneEntry:
 
 @dataclass(frozen=True, slots=True)
 class RecordingEntry:
-    """That an asset is a recording of one, which can be looked at and not commanded.
+    """Entry of a recording, an asset that cannot be commanded.
 
     Attributes:
-        file: its name.
-        rover: the asset that was recorded.
-        began, ended: of the recording.
-        whole: whether it was closed in good order, and does not break off.
+        file: name of the file.
+        rover: recorded asset.
+        began, ended: first and last time of the recording.
+        whole: whether the file was closed in good order.
         damaged: whether damage ended the reading.
     """
 
@@ -155,12 +155,12 @@ class RecordingEntry:
 
 @dataclass(frozen=True, slots=True)
 class AssetEntry:
-    """What there is of an asset.
+    """Dictionary entry of an asset.
 
     Attributes:
-        ranges_known: whether its settings are known here, by which ranges are given; zones and
-            footprint are, too.
-        footprint: length and width about base_link; None where they are not known.
+        ranges_known: whether its settings are installed here, which give ranges, zones and
+            footprint.
+        footprint: length and width about base_link, m; None if unknown.
         recording: None for a rover.
     """
 
@@ -175,13 +175,13 @@ class AssetEntry:
     recording: RecordingEntry | None = None
 
     def limits_of(self, key: str) -> tuple[float | None, float | None]:
-        """Return between which values a parameter may be; None for no bound."""
+        """Return the limits of a parameter; None for no limit."""
         found = ((each.low, each.high) for each in self.parameters if each.key == key)
         return next(found, (None, None))
 
 
 def zone_entries(settings: Settings | None) -> tuple[ZoneEntry, ...]:
-    """Return the zones and rocks that an asset's settings tell of."""
+    """Return the zones and rocks of an asset's settings."""
     return () if settings is None else tuple(map(_zone, settings.zones))
 
 
@@ -201,7 +201,7 @@ def _zone(obstacle: KeepIn | KeepOut | KnownRock) -> ZoneEntry:
 def parameter_entries(
     definitions: Iterable[ParameterDefinition], settings: Settings | None
 ) -> tuple[ParameterEntry, ...]:
-    """Return what an asset defines, with limits where its settings are known."""
+    """Return the parameters that an asset defines, with limits if its settings are known."""
     limits = housekeeping_limits(settings)
     if settings is not None:
         limits |= _limits(settings)
@@ -225,12 +225,12 @@ def parameter_entries(
 
 
 def command_entries(settings: Settings | None) -> tuple[CommandEntry, ...]:
-    """Return the catalogue as forms, with the ranges of an asset whose settings are known."""
+    """Return the command catalogue as forms, with ranges if the asset's settings are known."""
     return tuple(_command(each, settings) for each in FORMS.values())
 
 
 FORMS: Final = {each.name: each for each in declared() if each.kind is not SubmitPlan}
-"""The declarations that can be posted, by the names under which they are; a plan is a file."""
+"""Declarations of the postable commands, by name; plans are submitted as files."""
 
 
 def _command(declaration: CommandDeclaration, settings: Settings | None) -> CommandEntry:
@@ -330,7 +330,7 @@ def _typed(unit: str) -> DisplayUnit | None:
 
 
 def _limits(settings: Settings) -> dict[str, tuple[float | None, float | None]]:
-    """Return between which values parameters may be, by their names, as the settings have it."""
+    """Return the limits of parameters by the settings, by parameter name."""
     drive, camera = settings.drive, settings.camera
     limits: dict[Parameter, tuple[float | None, float | None]] = {
         Parameter.TRAVEL_SPEED: (0.0, drive.travel_speed_mps),

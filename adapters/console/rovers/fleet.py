@@ -1,4 +1,4 @@
-"""The assets: the links to each, and what is heard of them as messages."""
+"""The connected assets: their links, and the messages converted from their data."""
 
 import asyncio
 import logging
@@ -59,7 +59,7 @@ _LOG: Final = logging.getLogger(__name__)
 NS_PER_S: Final = 1e9
 NS_PER_US: Final = 1000
 AHEAD_NS: Final = 2_000_000_000
-"""A value that is further ahead of the asset's clock was told before that was set back."""
+"""Maximum lead of a value's stamp over the asset's clock; beyond it the clock was set back."""
 _LAYER: Final = ".ServiceLayer"
 
 
@@ -68,10 +68,9 @@ class ConnectedAsset:
     """An asset that was reached.
 
     Attributes:
-        settings: what it may do, by the settings of its name that are installed here; None where
-            there are none.
-        entry: what there is to see and to command.
-        links: the ways to it.
+        settings: installed settings with its name; None if there are none.
+        entry: its dictionary entry.
+        links: its links, by kind.
     """
 
     settings: Settings | None
@@ -79,25 +78,25 @@ class ConnectedAsset:
     links: dict[LinkKind, RoverLink] = field(default_factory=dict)
 
     def best_link(self) -> RoverLink | None:
-        """Return the link by which it is reached soonest; None if it cannot be reached."""
+        """Return the fastest link that is up; None if none is up."""
         found = [self.links[kind] for kind in LinkKind if kind in self.links]
         return next((link for link in found if link.state is LinkState.UP), None)
 
 
 class Fleet:
-    """Keeps a link with each address, and with what is registered there; a `Listener` of them.
+    """Runs links to all addresses and to the assets registered there; is their `LinkListener`.
 
     Args:
         uris: the addresses.
-        terms: agreed on with all of them.
-        publish: sends a message to whoever wants it.
-        sample: the same for a telemetry value.
-        tree: the same for a behaviour tree.
-        last_known: returns the last notification that was kept of an asset by a link.
-        tracker: hears what becomes of commands.
-        commands: knows those that other consoles sent.
-        desk: hears who may command.
-        system: the time.
+        terms: transport settings of all links.
+        publish: publishes a message.
+        sample: publishes a telemetry value.
+        tree: publishes a behaviour tree.
+        last_known: returns the last archived notification of an asset and link.
+        tracker: tracks the states of commands.
+        commands: commands of all consoles.
+        desk: holders of the authority.
+        system: clock and network.
     """
 
     def __init__(
@@ -127,27 +126,27 @@ class Fleet:
         self._heard: dict[tuple[str, LinkKind], LastNotification] = {}
 
     def start(self) -> None:
-        """Begin to connect."""
+        """Start all links."""
         for link in self._links:
             self._run(link)
 
     async def close(self) -> None:
-        """Hang up everywhere."""
+        """Close all links."""
         await end(self._running.values())
 
     def entries(self) -> Iterator[AssetEntry]:
-        """Yield what there is of each asset that was reached."""
+        """Yield the dictionary entry of each reached asset."""
         return (asset.entry for asset in self.assets.values())
 
     def video_of(self, asset: str) -> tuple[str, int] | None:
-        """Return where an asset's video goes by its settings; None where that is not known."""
+        """Return the video address of an asset's settings; None if unknown."""
         known = self.assets.get(asset)
         if known is None or known.settings is None or known.settings.video is None:
             return None
         return known.settings.video.to_host, known.settings.video.to_port
 
     def on_asset(self, link: RoverLink, definitions: tuple[ParameterDefinition, ...]) -> None:
-        """Take in what an asset is."""
+        """Store a reached asset, and publish a change of its dictionary entry."""
         assert link.info is not None
         name = link.asset
         known = self.assets.get(name)
@@ -175,14 +174,14 @@ class Fleet:
         former = known.links.get(link.kind, link)
         known.links[link.kind] = link
         if former is not link and former not in self._links and former.state is LinkState.DOWN:
-            self._running.pop(former).cancel()  # it is at this address now
-        self._forget_after(link, 0)  # its clock may have been set back meanwhile
+            self._running.pop(former).cancel()  # the asset has moved to this address
+        self._forget_after(link, 0)  # its clock may have been set back
         if known.entry != entry or len(known.links) == 1:
             known.entry = entry
             self._publish(DictionaryChanged(name))
 
     def on_state(self, link: RoverLink) -> None:
-        """Tell how a link is, unless the asset was reached at another address since."""
+        """Publish the status of a link, unless another address has replaced it."""
         known = self.assets.get(link.asset)
         if known is not None and known.links.get(link.kind) is not link:
             return
@@ -199,7 +198,7 @@ class Fleet:
         )
 
     def on_value(self, link: RoverLink, value: ParameterValue, rx_s: float) -> None:
-        """Pass a value on; the same once more is not passed on."""
+        """Publish a value, unless it repeats the previous one."""
         key = (link.asset, value.name, link.kind)
         newest = self._newest.get(key)
         if newest == value:
@@ -222,14 +221,14 @@ class Fleet:
         )
 
     def on_measured(self, link: RoverLink, figures: Mapping[str, float], rx_s: float) -> None:
-        """Tell what was measured here of a link."""
+        """Publish figures that the console measured of a link."""
         for key, value in figures.items():
             self._sample(Sample(link.asset, key, link.kind, rx_s, rx_s, value, Quality.GOOD))
 
     async def on_notification(
         self, link: RoverLink, notification: Notification, rx_s: float
     ) -> None:
-        """Pass a notification on, with the id of the command that it is of."""
+        """Publish a notification with the id of its command."""
         said = notified(link.asset, link.kind, notification, rx_s)
         lost, left = given_up(notification), forwarded(notification)
         if (identity := lost or left) is not None:
@@ -246,8 +245,8 @@ class Fleet:
         self._publish(said)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
-        """Tell what an asset is about, if that is news."""
-        if link.kind is LinkKind.DIRECT:  # an orbiter tells when it last heard of the rover
+        """Publish mode and work of an asset, if changed."""
+        if link.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
             self._forget_after(link, status.timestamp + AHEAD_NS)
         state = AssetState(
             link.asset,
@@ -264,15 +263,15 @@ class Fleet:
             self._publish(state)
 
     def on_authority(self, link: RoverLink, status: AuthorityStatus) -> None:
-        """Pass on who may command."""
+        """Pass the authority status on."""
         self._desk.hear(link, status)
 
     def on_tree(self, link: RoverLink, snapshot: TreeSnapshot) -> None:
-        """Pass a behaviour tree on."""
+        """Publish a behaviour tree."""
         self._tree(tree_of(link.asset, link.kind, snapshot))
 
     def on_plan(self, link: RoverLink, update: PlanUpdate) -> None:
-        """Tell how far a plan is."""
+        """Publish the progress of a plan."""
         self._publish(
             PlanProgress(
                 link.asset,
@@ -287,7 +286,7 @@ class Fleet:
         )
 
     def on_file(self, link: RoverLink, news: FileNotification) -> None:
-        """Tell what happened to a file."""
+        """Publish a change of a file."""
         file = news.file
         self._publish(
             FileChanged(
@@ -302,7 +301,7 @@ class Fleet:
         )
 
     def on_services(self, _: RoverLink, services: tuple[ServiceDescriptor, ...]) -> None:
-        """Connect with the assets that are registered there and cannot be reached directly."""
+        """Connect to registered assets without a direct link."""
         for service in services:
             name, uri = service.name.removesuffix(_LAYER), service.providerURI
             asset = self.assets.get(name)
@@ -314,17 +313,17 @@ class Fleet:
                 self._run(RoverLink(uri, self._terms, self, self._system))
 
     async def last_known(self, link: RoverLink) -> LastNotification | None:
-        """Return the last notification that was heard here, or else kept by a former run."""
+        """Return the last notification received by this process, else the last archived one."""
         heard = self._heard.get((link.asset, link.kind))
         return heard or await self._last_known(link.asset, link.kind)
 
     def on_new_ledger(self, link: RoverLink) -> None:
-        """Say that what was under way is not known any more."""
-        _LOG.warning("%s came back with another ledger", link.asset)
-        self._tracker.doubt_all(link.asset, "the asset came back without its ledger")
+        """Mark the open commands of an asset UNKNOWN."""
+        _LOG.warning("%s restarted with another ledger", link.asset)
+        self._tracker.doubt_all(link.asset, "the asset restarted without its ledger")
 
     def _forget_after(self, link: RoverLink, utc_ns: int) -> None:
-        """Take no value for a late one because of those that were told with times after this."""
+        """Discard newest values with later stamps, so that new values do not count as late."""
         this = (link.asset, link.kind)
         for key, newest in list(self._newest.items()):
             if key[::2] == this and newest.timestamp > utc_ns:
@@ -335,7 +334,7 @@ class Fleet:
 
 
 def notified(asset: str, link: LinkKind, notification: Notification, rx_s: float) -> Notified:
-    """Return a notification as pages have it, of no command yet."""
+    """Return a notification as a console message, without a command id."""
     return Notified(
         asset=asset,
         link=link,
@@ -356,7 +355,7 @@ def notified(asset: str, link: LinkKind, notification: Notification, rx_s: float
 
 
 def tree_of(asset: str, link: LinkKind, snapshot: TreeSnapshot) -> TreeState:
-    """Return a behaviour tree as pages have it."""
+    """Return a behaviour tree as a console message."""
     return TreeState(
         asset=asset,
         link=link,
@@ -384,12 +383,12 @@ def tree_of(asset: str, link: LinkKind, snapshot: TreeSnapshot) -> TreeState:
 
 
 def figures_of(parameters: tuple[NamedValue, ...] | None) -> dict[str, Scalar]:
-    """Return the figures of a notification."""
+    """Return the figures of a notification by name."""
     return {each.name: scalar_of(each.value) for each in parameters or ()}
 
 
 def scalar_of(value: TypedAttribute | None) -> Scalar:
-    """Return a value that JSON can hold."""
+    """Return a MAL attribute as a JSON scalar."""
     if value is None:
         return None
     found = value.value
@@ -402,5 +401,5 @@ def _settings_of(asset: str) -> Settings | None:
     try:
         return load_settings(asset)
     except SettingsError as error:
-        _LOG.warning("ranges of %s are not known here: %s", asset, error)
+        _LOG.warning("settings of %s cannot be read, its ranges are unknown: %s", asset, error)
         return None

@@ -1,7 +1,6 @@
-"""What a page posts as a command, made into a request of the catalogue.
+"""Converts a posted command into a request of the catalogue.
 
-It is checked against the form that the page was given; what only the asset can know, it refuses
-itself.
+It is checked against the form of the dictionary; the asset makes the checks that need its state.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,17 +13,17 @@ from adapters.console.rovers.dictionary import FORMS, ArgumentEntry, CommandEntr
 from executive.commands import Argument, Request, SubmitPlan, arguments_of, declaration_of
 
 MOST_TEXT: Final = 1024
-"""Characters of an argument that is a text."""
+"""Maximum length of a text argument."""
 
 
 @dataclass(frozen=True, slots=True)
 class InvalidArgument:
-    """What is wrong with a command that was posted.
+    """An invalid argument of a posted command.
 
     Attributes:
-        field: the argument, of a list as `waypoints[2].heading`; empty where it is the whole.
-        low, high: between which it has to be, where that is known.
-        choices: what it may be, where there are few.
+        field: the argument, in a list as `waypoints[2].heading`; empty for the complete `args`.
+        low, high: bounds, if known.
+        choices: permitted values of a choice.
     """
 
     field: str
@@ -35,7 +34,7 @@ class InvalidArgument:
 
 
 class _BadArgumentError(Exception):
-    """Carries what is wrong to where the whole is read."""
+    """Carries an `InvalidArgument` to `request_of`."""
 
     def __init__(self, wrong: InvalidArgument) -> None:
         super().__init__(wrong.text)
@@ -43,7 +42,7 @@ class _BadArgumentError(Exception):
 
 
 def request_of(form: CommandEntry, given: object) -> Request | InvalidArgument:
-    """Return the request of the arguments that were posted for a form, or what is wrong."""
+    """Return the request of posted arguments for a form, or the invalid argument."""
     declaration = FORMS[form.name]
     try:
         if not isinstance(given, Mapping):
@@ -64,7 +63,7 @@ def request_of(form: CommandEntry, given: object) -> Request | InvalidArgument:
 
 
 def args_of(request: Request) -> dict[str, Any]:
-    """Return what would be posted for a request; of a plan, all but its text."""
+    """Return the `args` that would be posted for a request; for a plan without its text."""
     if isinstance(request, SubmitPlan):
         plan = request.plan
         given = {each.name: each.text for each in plan.arguments}
@@ -98,7 +97,7 @@ def _values(
     known = {entry.name for entry in entries}
     if unknown := next((name for name in given if name not in known), None):
         names = ", ".join(sorted(known)) or "none"
-        raise _wrong(f"{prefix}{unknown}", f"there is no argument {unknown!r}; there are: {names}")
+        raise _wrong(f"{prefix}{unknown}", f"argument {unknown!r} is unknown; known are: {names}")
     return [
         _value(f"{prefix}{entry.name}", entry, argument, given.get(entry.name))
         for entry, argument in zip(entries, arguments, strict=True)
@@ -146,7 +145,7 @@ def _number(field: str, entry: ArgumentEntry, value: Any) -> float:
             else (f"at least {low:g}" if low is not None else f"at most {high:g}")
         )
         unit = f" {entry.unit}" if entry.unit else ""
-        raise _wrong(field, f"{field} {value:g}{unit} is out of its range, {bounds}{unit}", entry)
+        raise _wrong(field, f"{field} {value:g}{unit} is out of range, {bounds}{unit}", entry)
     return float(value)
 
 

@@ -1,4 +1,4 @@
-"""One link to one asset: a session that is made again whenever it is lost, and what it hears."""
+"""One link to one asset: a session that reconnects after each loss, and its received data."""
 
 import asyncio
 import logging
@@ -30,101 +30,101 @@ _LOG: Final = logging.getLogger(__name__)
 T = TypeVar("T")
 
 ANSWER_S: Final = 5.0
-"""For each answer; what takes longer is a link that is silent."""
+"""Timeout of each request, s; after it the link is SILENT."""
 STATUS_S: Final = 1.0
-"""Between two questions for mode and authority, by which it is known that the asset is there."""
+"""Poll interval for mode and authority, s; the answers prove that the link is up."""
 MEASURED_S: Final = 5.0
-"""Between two values of what is measured of a link."""
+"""Interval between two measurements of a link, s."""
 DIRECTORY_S: Final = 5.0
-"""Between two looks at which other assets are registered there."""
+"""Poll interval of the directory of registered assets, s."""
 FIRST_PAUSE_S: Final = 0.5
 LONGEST_PAUSE_S: Final = 5.0
 CATCH_UP: Final = 1000
-"""Notifications of the past that are asked for where none is known yet."""
+"""Number of earlier notifications to request if none is known."""
 
 
 LINK_HOUSEKEEPING: Final = (
     HousekeepingParameter(
-        "LINK_ROUND_TRIP", "How long the answer to the console's last question took", "s"
+        "LINK_ROUND_TRIP", "Round-trip time of the console's last status request", "s"
     ),
     HousekeepingParameter(
-        "LINK_CLOCK_OFFSET", "How far the clock aboard is ahead of the console's", "s"
+        "LINK_CLOCK_OFFSET", "Lead of the onboard clock over the console's clock", "s"
     ),
 )
-"""What is measured here of each link; the clock by the direct one."""
+"""Parameters that the console measures of each link; the clock offset on the direct link only."""
 
 
 @dataclass(frozen=True, slots=True)
 class LastNotification:
-    """The last notification that is known of an asset: its cursor, and when it was made."""
+    """Cursor and creation time of the last known notification of an asset."""
 
     cursor: int
     utc_us: int
 
 
 class LinkListener(Protocol):
-    """Who hears what a link hears; called on the loop."""
+    """Receiver of a link's data; called on the event loop."""
 
     def on_asset(self, link: "RoverLink", definitions: tuple[ParameterDefinition, ...]) -> None:
-        """The asset at the other end is known: `link.info` and `link.kind`."""
+        """Called once `link.info` and `link.kind` of the asset are known."""
 
     def on_state(self, link: "RoverLink") -> None:
-        """`link.state` has changed."""
+        """Called after `link.state` or `link.detail` has changed."""
 
     def on_value(self, link: "RoverLink", value: ParameterValue, rx_s: float) -> None:
-        """A telemetry value."""
+        """Receive a telemetry value."""
 
     def on_measured(self, link: "RoverLink", figures: Mapping[str, float], rx_s: float) -> None:
-        """Figures of `LINK_HOUSEKEEPING`, by their names."""
+        """Receive figures of `LINK_HOUSEKEEPING`, by name."""
 
     async def on_notification(
         self, link: "RoverLink", notification: Notification, rx_s: float
     ) -> None:
-        """A notification, each once."""
+        """Receive a notification, each once."""
 
     def on_status(self, link: "RoverLink", status: AssetStatus) -> None:
-        """Mode and work."""
+        """Receive mode and work."""
 
     def on_authority(self, link: "RoverLink", status: AuthorityStatus) -> None:
-        """Who may command."""
+        """Receive the authority status."""
 
     def on_tree(self, link: "RoverLink", snapshot: TreeSnapshot) -> None:
-        """The behaviour tree."""
+        """Receive the behaviour tree."""
 
     def on_plan(self, link: "RoverLink", update: PlanUpdate) -> None:
-        """How far a plan is."""
+        """Receive the progress of a plan."""
 
     def on_file(self, link: "RoverLink", news: FileNotification) -> None:
-        """Something happened to a file."""
+        """Receive the change of a file."""
 
     def on_services(self, link: "RoverLink", services: tuple[ServiceDescriptor, ...]) -> None:
-        """What is registered there."""
+        """Receive the services registered at the asset."""
 
     async def last_known(self, link: "RoverLink") -> LastNotification | None:
-        """Return the last notification that is known of the asset by this link; None for none."""
+        """Return the last known notification of the asset on this link; None for none."""
 
     def on_new_ledger(self, link: "RoverLink") -> None:
-        """The asset has another ledger: what it knew of commands is gone."""
+        """Called if the asset has another ledger, without its former commands."""
 
 
 class RoverLink:
-    """Keeps a session with what serves the MRS at an address.
+    """Maintains a session with an MRS provider.
 
     Args:
-        uri: the address.
-        terms: agreed on with it.
-        listener: hears all.
-        system: the time.
+        uri: its address.
+        terms: transport settings.
+        listener: receives all data.
+        system: clock and network.
 
     Raises:
         CertificateError: the certificate of the terms cannot be used.
 
     Attributes:
-        proven_name: what the certificate proves to the asset; None where names prove nothing.
-        info: what the asset is; None until it was reached.
-        kind: whether it is the asset itself, or an orbiter on the way to it.
-        state, since_s, detail: how it is, since when, and why.
-        heard_s: when something last came; None for never.
+        proven_name: name that the certificate proves to the asset; None without TLS.
+        info: description of the asset; None until it was reached.
+        kind: DIRECT for the asset itself, RELAY for an orbiter.
+        state, since_s, detail: state, its start time, and its reason.
+        heard_s: last reception time; None for never.
         client: the session while it is up.
     """
 
@@ -146,11 +146,11 @@ class RoverLink:
 
     @property
     def asset(self) -> str:
-        """The asset's name; empty until it was reached."""
+        """Name of the asset; empty until it was reached."""
         return "" if self.info is None else self.info.asset
 
     async def run(self) -> None:
-        """Connect, and listen, again and again."""
+        """Connect and receive; reconnect after each loss."""
         pause_s = FIRST_PAUSE_S
         while True:
             try:
@@ -168,7 +168,7 @@ class RoverLink:
             self.uri, timeout_s=ANSWER_S, patience_s=0.0, terms=self._terms, system=self._system
         )
         async with client:
-            notifications = client.notifications()  # before anything else is awaited
+            notifications = client.notifications()  # before the first await, so that none is missed
             self.info = await client.get_asset()
             definitions = await client.list_definition()
             relayed = any(each.name == NEXT_CONTACT for each in definitions)
@@ -188,7 +188,7 @@ class RoverLink:
         notifications: Stream[Notification],
         telemetry: Stream[ParameterValue] | None,
     ) -> None:
-        with suppress(MalError):  # telemetry may come seldom
+        with suppress(MalError):  # initial values, since telemetry intervals may be long
             for value in await client.get_value():
                 self._value(value)
         async with asyncio.TaskGroup() as tasks:
@@ -235,7 +235,7 @@ class RoverLink:
             await self._hear(stream, hear, *first)
 
     async def _subscribed(self, subscribe: Callable[[], Awaitable[Stream[T]]]) -> Stream[T] | None:
-        """Return what is told from now on; None of a part of the MRS that is not served there."""
+        """Subscribe to a stream; None if the provider does not serve this part of the MRS."""
         try:
             return await subscribe()
         except MalError as error:
@@ -260,7 +260,7 @@ class RoverLink:
                 if began_s - measured_s >= MEASURED_S:
                     measured_s = began_s
                     self._measured(status, asked_s, round_trip_s)
-                with suppress(MalError):  # not everybody serves the authority
+                with suppress(MalError):  # some providers do not serve the authority
                     self._listener.on_authority(self, await client.authority.status())
             except MalError as error:
                 self._turn(LinkState.SILENT, str(error))
@@ -268,7 +268,7 @@ class RoverLink:
 
     def _measured(self, status: AssetStatus, asked_s: float, round_trip_s: float) -> None:
         figures = {"LINK_ROUND_TRIP": round_trip_s}
-        if self.kind is LinkKind.DIRECT:  # an orbiter tells when it last heard of the rover
+        if self.kind is LinkKind.DIRECT:  # an orbiter stamps its last contact with the rover
             offset_s = status.timestamp / 1e9 - (asked_s + round_trip_s / 2)
             figures["LINK_CLOCK_OFFSET"] = offset_s
         self._listener.on_measured(self, figures, self.heard_s or asked_s)
@@ -297,9 +297,9 @@ class RoverLink:
 async def _missed(
     client: MrsClient, known: LastNotification | None
 ) -> tuple[list[Notification], bool]:
-    """Return the notifications after a known one, oldest first, and whether the ledger is another.
+    """Return the notifications after a known one, oldest first, and whether the ledger has changed.
 
-    Where none is known, and of another ledger, they are the last ones.
+    Without a known one, or after a change of the ledger, these are the last `CATCH_UP` ones.
     """
     found = [] if known is None else await client.get_all_notifications(known.cursor)
     if known is not None and _continues(known, found):
@@ -309,7 +309,7 @@ async def _missed(
 
 
 def _continues(known: LastNotification, found: list[Notification]) -> bool:
-    """Whether what was asked for from a known notification on is of the same ledger."""
+    """Whether notifications requested from a known one on are of the same ledger."""
     if not found:
         return False
     first = found[0]

@@ -1,7 +1,7 @@
-"""The life of each command, gathered from what is heard of it by all links.
+"""Life cycle of each command, merged from the reports of all links.
 
-A command ends as a notification says, never by the console's own belief: one of which nothing is
-heard is UNKNOWN, until something is.
+A command ends only by a notification. Without one in time its state is UNKNOWN, until the next
+notification.
 """
 
 import asyncio
@@ -25,18 +25,18 @@ from adapters.console.messages import CommandState, CommandStatus, Notified, Sta
 from executive.values.reports import Identity
 
 HEARD_WITHIN_S: Final = 10.0
-"""Of a command that was sent something is to be heard within this."""
+"""Timeout for the first report on a sent command, s."""
 CHECK_S: Final = 1.0
 MOST: Final = 5000
-"""Commands that are kept in mind; those that ended longest ago are let go first."""
+"""Maximum number of tracked commands; beyond it the earliest ended ones are dropped."""
 
 
 class CommandTracker:
-    """Knows commands by their ids, and by source and number.
+    """Tracks commands by id, and by source and number.
 
     Args:
         publish: called with a command at each change.
-        utc: the time.
+        utc: clock, s since 1970 UTC.
     """
 
     def __init__(self, publish: Callable[[CommandStatus], None], utc: Callable[[], float]) -> None:
@@ -46,16 +46,16 @@ class CommandTracker:
         self._ids: dict[tuple[str, Identity], str] = {}
 
     def restore(self, commands: Iterable[CommandStatus]) -> None:
-        """Take in commands of a former run, oldest first."""
+        """Add commands of a former run, oldest first."""
         for command in commands:
             self._set(command)
 
     def get(self, name: str) -> CommandStatus | None:
-        """Return how the command of an id stands."""
+        """Return the status of a command by its id; None if unknown."""
         return self._commands.get(name)
 
     def begin(self, command: CommandStatus) -> None:
-        """Take in a command that is about to be sent."""
+        """Add a command that is about to be sent."""
         self._set(command)
 
     def knows(self, asset: str, identity: Identity) -> bool:
@@ -63,7 +63,7 @@ class CommandTracker:
         return (asset, identity) in self._ids
 
     def take_in(self, kept: CommandStatus) -> None:
-        """Take in a command as the archive has it, where other consoles write, too."""
+        """Merge the archived state of a command, which another console may have written."""
         name = self._ids.get((kept.asset, Identity(kept.source, kept.number)))
         before = None if name is None else self._commands[name]
         after = kept if before is None else merge(kept, before)
@@ -71,29 +71,29 @@ class CommandTracker:
             self._set(after)
 
     def taken(self, name: str, node: str) -> None:
-        """The other end of the link has it; that is no news once it was heard of."""
+        """Mark the command TAKEN, unless a later stage was reported before."""
         if self._commands[name].state not in LIFE:
             self._reach(name, self._own(TAKEN, node))
 
     def refused(self, name: str, node: str, why: str) -> None:
-        """The other end of the link answered by an error."""
+        """Mark the command REJECTED after an error answer of the other end of the link."""
         if not self._has(name, REJECTED):
             self._reach(name, self._own(REJECTED, node, why))
 
     def doubt(self, name: str, why: str) -> None:
-        """Nothing more is known of a command that has not ended."""
+        """Mark a command UNKNOWN, unless it has ended."""
         command = self._commands[name]
         if not command.ended and command.state is not CommandState.UNKNOWN:
             self._reach(name, self._own(UNKNOWN, CONSOLE, why))
 
     def doubt_all(self, asset: str, why: str) -> None:
-        """The same for all commands of an asset."""
+        """Mark all open commands of an asset UNKNOWN."""
         for command in tuple(self._commands.values()):
             if command.asset == asset:
                 self.doubt(command.id, why)
 
     def hear(self, said: Notified, identity: Identity) -> str:
-        """Take in a notification on a command; return the command's id."""
+        """Apply a notification to its command; return the command's id."""
         name = self._name_of(said, identity)
         command = self._commands[name]
         if not command.name and said.stage == RECEIVED:
@@ -117,24 +117,24 @@ class CommandTracker:
         return name
 
     def hear_orbiter(self, said: Notified, identity: Identity, stage: str) -> str:
-        """Take in what the orbiter did with a command; return the command's id."""
+        """Apply an orbiter's notification to its command; return the command's id."""
         name = self._name_of(said, identity)
         if not self._has(name, stage):
             self._reach(name, StageEntry(stage, ORBITER, said.utc, said.rx, said.text))
         return name
 
     async def run(self) -> None:
-        """Look again and again for commands of which nothing was heard in time."""
+        """Check the deadlines of commands periodically."""
         while True:
             await asyncio.sleep(CHECK_S)
             self.check()
 
     def check(self) -> None:
-        """Doubt the commands of which nothing was heard in time."""
+        """Mark commands without a report in time UNKNOWN."""
         now_s = self._utc()
         for command in tuple(self._commands.values()):
             if command.deadline is not None and now_s > command.deadline:
-                self.doubt(command.id, f"nothing was heard of it for {HEARD_WITHIN_S:g} s")
+                self.doubt(command.id, f"no report for {HEARD_WITHIN_S:g} s")
 
     def _own(self, stage: str, node: str, detail: str = "") -> StageEntry:
         now_s = self._utc()
@@ -150,7 +150,7 @@ class CommandTracker:
             self._set(after)
 
     def _name_of(self, said: Notified, identity: Identity) -> str:
-        """Return the id of a command that was heard of; others send commands, too."""
+        """Return the id of a notification's command; a command of another client gets a new id."""
         name = self._ids.get((said.asset, identity))
         if name is None:
             name = f"{said.asset}:{identity}"
@@ -181,7 +181,7 @@ class CommandTracker:
     def _keep(self, command: CommandStatus) -> None:
         identity = Identity(command.source, command.number)
         former = self._ids.get((command.asset, identity), command.id)
-        if former != command.id:  # it was heard of before it was known who posted it
+        if former != command.id:  # received before its sender was known
             del self._commands[former]
         self._commands[command.id] = command
         self._ids[command.asset, identity] = command.id

@@ -1,4 +1,4 @@
-"""The files that the console's pages take from npm, kept so that no user needs Node.
+"""Vendors the files that the console's pages load from npm, so that no user needs Node.
 
-They are those of Open MCT (Apache-2.0), compressed in `static/vendor` with their licences.
+They are files of Open MCT (Apache-2.0), compressed in `static/vendor` with their licences.
 """

@@ -1,13 +1,13 @@
-"""Makes `static/vendor` from npm: `python -m adapters.console.vendor`; `--check` only compares.
+"""Creates `static/vendor` from npm: `python -m adapters.console.vendor`; `--check` only compares.
 
-The check, which CI runs, also compiles our own modules by the types of their comments (JSDoc), with
-the TypeScript of the lock.
+CI runs the check. It also compiles the console's own modules by their JSDoc types, with the
+TypeScript version of the lock file.
 
-It asks npm for what package-lock.json names, by its hashes, and keeps of that what the pages load
-(`FILES`), compressed, with its licences. MANIFEST.json has versions, and hashes of what is inside
-the .gz: those do not depend on who compressed it.
+The packages of package-lock.json are installed from npm with their hashes. The files that pages
+load (`FILES`) are stored compressed, with their licences. MANIFEST.json has versions, and hashes
+of the uncompressed files, which do not depend on the compressor.
 
-For another version change package.json, in this folder make the lock, then `static/vendor`:
+For another version change package.json, update the lock file in this folder, then `static/vendor`:
 
     npm install --package-lock-only --ignore-scripts --omit-lockfile-registry-resolved
 """
@@ -41,11 +41,11 @@ FILES: Final = {
         "dist/images/logo-openmct.svg",
     )
 }
-"""By package; they are served without `dist/`."""
+"""Vendored files by package; they are served without `dist/`."""
 
 
 def fetch(scratch: Path) -> Path:
-    """Install what the lock names into a scratch folder, running no script of any package."""
+    """Install the packages of the lock file into a scratch folder, without their scripts."""
     npm = shutil.which("npm")
     if npm is None:
         raise SystemExit("npm is missing: install it (Debian: apt install npm); users need none")
@@ -57,13 +57,13 @@ def fetch(scratch: Path) -> Path:
 
 
 def types_are_right(modules: Path) -> bool:
-    """Return whether our modules are what their comments say; the compiler tells what is not."""
+    """Return whether the modules conform to their JSDoc types; the compiler prints errors."""
     compiler = modules / ".bin" / "tsc"
     return subprocess.run([compiler, "-p", HERE / "jsconfig.json"], check=False).returncode == 0
 
 
 def chosen(modules: Path) -> dict[str, bytes]:
-    """Return the files that are kept, by where they are served."""
+    """Return the installed files to vendor, by the path that serves them."""
     return {
         f"{package}/{file.removeprefix('dist/')}": (modules / package / file).read_bytes()
         for package, files in FILES.items()
@@ -72,7 +72,7 @@ def chosen(modules: Path) -> dict[str, bytes]:
 
 
 def manifest_of(files: dict[str, bytes]) -> str:
-    """Return MANIFEST.json for some files."""
+    """Return the text of MANIFEST.json for files."""
     packages = json.loads((HERE / "package-lock.json").read_text(encoding="utf-8"))["packages"]
     content = {
         "packages": {name: packages[f"node_modules/{name}"]["version"] for name in FILES},
@@ -82,7 +82,7 @@ def manifest_of(files: dict[str, bytes]) -> str:
 
 
 def write(files: dict[str, bytes]) -> None:
-    """Replace what is kept."""
+    """Replace the vendored files."""
     shutil.rmtree(KEPT, ignore_errors=True)
     for name, octets in files.items():
         target = KEPT / f"{name}.gz"
@@ -92,7 +92,7 @@ def write(files: dict[str, bytes]) -> None:
 
 
 def kept() -> dict[str, bytes]:
-    """Return what is kept, by where it is served."""
+    """Return the vendored files, by the path that serves them."""
     return {
         path.relative_to(KEPT).as_posix().removesuffix(".gz"): gzip.decompress(path.read_bytes())
         for path in KEPT.rglob("*.gz")
@@ -100,9 +100,9 @@ def kept() -> dict[str, bytes]:
 
 
 def main() -> None:
-    """Make it anew, or compare."""
+    """Update the vendored files, or compare them."""
     parser = argparse.ArgumentParser(description=__doc__, prog="python -m adapters.console.vendor")
-    parser.add_argument("--check", action="store_true", help="compare, and change nothing")
+    parser.add_argument("--check", action="store_true", help="compare without changes")
     check = parser.parse_args().check
     with tempfile.TemporaryDirectory() as scratch:
         modules = fetch(Path(scratch))
@@ -110,7 +110,7 @@ def main() -> None:
         if not check:
             write(files)
         elif files != kept() or manifest_of(files) != (KEPT / MANIFEST).read_text(encoding="utf-8"):
-            sys.exit(f"{KEPT} is not what npm gives: run python -m adapters.console.vendor")
+            sys.exit(f"{KEPT} differs from npm: run python -m adapters.console.vendor")
         elif not types_are_right(modules):
             sys.exit(1)
 

@@ -1,4 +1,4 @@
-"""Requests and pages: who may ask, how it is answered, what is told."""
+"""Web layer: access control, responses, and messages to pages."""
 
 from adapters.console.web.access import OPERATOR as OPERATOR
 from adapters.console.web.access import Access as Access

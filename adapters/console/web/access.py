@@ -1,8 +1,8 @@
-"""Who may speak to the console: whoever is on this computer, elsewhere who has a token.
+"""Access control of the console: local clients without a token, remote clients with one.
 
-A page of another site, open in the same browser, may neither ask nor post: requests have to come
-for a host that is served here and, if they have an Origin, from it; what changes something needs
-a header that a page of another site cannot send.
+Pages of other sites in the same browser can neither read nor post. The Host of a request must be
+served here, and its Origin, if any, must equal it. Requests that change state need a header that
+pages of other sites cannot send.
 """
 
 import asyncio
@@ -21,12 +21,12 @@ from adapters.process import StartError
 from executive.commands.intake import is_source
 
 OPERATOR_HEADER: Final = "X-Rover-Operator"
-"""Which every request has that changes something: who asks for it, percent-encoded."""
+"""Header with the percent-encoded operator name; needed by requests that change state."""
 COOKIE: Final = "rover_console"
 SHORTEST_TOKEN: Final = 16
 DEFAULT_OPERATOR: Final = "MOE"
 GUESS_S: Final = 0.5
-"""Time that each wrong token adds to the wait of the next one from the same address."""
+"""Delay that each wrong token adds to the next response to the same address, s."""
 MAX_WAIT_S: Final = 5.0
 MAX_PEERS: Final = 1000
 _READING: Final = {"GET", "HEAD"}
@@ -41,10 +41,10 @@ OPERATOR: Final = web.RequestKey("operator", str)
 
 
 def read_tokens(path: Path) -> dict[str, str]:
-    """Return operators by their tokens, of a file with lines `NAME TOKEN`.
+    """Return operators by their tokens, from a file with lines `NAME TOKEN`.
 
     Raises:
-        StartError: it cannot be read, or is not so.
+        StartError: the file cannot be read, or has an invalid line.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -62,7 +62,7 @@ def read_tokens(path: Path) -> dict[str, str]:
                 f" {SHORTEST_TOKEN} characters, as `openssl rand -hex 16` makes one"
             )
         if token in tokens:
-            raise StartError(f"--tokens: {path}, line {number}: this token is another's, too")
+            raise StartError(f"--tokens: {path}, line {number}: duplicate token")
         tokens[token] = name
     if not tokens:
         raise StartError(f"--tokens: {path} has no line NAME TOKEN")
@@ -70,10 +70,10 @@ def read_tokens(path: Path) -> dict[str, str]:
 
 
 class TokenGuesses:
-    """Slows down whoever guesses tokens, by address, and never by more than `MAX_WAIT_S`.
+    """Delays guesses of tokens by address, at most by `MAX_WAIT_S`.
 
-    A right token waits as long as a wrong one, so that an answer that is late says nothing. It
-    does not wait once it was right from the same address: guesses hold up no operator, and no stop.
+    A right token is delayed as a wrong one, so that the delay reveals nothing. After its first use
+    from an address it is not delayed, so guesses delay no operator and no stop.
     """
 
     def __init__(self, now_s: Callable[[], float]) -> None:
@@ -82,7 +82,7 @@ class TokenGuesses:
         self._proven: set[tuple[str, str | None]] = set()
 
     def wait_s(self, peer: str, name: str | None) -> float:
-        """Return how long the answer to a token waits, of an operator's name or nobody's."""
+        """Return the delay of the response to a token, s; `name` is None for a wrong token."""
         if (peer, name) in self._proven:
             return 0.0
         now_s = self._now_s()
@@ -97,12 +97,12 @@ class TokenGuesses:
 
 
 class Access:
-    """Lets requests in, and says whose they are.
+    """Authenticates requests, and identifies their operators.
 
     Args:
-        tokens: operators by their tokens; None where whoever reaches it may speak under any name.
+        tokens: operators by their tokens; None if clients may use any name.
         secure: whether it is served by TLS.
-        now_s: the time, which never goes back.
+        now_s: monotonic clock, s.
     """
 
     def __init__(
@@ -114,12 +114,12 @@ class Access:
 
     @property
     def named(self) -> bool:
-        """Whether tokens say who an operator is."""
+        """Whether tokens identify the operators."""
         return self._tokens is not None
 
     @web.middleware
     async def middleware(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Refuse what comes from elsewhere or without a token; note the operator."""
+        """Refuse requests of other origins or without a token; set the operator of the request."""
         self._require_own_origin(request)
         if request.path.startswith(("/api/", "/ws")) and request.path != "/api/login":
             request[OPERATOR] = await self._operator(request)
@@ -132,15 +132,15 @@ class Access:
         return response
 
     def allow_templates(self, page: web.StreamResponse) -> None:
-        """Let a page compile templates, as Open MCT does with its own: it runs what it reads."""
+        """Permit `unsafe-eval` on a page: Open MCT compiles its templates at run time."""
         page.headers[_POLICY_HEADER] = _POLICY.format(scripts=" 'unsafe-eval'")
 
     async def login(self, request: web.Request) -> web.Response:
-        """Take a token, and let the browser keep it where no script can read it."""
+        """Check a token, and set it as a cookie that scripts cannot read."""
         token = text_of(await body_of(request), "token")
         name = await self._named(request, token)
         if name is None:
-            raise refused(HTTPStatus.UNAUTHORIZED, "this token is nobody's")
+            raise refused(HTTPStatus.UNAUTHORIZED, "unknown token")
         response = answer({"operator": name})
         response.set_cookie(
             COOKIE, token, httponly=True, secure=self._secure, samesite="Strict", path="/"
@@ -152,7 +152,7 @@ class Access:
         claimed = None if header is None else unquote(header)
         if request.method not in _READING and claimed is None:
             raise refused(
-                HTTPStatus.FORBIDDEN, f"the header {OPERATOR_HEADER} is needed: who asks for it"
+                HTTPStatus.FORBIDDEN, f"the header {OPERATOR_HEADER} is needed: the operator name"
             )
         if self._tokens is None:
             name = claimed or DEFAULT_OPERATOR
@@ -169,7 +169,7 @@ class Access:
         return proven
 
     async def _named(self, request: web.Request, token: str) -> str | None:
-        """Return whose token this is, after the wait of its sender."""
+        """Return the operator of a token after the sender's delay; None for a wrong token."""
         found = None
         for known, name in (self._tokens or {}).items():
             if hmac.compare_digest(known.encode(), token.encode(errors="surrogatepass")):
@@ -181,10 +181,10 @@ class Access:
     def _require_own_origin(self, request: web.Request) -> None:
         origin = request.headers.get("Origin")
         if origin is not None and origin.partition("://")[2] != request.host:
-            raise refused(HTTPStatus.FORBIDDEN, f"pages of {origin[:100]} may not ask here")
-        # A name that leads here by a foreign name server would be an origin of its own.
+            raise refused(HTTPStatus.FORBIDDEN, f"requests of pages of {origin[:100]} are refused")
+        # DNS rebinding: a foreign name that resolves to this host would be an origin of its own.
         if self._tokens is None and not _is_local(request.host):
-            raise refused(HTTPStatus.FORBIDDEN, "ask by 127.0.0.1 or localhost")
+            raise refused(HTTPStatus.FORBIDDEN, "use the host 127.0.0.1 or localhost")
 
 
 def _is_local(host: str) -> bool:

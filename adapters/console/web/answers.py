@@ -1,4 +1,4 @@
-"""How requests are answered: JSON of values, and one shape for all that is refused."""
+"""Responses to requests: values as JSON, and one format for all refusals."""
 
 import json
 from collections.abc import Awaitable, Callable
@@ -17,16 +17,16 @@ from adapters.console.archive import TablePage, cause_of, to_us
 from adapters.console.messages import CommandStatus, plain
 
 MOST_OCTETS: Final = 1 << 20
-"""Of the body of a request."""
+"""Maximum octets of a request body."""
 
 COMPRESSED_ASIDE: Final = 1 << 16
-"""Octets of an answer from which on a thread compresses it, so that the loop goes on."""
+"""Octets of a response from which on a thread compresses it, which does not block the loop."""
 HIGHEST: Final = 1e11
-"""Of a number in a query: seconds of three thousand years."""
+"""Maximum number in a query: three thousand years in seconds."""
 
 LIMIT: Final = 200
 MOST: Final = 1000
-"""Of what is newest, so many in one answer."""
+"""Maximum `limit` of a query; `LIMIT` is the default."""
 
 T = TypeVar("T")
 E = TypeVar("E", bound=Enum)
@@ -35,14 +35,14 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 @dataclass(frozen=True, slots=True)
 class ErrorBody:
-    """Why a request was refused; what is None is left out.
+    """Body of a refusal; fields that are None are omitted.
 
     Attributes:
-        error: one sentence for people, with what to do.
-        field: which argument is wrong, with `low` and `high`, or `choices`, where they are known.
-        holder: who holds the authority.
-        command: how the command stands that was posted before.
-        revision: the one that is kept here.
+        error: human-readable sentence, with the remedy.
+        field: invalid argument, with `low` and `high`, or `choices`, if known.
+        holder: holder of the authority.
+        command: status of the command that was posted before.
+        revision: stored revision.
     """
 
     error: str
@@ -56,7 +56,7 @@ class ErrorBody:
 
 
 class RequestError(Exception):
-    """A request is refused."""
+    """Raised to refuse a request."""
 
     def __init__(self, status: HTTPStatus, problem: ErrorBody) -> None:
         super().__init__(problem.error)
@@ -65,31 +65,31 @@ class RequestError(Exception):
 
 
 def refused(status: HTTPStatus, error: str, **more: Any) -> RequestError:
-    """Return the refusal of a request; `more` are fields of a `ErrorBody`."""
+    """Return the refusal of a request; `more` are fields of an `ErrorBody`."""
     return RequestError(status, ErrorBody(error, **more))
 
 
 def answer(value: Any, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
-    """Return a value as JSON."""
+    """Return a response with a value as JSON."""
     text = json.dumps(plain(value), separators=(",", ":"))
     return json_answer(text, status)
 
 
 @web.middleware
 async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Answer what is refused, also by aiohttp itself, in the same shape."""
+    """Convert refusals, also those of aiohttp, to responses with an `ErrorBody`."""
     try:
         return await handler(request)
     except RequestError as refusal:
         told = {name: value for name, value in plain(refusal.problem).items() if value is not None}
         return answer(told, refusal.status)
     except SQLAlchemyError as error:
-        text = f"the archive cannot be used now: {cause_of(error)}"
+        text = f"the archive cannot be used: {cause_of(error)}"
         return answer({"error": text}, HTTPStatus.SERVICE_UNAVAILABLE)
     except OSError as error:
         if error.errno != ENAMETOOLONG:
             raise
-        raise web.HTTPNotFound from error  # a path that no file can have
+        raise web.HTTPNotFound from error  # the path is too long for a file
     except web.HTTPException as error:
         if error.status < HTTPStatus.BAD_REQUEST or not request.path.startswith("/api/"):
             raise
@@ -97,22 +97,22 @@ async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse
 
 
 async def body_of(request: web.Request) -> dict[str, Any]:
-    """Return the JSON object that a request carries.
+    """Return the JSON object in the body of a request.
 
     Raises:
-        RefusedError: it carries none.
+        RequestError: the body is no JSON object.
     """
     try:
         body = await request.json(loads=read_json)
-    except (ValueError, LookupError, RecursionError):  # no JSON, or no encoding of that name
+    except (ValueError, LookupError, RecursionError):  # no JSON, or an unknown encoding
         body = None
     if not isinstance(body, dict):
-        raise refused(HTTPStatus.BAD_REQUEST, "the body is to be a JSON object of finite numbers")
+        raise refused(HTTPStatus.BAD_REQUEST, "the body must be a JSON object with finite numbers")
     return body
 
 
 def read_json(text: str) -> Any:
-    """Return the value of a JSON text; raise ValueError for a number that no float can hold."""
+    """Return the value of a JSON text; raise ValueError for a number beyond the range of float."""
     whole = partial(_finite, kind=int)
     return json.loads(text, parse_int=whole, parse_float=_finite, parse_constant=_finite)
 
@@ -127,7 +127,7 @@ def text_of(body: dict[str, Any], name: str, longest: int = 256) -> str:
     """Return a text of a body.
 
     Raises:
-        RefusedError: there is none of that name.
+        RequestError: the text is missing or invalid.
     """
     value = body.get(name)
     if not isinstance(value, str) or not 0 < len(value) <= longest or not value.isprintable():
@@ -137,10 +137,10 @@ def text_of(body: dict[str, Any], name: str, longest: int = 256) -> str:
 
 
 def number_of(request: web.Request, name: str, default: T) -> float | T:
-    """Return a finite number of the query, or what stands for none.
+    """Return a finite number of the query, or the default.
 
     Raises:
-        RefusedError: it is none.
+        RequestError: it is no such number.
     """
     given = request.query.get(name)
     if given is None:
@@ -155,10 +155,10 @@ def number_of(request: web.Request, name: str, default: T) -> float | T:
 
 
 def count_of(request: web.Request, name: str, default: int, most: int) -> int:
-    """Return a count of the query, from 1 to the most.
+    """Return a count of the query, from 1 to `most`.
 
     Raises:
-        RefusedError: it is none.
+        RequestError: it is out of range.
     """
     number = number_of(request, name, default)
     if not 1 <= number <= most:
@@ -168,10 +168,10 @@ def count_of(request: web.Request, name: str, default: int, most: int) -> int:
 
 
 def page_of(request: web.Request) -> TablePage:
-    """Return which part of what is newest a query asks for.
+    """Return the page of a table that a query requests.
 
     Raises:
-        RefusedError: it makes no sense.
+        RequestError: a parameter is invalid.
     """
     start, before = number_of(request, "start", None), number_of(request, "before", None)
     return TablePage(
@@ -183,10 +183,10 @@ def page_of(request: web.Request) -> TablePage:
 
 
 def one_of(kind: type[E], name: str, value: object) -> E:
-    """Return the choice of an Enum by its value.
+    """Return the member of an Enum by its value.
 
     Raises:
-        RefusedError: it is none.
+        RequestError: the value is unknown.
     """
     choices = tuple(str(each.value) for each in kind)
     if value not in choices:
@@ -196,7 +196,7 @@ def one_of(kind: type[E], name: str, value: object) -> E:
 
 
 def json_answer(text: str, status: HTTPStatus = HTTPStatus.OK) -> web.Response:
-    """Return JSON that is written already."""
+    """Return a response with encoded JSON."""
     return web.Response(
         text=text,
         status=status,

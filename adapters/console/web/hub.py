@@ -1,7 +1,7 @@
-"""What goes to the pages: messages in batches, telemetry that may be dropped, the rest never.
+"""Sends messages to the pages in batches; only telemetry may be dropped.
 
-What is not telemetry is numbered, and kept for pages that come back after a loss of their
-connection. The last message on each thing is kept for pages that are new.
+Messages other than telemetry are numbered, and buffered for pages that reconnect. The last message
+on each subject is stored for new pages.
 """
 
 import asyncio
@@ -41,28 +41,28 @@ from adapters.console.messages import (
 from adapters.system import System
 
 BATCH_S: Final = 0.05
-"""Between two batches to a page, at least."""
+"""Minimum interval between two batches to a page, s."""
 GATHER_S: Final = 0.005
-"""What comes so soon after the first message goes with it."""
+"""Time after the first message in which further ones join its batch, s."""
 MOST_SAMPLES: Final = 2000
-"""Telemetry values that wait for a slow page; then the oldest are dropped."""
+"""Capacity of a page's telemetry queue; beyond it the first values are dropped."""
 MOST_WAITING: Final = 20_000
-"""Other messages that wait for a slow page; then it has to come again, and resume."""
+"""Capacity of a page's message queue; beyond it the page must reconnect and resume."""
 KEPT: Final = 20_000
-"""Messages that can be sent again."""
+"""Capacity of the buffer of messages that can be resent."""
 KEPT_COMMANDS: Final = 500
-"""Commands that a new page is told of."""
+"""Maximum number of commands sent to a new page."""
 
 
 class PageConnection:
-    """What waits for one open page.
+    """Queues of one open page.
 
     Args:
-        hub: what it is one of.
-        present: its name, who is at it, and since when.
+        hub: the hub that serves it.
+        present: its name, operator, and start time.
 
     Attributes:
-        too_slow: whether more waits than may; what waits is gone then.
+        too_slow: whether its message queue overflowed and was cleared.
     """
 
     def __init__(self, hub: "Hub", present: OpenPage) -> None:
@@ -77,7 +77,7 @@ class PageConnection:
         self._sent_s = -BATCH_S
 
     def subscribe(self, topics: Iterable[str]) -> None:
-        """Get what belongs to these topics from now on, and of those that are new how it stands."""
+        """Set the subscribed topics, and queue the latest messages of new topics."""
         before, self._topics = self._topics, frozenset(topics)
         for message in self._hub.standing():
             topic = topic_of(message)
@@ -85,7 +85,7 @@ class PageConnection:
                 self.put(message, encode(message))
 
     def resume(self, topics: Iterable[str], since: int) -> None:
-        """Get what belongs to these topics since a message, and of telemetry how it stands."""
+        """Set the subscribed topics; queue messages after a number, and the latest telemetry."""
         self._topics = frozenset(topics)
         for topic, text in self._hub.since(since):
             if is_wanted(topic, self._topics):
@@ -95,11 +95,11 @@ class PageConnection:
                 self.put(message, encode(message))
 
     def wants(self, topic: str) -> bool:
-        """Whether it subscribed to a topic."""
+        """Whether the page is subscribed to a topic."""
         return is_wanted(topic, self._topics)
 
     def put(self, message: Message, text: str) -> None:
-        """Have a message sent; telemetry may be dropped later, what is told whole by the next."""
+        """Queue a message. Telemetry may be dropped; a complete state replaces the previous one."""
         if isinstance(message, Latest):
             self._latest[topic_of(message)] = text
             self._something.set()
@@ -114,7 +114,7 @@ class PageConnection:
         self._something.set()
 
     async def batch(self) -> str:
-        """Return what is to be sent next, as one JSON array; waits until there is something."""
+        """Wait for messages, and return the next batch as one JSON array."""
         await self._something.wait()
         now_s = asyncio.get_running_loop().time
         await asyncio.sleep(max(GATHER_S, self._sent_s + BATCH_S - now_s()))
@@ -138,14 +138,14 @@ class PageConnection:
 
 
 class Hub:
-    """Sends messages to all pages that want them.
+    """Sends messages to all subscribed pages.
 
     Args:
-        system: the time, and what names this run.
+        system: clock and random ids.
 
     Attributes:
-        instance: of this run; numbers of messages mean something within it only.
-        dropped: telemetry values that were not sent to slow pages.
+        instance: id of this process start; message numbers are valid within it only.
+        dropped: number of telemetry values dropped for slow pages.
     """
 
     def __init__(self, system: System) -> None:
@@ -160,7 +160,7 @@ class Hub:
         self._others: tuple[OpenPage, ...] = ()
 
     def publish(self, message: Broadcast) -> None:
-        """Send a message to the pages that want it, now or when they are back."""
+        """Send a message to subscribed pages, also after their reconnection."""
         self._seq += 1
         topic, text = topic_of(message), encode(message, self._seq)
         self._kept.append((topic, text))
@@ -170,18 +170,18 @@ class Hub:
                 page.put(message, text)
 
     def sample(self, sample: Sample) -> None:
-        """Send a telemetry value to the pages that want it."""
+        """Send a telemetry value to subscribed pages."""
         if sample.q is not Quality.LATE:
             self._standing[sample.ty, sample.asset, sample.key, sample.link] = sample
         self._send(sample)
 
     def tree(self, tree: TreeState) -> None:
-        """Send how a tree is to the pages that want it."""
+        """Send a tree to subscribed pages."""
         self._standing[tree.ty, tree.asset] = tree
         self._send(tree)
 
     def transfer(self, transfer: Transfer) -> None:
-        """Send how a transfer is to the pages that want it."""
+        """Send the status of a transfer to subscribed pages."""
         key = (transfer.ty, transfer.asset, transfer.id)
         if transfer.state is TransferState.REMOVED:
             self._standing.pop(key, None)
@@ -197,30 +197,30 @@ class Hub:
                 page.put(message, text)
 
     def open(self, console: str, operator: str) -> PageConnection:
-        """Return what will wait for a page, which all are told of."""
+        """Create the queues of a new page, and publish the presence."""
         page = PageConnection(self, OpenPage(console, operator, self._utc()))
         self._pages.append(page)
         self._tell_presence()
         return page
 
     def close(self, page: PageConnection) -> None:
-        """Forget a page."""
+        """Remove a page, and publish the presence."""
         self._pages.remove(page)
         self._tell_presence()
 
     def tell_others(self, pages: tuple[OpenPage, ...]) -> None:
-        """Tell all pages of those that are open at other consoles, if that is news."""
+        """Publish the open pages of other consoles, if changed."""
         if pages != self._others:
             self._others = pages
             self._tell_presence()
 
     @property
     def pages(self) -> tuple[OpenPage, ...]:
-        """The pages that are open here."""
+        """The open pages of this console."""
         return tuple(page.present for page in self._pages)
 
     def is_present(self, operator: str) -> bool:
-        """Whether an operator has a page open here."""
+        """Whether an operator has an open page at this console."""
         return any(page.present.operator == operator for page in self._pages)
 
     def hello(self, page: PageConnection, *, resumed: bool) -> Hello:
@@ -229,16 +229,16 @@ class Hub:
         return Hello(PROTOCOL, self.instance, self._seq, self._utc(), operator, resumed)
 
     def can_resume(self, instance: object, seq: object) -> bool:
-        """Whether all that was sent since a message can be sent again."""
+        """Whether all messages after a number can be resent."""
         oldest = self._seq - len(self._kept)
         return instance == self.instance and isinstance(seq, int) and oldest <= seq <= self._seq
 
     def since(self, seq: int) -> Iterator[tuple[str, str]]:
-        """Yield topic and text of each message after the one of a number."""
+        """Yield topic and text of each message after a number."""
         return islice(self._kept, len(self._kept) - (self._seq - seq), None)
 
     def standing(self) -> tuple[Message, ...]:
-        """Return the last message on each thing; commands in the order in which they began."""
+        """Return the last message on each subject; commands in the order of their creation."""
         return (*self._standing.values(), *self._commands.values())
 
     def _tell_presence(self) -> None:
@@ -259,7 +259,7 @@ class Hub:
                 if not message.standing:
                     del self._standing[message.ty, number]
             case LinkStatus(uri=uri):
-                self._standing.pop((message.ty, uri), None)  # an asset may be at one after another
+                self._standing.pop((message.ty, uri), None)  # an asset may move to another address
                 self._standing[message.ty, uri] = message
             case AssetState(asset=asset, link=link) | AuthorityMessage(asset=asset, link=link):
                 self._standing[message.ty, asset, link] = message

@@ -1,4 +1,4 @@
-"""Which pages are open at other consoles, and theirs of ours."""
+"""Exchange of open pages between the consoles at one archive."""
 
 import asyncio
 from collections.abc import Callable
@@ -19,16 +19,16 @@ from adapters.console.archive import (
 from adapters.console.web.hub import Hub
 
 GONE_S: Final = 5.0
-"""A console that has written nothing for so long has ended, or lost the database."""
+"""Heartbeat timeout after which a console has ended or lost the database, s."""
 
 
 class SharedPresence:
-    """Tells the consoles at one archive of each other's pages.
+    """Publishes the open pages of other consoles.
 
     Args:
-        archive: where each writes its own.
-        hub: has the pages of this one.
-        now_s: the time, which never goes back.
+        archive: stores the pages of each console.
+        hub: pages of this console.
+        now_s: monotonic clock, s.
     """
 
     def __init__(self, archive: Archive, hub: Hub, now_s: Callable[[], float]) -> None:
@@ -37,16 +37,16 @@ class SharedPresence:
         self._heard: dict[str, tuple[int, float]] = {}
 
     async def run(self) -> None:
-        """Exchange them again and again."""
+        """Exchange the open pages periodically."""
         while True:
             try:
                 await self.exchange()
-            except SQLAlchemyError:  # the archive tells when it cannot be written
+            except SQLAlchemyError:  # the archive logs that it cannot be written
                 self._hub.tell_others(())
             await asyncio.sleep(LOOK_S)
 
     async def exchange(self) -> None:
-        """Write down which pages are open here, and look which are elsewhere.
+        """Store the open pages of this console, and read those of others.
 
         Raises:
             SQLAlchemyError: the archive cannot be written or read.
@@ -55,7 +55,7 @@ class SharedPresence:
         await self._look()
 
     async def close(self) -> None:
-        """Have no page here any more."""
+        """Delete the stored pages of this console."""
         with suppress(SQLAlchemyError):
             gone = ConsolePages(self._hub.instance, 0, ())
             await self._archive.write(partial(write_pages, console=gone))
@@ -80,7 +80,7 @@ class SharedPresence:
         self._hub.tell_others(tuple(page for each in here for page in each.pages))
 
     def _silent_s(self, console: ConsolePages) -> float:
-        """Return since when a console has written nothing; the clocks of others are not asked."""
+        """Return the time since a console's last heartbeat, s, by this console's clock."""
         now_s = self._now_s()
         beat, heard_s = self._heard.get(console.instance, (None, now_s))
         if beat != console.beat:

@@ -1,4 +1,4 @@
-"""`/ws`: what a page says, and the batches that it gets."""
+"""WebSocket `/ws`: requests of a page, and the batches sent to it."""
 
 import asyncio
 from contextlib import suppress
@@ -21,7 +21,7 @@ LONGEST_NAME: Final = 64
 
 
 class _InvalidMessageError(ValueError):
-    """A page said something that makes no sense; the text is for who wrote it."""
+    """A message of a page is invalid; the text is sent to the page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ class Sockets:
     """Serves `/ws`.
 
     Args:
-        hub: what the pages get.
-        access: whether names are proven.
+        hub: sends messages to the pages.
+        access: whether tokens identify the operators.
     """
 
     def __init__(self, hub: Hub, access: Access) -> None:
@@ -47,7 +47,7 @@ class Sockets:
         self._open: set[web.WebSocketResponse] = set()
 
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
-        """Serve a page until it goes."""
+        """Serve a page until it disconnects."""
         socket = web.WebSocketResponse(
             heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_MESSAGE
         )
@@ -85,7 +85,7 @@ class Sockets:
         return socket
 
     async def close(self, _: web.Application) -> None:
-        """Send all pages away: they come back when the console does."""
+        """Disconnect all pages; they reconnect after a restart of the console."""
         for socket in tuple(self._open):
             await socket.close(code=WSCloseCode.GOING_AWAY)
 
@@ -112,7 +112,7 @@ async def _receive(socket: web.WebSocketResponse, within_s: float | None = None)
 
 def _hello(said: dict[str, Any]) -> _Hello:
     if said.get("op") != "hello":
-        raise _InvalidMessageError("op hello is needed first")
+        raise _InvalidMessageError("op hello is expected first")
     console, operator = said.get("console"), said.get("operator")
     if not isinstance(console, str) or not 0 < len(console) <= LONGEST_NAME:
         raise _InvalidMessageError(f"console: a name of 1 to {LONGEST_NAME} characters")
@@ -126,7 +126,7 @@ def _hello(said: dict[str, Any]) -> _Hello:
 
 def _topics(said: dict[str, Any]) -> tuple[str, ...]:
     if said.get("op") != "sub":
-        raise _InvalidMessageError("op sub is what may be said")
+        raise _InvalidMessageError("op sub is expected")
     return _list(said.get("topics"))
 
 

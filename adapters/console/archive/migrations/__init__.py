@@ -1,5 +1,5 @@
-"""The steps by which Alembic brings the tables of an archive up to date.
+"""Alembic migrations of the archive's tables.
 
 The archive's `database` runs them at each start over its own connection: `env.py` calls the modules
-of `versions/` that the archive has not seen. A new module is made from `script.py.mako`.
+of `versions/` that the archive has not applied. `script.py.mako` is the template of new modules.
 """

@@ -1,4 +1,4 @@
-"""Runs migrations over the connection that the archive gives, as alembic wants it."""
+"""Alembic environment: runs migrations over the connection of the archive."""
 
 from alembic import context
 

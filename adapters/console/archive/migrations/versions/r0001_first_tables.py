@@ -8,7 +8,7 @@ down_revision = None
 
 
 def upgrade() -> None:
-    """Bring the tables to this revision."""
+    """Migrate the tables to this revision."""
     op.create_table(
         "alarm",
         sa.Column("id", sa.Integer(), nullable=False),
