@@ -50,12 +50,12 @@ def reach(command: CommandStatus, reached: StageEntry) -> CommandStatus:
     before = CommandState.RECEIVED if _disproves_refusal(command, reached) else command.state
     state = _later(before, _STATES.get(reached.stage, before))
     waits = state in {CommandState.SENDING, CommandState.TAKEN}
-    kept = waits and not (state is CommandState.TAKEN and reached.node == ORBITER)
+    is_pending = waits and not (state is CommandState.TAKEN and reached.node == ORBITER)
     return replace(
         command,
         state=state,
         ended=state in ENDED,
-        deadline=command.deadline if kept else None,
+        deadline=command.deadline if is_pending else None,
         history=(*history, reached),
     )
 
@@ -67,8 +67,8 @@ def merge(kept: CommandStatus, heard: CommandStatus) -> CommandStatus:
         kept: state of the archive; its operator and arguments have priority, if known.
         heard: state of the console.
     """
-    news = [each for each in heard.history if each not in kept.history]
-    history = sorted([*kept.history, *news], key=_heard_at)
+    added = [each for each in heard.history if each not in kept.history]
+    history = sorted([*kept.history, *added], key=_heard_at)
     posted = heard if kept.args is None and heard.args is not None else kept
     merged = replace(
         kept,

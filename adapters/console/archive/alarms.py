@@ -110,7 +110,7 @@ def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) 
     utc_us = to_us(raised.utc)
     if known is not None and utc_us <= known.last_us:
         return
-    told = {
+    values = {
         "severity": raised.severity,
         "text": raised.text,
         "command": raised.command,
@@ -126,9 +126,9 @@ def _raise(connection: Connection, raised: AlarmRaised, known: Row[Any] | None) 
             "raised_us": utc_us,
             "occurrences": 1,
         }
-        connection.execute(ALARM.insert().values(**first, **told, standing=1))
+        connection.execute(ALARM.insert().values(**first, **values, standing=1))
     elif raised.again or known.cleared_us is not None:
-        _update(connection, known.id, occurrences=known.occurrences + 1, **told)
+        _update(connection, known.id, occurrences=known.occurrences + 1, **values)
 
 
 def _last(connection: Connection, change: Change) -> Row[Any] | None:

@@ -117,12 +117,12 @@ class Archive:
         Compared are statuses and commands of the nodes, the mode, and the cause of motion or
         standstill without its figures.
         """
-        looks = (
+        content = (
             (tree.mode, without_figures(tree.why)),
             *((node.path, node.look, node.command) for node in tree.nodes),
         )
-        if self._looks.get(tree.asset) != looks:
-            self._looks[tree.asset] = looks
+        if self._looks.get(tree.asset) != content:
+            self._looks[tree.asset] = content
             self.put(tree)
 
     async def run(self) -> None:
@@ -249,12 +249,12 @@ class Archive:
         """Store a state, unless a neighbouring state of the same link has the same content."""
         new = _record(message, message.utc, rx_us)
         this = (RECORD.c.ty == new["ty"], RECORD.c.asset == new["asset"])
-        told, utc_us = _what_is_told(new["body"]), RECORD.c.utc_us
+        state, utc_us = _what_is_told(new["body"]), RECORD.c.utc_us
         before, after = utc_us <= new["utc_us"], utc_us > new["utc_us"]
         for side, order in ((before, utc_us.desc()), (after, utc_us)):
             found = select(RECORD.c.body).where(*this, side).order_by(order).limit(NEAR)
-            kept = map(_what_is_told, connection.execute(found).scalars())
-            if told == next((each for each in kept if each["link"] == told["link"]), None):
+            neighbours = map(_what_is_told, connection.execute(found).scalars())
+            if state == next((each for each in neighbours if each["link"] == state["link"]), None):
                 return
         connection.execute(_NEW_RECORD, new)
 
@@ -313,9 +313,9 @@ class Archive:
         if body is None:
             self._add(connection, command)
             return
-        kept = decode_command(json.loads(body))
-        merged = merge(kept, command)
-        if merged != kept:
+        stored = decode_command(json.loads(body))
+        merged = merge(stored, command)
+        if merged != stored:
             row = _command_row(connection, merged)
             connection.execute(COMMAND.update().where(*this).values(**row))
 

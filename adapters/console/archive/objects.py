@@ -79,10 +79,10 @@ def put_object(
 
 def delete_object(connection: Connection, key: str, revision: int) -> RevisionConflict | None:
     """Delete an object of this revision; return a conflict if the stored one differs."""
-    gone = connection.execute(
+    deleted = connection.execute(
         OBJECT.delete().where(OBJECT.c.key == key, OBJECT.c.revision == revision)
     )
-    return None if gone.rowcount else RevisionConflict(_revision(connection, key))
+    return None if deleted.rowcount else RevisionConflict(_revision(connection, key))
 
 
 def _revision(connection: Connection, key: str) -> int | None:

@@ -62,14 +62,14 @@ async def delete_old(archive: Archive, retention: RetentionPolicy, utc_s: float)
 
     Deletion proceeds in steps, so that commands can be written between them.
     """
-    oldest_us = to_us(utc_s - retention.days * DAY_S)
-    deleted = await _delete_before(archive, oldest_us)
-    most = retention.megabytes * 1e6
-    if await archive.read(_octets) <= most:
+    cutoff_us = to_us(utc_s - retention.days * DAY_S)
+    deleted = await _delete_before(archive, cutoff_us)
+    max_octets = retention.megabytes * 1e6
+    if await archive.read(_octets) <= max_octets:
         return deleted
     first_us = await archive.read(_first)
     step_us = max((to_us(utc_s) - first_us) // STEPS, 1)
-    while first_us < to_us(utc_s) and await archive.read(_octets) > LESS * most:
+    while first_us < to_us(utc_s) and await archive.read(_octets) > LESS * max_octets:
         first_us += step_us
         deleted += await _delete_before(archive, first_us)
     return deleted

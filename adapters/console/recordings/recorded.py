@@ -152,8 +152,8 @@ class RecordedRun:
                 self._report(report)
             case ToldParameters(values=values):
                 for value in values:
-                    said = (value.parameter.value, value.utc_s, value.value)
-                    self._found.append(self._sample(*said))
+                    figure = (value.parameter.value, value.utc_s, value.value)
+                    self._found.append(self._sample(*figure))
             case ToldPlan(update=update):
                 self._found.append(self._plan(update))
             case _:
@@ -202,11 +202,11 @@ class RecordedRun:
     def _report(self, report: Report) -> None:
         notification = notification_of(report)
         link = _LINKS.get(report.link or "", LinkKind.RECORDING)
-        said = notified(self._name, link, notification, report.utc_s)
+        message = notified(self._name, link, notification, report.utc_s)
         if notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
-            said = replace(said, command=self._tracker.hear(said, identity))
-        self._found.append(said)
+            message = replace(message, command=self._tracker.hear(message, identity))
+        self._found.append(message)
         for key, figure in reported_uncertainty(report).items():
             self._found.append(self._sample(key, report.utc_s, figure))
 

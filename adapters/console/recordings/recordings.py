@@ -146,9 +146,9 @@ class Recordings:
         return next(each for each in chain([name], others) if each not in self._opened)
 
     async def _close(self, asset: str) -> None:
-        gone = self._opened.pop(asset)
-        await gone.archive.close()
-        shutil.rmtree(gone.folder, ignore_errors=True)
+        closed = self._opened.pop(asset)
+        await closed.archive.close()
+        shutil.rmtree(closed.folder, ignore_errors=True)
         self._publish(DictionaryChanged(asset))
 
     async def _receive(self, request: web.Request) -> web.Response:

@@ -138,8 +138,8 @@ async def _kept(
     end_us: int,
 ) -> AsyncIterator[bytes]:
     def write_page(connection: Connection, after: Place | None) -> tuple[bytes, Place | None]:
-        page, place = kept_page(connection, _KEPT[what], asset, start_us, end_us, after)
-        return file.kept(what.value, _KEPT[what], page), place
+        page, cursor = kept_page(connection, _KEPT[what], asset, start_us, end_us, after)
+        return file.kept(what.value, _KEPT[what], page), cursor
 
     octets, after = await archive.read(partial(write_page, after=None))
     yield octets

@@ -36,20 +36,20 @@ class FileStore:
 
     def find(self, path: str) -> Path | None:
         """Return the path of a stored file; None if it is not stored."""
-        place = self._folder.find(path)
-        return None if isinstance(place, Refusal) else place
+        stored = self._folder.find(path)
+        return None if isinstance(stored, Refusal) else stored
 
     def find_same(self, path: str, file: FileInfo) -> Path | None:
         """Return the path of a stored file with the same content as aboard; may read all of it."""
-        place = self.find(path)
-        if place is None or file.checksum is None:
+        stored = self.find(path)
+        if stored is None or file.checksum is None:
             return None
-        stamp = FileStamp.of(place.stat())
+        stamp = FileStamp.of(stored.stat())
         if stamp.size_octets != file.size:
             return None
         if stamp not in self._verified:
-            self._verified[stamp] = _checksum(place)
-        return place if self._verified[stamp] == file.checksum else None
+            self._verified[stamp] = _checksum(stored)
+        return stored if self._verified[stamp] == file.checksum else None
 
     @property
     def staged(self) -> Path:
@@ -73,12 +73,12 @@ class FileStore:
         Raises:
             OSError: it cannot be moved.
         """
-        came, place = self.stage(path), self.root / path
-        place.parent.mkdir(parents=True, exist_ok=True)
-        os.utime(came, ns=(file.modified, file.modified))
-        came.replace(place)
+        staged, target = self.stage(path), self.root / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.utime(staged, ns=(file.modified, file.modified))
+        staged.replace(target)
         if file.checksum is not None:
-            self._verified[FileStamp.of(place.stat())] = file.checksum
+            self._verified[FileStamp.of(target.stat())] = file.checksum
         self.discard(path)
         self._forget_oldest()
 
@@ -89,13 +89,13 @@ class FileStore:
             part.unlink(missing_ok=True)
 
     def _forget_oldest(self) -> None:
-        places = [self.root / path for path, _ in self.entries()]
-        newest_first = sorted(places, key=lambda place: place.stat().st_ctime_ns, reverse=True)
+        files = [self.root / path for path, _ in self.entries()]
+        newest_first = sorted(files, key=lambda file: file.stat().st_ctime_ns, reverse=True)
         octets = 0
-        for number, place in enumerate(newest_first):
-            octets += place.stat().st_size
+        for number, file in enumerate(newest_first):
+            octets += file.stat().st_size
             if octets > MOST_KEPT and number > 0:
-                place.unlink()
+                file.unlink()
 
 
 def _checksum(place: Path) -> int:

@@ -96,15 +96,15 @@ class FileRequests:
     async def _file(self, request: web.Request) -> web.StreamResponse:
         """Respond with a file aboard, which is fetched unless the store has the same content."""
         asset, path = request.match_info["asset"], request.match_info["path"]
-        client, kept = self._client(asset), kept_at(asset, path)
+        client, target = self._client(asset), kept_at(asset, path)
         try:
             file = await client.get_attributes(path)
             if "about" in request.query:
                 return answer(_entry(file))
-            here = await asyncio.to_thread(self._store.find_same, kept, file)
+            here = await asyncio.to_thread(self._store.find_same, target, file)
             if here is None:
                 await self._fetch(asset, path)
-                here = self._store.find(kept)
+                here = self._store.find(target)
         except (MalError, ConnectionError, OSError, ValueError) as error:
             raise _refused(error) from error
         return _found(here, file.mimeType)
@@ -151,13 +151,13 @@ class FileRequests:
         """Open a fetched recording as an asset."""
         name = request.match_info["id"]
         found = next((each for each in self._transfers.listed if each.id == name), None)
-        place = None if found is None else self._store.find(kept_at(found.asset, found.path))
-        if place is None:
+        stored = None if found is None else self._store.find(kept_at(found.asset, found.path))
+        if stored is None:
             raise refused(HTTPStatus.NOT_FOUND, "no such file in the store: fetch it first")
         try:
-            opened = await self._recordings.open(place, is_connected(request))
+            opened = await self._recordings.open(stored, is_connected(request))
         except RecordingError as error:
-            text = str(error).replace(str(place), place.name)
+            text = str(error).replace(str(stored), stored.name)
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text) from error
         return answer(opened.entry, HTTPStatus.CREATED)
 

@@ -62,9 +62,9 @@ class ObjectRequests:
         """Publish objects that changed since the last call; the first call publishes none."""
         async with self._refreshing:
             found = dict(await self._archive.read(list_objects))
-            told = found if self._told is None else self._told
-            for key in told.keys() | found.keys():
-                if told.get(key) != found.get(key):
+            known = found if self._told is None else self._told
+            for key in known.keys() | found.keys():
+                if known.get(key) != found.get(key):
                     self._publish(ObjectChanged(key, found.get(key)))
             self._told = found
 

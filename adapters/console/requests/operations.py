@@ -64,12 +64,12 @@ class OperationRequests:
             text = "lease: seconds are needed"
             raise refused(HTTPStatus.UNPROCESSABLE_ENTITY, text, field="lease")
         link = self._commanding.link(request.match_info["asset"], wanted)
-        asked = OperatorRequest(
+        action = OperatorRequest(
             act, request[OPERATOR], to, None if lease_s is None else float(lease_s)
         )
         try:
             async with asyncio.timeout(ASK_S):
-                return answer(await self._desk.ask(link, asked))
+                return answer(await self._desk.ask(link, action))
         except TimeoutError as error:
             text = f"{link.asset} does not answer: the result is unknown"
             raise refused(HTTPStatus.GATEWAY_TIMEOUT, text) from error

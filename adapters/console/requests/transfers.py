@@ -197,8 +197,8 @@ class Transfers:
                 self._turn(moving, TransferState.DONE, "")
             except TransferError as error:  # for example changed aboard: it restarts
                 moving.wrong += 1
-                anew = moving.wrong < MOST_WRONG
-                state = TransferState.INTERRUPTED if anew else TransferState.FAILED
+                is_retried = moving.wrong < MOST_WRONG
+                state = TransferState.INTERRUPTED if is_retried else TransferState.FAILED
                 self._turn(moving, state, str(error))
             except (RequestError, MalError, OSError) as error:
                 self._turn(moving, *_outcome(error))
@@ -207,18 +207,18 @@ class Transfers:
 
     async def _attempt(self, client: MrsClient, moving: _ActiveTransfer) -> None:
         path = moving.transfer.path
-        kept = kept_at(moving.transfer.asset, path)
+        target = kept_at(moving.transfer.asset, path)
         moving.lately.clear()
 
-        def came(done: int, size: int) -> None:
+        def on_progress(done: int, size: int) -> None:
             if moving.transfer.state is not TransferState.RUNNING:
                 moving.transfer = replace(moving.transfer, done=done, size=size)
                 self._turn(moving, TransferState.RUNNING, "")
             self._came(moving, done, size)
 
-        file = await client.retrieve_file(path, self._store.stage(kept), came)
+        file = await client.retrieve_file(path, self._store.stage(target), on_progress)
         moving.transfer = replace(moving.transfer, done=file.size, size=file.size)
-        await asyncio.to_thread(self._store.take, kept, file)
+        await asyncio.to_thread(self._store.take, target, file)
 
     def _came(self, moving: _ActiveTransfer, done: int, size: int) -> None:
         now_s = asyncio.get_running_loop().time()

@@ -222,17 +222,17 @@ class OperatorAuthority:
         return refused(HTTPStatus.FORBIDDEN, describe_error(error), holder=holder)
 
     def _not_held(self, held: AuthorityMessage, wrong: str) -> RequestError:
-        who = held.holder
-        if who is None:
+        holder = held.holder
+        if holder is None:
             text = f"{wrong}: no operator holds it; request it first"
         else:
             left_s = max(held.utc + held.lease_left - self._utc(), 0.0)
-            operator = "" if held.operator in {None, who} else f" ({held.operator})"
+            operator = "" if held.operator in {None, holder} else f" ({held.operator})"
             text = (
-                f"{wrong}: {who}{operator} holds it for another {left_s:.0f} s; request it, which"
-                " notifies the holder"
+                f"{wrong}: {holder}{operator} holds it for another {left_s:.0f} s; request it,"
+                " which notifies the holder"
             )
-        return refused(HTTPStatus.FORBIDDEN, text, holder=held.operator or who)
+        return refused(HTTPStatus.FORBIDDEN, text, holder=held.operator or holder)
 
 
 def _key(link: RoverLink) -> Key:

@@ -192,8 +192,8 @@ def _zone(obstacle: KeepIn | KeepOut | KnownRock) -> ZoneEntry:
         case KeepOut():
             return ZoneEntry("keep_out", obstacle.title, obstacle.corners_m)
         case KnownRock():
-            place = (obstacle.x_m, obstacle.y_m, obstacle.radius_m)
-            return ZoneEntry("rock", obstacle.title, (), *place)
+            circle = (obstacle.x_m, obstacle.y_m, obstacle.radius_m)
+            return ZoneEntry("rock", obstacle.title, (), *circle)
         case _:
             assert_never(obstacle)
 
@@ -286,23 +286,23 @@ def _type(argument: Argument) -> str:
 def _range(argument: Argument, settings: Settings | None) -> tuple[float | None, float | None]:
     match argument.bound:
         case ValueRange(low, high):
-            highest = _figure(high, settings)
-            lowest = _figure(low, settings) if low is not None else _negative(highest)
+            upper = _figure(high, settings)
+            lower = _figure(low, settings) if low is not None else _negative(upper)
         case SymmetricRange(low, high):
             ends = (_figure(low, settings), _figure(high, settings))
-            highest = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
-            lowest = _negative(highest)
+            upper = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
+            lower = _negative(upper)
         case AssetChoice(str() as path) if isinstance(given := _setting(path, settings), int):
             return given, given
         case AssetChoice() | FilePath() | None:
-            lowest = highest = None
+            lower = upper = None
         case _:
             assert_never(argument.bound)
     match argument.choices:
         case range() as numbers:
             return numbers[0], numbers[-1]
         case _:
-            return lowest, highest
+            return lower, upper
 
 
 def _choices(argument: Argument, settings: Settings | None) -> tuple[str, ...] | None:

@@ -229,20 +229,20 @@ class Fleet:
         self, link: RoverLink, notification: Notification, rx_s: float
     ) -> None:
         """Publish a notification with the id of its command."""
-        said = notified(link.asset, link.kind, notification, rx_s)
+        message = notified(link.asset, link.kind, notification, rx_s)
         lost, left = given_up(notification), forwarded(notification)
         if (identity := lost or left) is not None:
             await self._commands.look_up(link.asset, identity)
             stage = GIVEN_UP if lost else FORWARDED
-            said = replace(said, command=self._tracker.hear_orbiter(said, identity, stage))
+            message = replace(message, command=self._tracker.hear_orbiter(message, identity, stage))
         elif notification.source is not None and notification.commandId is not None:
             identity = Identity(notification.source, notification.commandId)
             await self._commands.look_up(link.asset, identity)
-            said = replace(said, command=self._tracker.hear(said, identity))
+            message = replace(message, command=self._tracker.hear(message, identity))
         if notification.cursor is not None:
             known = LastNotification(notification.cursor, notification.timestamp // NS_PER_US)
             self._heard[link.asset, link.kind] = known
-        self._publish(said)
+        self._publish(message)
 
     def on_status(self, link: RoverLink, status: AssetStatus) -> None:
         """Publish mode and work of an asset, if changed."""
@@ -314,8 +314,8 @@ class Fleet:
 
     async def last_known(self, link: RoverLink) -> LastNotification | None:
         """Return the last notification received by this process, else the last archived one."""
-        heard = self._heard.get((link.asset, link.kind))
-        return heard or await self._last_known(link.asset, link.kind)
+        received = self._heard.get((link.asset, link.kind))
+        return received or await self._last_known(link.asset, link.kind)
 
     def on_new_ledger(self, link: RoverLink) -> None:
         """Mark the open commands of an asset UNKNOWN."""
@@ -371,11 +371,11 @@ def tree_of(asset: str, link: LinkKind, snapshot: TreeSnapshot) -> TreeState:
                 node.name,
                 node.depth,
                 node.kind.value,
-                look.name.lower(),
+                status.name.lower(),
                 node.message,
                 command,
             )
-            for node, look, command in zip(
+            for node, status, command in zip(
                 snapshot.nodes, looks(snapshot.nodes), served(snapshot.nodes), strict=True
             )
         ),

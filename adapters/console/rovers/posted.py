@@ -150,13 +150,13 @@ def _number(field: str, entry: ArgumentEntry, value: Any) -> float:
 
 
 def _items(field: str, entry: ArgumentEntry, argument: Argument, value: Any) -> tuple[Any, ...]:
-    least, most = entry.least or 0, entry.most
+    minimum, maximum = entry.least or 0, entry.most
     if not isinstance(value, list) or any(not isinstance(each, Mapping) for each in value):
         raise _wrong(field, f"{field}: a list of objects is needed")
-    if len(value) < least or (most is not None and len(value) > most):
-        bounds = f"at least {least}" if most is None else f"{least} to {most}"
+    if len(value) < minimum or (maximum is not None and len(value) > maximum):
+        bounds = f"at least {minimum}" if maximum is None else f"{minimum} to {maximum}"
         text = f"{field}: {len(value)} are given, {bounds} are needed"
-        raise _BadArgumentError(InvalidArgument(field, text, least, most))
+        raise _BadArgumentError(InvalidArgument(field, text, minimum, maximum))
     parts = arguments_of(argument.kind)
     return tuple(
         argument.kind(*_values(f"{field}[{index}].", entry.items, parts, each))

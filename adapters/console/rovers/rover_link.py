@@ -204,8 +204,8 @@ class RoverLink:
 
     async def _notifications(self, client: MrsClient, stream: Stream[Notification]) -> None:
         known = await self._listener.last_known(self)
-        missed, anew = await _missed(client, known)
-        if anew:
+        missed, has_new_ledger = await _missed(client, known)
+        if has_new_ledger:
             self._listener.on_new_ledger(self)
         elif known is not None and missed and cursor_of(missed[0]) > known.cursor + 1:
             gap = (self.asset, known.cursor + 1, cursor_of(missed[0]) - 1)
@@ -251,7 +251,7 @@ class RoverLink:
         now_s, measured_s = asyncio.get_running_loop().time, -MEASURED_S
         while True:
             try:
-                asked_s, began_s = self._system.utc_s(), now_s()
+                requested_s, began_s = self._system.utc_s(), now_s()
                 status = await client.get_status()
                 round_trip_s = now_s() - began_s
                 self._heard()
@@ -259,7 +259,7 @@ class RoverLink:
                 self._listener.on_status(self, status)
                 if began_s - measured_s >= MEASURED_S:
                     measured_s = began_s
-                    self._measured(status, asked_s, round_trip_s)
+                    self._measured(status, requested_s, round_trip_s)
                 with suppress(MalError):  # some providers do not serve the authority
                     self._listener.on_authority(self, await client.authority.status())
             except MalError as error:

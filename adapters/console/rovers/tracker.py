@@ -186,6 +186,6 @@ class CommandTracker:
         self._commands[command.id] = command
         self._ids[command.asset, identity] = command.id
         if len(self._commands) > MOST:
-            gone = next((each for each in self._commands.values() if each.ended), command)
-            del self._commands[gone.id]
-            del self._ids[gone.asset, Identity(gone.source, gone.number)]
+            dropped = next((each for each in self._commands.values() if each.ended), command)
+            del self._commands[dropped.id]
+            del self._ids[dropped.asset, Identity(dropped.source, dropped.number)]

@@ -81,8 +81,8 @@ async def refusals(request: web.Request, handler: Handler) -> web.StreamResponse
     try:
         return await handler(request)
     except RequestError as refusal:
-        told = {name: value for name, value in plain(refusal.problem).items() if value is not None}
-        return answer(told, refusal.status)
+        body = {name: value for name, value in plain(refusal.problem).items() if value is not None}
+        return answer(body, refusal.status)
     except SQLAlchemyError as error:
         text = f"the archive cannot be used: {cause_of(error)}"
         return answer({"error": text}, HTTPStatus.SERVICE_UNAVAILABLE)

@@ -230,8 +230,8 @@ class Hub:
 
     def can_resume(self, instance: object, seq: object) -> bool:
         """Whether all messages after a number can be resent."""
-        oldest = self._seq - len(self._kept)
-        return instance == self.instance and isinstance(seq, int) and oldest <= seq <= self._seq
+        first = self._seq - len(self._kept)
+        return instance == self.instance and isinstance(seq, int) and first <= seq <= self._seq
 
     def since(self, seq: int) -> Iterator[tuple[str, str]]:
         """Yield topic and text of each message after a number."""

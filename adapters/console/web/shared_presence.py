@@ -57,8 +57,8 @@ class SharedPresence:
     async def close(self) -> None:
         """Delete the stored pages of this console."""
         with suppress(SQLAlchemyError):
-            gone = ConsolePages(self._hub.instance, 0, ())
-            await self._archive.write(partial(write_pages, console=gone))
+            own = ConsolePages(self._hub.instance, 0, ())
+            await self._archive.write(partial(write_pages, console=own))
 
     async def _write(self) -> None:
         before, pages = self._own, self._hub.pages
@@ -72,18 +72,18 @@ class SharedPresence:
             for each in await self._archive.read(read_pages)
             if each.instance != self._own.instance
         ]
-        gone = [each for each in found if self._silent_s(each) > GONE_S]
-        for each in gone:
+        expired = [each for each in found if self._silent_s(each) > GONE_S]
+        for each in expired:
             await self._archive.write(partial(forget_pages, console=each))
-        here = [each for each in found if each not in gone]
+        here = [each for each in found if each not in expired]
         self._heard = {each.instance: self._heard[each.instance] for each in here}
         self._hub.tell_others(tuple(page for each in here for page in each.pages))
 
     def _silent_s(self, console: ConsolePages) -> float:
         """Return the time since a console's last heartbeat, s, by this console's clock."""
         now_s = self._now_s()
-        beat, heard_s = self._heard.get(console.instance, (None, now_s))
+        beat, beat_s = self._heard.get(console.instance, (None, now_s))
         if beat != console.beat:
-            heard_s = now_s
-        self._heard[console.instance] = (console.beat, heard_s)
-        return now_s - heard_s
+            beat_s = now_s
+        self._heard[console.instance] = (console.beat, beat_s)
+        return now_s - beat_s

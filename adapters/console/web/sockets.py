@@ -102,12 +102,12 @@ async def _receive(socket: web.WebSocketResponse, within_s: float | None = None)
     if message.type is not WSMsgType.TEXT:
         raise ConnectionError
     try:
-        said = read_json(message.data)
+        body = read_json(message.data)
     except (ValueError, RecursionError) as error:
         raise _InvalidMessageError("no JSON") from error
-    if not isinstance(said, dict):
+    if not isinstance(body, dict):
         raise _InvalidMessageError("an object is needed")
-    return said
+    return body
 
 
 def _hello(said: dict[str, Any]) -> _Hello:
