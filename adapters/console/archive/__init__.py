@@ -6,8 +6,8 @@
 Several consoles may write to one PostgreSQL. Write transactions are exclusive (`begin_writing`), so
 a transaction can read before it writes, and revisions increase in the order in which other consoles
 see them. Consoles poll for new revisions every second. Data that two consoles receive is stored
-once: a sample by its parameter and time aboard, a notification by its number, a command by source
-and number, with the stages that either received
+once: a sample by its parameter and time aboard, a notification by its number. A command is merged
+by source and number, with the stages that either received
 (`adapters.console.command_life`).
 """
 

@@ -38,9 +38,9 @@ from executive.values.reasons import Reason
 _LOG: Final = logging.getLogger(__name__)
 
 BEYOND_S: Final = 1.0
-"""Time for which a parameter must be outside its limits before an alarm, s."""
+"""Time for which a parameter is outside its limits before an alarm, s; chosen, not measured."""
 SLACK: Final = 0.01
-"""Tolerance of the limits, as a share of their range, until an alarm is raised."""
+"""Tolerance of the limits, share of their range, until the alarm; chosen, not measured."""
 MOST_WAITING: Final = 10_000
 """Capacity of the queue of changes while the archive cannot be written."""
 MOST_SEEN: Final = 1000

@@ -25,7 +25,7 @@ from adapters.console.messages import CommandState, CommandStatus, Notified, Sta
 from executive.values.reports import Identity
 
 HEARD_WITHIN_S: Final = 10.0
-"""Timeout for the first report on a sent command, s."""
+"""Timeout for the first report on a sent command, s; chosen, not measured."""
 CHECK_S: Final = 1.0
 MOST: Final = 5000
 """Maximum number of tracked commands; beyond it the earliest ended ones are dropped."""
