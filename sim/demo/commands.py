@@ -2,6 +2,8 @@
 
 import sys
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -10,11 +12,21 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sim.demo.participants import Participants
-    from sim.processes import OperationsConsole
+    from sim.processes import OperationsConsole, RoverAddress
+    from sim.scenario.model import RunMode, Scenario
+    from sim.scenario.scene import Fleet
 
 FAILED: Final = 1
+LONGEST_S: Final = 180.0
+"""What a demonstration takes at most."""
 DEFAULT: Final = "jackal"
+SHOWS: Final = {
+    "jackal": ("jackal",),
+    "mocup": ("mocup",),
+    "relay": ("relay",),
+    "assets": ("both_jackal", "both_mocup"),
+}
+"""The scenarios in config/demo that are played at once."""
 NO_CONSOLE: Final = "a console in a browser needs the extra console: rover-executive[console]"
 ENDS: Final = "\nWith --stay all goes on running afterwards."
 ELSEWHERE: Final = "rover watch needs the same ROS_DOMAIN_ID there as here.\n"
@@ -61,10 +73,11 @@ def demo(
 ) -> None:
     """Play a mission-control session against simulated rovers.
 
-    Simulation and executive are started as processes of their own. Mission control then commands
-    the rover over its socket: waypoints with headings, a stop in the middle of a drive and a
-    resume, the camera, a picture, a command out of range and one sent twice. In the end come every
-    command's life, the true error, a map of the drive, the picture, and the tree at its busiest.
+    Simulation and executive are started as processes of their own. Mission control then plays a
+    scenario of config/demo over the rover's socket: waypoints with headings, a stop in the middle
+    of a drive and a resume, the camera, a picture, a command out of range and one sent twice. In
+    the end come every command's life, the true error, a map of the drive, the picture, and the tree
+    at its busiest.
 
     With --relay the commands go by an orbiter, rover-mops, which has no contact with the rover for
     a while; with --assets two rovers are commanded at once, by both links. A timeline shows when
@@ -94,8 +107,6 @@ def demo(
     from contextlib import ExitStack
 
     from adapters.process import require
-    from sim.demo.participants import Participants, start_rovers
-    from sim.demo.script import SHOWS
     from sim.processes import (
         AddressError,
         ChildError,
@@ -103,52 +114,66 @@ def demo(
         known_place,
         operations_console,
     )
+    from sim.scenario.model import RunMode
+    from sim.scenario.scene import fleet_of
 
+    mode = RunMode.RELAY if relay else RunMode.DIRECT
     try:
         require("rclpy")
         with ExitStack() as running:
-            stay = stay or no_play
-            place = known_place() if stay else running.enter_context(free_place())
+            place = known_place() if stay or no_play else running.enter_context(free_place())
             folder = _make_folder(out)
-            chosen = SHOWS[show]
-            members = running.enter_context(
-                start_rovers(chosen.scripts, place, folder, seed, speed)
+            scenarios = _scenarios(show, mode, seed, played=not no_play)
+            several = len(scenarios) > 1
+            folders = [folder / each.settings.asset if several else folder for each in scenarios]
+            relayed = folder if relay or assets else None
+            fleet = running.enter_context(
+                fleet_of(scenarios, folders, place, relayed, speed, restart=True)
             )
             # While they start: these imports take as long as theirs.
             from sim.demo.display import make_console
-            from sim.demo.mission import await_executives, play
+            from sim.demo.outcome import show_outcome
+            from sim.demo.session import play
 
             console = make_console()
             console.print("simulation and executive are starting", style="dim")
-            participants = Participants(members)
-            if chosen.relayed:
-                from sim.processes.relay import relayed
-
-                eclipses = () if no_play else chosen.eclipses
-                if eclipses:  # they are counted from the start of the relay
-                    await_executives(participants)
-                orbiter = relayed(folder, *participants.rovers, eclipses=eclipses, restart=True)
-                participants = Participants(members, running.enter_context(orbiter))
             operations = None
             if not no_console:
-                uris = asyncio.run(participants.uris())
+                uris = asyncio.run(_uris(fleet))
                 operations = running.enter_context(operations_console(folder, uris))
                 if operations is None:
                     console.print(NO_CONSOLE, markup=False)
-            played = play(participants, folder, console, operations, scripted=not no_play)
-            as_planned = True
-            if not no_play:
-                from sim.demo.outcome import tell
-
-                as_planned = tell(played, participants, folder, console)
-            if stay:
-                _stay(participants, console, operations)
+            played = play(fleet, scenarios, folders, mode, console, operations, not no_play)
+            as_planned = show_outcome(played, folder, console) if played else True
+            if stay or no_play:
+                _stay(fleet, place, console, operations)
             else:
                 console.print(ENDS)
             if not as_planned:
                 sys.exit(FAILED)
     except (ChildError, AddressError) as error:
         raise click.ClickException(str(error)) from error
+
+
+def _scenarios(show: str, mode: "RunMode", seed: int, *, played: bool) -> "Sequence[Scenario]":
+    """Return the scenarios of a demonstration, without their timeline if they are not played."""
+    from executive.settings import config_folder
+    from sim.scenario.reading import load_scenario
+
+    paths = [config_folder() / "demo" / f"{name}.yaml" for name in SHOWS[show]]
+    loaded = [replace(load_scenario(str(path), mode), seed=seed) for path in paths]
+    return [
+        replace(each, lasts_s=LONGEST_S) if played else replace(each, timeline=())
+        for each in loaded
+    ]
+
+
+async def _uris(fleet: "Fleet") -> list[str]:
+    """Wait until all rovers are served, and return where, by all links."""
+    from sim.scenario.model import RunMode
+
+    modes = [RunMode.DIRECT] if fleet.orbiter is None else [RunMode.DIRECT, RunMode.RELAY]
+    return [await fleet.uri(rover, mode) for rover in fleet.rovers for mode in modes]
 
 
 def _show(**asked: bool) -> str:
@@ -161,21 +186,23 @@ def _show(**asked: bool) -> str:
 
 
 def _stay(
-    participants: "Participants", console: "Console", operations: "OperationsConsole | None"
+    fleet: "Fleet",
+    place: "RoverAddress",
+    console: "Console",
+    operations: "OperationsConsole | None",
 ) -> None:
     """Leave the rovers running until Ctrl-C."""
     import asyncio
 
-    from sim.demo.mission import BROWSE
-    from sim.demo.participants import proposals
+    from sim.demo.session import BROWSE
 
-    console.print(proposals(participants))
+    console.print(_proposals(fleet, asyncio.run(_uris(fleet))))
     if operations is not None:
         console.print(f"{BROWSE}{asyncio.run(operations.address())}\n")
-    if participants.members[0].rover.place.domain != 0:
+    if place.domain != 0:
         console.print(ELSEWHERE)
     console.print("Ctrl-C ends it.")
-    processes = [participants.processes, *([operations] if operations else [])]
+    processes = [fleet.processes, *([operations] if operations else [])]
     try:
         while True:
             for group in processes:
@@ -183,6 +210,24 @@ def _stay(
             time.sleep(0.2)
     except KeyboardInterrupt:
         console.print("ending")
+
+
+def _proposals(fleet: "Fleet", uris: Sequence[str]) -> str:
+    """Return commands to try, with a heading."""
+    lines = ["", "The rovers stay." if len(fleet.rovers) > 1 else "The rover stays."]
+    lines[-1] += " From a second terminal, in this folder:"
+    of_rover = len(uris) // len(fleet.rovers)
+    for number, rover in enumerate(fleet.rovers):
+        asset = rover.settings.asset
+        there = f" --to 127.0.0.1:{rover.place.port}" if number else ""
+        proposed = [f"command{there} moveTo 3 2 --heading 90deg", f"command{there} stop"]
+        proposed += [f"command{there} resume", f"status{there}"]
+        proposed.append("watch" if asset == DEFAULT else f"watch --asset {asset}")
+        for uri in uris[of_rover * number + 1 : of_rover * (number + 1)]:
+            relay = uri.removeprefix("maltcp://").removesuffix("/MRS")
+            proposed += [f"command --to {relay} moveForward -0.5", f"status --to {relay}"]
+        lines += ["", *(f"  ./rover {words}" for words in proposed)]
+    return "\n".join([*lines, ""])
 
 
 def _make_folder(out: Path | None) -> Path:

@@ -1,8 +1,8 @@
 """Shows sessions: tables that live on a terminal, one line an event elsewhere."""
 
 import time
-from collections.abc import Callable, Sequence
-from math import degrees, isinf, isnan
+from collections.abc import Callable, Iterable, Sequence
+from math import degrees, inf, isinf, nan
 from typing import Final, Self
 
 from rich.console import Console, Group, RenderableType
@@ -10,48 +10,52 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from adapters.mrs.spec import Stage
-from sim.demo.script import Ending, Link, Script
-from sim.demo.session import Audience, Life, RelayStatus, RoverStatus
+from adapters.mrs.ground import DTN_OLDEST, DTN_QUEUED, LAST_HEARD, NEXT_CONTACT
+from executive.values.parameters import Parameter
+from executive.values.reports import Stage
+from sim.scenario.record import Receipt, Record, SeenStatus
+from sim.scenario.sent import DUPLICATE, RELAY, CommandJourney, sent_commands
 
 
 class SessionView:
-    """Keeps what a session shows; its `Audience`.
+    """Keeps what a session shows.
 
     Args:
-        script: what is played.
+        links: those of the session, that by which the rover's status is shown first.
         heading: whose commands they are; empty where there is only one rover.
-        show: called when there is something new, with the life that got further, if one did.
+        show: called when there is something new, with the command that got further, if one did.
 
     Attributes:
-        status: how the rover was last seen.
+        status: of the rover, as it was received last.
     """
 
     def __init__(
-        self, script: Script, heading: str, show: "Callable[[SessionView, Life | None], None]"
+        self,
+        links: Sequence[str],
+        heading: str,
+        show: "Callable[[SessionView, CommandJourney | None], None]",
     ) -> None:
         self.heading = heading
-        self.status: RoverStatus | None = None
-        self._links = script.links
-        self._lives: list[Life] = []
-        self._show = show
+        self.status: SeenStatus | None = None
+        self._links, self._show = links, show
+        self._sent: list[CommandJourney] = []
 
-    def changed(self, life: Life) -> None:
-        """Show a new command, or how one got further."""
-        if life not in self._lives:
-            self._lives.append(life)
-        self._show(self, life)
-
-    def looked(self, status: RoverStatus) -> None:
-        """Show how the rover is."""
-        self.status = status
-        self._show(self, None)
+    def on_news(self, record: Record) -> None:
+        """Show what is new in a record."""
+        before, self._sent = self._sent, list(sent_commands(record))
+        last = record.statuses[-1] if record.statuses else None
+        for number, sent in enumerate(self._sent):
+            if number >= len(before) or sent != before[number]:
+                self._show(self, sent)
+        if last is not None and last.link == self._links[0] and last is not self.status:
+            self.status = last
+            self._show(self, None)
 
     def table(self, *, brief: bool = False) -> RenderableType:
-        """Return the lives, below the heading."""
-        if not self._lives:
+        """Return the commands, below the heading."""
+        if not self._sent:
             return Text("")
-        table = lives_table(self._lives, links=self._links, brief=brief)
+        table = commands_table(self._sent, relayed=RELAY in self._links, brief=brief)
         return Group(Text(self.heading, style="bold"), table) if self.heading else table
 
     def state(self) -> Text:
@@ -59,58 +63,63 @@ class SessionView:
         if self.status is None:
             return Text("")
         lines = [status_line(self.status)]
-        if self.status.relay is not None:
-            lines.append(relay_line(self.status.relay))
+        if self.status.link == RELAY:
+            lines.append(relay_line(self.status))
         return Text("\n").join(lines)
 
 
-def status_line(status: RoverStatus) -> Text:
+def status_line(status: SeenStatus) -> Text:
     """Return where the rover is and how it is about, in one line."""
-    if isnan(status.x_m):
-        return Text(f"{status.mode.name}, not located yet", style="dim")
+    x_m, y_m, heading_rad, travel_mps, battery_v = (
+        status.values.get(each.value, nan)
+        for each in (
+            Parameter.POS_X,
+            Parameter.POS_Y,
+            Parameter.HEAD,
+            Parameter.CURRENT_TRAVEL_SPEED,
+            Parameter.BATERY_VOLTAGE,
+        )
+    )
+    mode = "OFFLINE" if status.mode is None else status.mode.name
     return Text.assemble(
-        (f"{status.mode.name:<8}", "bold"),
-        f" x {status.x_m:z6.2f} m  y {status.y_m:z6.2f} m"
-        f"  heading {degrees(status.heading_rad):z6.1f}°"
-        f"  speed {status.travel_mps:z5.2f} m/s  {status.battery_v:.1f} V",
+        (f"{mode:<8}", "bold"),
+        f" x {x_m:z6.2f} m  y {y_m:z6.2f} m  heading {degrees(heading_rad):z6.1f}°"
+        f"  speed {travel_mps:z5.2f} m/s  {battery_v:.1f} V",
     )
 
 
-def relay_line(relay: RelayStatus) -> Text:
-    """Return how the relay is doing, in one line."""
+def relay_line(status: SeenStatus) -> Text:
+    """Return how the relay is doing, in one line; infinite is what it does not know."""
+    queued, oldest_s, next_s, heard_s = (
+        status.values.get(name, inf) for name in (DTN_QUEUED, DTN_OLDEST, NEXT_CONTACT, LAST_HEARD)
+    )
     contact: str | tuple[str, str] = ("contact ", "green")
-    if relay.dark:
-        next_s = relay.next_contact_s
+    if next_s > 0:
         when = "none planned" if isinf(next_s) else f"next in {next_s:.0f} s"
         contact = (f"no contact, {when} ", "red")
-    oldest = f", oldest {relay.oldest_s:.0f} s" if relay.oldest_s else ""
-    heard = "" if isinf(relay.last_heard_s) else f"  heard {relay.last_heard_s:.0f} s ago"
-    return Text.assemble(
-        ("relay    ", "bold"), contact, f"  queue {relay.queued:.0f}{oldest}", heard
-    )
+    oldest = f", oldest {oldest_s:.0f} s" if oldest_s else ""
+    heard = "" if isinf(heard_s) else f"  heard {heard_s:.0f} s ago"
+    return Text.assemble(("relay    ", "bold"), contact, f"  queue {queued:.0f}{oldest}", heard)
 
 
-COMMAND: Final = 28
+COMMAND: Final = 32
 """Columns of a command, at most."""
 _STYLE: Final = {
-    Ending.EXECUTED: "green",
-    Ending.CANCELLED: "yellow",
-    Ending.REJECTED: "yellow",
-    Ending.DUPLICATE: "yellow",
-    Ending.FAILED: "red",
-    Ending.EXPIRED: "red",
+    Stage.EXECUTED.name: "green",
+    Stage.CANCELLED.name: "yellow",
+    Stage.REJECTED.name: "yellow",
+    DUPLICATE: "yellow",
 }
 
 
-def lives_table(
-    lives: Sequence[Life], *, links: frozenset[Link] = frozenset({Link.DIRECT}), brief: bool = False
+def commands_table(
+    commands: Sequence[CommandJourney], *, relayed: bool = False, brief: bool = False
 ) -> Table:
-    """Return every command's life, times in seconds since the first command was made.
+    """Return every command's life, times in seconds since the first was sent.
 
-    Where the relay takes part, times at both ends are told, and by which link a command went. A
+    Where the relay takes part, times at both ends are shown, and by which link a command went. A
     brief table has a line for each command on a terminal of 80 columns.
     """
-    relayed = Link.RELAY in links
     table = Table(box=None, pad_edge=False, header_style="dim", expand=brief)
     table.add_column("#", justify="right", style="dim", width=2)
     widest, narrow = (24, 14) if relayed else (COMMAND, 18)
@@ -119,46 +128,40 @@ def lives_table(
     if relayed:
         table.padding = (0, 1, 0, 0)
         table.add_column("link", width=6)
-        columns = [
-            "sent",
-            "received\naboard",
-            "started\naboard",
-            "ended\naboard",
-            "told on\nground",
-        ]
+        columns = ["sent", "received\naboard", "started\naboard", "ended\naboard", "on\nground"]
         columns = [name for name in columns if not (brief and name.startswith("started"))]
     for name in columns:
         table.add_column(name, justify="right", width=max(5, *map(len, name.split("\n"))))
     table.add_column("outcome", ratio=1 if brief else None, no_wrap=brief)
-    for number, life in enumerate(lives, 1):
-        times = _relayed_utc_s(life, brief) if relayed else _aboard_utc_s(life)
-        since = ("" if at is None else f"{at - lives[0].sent_utc_s:.2f}" for at in times)
-        link = [life.step.link.value] if relayed else []
-        table.add_row(str(number), life.spelled, *link, *since, outcome(life))
+    for number, sent in enumerate(commands, 1):
+        times = _relayed_s(sent, brief) if relayed else _aboard_s(sent)
+        since = ("" if at is None else f"{at - commands[0].sending.time_s:.2f}" for at in times)
+        link = [sent.link] if relayed else []
+        table.add_row(str(number), sent.title, *link, *since, outcome(sent))
     return table
 
 
-def _aboard_utc_s(life: Life) -> list[float | None]:
+def _aboard_s(sent: CommandJourney) -> list[float | None]:
     """Return when it was received, accepted, started and ended, by the clock aboard."""
-    stages = map(life.reached, (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED))
-    return [told.aboard_utc_s if told else None for told in (*stages, life.ended)]
+    stages: Iterable[Receipt | None] = map(sent.at, (Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED))
+    return [None if each is None else each.made_s for each in (*stages, sent.ended)]
 
 
-def _relayed_utc_s(life: Life, brief: bool) -> list[float | None]:
-    received, _, started, ended = _aboard_utc_s(life)
+def _relayed_s(sent: CommandJourney, brief: bool) -> list[float | None]:
+    received, _, started, ended = _aboard_s(sent)
     aboard = [received] if brief else [received, started]
-    told_utc_s = life.ended.utc_s if life.ended else None
-    return [life.sent_utc_s, *aboard, None if life.lost else ended, told_utc_s]
+    ground_s = None if sent.ended is None else sent.ended.time_s
+    return [sent.sending.time_s, *aboard, None if sent.given_up else ended, ground_s]
 
 
-def outcome(life: Life) -> Text:
+def outcome(sent: CommandJourney) -> Text:
     """Return how far a command is, or how it ended."""
-    ending, stage = life.ending, life.stage
+    ending, stage = sent.ending, sent.stage
     if ending is not None:
-        return Text.assemble((ending.name, _STYLE[ending]), f"  {life.text}".rstrip())
+        return Text.assemble((ending, _STYLE.get(ending, "red")), f"  {sent.text}".rstrip())
     if stage is None:
-        return Text("stored at the orbiter" if life.stored else "sent", style="dim")
-    return Text.assemble((stage.name, "blue"), f"  {life.text}".rstrip())
+        return Text("stored at the orbiter" if sent.stored else "sent", style="dim")
+    return Text.assemble((stage.name, "blue"), f"  {sent.text}".rstrip())
 
 
 WIDTH: Final = 110
@@ -189,32 +192,31 @@ class LineDisplay:
         for view in self._views:
             self._console.print(view.table())
 
-    def audience(self, script: Script, heading: str = "") -> Audience:
-        """Return who is shown one more session, under a heading."""
-        self._views.append(SessionView(script, heading, self._show))
+    def view(self, links: Sequence[str], heading: str = "") -> SessionView:
+        """Return the view of one more session, under a heading."""
+        self._views.append(SessionView(links, heading, self._show))
         return self._views[-1]
 
-    def _show(self, view: SessionView, life: Life | None) -> None:
-        if life is None:
-            self._tell_of_contact(view)
-        elif life.ending is not None or life.stage in _SHOWN or (life.stored and not life.told):
-            self._tell(view, life)
+    def _show(self, view: SessionView, sent: CommandJourney | None) -> None:
+        if sent is None:
+            self._show_contact(view)
+        elif sent.ending or sent.stage in _SHOWN or (sent.stored and not sent.receipts):
+            whose = f"{view.heading:<8}" if view.heading else ""
+            begin = f"{self._time()}  {whose}{_cut(sent.title):<{COMMAND}}  "
+            self._console.print(Text.assemble(begin, outcome(sent)), soft_wrap=True)
+            if sent.ending:
+                for line in view.state().split():
+                    self._console.print(Text(" " * 10), line, soft_wrap=True)
 
-    def _tell(self, view: SessionView, life: Life) -> None:
-        """Print what a command began, reached, or came to, and in the end where the rover is."""
-        whose = f"{view.heading:<8}" if view.heading else ""
-        said = f"{self._time()}  {whose}{_cut(life.spelled):<{COMMAND}}  "
-        self._console.print(Text.assemble(said, outcome(life)), soft_wrap=True)
-        if life.ending is not None:
-            for line in view.state().split():
-                self._console.print(Text(" " * 10), line, soft_wrap=True)
-
-    def _tell_of_contact(self, view: SessionView) -> None:
+    def _show_contact(self, view: SessionView) -> None:
         """Print that contact began or ended."""
-        relay = None if view.status is None else view.status.relay
-        if relay is not None and self._dark.get(view.heading, False) != relay.dark:
-            self._dark[view.heading] = relay.dark
-            self._console.print(Text(f"{self._time()}  "), relay_line(relay), soft_wrap=True)
+        status = view.status
+        if status is None or status.link != RELAY:
+            return
+        dark = status.values.get(NEXT_CONTACT, inf) > 0
+        if self._dark.get(view.heading, False) != dark:
+            self._dark[view.heading] = dark
+            self._console.print(Text(f"{self._time()}  "), relay_line(status), soft_wrap=True)
 
     def _time(self) -> str:
         return f"{time.monotonic() - self._start_s:6.2f} s"
@@ -235,7 +237,7 @@ class TerminalDisplay(LineDisplay):
         self._live.stop()
         super().__exit__(*_)
 
-    def _show(self, view: SessionView, life: Life | None) -> None:
+    def _show(self, view: SessionView, sent: CommandJourney | None) -> None:
         shown = [
             part
             for each in self._views

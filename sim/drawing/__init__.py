@@ -4,38 +4,28 @@ They are made of plain data (`DriveMap`, `RunTimeline`), whoever ran the run, as
 Importing this package loads matplotlib, so commands import it late.
 """
 
-from sim.drawing.lanes import ENDED as ENDED
-from sim.drawing.lanes import LEFT_PX as LEFT_PX
-from sim.drawing.lanes import RECEIVED as RECEIVED
-from sim.drawing.lanes import RIGHT_PX as RIGHT_PX
-from sim.drawing.lanes import SENT as SENT
-from sim.drawing.lanes import STARTED as STARTED
-from sim.drawing.lanes import TURN as TURN
-from sim.drawing.lanes import WIDTH_PX as WIDTH_PX
-from sim.drawing.lanes import WORK as WORK
-from sim.drawing.lanes import add_legend_row as add_legend_row
-from sim.drawing.lanes import draw_rule as draw_rule
+from sim.drawing.journey import SHORT_S as SHORT_S
+from sim.drawing.journey import Journey as Journey
+from sim.drawing.journey import Levels as Levels
+from sim.drawing.journey import Passage as Passage
 from sim.drawing.lanes import line as line
 from sim.drawing.lanes import mark as mark
-from sim.drawing.lanes import write_beside as write_beside
 from sim.drawing.map import DriveMap as DriveMap
 from sim.drawing.map import Incident as Incident
 from sim.drawing.map import draw_map as draw_map
 from sim.drawing.map import thinned as thinned
-from sim.drawing.run_plot import Panel as Panel
+from sim.drawing.panel import Panel as Panel
+from sim.drawing.panel import Series as Series
 from sim.drawing.run_plot import RunPlot as RunPlot
-from sim.drawing.run_plot import Series as Series
 from sim.drawing.run_plot import Track as Track
 from sim.drawing.run_plot import draw_run as draw_run
 from sim.drawing.style import COMMAND as COMMAND
 from sim.drawing.style import DONE as DONE
-from sim.drawing.style import DPI as DPI
 from sim.drawing.style import FAINT as FAINT
 from sim.drawing.style import GRID as GRID
 from sim.drawing.style import INK as INK
 from sim.drawing.style import MOTION as MOTION
 from sim.drawing.style import POINT as POINT
-from sim.drawing.style import RULE as RULE
 from sim.drawing.style import WARNED as WARNED
 from sim.drawing.style import WRONG as WRONG
 from sim.drawing.style import as_png as as_png

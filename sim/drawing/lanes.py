@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from sim.drawing.style import COMMAND, DPI, MOTION, POINT, RULE
+from sim.drawing.style import COMMAND, DONE, DPI, MOTION, POINT, RULE, WARNED, WRONG
 
 WIDTH_PX: Final = 1240
 LEFT_PX: Final = 300
@@ -26,6 +26,7 @@ def mark(marker: str, size: float, colour: str, **style: Any) -> Style:
         "markeredgecolor": "white",
         "linestyle": "none",
         "zorder": 4,
+        "clip_on": False,
         **style,
     }
 
@@ -40,6 +41,15 @@ RECEIVED: Final = mark("v", 13, COMMAND)
 STARTED: Final = mark(">", 11, "white", markeredgecolor=MOTION)
 ENDED: Final = mark("|", 18, MOTION, markeredgecolor=MOTION, markeredgewidth=2)
 WORK: Final = line(MOTION, 12)
+ENDS: Final = {
+    "EXECUTED": DONE,
+    "CANCELLED": WARNED,
+    "REJECTED": WARNED,
+    "DUPLICATE": WARNED,
+    "EXPIRED": WARNED,
+    "FAILED": WRONG,
+}
+"""The colour of each way in which a command ends."""
 TURN: Final = line(MOTION, 2, linestyle=(0, (2, 2)))
 """A command waits aboard for its turn."""
 

@@ -1,19 +1,32 @@
-"""The timeline of a run: the life of each command, faults, events, modes, the true speed."""
+"""The timeline of a run: the life of each command, faults, events, modes, the true speed.
+
+Where the orbiter takes part, each command has a lane of three levels: ground, orbiter, rover.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from statistics import mean
-from typing import Final
+from typing import Any, Final
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from executive.commands import Mode
 from executive.history import CommandHistory
 from executive.values.reports import Report, ReportKind, Stage
+from sim.drawing.journey import (
+    LEGEND,
+    LEGEND_OF_WAITING,
+    PASSAGE_PX,
+    QUEUE_PX,
+    Journey,
+    Levels,
+    draw_journey,
+    draw_queues,
+)
 from sim.drawing.lanes import (
     ENDED,
+    ENDS,
     LEFT_PX,
     RECEIVED,
     RIGHT_PX,
@@ -29,21 +42,15 @@ from sim.drawing.lanes import (
     mark,
     write_beside,
 )
-from sim.drawing.style import DONE, FAINT, GRID, INK, MOTION, POINT, WARNED, WRONG, sheet
+from sim.drawing.panel import Panel, draw_panel
+from sim.drawing.style import FAINT, GRID, INK, POINT, WARNED, WRONG, sheet
 
 SHORT_S: Final = 0.2
 """What waits for less aboard does not wait."""
 _TOP, _BOTTOM = 84, 52
-LANE_PX, ROW_PX, _GAP, _SPEED = 40, 26, 12, 96
+_LEGEND_ROW: Final = 22
+LANE_PX, ROW_PX, _GAP, _PANEL = 40, 26, 12, 150
 _TITLE: Final = 30
-_ENDS: Final = {
-    None: FAINT,
-    Stage.EXECUTED: DONE,
-    Stage.CANCELLED: WARNED,
-    Stage.REJECTED: WARNED,
-    Stage.EXPIRED: WARNED,
-    Stage.FAILED: WRONG,
-}
 _MODES: Final = {
     Mode.IDLE: "#dcdcdc",
     Mode.MOVING: "#8fc1e3",
@@ -53,7 +60,7 @@ _MODES: Final = {
     Mode.STOPPED: "#f2b8a0",
     Mode.SAFE: "#e58a7a",
 }
-_DARK: Final = "#dde1ed"
+DARK, _DARK_INK = "#dde1ed", "#3a4466"
 EVENT: Final = mark("D", 9, WARNED)
 _FAULT: Final = line(WRONG, 9, alpha=0.75)
 
@@ -77,6 +84,7 @@ class CommandLane:
         last: the stage that was reported last.
         words: what is to be said of its end.
         figures: what is written beside its end.
+        journey: of the command, by the links that are drawn.
     """
 
     title: str
@@ -87,6 +95,12 @@ class CommandLane:
     last: Stage | None = None
     words: str = ""
     figures: str = ""
+    journey: Journey | None = None
+
+    @property
+    def height_px(self) -> int:
+        """How high it is drawn."""
+        return LANE_PX if self.journey is None else PASSAGE_PX
 
 
 def lane_of(
@@ -131,7 +145,7 @@ def events_of(
     """Return the name of each kind of event among reports, and when it was."""
     events: dict[str, list[float]] = {}
     for report in reports:
-        if report.kind is ReportKind.EVENT:
+        if report.kind is ReportKind.EVENT and report.identity is None:  # else it predicts
             name = report.text if report.reason is None else report.reason.name
             events.setdefault(name, []).append(time_of(report))
     return tuple((name, tuple(times_s)) for name, times_s in events.items())
@@ -146,8 +160,10 @@ class RunTimeline:
         faults: what was done to the rover, and what it carried.
         events: name of each kind of event that the rover reported, and when.
         modes: from when to when the rover was in which.
-        speeds: time, and true speed over ground in m/s.
+        panels: speeds, below.
         eclipses: when nothing passed between ground and rover.
+        gone: when there was no executive.
+        waiting: how many bundles waited at the orbiter, and how many reports aboard.
     """
 
     title: str
@@ -156,54 +172,90 @@ class RunTimeline:
     faults: tuple[TimeSpan, ...] = ()
     events: tuple[tuple[str, tuple[float, ...]], ...] = ()
     modes: tuple[tuple[Mode, float, float], ...] = ()
-    speeds: tuple[tuple[float, float], ...] = ()
+    panels: tuple[Panel, ...] = ()
     eclipses: tuple[tuple[float, float], ...] = ()
+    gone: tuple[tuple[float, float], ...] = ()
+    waiting: tuple[Levels, Levels] | None = None
+
+    @property
+    def relayed(self) -> bool:
+        """Whether the orbiter takes part."""
+        return any(each.journey is not None for each in self.commands)
 
 
 def draw_timeline(timeline: RunTimeline) -> Figure:
-    """Return the picture: a row each, y in pixels below the first; below them the speed."""
-    names = list(dict.fromkeys(fault.name for fault in timeline.faults))
-    rows = len(names) + len(timeline.events) + 1
-    rows_px = max(1, len(timeline.commands)) * LANE_PX + _GAP + rows * ROW_PX + _GAP
-    height = _TOP + rows_px + _SPEED + _BOTTOM
-    with sheet(WIDTH_PX, height, timeline.title) as figure:
-        place = {
-            "left": LEFT_PX / WIDTH_PX,
-            "right": 1 - RIGHT_PX / WIDTH_PX,
-            "bottom": _BOTTOM / height,
-            "top": 1 - _TOP / height,
-            "hspace": 0,
-            "height_ratios": (rows_px, _SPEED),
-        }
-        above, below = figure.subplots(2, sharex=True, gridspec_kw=place)
-        for axes in (above, below):
-            axes.spines[["left", "top", "right"]].set_visible(False)
-            axes.grid(axis="x", color=GRID, zorder=0.5)
-            axes.set_axisbelow(True)
-            for eclipse in timeline.eclipses:
-                axes.axvspan(*eclipse, color=_DARK, linewidth=0, zorder=0.2)
-        above.set(xlim=(0, max(timeline.end_s, SHORT_S)), ylim=(rows_px, 0))
-        above.spines.bottom.set_visible(False)
-        above.tick_params(bottom=False, labelbottom=False)
-        above.yaxis.set_visible(False)
-        for eclipse in timeline.eclipses:
-            above.text(mean(eclipse), -6, "no contact", color=FAINT, ha="center")
-        top = draw_commands(above, timeline.commands) + _GAP
-        for name in names:
-            name_row(above, top, name, WRONG)
-            for fault in timeline.faults:
-                if fault.name == name:
-                    above.plot([fault.begin_s, fault.end_s], [top + ROW_PX / 2] * 2, **_FAULT)
-            top += ROW_PX
-        for name, times_s in timeline.events:
-            name_row(above, top, name, WARNED)
-            above.plot(times_s, [top + ROW_PX / 2] * len(times_s), **EVENT)
-            top += ROW_PX
-        draw_modes(above, timeline.modes, top)
-        _draw_speeds(below, timeline.speeds)
-        below.set_xlabel("seconds after the start")
+    """Return the picture: a row each, y in pixels below the first; below them the panels."""
+    heights = heights_px(timeline)
+    top_px = _TOP + _LEGEND_ROW * timeline.relayed
+    with sheet(WIDTH_PX, top_px + sum(heights) + _BOTTOM, timeline.title) as figure:
+        place = place_of(heights, top_px, _BOTTOM)
+        all_axes = figure.subplots(len(heights), sharex=True, squeeze=False, gridspec_kw=place)[
+            :, 0
+        ]
+        draw_rows(list(all_axes), timeline)
         _add_legend(figure, timeline)
     return figure
+
+
+def place_of(heights: Sequence[int], top_px: int, bottom_px: int) -> dict[str, Any]:
+    """Return where a grid is of axes below each other, of such heights."""
+    height = top_px + sum(heights) + bottom_px
+    return {
+        "left": LEFT_PX / WIDTH_PX,
+        "right": 1 - RIGHT_PX / WIDTH_PX,
+        "bottom": bottom_px / height,
+        "top": 1 - top_px / height,
+        "hspace": 0,
+        "height_ratios": heights,
+    }
+
+
+def heights_px(timeline: RunTimeline) -> list[int]:
+    """Return how high all rows are drawn together, each panel, and what waits."""
+    rows = len({fault.name for fault in timeline.faults}) + len(timeline.events) + 1
+    lanes_px = sum(lane.height_px for lane in timeline.commands) or LANE_PX
+    panels_px = [_PANEL for _ in timeline.panels]
+    waiting_px = [] if timeline.waiting is None else [QUEUE_PX]
+    return [lanes_px + _GAP + rows * ROW_PX + _GAP, *panels_px, *waiting_px]
+
+
+def draw_rows(all_axes: Sequence[Axes], timeline: RunTimeline) -> None:
+    """Draw rows, panels and what waits into axes of `heights_px`."""
+    above, *panels = all_axes
+    gone = timeline.gone
+    for axes in all_axes:
+        axes.spines[["left", "top", "right"]].set_visible(False)
+        axes.grid(axis="x", color=GRID, zorder=0.5)
+        axes.set_axisbelow(True)
+        for dark in (*timeline.eclipses, *gone):
+            axes.axvspan(*dark, color=DARK, linewidth=0, zorder=0.2)
+    for axes in all_axes[:-1]:
+        axes.spines.bottom.set_visible(False)
+        axes.tick_params(axis="x", bottom=False, labelbottom=False)
+    rows_px = heights_px(timeline)[0]
+    above.set(xlim=(0, max(timeline.end_s, SHORT_S)), ylim=(rows_px, 0))
+    above.yaxis.set_visible(False)
+    names = [f"eclipse: no contact for {end - begin:.0f} s" for begin, end in timeline.eclipses]
+    names += ["no executive"] * len(gone)
+    for dark, words in zip((*timeline.eclipses, *gone), names, strict=True):
+        above.text(mean(dark), -6, words, color=_DARK_INK, fontweight="bold", ha="center")
+    top = draw_commands(above, timeline.commands) + _GAP
+    for name in dict.fromkeys(fault.name for fault in timeline.faults):
+        name_row(above, top, name, WRONG)
+        for fault in timeline.faults:
+            if fault.name == name:
+                above.plot([fault.begin_s, fault.end_s], [top + ROW_PX / 2] * 2, **_FAULT)
+        top += ROW_PX
+    for name, times_s in timeline.events:
+        name_row(above, top, name, WARNED)
+        above.plot(times_s, [top + ROW_PX / 2] * len(times_s), **EVENT)
+        top += ROW_PX
+    draw_modes(above, timeline.modes, top)
+    for axes, panel in zip(panels, timeline.panels, strict=False):
+        draw_panel(axes, panel)
+    if timeline.waiting is not None:
+        draw_queues(panels[-1], *timeline.waiting)
+    all_axes[-1].set_xlabel("seconds after the start")
 
 
 def name_row(axes: Axes, top: float, name: str, colour: str) -> None:
@@ -211,26 +263,33 @@ def name_row(axes: Axes, top: float, name: str, colour: str) -> None:
     write_beside(axes, 46, top + ROW_PX / 2 + 5, _cut(name), color=colour)
 
 
-def _cut(words: str) -> str:
-    return words if len(words) <= _TITLE else f"{words[: _TITLE - 1].rstrip('-., ')}…"
+def _cut(words: str, most: int = _TITLE) -> str:
+    return words if len(words) <= most else f"{words[: most - 1].rstrip('-., ')}…"
+
+
+def _colour(lane: CommandLane) -> str:
+    return FAINT if lane.last is None else ENDS.get(lane.last.name, FAINT)
 
 
 def draw_commands(axes: Axes, lanes: Sequence[CommandLane]) -> float:
     """Draw each command below the other, and return where the last ends."""
     if not lanes:
         write_beside(axes, 46, 25, "no command was sent", color=FAINT)
+    bottom = 0
     for number, lane in enumerate(lanes, 1):
-        top = (number - 1) * LANE_PX
-        middle = top + 24
+        top, bottom = bottom, bottom + lane.height_px
         draw_rule(axes, top)
         write_beside(axes, 36, top + 19, str(number), color=FAINT, ha="right")
+        if lane.journey is not None:
+            write_beside(axes, 46, top + 19, _cut(lane.title, 26), fontweight="bold")
+            draw_journey(axes, lane.journey, top)
+            continue
         write_beside(axes, 46, top + 19, _cut(lane.title), fontweight="bold")
         end = "no report" if lane.last is None else lane.last.name
         words = f"{end}: {lane.words}" if lane.words else end
-        colour = _ENDS.get(lane.last, FAINT)
-        write_beside(axes, 46, top + 34, words, color=colour, fontsize=11 * POINT)
-        _draw_life(axes, lane, middle)
-    bottom = max(1, len(lanes)) * LANE_PX
+        write_beside(axes, 46, top + 34, words, color=_colour(lane), fontsize=11 * POINT)
+        _draw_life(axes, lane, top + 24)
+    bottom = bottom or LANE_PX
     draw_rule(axes, bottom)
     return float(bottom)
 
@@ -250,7 +309,7 @@ def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
         axes.plot([started_s, until_s], [middle, middle], **WORK)
         axes.plot(started_s, middle, **STARTED)
     if ended_s is not None:
-        colour = _ENDS.get(lane.last, FAINT)
+        colour = _colour(lane)
         axes.plot(ended_s, middle, **{**ENDED, "color": colour, "markeredgecolor": colour})
     elif received_s is not None and started_s is None:
         axes.plot(received_s, middle, **RECEIVED)
@@ -266,7 +325,7 @@ def _draw_life(axes: Axes, lane: CommandLane, middle: float) -> None:
             ha="right" if late else "left",
             va="center_baseline",
             fontsize=11 * POINT,
-            color=_ENDS.get(lane.last, FAINT),
+            color=_colour(lane),
         )
 
 
@@ -289,27 +348,20 @@ def draw_modes(axes: Axes, modes: Sequence[tuple[Mode, float, float]], top: floa
             )
 
 
-def _draw_speeds(axes: Axes, speeds: Sequence[tuple[float, float]]) -> None:
-    """Draw the true speed; a rover that stands has a scale, too."""
-    fastest_mps = max((speed_mps for _, speed_mps in speeds), default=0.0)
-    axes.set_ylim(0, max(0.1, 1.3 * fastest_mps))
-    axes.yaxis.set_major_locator(MaxNLocator(3))
-    axes.tick_params(axis="y", length=0, labelcolor=FAINT, labelsize=10 * POINT)
-    axes.grid(axis="y", color=GRID)
-    write_beside(axes, 46, 0.55 * axes.get_ylim()[1], "true speed, m/s", color=INK)
-    axes.plot(*zip(*speeds, strict=True) if speeds else ((), ()), **line(MOTION, 1.5))
-
-
 def _add_legend(figure: Figure, timeline: RunTimeline) -> None:
     """Say what the marks mean, those of faults and events only where there are any."""
+    if timeline.relayed:
+        add_legend_row(figure, 48, LEGEND)
     entries: dict[str, list[Style]] = {
         "sent": [SENT],
         "waits aboard": [TURN],
         "started": [STARTED],
         "carried out, ended": [WORK, ENDED],
     }
+    if timeline.relayed:
+        entries = dict(LEGEND_OF_WAITING)
     if timeline.faults:
         entries["fault or cargo"] = [_FAULT]
     if timeline.events:
         entries["event aboard"] = [EVENT]
-    add_legend_row(figure, 48, entries)
+    add_legend_row(figure, 48 + _LEGEND_ROW * timeline.relayed, entries)

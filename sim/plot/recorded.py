@@ -28,6 +28,7 @@ from sim.drawing import (
     Incident,
     Panel,
     RunPlot,
+    RunTimeline,
     Series,
     Track,
     as_png,
@@ -103,20 +104,24 @@ class _Plot:
         worrying = (
             each for each in self._history.reports if each.severity is not Severity.INFORMATIONAL
         )
-        return RunPlot(
+        panels = [
+            self._panel("speed", "m/s", velocities),
+            self._panel("turn rate", "rad/s", velocities),
+        ]
+        timeline = RunTimeline(
             title=f"{asset}: {name}",
             end_s=self._end_s,
-            figures=self._figures(),
-            tracks=self._drawn(),
             commands=tuple(self._lanes()),
             events=events_of(worrying, self._time_of),
             modes=self._modes(),
-            panels=(
-                self._panel("speed", "m/s", velocities),
-                self._panel("turn rate", "rad/s", velocities),
-            ),
-            incidents=self._incidents(),
+            panels=tuple(panel for panel in panels if panel.series),
             gone=tuple(self._absences),
+        )
+        return RunPlot(
+            timeline=timeline,
+            figures=self._figures(),
+            tracks=self._drawn(),
+            incidents=self._incidents(),
             zones=settings.zones if settings is not None else Zones(),
             scale=SMALL_ROVER if small else 1.0,
         )

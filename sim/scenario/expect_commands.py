@@ -30,7 +30,7 @@ class ExpectedLife:
     Attributes:
         command: its label.
         stages: all its stages, in order, without repeats of reports.
-        ends: its last stage.
+        ends: its last stage; EXPIRED as well if its lifetime ended at the orbiter.
         reason: the reason in its last report.
         answers: what was answered each time it was sent.
         within_s: seconds from RECEIVED to its end at most.
@@ -64,7 +64,8 @@ class ExpectedLife:
             yield _aspect(_stages(self.stages), _stages([report.stage for report in reports]))
         last = reports[-1] if reports else None
         if self.ends is not None:
-            ends = last.stage if last else None
+            expired = Stage.EXPIRED if record.given_up(self.command) else None
+            ends = last.stage if last else expired
             yield _aspect(f"ends {self.ends.name}", f"ends {ends.name}" if ends else "no report")
         if self.reason is not None:
             yield _aspect(_reason(self.reason), _reason(last.reason if last else None))

@@ -1,14 +1,16 @@
-"""Mission control of a live run: sends what is due over the socket, and keeps what comes back.
+"""Mission control of a live run: sends what is due over the sockets, and keeps what comes back.
 
-Notifications, telemetry, files and the video stream go into the record.
+Notifications and statuses of each link, telemetry, files and the video stream go into the record.
 """
 
 import asyncio
+import logging
 import socket
 import tempfile
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -21,6 +23,7 @@ from adapters.mrs.spec import (
     ParameterValue,
     PlanUpdate,
     describe_error,
+    given_up,
     mode_of,
     plan_update_of,
     report_of,
@@ -30,7 +33,7 @@ from adapters.mrs.spec import (
 from adapters.system import OPERATING_SYSTEM, System
 from adapters.video import JpegStream
 from executive.commands import Command
-from executive.values.reports import FileEvent, FileEventKind
+from executive.values.reports import FileEvent, FileEventKind, Report
 from sim.ros.faults import FaultClient
 from sim.rover.faults import LinkLost, SimulatedFault, fault_declaration
 from sim.scenario.model import (
@@ -56,11 +59,14 @@ from sim.scenario.record import (
     ModeSample,
     QueryAnswer,
     Record,
+    SeenStatus,
     SentCommand,
 )
+from sim.scenario.sent import sent_commands
 from sim.scenario.timeline import CommandFactory, Timeline
 
 T = TypeVar("T")
+_LOG: Final = logging.getLogger(__name__)
 
 LEAST_PAUSE_S: Final = 0.005
 GLANCE_S: Final = 0.02
@@ -76,8 +82,8 @@ class LiveSession:
     stays connected with the orbiter, which has no contact then.
 
     Args:
-        uri: where the MRS of the rover is served.
-        mode: by which link that is.
+        uris: where the MRS of the rover is served, by the name of the link.
+        mode: by which of them commands go that name none; telemetry is taken from it alone.
         load: gives the rover a cargo, in kg.
         faults: has faults of the rover begin and end.
         look: puts the true poses into the record that were seen since it was called last.
@@ -85,12 +91,13 @@ class LiveSession:
         brief: whether the play ends as soon as all is played, and all that was admitted has ended.
         speed: seconds of the scenario per second, as far as the simulation keeps up.
         system: the time.
+        on_news: called with the record when there is something new in it.
     """
 
     def __init__(
         self,
         scenario: Scenario,
-        uri: str,
+        uris: Mapping[str, str],
         mode: RunMode,
         load: Callable[[float], None] | None,
         faults: FaultClient | None,
@@ -99,18 +106,20 @@ class LiveSession:
         brief: bool = False,
         speed: float = 1.0,
         system: System = OPERATING_SYSTEM,
+        on_news: Callable[[Record], None] = lambda _: None,
     ) -> None:
         self._system = system
-        self._uri, self._mode, self._load, self._brief = uri, mode, load, brief
+        self._uris, self._mode, self._load, self._brief = uris, mode, load, brief
+        self._on_news = on_news
         self._look = look
         self._speed = speed
         self._entries = len(scenario.timeline)
         self._record = record
+        record.main_link = mode.link
         self._lasts_s = scenario.lasts_s
         self._timeline = Timeline(scenario, record)
         self._ground = CommandFactory(scenario, mode.link, speed)
-        self._client: MrsClient | None = None
-        self._listening: DownlinkSubscriptions | None = None
+        self._lines: dict[str, DownlinkSubscriptions] = {}
         self._faults = faults
         self._contact_s = inf
         self._lost = False
@@ -122,38 +131,48 @@ class LiveSession:
         Raises:
             ConnectionError: the rover could not be reached any more.
         """
-        await self._connect()
         try:
+            for link in self._uris:
+                await self._connect(link)
             await self._send()
-            if self._listening is not None:
-                self._listening.check()
+            for line in self._lines.values():
+                line.check()
         finally:
-            await self._hang_up()
+            for link in self._uris:
+                await self._hang_up(link)
         self._record.simulated_s = self._now_s()
         self._record.wall_s = self._system.utc_s() - self._record.start_utc_s
 
     def _now_s(self) -> float:
         return self._record.since_start_s(self._system.utc_s())
 
-    async def _connect(self) -> "DownlinkSubscriptions":
-        self._client = await MrsClient.connect(self._uri, system=self._system)
-        self._listening = DownlinkSubscriptions(
-            self._client, self._record, self._mode, self._news.set
-        )
-        await self._listening.begin()
-        return self._listening
+    async def _connect(self, link: str) -> "DownlinkSubscriptions":
+        client = await MrsClient.connect(self._uris[link], system=self._system)
+        line = DownlinkSubscriptions(client, self._record, link, self._system, self._tell)
+        self._lines[link] = line
+        await line.begin()
+        return line
 
-    async def _hang_up(self) -> None:
-        if self._listening is not None and self._client is not None:
-            await self._listening.end()
-            await self._client.close()
-        self._listening = self._client = None
+    async def _hang_up(self, link: str) -> None:
+        line = self._lines.pop(link, None)
+        if line is not None:
+            await line.end()
+
+    def _tell(self) -> None:
+        self._news.set()
+        self._on_news(self._record)
+
+    @property
+    def _client(self) -> MrsClient | None:
+        """The client of the link of the run."""
+        line = self._lines.get(self._mode.link)
+        return None if line is None else line.client
 
     async def _send(self) -> None:
         while (now_s := self._now_s()) < self._lasts_s and not (self._brief and self._done):
             if now_s >= self._contact_s and not self._lost:
                 self._contact_s = inf
-                await (await self._connect()).catch_up()
+                await (await self._connect(self._mode.link)).catch_up()
             if self._timeline.looks:
                 self._look()
             for entry in self._timeline.due(now_s):
@@ -172,23 +191,13 @@ class LiveSession:
     @property
     def _done(self) -> bool:
         record = self._record
-        if record.played < self._entries:
-            return False
-        admitted = {sent.label for sent in record.sendings if sent.answer is Answer.ADMITTED}
-        ends = [life[-1].stage for label in admitted if (life := record.life(label))]
-        return len(ends) == len(admitted) and all(stage and stage.terminal for stage in ends)
+        return record.played == self._entries and all(sent.ending for sent in sent_commands(record))
 
     async def _carry_out(self, entry: Entry) -> None:
         match entry:
             case Send() | Repeat():
                 label, command = self._ground.command(entry, self._system.utc_s())
-                sent_s = self._now_s()
-                answer = await self._submit(command)
-                self._record.sendings.append(SentCommand(label, command.identity, sent_s, answer))
-                if answer is Answer.ADMITTED:
-                    self._record.requested.append(
-                        AdmittedRequest(command.identity, command.request)
-                    )
+                await self._submit(label, command)
             case QueryParameters(ask=label):
                 self._record.answers.append(await self._asked(label))
             case Fetch(fetch=path):
@@ -204,7 +213,7 @@ class LiveSession:
                 await self._fault(kind, None)
             case Eclipse(eclipse_s=dark_s):
                 if self._mode is RunMode.DIRECT:
-                    await self._hang_up()
+                    await self._hang_up(self._mode.link)
                     self._contact_s = self._now_s() + dark_s
             case _:
                 raise TypeError(f"{type(entry).__name__} cannot be done over the socket")
@@ -226,19 +235,31 @@ class LiveSession:
         """Hang up until the link is there again, and no eclipse either."""
         self._lost = lost
         if lost:
-            await self._hang_up()
+            await self._hang_up(self._mode.link)
         if self._client is None and self._contact_s == inf:
             self._contact_s = self._now_s()
 
-    async def _submit(self, command: Command) -> Answer:
-        if self._client is None:
-            return Answer.LOST
-        try:
-            await self._client.submit(command)
-        except MalError as error:
-            known = error.number == AreaError.DUPLICATE.value
-            return Answer.DUPLICATE if known else Answer.REFUSED
-        return Answer.ADMITTED
+    async def _submit(self, label: str, command: Command) -> None:
+        record, sent_s, text = self._record, self._now_s(), ""
+        record.first_links.setdefault(command.identity, command.link)
+        line, answer = self._lines.get(command.link), Answer.ADMITTED
+        if line is None:
+            answer = Answer.LOST
+        else:
+            try:
+                await line.client.submit(command)
+            except MalError as error:
+                known = error.number == AreaError.DUPLICATE.value
+                answer, text = Answer.DUPLICATE if known else Answer.REFUSED, describe_error(error)
+        identity = command.identity
+        _LOG.info("%s %s by %s: %s %s", identity, label, command.link, answer.value, text)
+        record.sendings.append(
+            SentCommand(label, identity, sent_s, answer, command.link, text, self._now_s())
+        )
+        taken = answer in (Answer.ADMITTED, Answer.REFUSED)
+        if taken and all(each.identity != identity for each in record.requested):
+            record.requested.append(AdmittedRequest(identity, command.request))
+        self._on_news(record)
 
     async def _asked(self, label: str) -> QueryAnswer:
         if self._client is None:
@@ -250,24 +271,34 @@ class LiveSession:
 
 
 class DownlinkSubscriptions:
-    """Listens over one client, from `begin` to `end`."""
+    """Listens over one client, from `begin` to `end`, which closes it.
+
+    Args:
+        link: by which it listens; only by that of the run more than reports and status is taken.
+    """
 
     def __init__(
-        self, client: MrsClient, record: Record, mode: RunMode, on_news: Callable[[], None]
+        self,
+        client: MrsClient,
+        record: Record,
+        link: str,
+        system: System,
+        on_news: Callable[[], None],
     ) -> None:
-        self._client = client
+        self.client = client
         self._record = record
-        self._direct = mode is RunMode.DIRECT
+        self._link, self._system = link, system
+        self._main = record.main_link
         self._on_news = on_news
         self._notifications = client.notifications()
         self._tasks: list[asyncio.Task[None]] = []
 
     async def begin(self) -> None:
         """Hear the rest as well."""
-        client, record = self._client, self._record
+        client, record = self.client, self._record
 
         def on_report(notification: Notification) -> None:
-            record.reports.append(report_of(notification))
+            self._receive([notification])
             self._on_news()
 
         def on_value(value: ParameterValue) -> None:
@@ -280,18 +311,19 @@ class DownlinkSubscriptions:
             record.plans.append(plan_update_of(update))
 
         self._start(_each(self._notifications, on_report))
-        self._start(_each(await client.telemetry(), on_value))
-        if self._direct:
+        if self._link == self._main:
+            self._start(_each(await client.telemetry(), on_value))
+        if self._link == self._main == RunMode.DIRECT.link:
             self._start(_each(await client.file_events(), on_file))
             self._start(_each(await client.plan_updates(), on_plan))
         self._start(self._look())
 
     async def catch_up(self) -> None:
         """Ask for what was told while nobody listened; telemetry of that time is gone."""
-        record, client = self._record, self._client
+        record, client = self._record, self.client
         since = max((report.sequence for report in record.reports), default=0) + 1
         while past := await client.get_notifications(since):
-            record.reports += map(report_of, past)
+            self._receive(past)
             since = past[-1].sequence + 1
         record.plans += map(plan_update_of, await client.get_plan_status())
         told = {news.path for news in record.file_events}
@@ -312,18 +344,38 @@ class DownlinkSubscriptions:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self.client.close()
+
+    def _receive(self, notifications: Iterable[Notification]) -> None:
+        reports = map(_report, notifications)
+        self._record.receive(reports, self._link, self._system.utc_s())
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
         self._tasks.append(asyncio.create_task(work))
 
     async def _look(self) -> None:
+        record = self._record
         while True:
-            status = await self._client.get_status()
+            status = await self.client.get_status()
             mode = mode_of(status.mode)
-            if mode is not None:
-                seen_s = self._record.since_start_s(utc_s_of(status.timestamp))
-                self._record.modes.append(ModeSample(seen_s, mode))
+            if mode is not None and self._link == self._main:
+                seen_s = record.since_start_s(utc_s_of(status.timestamp))
+                record.modes.append(ModeSample(seen_s, mode))
+            values = {
+                each.name: float(each.value.value)
+                for each in status.values
+                if each.value is not None and not isinstance(each.value.value, str)
+            }
+            seen_s = record.since_start_s(self._system.utc_s())
+            record.statuses.append(SeenStatus(seen_s, self._link, mode, values))
+            self._on_news()
             await asyncio.sleep(LOOK_S)
+
+
+def _report(notification: Notification) -> Report:
+    """Return a report; one of the orbiter that gives a command up names that command."""
+    report = report_of(notification)
+    return replace(report, identity=report.identity or given_up(notification))
 
 
 async def _each(stream: Stream[T], put: Callable[[T], None]) -> None:

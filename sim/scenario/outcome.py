@@ -145,8 +145,8 @@ def judge(scenario: Scenario, record: Record) -> list[Check]:
 
 def _commands_end_once(record: Record) -> Check:
     """Hold every command that was received to one terminal report."""
-    reports = {report.sequence: report for report in record.reports}.values()
-    lives = {report.identity for report in reports if report.identity}
+    reports = {(report.sequence, report.identity): report for report in record.reports}.values()
+    lives = {report.identity for report in reports if report.identity and report.stage}
     ends = Counter(report.identity for report in reports if report.stage and report.stage.terminal)
     wrong = [f"{life} ends {ends[life]} ×" for life in lives if ends[life] != 1]
     return Check(
@@ -158,8 +158,10 @@ def _commands_end_once(record: Record) -> Check:
 
 
 def _reports_without_gap(record: Record) -> Check:
-    """Hold the numbers of all reports to one more each."""
-    numbers = sorted({r.sequence for r in record.reports if r.kind is not ReportKind.LINK})
+    """Hold the numbers of all reports by the link of the run to one more each."""
+    by_link = [each.report for each in record.receipts if each.link == record.main_link]
+    reports = by_link or record.reports
+    numbers = sorted({report.sequence for report in reports if report.kind is not ReportKind.LINK})
     missing = sorted(set(range(numbers[0], numbers[-1])) - set(numbers)) if numbers else []
     return Check(
         "promise",

@@ -1,16 +1,17 @@
 """Map, timeline and reports of a run that was recorded, as files in a folder."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from enum import Enum
-from itertools import groupby, pairwise
+from itertools import accumulate, groupby, pairwise
 from math import degrees
 from pathlib import Path
 from typing import Final
 
 from cattrs.preconf.json import make_converter
 
+from adapters.mrs.ground import DTN_QUEUED
 from executive.commands import (
     Line,
     Mode,
@@ -22,16 +23,22 @@ from executive.commands import (
     Turn,
     Waypoint,
 )
-from executive.history import CommandHistory
+from executive.history import CommandHistory, TrackSource
 from executive.settings import LocomotionKind
 from executive.values.geometry import Pose
 from executive.values.parameters import Parameter
-from executive.values.reports import Identity, Stage
+from executive.values.reports import Identity, Report, Stage
 from sim.drawing import (
+    SHORT_S,
     CommandLane,
     DriveMap,
     Incident,
+    Journey,
+    Levels,
+    Panel,
+    Passage,
     RunTimeline,
+    Series,
     TimeSpan,
     draw_map,
     draw_timeline,
@@ -40,8 +47,9 @@ from sim.drawing import (
     write_drawing,
 )
 from sim.scenario.model import Cargo, Crash, Eclipse, Scenario
-from sim.scenario.record import AdmittedRequest, Record, TruePose
-from sim.scenario.truth import true_ends
+from sim.scenario.record import Receipt, Record, TruePose
+from sim.scenario.sent import RELAY, CommandJourney, sent_commands
+from sim.scenario.truth import true_ends, way_m
 
 REPORTS: Final = "reports.jsonl"
 SMALL_ROVER: Final = 0.5
@@ -58,17 +66,26 @@ def write_run(folder: Path, scenario: Scenario, record: Record) -> tuple[Path, .
 
 
 def _write_reports(folder: Path, record: Record) -> Path:
-    """Write every report that was heard as JSON, one a line, names instead of numbers."""
+    """Write every report that was received as JSON, one a line, names instead of numbers.
+
+    Those of a live run have the time of receipt and the link.
+    """
     converter = make_converter()
     converter.register_unstructure_hook_func(
         lambda kind: isinstance(kind, type) and issubclass(kind, Enum), lambda value: value.name
     )
+    received: Iterable[tuple[Report, Receipt | None]] = [
+        (receipt.report, receipt) for receipt in record.receipts
+    ] or [(report, None) for report in record.reports]
     path = folder / REPORTS
     with path.open("w", encoding="utf-8") as file:
-        for report in record.reports:
+        for report, receipt in received:
             label = record.label(report.identity) if report.identity else None
             told = {"time_s": round(record.time_of(report), 3), "label": label}
-            file.write(json.dumps(told | converter.unstructure(report)) + "\n")
+            told |= converter.unstructure(report)
+            if receipt is not None:
+                told |= {"link": receipt.link, "received_s": round(receipt.time_s, 3)}
+            file.write(json.dumps(told) + "\n")
     return path
 
 
@@ -78,29 +95,23 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
     small = scenario.settings.locomotion is LocomotionKind.WHOLE_MOTION
     lives = record.lives()
 
-    def at(request: AdmittedRequest, stage: Stage) -> Pose | None:
-        life = lives.get(request.identity)
-        report = None if life is None else life.at(stage)
-        return None if report is None else _at(poses, record.time_of(report))
+    def done_s(kind: type) -> Iterator[float]:
+        for each in record.requested:
+            life = lives.get(each.identity) if isinstance(each.request, kind) else None
+            executed = None if life is None else life.at(Stage.EXECUTED)
+            if executed is not None:
+                yield record.time_of(executed)
 
-    def where(kind: type, stage: Stage) -> tuple[Pose, ...]:
-        found = (at(each, stage) for each in record.requested if isinstance(each.request, kind))
-        return tuple(pose for pose in found if pose is not None)
-
-    started = ((each.request, at(each, Stage.STARTED)) for each in record.requested)
     end = poses[-1].pose
     return DriveMap(
         title=f"{scenario.title}: the drive, world “{scenario.world.name}”",
         world=scenario.world,
-        planned=tuple(place for request, pose in started if pose for place in _to(request, pose)),
+        planned=planned_places(record),
         driven=tuple(_odometry(record)),
         true=tuple(seen.pose for seen in poses),
-        stops=where(Stop, Stage.EXECUTED),
-        views=where(TakePicture, Stage.EXECUTED),
-        figures=(
-            f"{record.simulated_s:.1f} s",
-            f"at the end x {end.x_m:z.2f} y {end.y_m:z.2f}, {degrees(end.heading_rad):z.0f}°",
-        ),
+        stops=tuple(_at(poses, time_s) for time_s in done_s(Stop)),
+        views=tuple(_view(record, _at(poses, time_s), time_s) for time_s in done_s(TakePicture)),
+        figures=tuple(_figures(record, end)),
         scale=SMALL_ROVER if small else 1.0,
         zones=scenario.settings.zones,
         seen=record.seen,
@@ -113,26 +124,37 @@ def drive_of(scenario: Scenario, record: Record) -> DriveMap:
 
 def timeline_of(scenario: Scenario, record: Record) -> RunTimeline:
     """Return what the timeline of a run shows."""
+    relayed = any(sent.link == RELAY for sent in record.sendings) and bool(record.receipts)
     lives = record.lives()
     identities = list(dict.fromkeys([*(sent.identity for sent in record.sendings), *lives]))
+    lanes = (_lane(record, each, lives.get(each)) for each in identities)
+    eclipses = tuple(
+        (begin_s, min(begin_s + entry.eclipse_s, record.simulated_s))
+        for entry in scenario.timeline
+        if isinstance(entry, Eclipse) and (begin_s := record.moment(entry)) is not None
+    )
     return RunTimeline(
         title=scenario.title,
         end_s=record.simulated_s,
-        commands=tuple(_lane(record, each, lives.get(each)) for each in identities),
+        commands=tuple(map(journey_lane, sent_commands(record)) if relayed else lanes),
         faults=tuple(_faults(scenario, record)),
         events=events_of({each.sequence: each for each in record.reports}.values(), record.time_of),
         modes=tuple(_modes(record)),
-        speeds=tuple(
-            (end.time_s, start.pose.point.distance_m(end.pose.point) / (end.time_s - start.time_s))
-            for start, end in pairwise(record.poses)
-            if end.time_s > start.time_s
-        ),
-        eclipses=tuple(
-            (begin_s, min(begin_s + entry.eclipse_s, record.simulated_s))
-            for entry in scenario.timeline
-            if isinstance(entry, Eclipse) and (begin_s := record.moment(entry)) is not None
-        ),
+        panels=(Panel("true speed", "m/s", (_true_speeds(record),)),),
+        eclipses=eclipses,
+        waiting=(_queued(record), _aboard(record)) if relayed and eclipses else None,
     )
+
+
+def _true_speeds(record: Record) -> Series:
+    """Return the true speed over ground."""
+    moved = [
+        (end.time_s, way_m((start, end)) / (end.time_s - start.time_s))
+        for start, end in pairwise(record.poses)
+        if end.time_s > start.time_s
+    ]
+    times_s, speeds_mps = zip(*moved, strict=True) if moved else ((), ())
+    return Series(TrackSource.TRUTH, times_s, speeds_mps)
 
 
 def _at(poses: Sequence[TruePose], time_s: float) -> Pose:
@@ -154,8 +176,50 @@ def _to(request: Request, pose: Pose) -> tuple[Waypoint, ...]:
     return tuple(places)
 
 
+def _figures(record: Record, end: Pose) -> Iterator[str]:
+    yield f"driven {way_m(record.poses):.1f} m in {record.simulated_s:.1f} s"
+    yield f"at the end x {end.x_m:z.2f} y {end.y_m:z.2f}, {degrees(end.heading_rad):z.0f}°"
+    last = last_error(record)
+    if last is not None:
+        yield "true error at the last target:"
+        yield last
+
+
+def last_error(record: Record) -> str | None:
+    """Return in words how far from its target the last motion truly ended that was executed."""
+    ends = [end for end in true_ends(record) if end.off_m is not None]
+    if not ends or ends[-1].off_m is None:
+        return None
+    off_rad = ends[-1].off_rad
+    turned = "" if off_rad is None else f", {degrees(off_rad):.1f}°"
+    return f"{100 * ends[-1].off_m:.1f} cm{turned}"
+
+
+def planned_places(record: Record) -> tuple[Waypoint, ...]:
+    """Return where the motions go that were started, a place that is repeated once."""
+    poses, lives = record.poses, record.lives()
+    places: list[Waypoint] = []
+    for each in record.requested:
+        life = lives.get(each.identity)
+        started = None if life is None else life.at(Stage.STARTED)
+        if started is not None and poses:
+            places += _to(each.request, _at(poses, record.time_of(started)))
+    return tuple(place for place, _ in groupby(places))
+
+
+def _view(record: Record, pose: Pose, time_s: float) -> Pose:
+    """Return where the camera looked, by telemetry."""
+    pans = (each for each in record.values if each.parameter is Parameter.CAM_PAN)
+    before = [each.value for each in pans if each.time_s <= time_s and each.value is not None]
+    pan_rad = before[-1] if before else 0.0
+    return replace(pose, heading_rad=pose.heading_rad + pan_rad)
+
+
 def _odometry(record: Record) -> Iterator[Pose]:
-    """Yield where telemetry said that the rover was."""
+    """Yield where the rover was by odometry, or by telemetry."""
+    yield from record.odometry
+    if record.odometry:
+        return
     for _, batch in groupby(record.values, key=lambda value: value.time_s):
         known = {value.parameter: value.value for value in batch}
         x_m, y_m = known.get(Parameter.POS_X), known.get(Parameter.POS_Y)
@@ -208,6 +272,67 @@ def _lane(record: Record, identity: Identity, life: CommandHistory | None) -> Co
     answers = ", ".join(dict.fromkeys(each.answer.value for each in sent))
     sent_s = [each.time_s for each in sent]
     return lane_of(life, record.time_of, record.label(identity), sent_s, answers)
+
+
+def journey_lane(sent: CommandJourney) -> CommandLane:
+    """Return the lane of a command between ground, orbiter and rover."""
+    sending, lost = sent.sending, sent.given_up
+
+    def passage(receipt: Receipt | None) -> Passage | None:
+        if receipt is None:
+            return None  # to a repeat the rover reports again what was before
+        return Passage(max(receipt.made_s, sending.time_s), receipt.time_s)
+
+    journey = Journey(
+        sent.link == RELAY,
+        sent.ending,
+        sending.time_s,
+        sending.answered_s if sent.stored else None,
+        passage(sent.at(Stage.RECEIVED)),
+        passage(sent.at(Stage.STARTED)),
+        None if lost else passage(sent.ended),
+        lost.time_s if lost else None,
+        sent.again,
+    )
+    title = f"again: {sent.title}" if sent.again else sent.title
+    return CommandLane(title, (sending.time_s,), last=sent.stage, journey=journey)
+
+
+def _queued(record: Record) -> Levels:
+    """Return how many bundles waited at the orbiter, where that changed."""
+    seen = [
+        (each.time_s, int(each.values.get(DTN_QUEUED, 0)))
+        for each in record.statuses
+        if each.link == RELAY
+    ]
+    return tuple(later for earlier, later in pairwise(seen) if later[1] != earlier[1])
+
+
+def _aboard(record: Record) -> Levels:
+    """Return how many reports waited aboard, where that changed."""
+    changes: list[tuple[float, int]] = []
+    for each in record.receipts:
+        if each.link == RELAY and each.report.sequence and each.time_s - each.made_s > SHORT_S:
+            changes += [(each.made_s, 1), (each.time_s, -1)]
+    changes.sort()
+    waiting = accumulate(change for _, change in changes)
+    return tuple((time_s, many) for (time_s, _), many in zip(changes, waiting, strict=True))
+
+
+def waited(record: Record) -> Iterator[tuple[str, str]]:
+    """Yield figures of what waited: a name, and how many, the longest for how long."""
+    stored_s = []
+    for sent in sent_commands(record):
+        left = sent.given_up or sent.at(Stage.RECEIVED)
+        if sent.stored and left is not None:
+            left_s = left.time_s if sent.given_up else left.made_s
+            stored_s.append(left_s - sent.sending.time_s)
+    aboard_s = [each.time_s - each.made_s for each in record.receipts if each.link == RELAY]
+    names = ("commands that waited at the orbiter", "reports that waited aboard")
+    for name, waits_s in zip(names, (stored_s, aboard_s), strict=True):
+        long_s = [wait_s for wait_s in waits_s if wait_s > SHORT_S]
+        figure = f"{len(long_s)} of {len(waits_s)}"
+        yield name, figure + (f", the longest for {max(long_s):.1f} s" if long_s else "")
 
 
 def _modes(record: Record) -> Iterator[tuple[Mode, float, float]]:

@@ -64,6 +64,8 @@ from sim.scenario.record import Scheduled, ScheduledInterval, StageTime
 
 SUFFIXES: Final = (".yaml", ".yml")
 OPERATIONS: Final = {each.name: each for each in declared()}
+LINKS: Final = tuple(each.link for each in (RunMode.DIRECT, RunMode.RELAY))
+"""Those of live runs."""
 _LARGEST_PX: Final = (1280, 960)
 _FOLDER: Final[ContextVar[Path]] = ContextVar("folder")
 """Of the file that is read: plans are found beside it."""
@@ -395,7 +397,7 @@ def _obstacles(said: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, 
             yield "", "fix works in lock step only"
         case model.Inject(inject=LinkLost()) if relay:
             yield ".inject", "by the relay the link is lost by an eclipse, which is planned"
-        case Send(link=str(link)) | Repeat(link=str(link)) if live and link != mode.link:
+        case Send(link=str(link)) | Repeat(link=str(link)) if live and link not in LINKS:
             yield ".link", f"{link!r} works in lock step only"
         case of_rover.Contacts() if live:
             yield ".contacts", "what the rover touches is known in lock step only"
@@ -405,7 +407,7 @@ def _obstacles(said: Entry | Expectation, mode: RunMode) -> Iterator[tuple[str, 
             yield ".link", "works with --live --link relay only"
         case Fetch() if relay:
             yield "", "files do not travel by the relay"
-        case Send(replace=True) if relay:
+        case Send(replace=True, link=link) if live and (link or mode.link) == RunMode.RELAY.link:
             yield ".replace", "commands by the relay wait their turn"
         case model.Eclipse(at_s=at_s, near=near) if relay and (at_s is None or near):
             yield "", "by the relay an eclipse is planned: it needs at, and no near"

@@ -1,7 +1,7 @@
 """What was seen in a run, whoever ran it: all that a verdict goes by. Times are of the scenario."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, unique
 from math import inf
@@ -14,7 +14,15 @@ from executive.obstacles.zones import ScannedObstacle
 from executive.settings import figure
 from executive.values.geometry import Point, Pose
 from executive.values.parameters import Parameter, ParameterValue
-from executive.values.reports import FileEvent, Identity, PlanUpdate, Report, Stage
+from executive.values.reports import (
+    FileEvent,
+    Identity,
+    PlanUpdate,
+    Report,
+    ReportKind,
+    Severity,
+    Stage,
+)
 
 ENDED: Final = "ENDED"
 """In place of a stage: whichever way the command ends."""
@@ -57,8 +65,9 @@ class StageTime:
         return f"{self.label} {self.stage}{delay}"
 
     def comes_with(self, report: Report) -> bool:
-        """Return whether it is the stage of this report."""
-        return report.stage in _STAGES[self.stage]
+        """Return whether it is the stage of this report; by the orbiter it can only be EXPIRED."""
+        stage = Stage.EXPIRED if report.kind is ReportKind.LINK else report.stage
+        return stage in _STAGES[self.stage]
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,12 +205,48 @@ class ModeSample:
 
 @dataclass(frozen=True, slots=True)
 class SentCommand:
-    """A command that was sent, or sent again, and what was answered."""
+    """A command that was sent, or sent again, and what was answered.
+
+    Attributes:
+        text: of the answer, if it is an error.
+        answered_s: when the answer was received.
+    """
 
     label: str
     identity: Identity
     time_s: float
     answer: Answer
+    link: str = "direct"
+    text: str = ""
+    answered_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Receipt:
+    """A report that was received on the ground: when, and by which link.
+
+    Attributes:
+        made_s: when it was made aboard.
+    """
+
+    time_s: float
+    made_s: float
+    link: str
+    report: Report
+
+
+@dataclass(frozen=True, slots=True)
+class SeenStatus:
+    """The status of the rover, or by the relay of the orbiter too, when it was received.
+
+    Attributes:
+        values: of the parameters that are known, by their names.
+    """
+
+    time_s: float
+    link: str
+    mode: Mode | None
+    values: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,6 +328,13 @@ class Record:
         files: the folder aboard that mission control sees.
         clock: what a clock shows at a UTC whose seconds are those of the scenario.
         reports: in the order heard, repeats included.
+            Of a command they are those by the link by which it was sent first: by another MOCUP's
+            brick reports under numbers of its own.
+        receipts: of all reports of a live run, by each link.
+        main_link: by which commands went that named none.
+        first_links: of a live run, by which link each command was sent first.
+        statuses: of each link of a live run, in the order received.
+        odometry: where it was by odometry; empty in lock step, where telemetry has all of it.
         requested: what each command that was received asks for, as far as that is known.
         played: how many entries of the timeline were carried out.
         energy_j: drawn from the battery; None where the simulation does not tell.
@@ -295,9 +347,14 @@ class Record:
     files: Path
     clock: Callable[[float], float] = float
     reports: list[Report] = field(default_factory=list)
+    receipts: list[Receipt] = field(default_factory=list)
+    main_link: str = "direct"
+    first_links: dict[Identity, str] = field(default_factory=dict)
+    statuses: list[SeenStatus] = field(default_factory=list)
     values: list[ReceivedValue] = field(default_factory=list)
     answers: list[QueryAnswer] = field(default_factory=list)
     poses: list[TruePose] = field(default_factory=list)
+    odometry: list[Pose] = field(default_factory=list)
     modes: list[ModeSample] = field(default_factory=list)
     sendings: list[SentCommand] = field(default_factory=list)
     requested: list[AdmittedRequest] = field(default_factory=list)
@@ -324,6 +381,15 @@ class Record:
             for value in values
         )
 
+    def receive(self, reports: Iterable[Report], link: str, utc_s: float) -> None:
+        """Add reports that were received by a link."""
+        for report in reports:
+            first = self.first_links.get(report.identity) if report.identity else None
+            if link == (first or self.main_link):
+                self.reports.append(report)
+            receipt = Receipt(self.since_start_s(utc_s), self.time_of(report), link, report)
+            self.receipts.append(receipt)
+
     def time_of(self, report: Report) -> float:
         """Return when a report was made."""
         return self.since_start_s(report.utc_s)
@@ -343,10 +409,15 @@ class Record:
         life = None if identity is None else self.lives().get(identity)
         return () if life is None else life.stages
 
+    def given_up(self, label: str) -> Report | None:
+        """Return what the orbiter reported if a command's lifetime ended there."""
+        identity = self.identity(label)
+        return next((each for each in self.reports if gives_up(each, identity)), None)
+
     def lives(self) -> dict[Identity, CommandHistory]:
         """Return what became of each command that was reported on."""
-        once = {report.sequence: report for report in self.reports}
-        reports = tuple(once[sequence] for sequence in sorted(once))
+        once = {(report.sequence, report.identity): report for report in self.reports}
+        reports = tuple(sorted(once.values(), key=lambda report: report.sequence))
         return RunHistory(self.start_utc_s, reports).lives()
 
     def moment(self, timed: Scheduled) -> float | None:
@@ -366,7 +437,8 @@ class Record:
         if after is None:
             last_s = self.simulated_s if timed.at_end else 0.0
             return last_s if timed.at_s is None else timed.at_s
-        for report in self.life(after.label):
+        given_up = self.given_up(after.label)
+        for report in (*self.life(after.label), *([given_up] if given_up else ())):
             if after.comes_with(report):
                 return self.time_of(report) + after.delay_s
         return None
@@ -388,6 +460,12 @@ class Record:
         if lasting.at_end:
             start_s -= lasting.for_s
         return between(samples, start_s, start_s + lasting.for_s)
+
+
+def gives_up(report: Report, identity: Identity | None) -> bool:
+    """Return whether the orbiter reports that it does not forward this command any more."""
+    alarm = (report.kind, report.severity) == (ReportKind.LINK, Severity.ALARM)
+    return alarm and identity is not None and report.identity == identity
 
 
 def between(samples: Sequence[S], start_s: float, end_s: float) -> Sequence[S]:

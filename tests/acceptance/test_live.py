@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from sim.scenario.expect_commands import ExpectedLife
-from sim.scenario.live import play_in, scene_of
+from sim.scenario.live import play_in
 from sim.scenario.model import RunMode, Scenario
 from sim.scenario.outcome import judge
 from sim.scenario.reading import load_scenario
+from sim.scenario.scene import scene_of
 
 ROVER = Path(sys.executable).with_name("rover")
 LIMIT_S = 240

@@ -1,4 +1,4 @@
-"""Sessions through an orbiter: real sockets and bundles, a rover that answers, a clock of ours."""
+"""Scenarios through an orbiter: real sockets and bundles, a rover that answers, a clock of ours."""
 
 import asyncio
 import re
@@ -8,94 +8,114 @@ import pytest
 from rich.console import Console
 
 from adapters.bundle.links.contact import Contact, ContactPlan
-from adapters.mrs.spec.types import Stage
-from executive.commands.catalogue import MoveForward, SetTravelSpeed
+from executive.values.reasons import Reason
+from executive.values.reports import Stage
 from sim.demo.display import LineDisplay
 from sim.demo.outcome import by_both, late
-from sim.demo.script import RELAY, AtOnce, Ending, Link, Step, WhenDark, WhenDone
-from sim.demo.session import Session, Told
-from sim.demo.timeline import lane_of, waited
-from tests.relay.orbiter.sky import Clock, Sky, ground, landed, orbiting, until
+from sim.scenario.expect_commands import ExpectedLife
+from sim.scenario.model import RunMode
+from sim.scenario.pictures import journey_lane, waited
+from sim.scenario.record import Record, Scheduled, StageTime
+from sim.scenario.sent import sent_commands
+from tests.demo.playing import play
+from tests.relay.orbiter.sky import Clock, Sky, landed, orbiting, until
 
-STEPS = (
-    Step(MoveForward(5.0), WhenDark(), Ending.EXPIRED, link=Link.RELAY, lifetime_s=0.5),
-    Step(SetTravelSpeed(0.5), AtOnce(), link=Link.RELAY),
-    Step(SetTravelSpeed(0.5), WhenDone(), Ending.DUPLICATE, repeats=True, link=Link.RELAY),
-)
-DAY_S = 86_400.0
+TEXT = """
+- {at: 0, command: {moveForward: {distance: 5}}, label: too-old, lifetime: 0.5}
+- {at: 0, command: {setTravelSpeed: {speed: 0.5}}, label: waits}
+- {after: waits ENDED, repeat: waits}"""
 
 
 @pytest.fixture(scope="module")
-def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Session, str]:
-    """Play the steps in an eclipse that lasts for an hour; give what was printed, too."""
+def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Record, str]:
+    """Play the entries in an eclipse that lasts for an hour; give what was printed, too."""
     folder, console = tmp_path_factory.mktemp("relayed"), Console(width=110)
 
-    async def run() -> Session:
+    async def run() -> Record:
         relay, clock = Sky(folder, "jackal"), Clock()
         dawn_s = clock.utc_s() + 3600.0
         plan = ContactPlan((Contact(dawn_s, dawn_s + 600.0, 1, 2, 100_000),))
+        seen: list[Record] = []
         async with (
             orbiting(relay, clock, plan) as (_, (station,)),
             landed(relay, "jackal") as rover,
-            await ground(station) as client,
         ):
             with LineDisplay(console) as shown:
-                session = Session({Link.RELAY: client}, shown.audience(RELAY), Link.RELAY)
-                playing = asyncio.create_task(session.play(STEPS))
-                await until(lambda: len(session.lives) == 2 and session.lives[1].stored)
-                await until(lambda: session.lives[0].ending is Ending.EXPIRED)
-                await until(lambda: session.relay_history[-1][1].queued == 1)
+                view = shown.view(["relay"])
+
+                def on_news(record: Record) -> None:
+                    seen[:] = [record]
+                    view.on_news(record)
+
+                uris = {"relay": str(station.uri)}
+                playing = asyncio.create_task(play(folder, RunMode.RELAY, uris, TEXT, on_news))
+                await until(lambda: bool(seen) and len(seen[0].sendings) == 2)
+                await until(lambda: seen[0].given_up("too-old") is not None)
+                await until(lambda: seen[0].statuses[-1].values["DTN_QUEUED"] == 1)
                 assert rover.commands == []
                 clock.shift_s = 3601.0
-                await playing
+                record = await playing
             assert [message.command for message in rover.commands] == ["SET_TRAVEL_SPEED"]
-            return session
+            return record
 
     with console.capture() as printed:
-        session = asyncio.run(run())
-    return session, printed.get()
+        record = asyncio.run(run())
+    return record, printed.get()
 
 
 def test_what_is_sent_in_the_dark_is_stored_and_carried_out_after_it(
-    played: tuple[Session, str],
+    played: tuple[Record, str],
 ) -> None:
-    session, text = played
-    assert [life.ending for life in session.lives] == [step.expected for step in STEPS]
-    expired, waiting, again = session.lives
+    record, text = played
+    expired, waiting, again = sent_commands(record)
+    assert [each.ending for each in (expired, waiting, again)] == [
+        "EXPIRED",
+        "EXECUTED",
+        "DUPLICATE",
+    ]
     stages = [Stage.RECEIVED, Stage.ACCEPTED, Stage.STARTED, Stage.EXECUTED]
-    assert [told.notification.stage for told in waiting.told] == stages
+    assert [receipt.report.stage for receipt in waiting.receipts] == stages
     assert expired.stored
-    assert expired.told == []
+    assert expired.receipts == ()
     assert expired.text == "its lifetime ended at the orbiter"
-    assert not again.stored
-    assert again.told == [], "it is known by the same link: the first one's report is no life"
+    assert again.receipts == (), "it is known by the same link: the first one's report is no life"
     assert re.search(r"no contact, next in \d+ s +queue \d", text), text
     assert re.search(r"^ 2 setTravelSpeed.* relay +0\.\d\d .*EXECUTED", text, re.MULTILINE), text
 
 
-def test_a_lane_tells_where_a_command_was(played: tuple[Session, str]) -> None:
-    session, _ = played
-    start_utc_s = session.lives[0].sent_utc_s
-    expired, waiting, again = (lane_of(life, start_utc_s) for life in session.lives)
-    assert expired.sent_s == 0.0
+def test_what_the_orbiter_gives_up_has_ended_for_what_waits_and_what_is_expected(
+    played: tuple[Record, str],
+) -> None:
+    record, _ = played
+    for stage, holds in ((Stage.EXPIRED, True), (Stage.EXECUTED, False)):
+        assert ExpectedLife(command="too-old", ends=stage).judge(record).holds is holds
+    for after in (StageTime("too-old", "ENDED"), StageTime("too-old", "EXPIRED")):
+        assert record.moment(Scheduled(after=after)) is not None
+    assert record.moment(Scheduled(after=StageTime("too-old", "EXECUTED"))) is None
+
+
+def test_a_lane_tells_where_a_command_was(played: tuple[Record, str]) -> None:
+    record, _ = played
+    expired, waiting, again = (journey_lane(sent).journey for sent in sent_commands(record))
+    assert expired is not None
     assert expired.stored_s is not None
     assert expired.lost_s is not None
-    assert 0.0 < expired.stored_s < expired.lost_s
+    assert expired.sent_s < expired.stored_s < expired.lost_s
     assert expired.received is None
+    assert waiting is not None
     assert waiting.ended is not None
-    assert waiting.ended.told_s >= waiting.ended.made_s > waiting.sent_s
+    assert waiting.ended.ground_s >= waiting.ended.made_s > waiting.sent_s
+    assert again is not None
     assert again.again
-    assert again.stored_s is None
-    (at_the_orbiter, commands), (aboard, _) = waited(session)
+    (at_the_orbiter, commands), (aboard, _) = waited(record)
     assert at_the_orbiter == "commands that waited at the orbiter"
     assert aboard == "reports that waited aboard"
     assert commands.startswith("2 of 2"), "the one that was given up there waited too"
-    assert list(by_both(session)) == [], "it was sent again by the same link"
+    assert list(by_both(record)) == [], "it was sent again by the same link"
 
 
-def test_odometry_that_was_late_is_known_afterwards(played: tuple[Session, str]) -> None:
-    session, _ = played
-    assert not late(session)
-    stood = replace(session.reports[Link.RELAY][-1].notification, code=902)
-    session.reports[Link.RELAY].append(Told(stood, 0.0))
-    assert late(session)
+def test_odometry_that_was_late_is_known_afterwards(played: tuple[Record, str]) -> None:
+    record, _ = played
+    assert not late(record)
+    stood = replace(record.reports[-1], reason=Reason.ODOMETRY_STALE)
+    assert late(replace(record, reports=[*record.reports, stood]))

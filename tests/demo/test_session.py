@@ -1,8 +1,7 @@
-"""Mission control plays scripts over a real socket, to a rover whose time runs fast."""
+"""Mission control plays scenarios over a real socket, to a rover whose time runs fast."""
 
-import asyncio
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from io import StringIO
 from pathlib import Path
 
@@ -11,34 +10,16 @@ from rich.console import Console
 from rich.text import Text
 
 from adapters.mrs.ground.client import MrsClient
-from adapters.mrs.spec.types import Stage
-from executive.commands.catalogue import (
-    FollowPath,
-    MoveForward,
-    MoveTo,
-    Resume,
-    SetCameraAngles,
-    Stop,
-    Waypoint,
-)
-from sim.demo.display import LineDisplay, TerminalDisplay, lives_table
-from sim.demo.script import JACKAL, AtOnce, Ending, Link, Step, WhenDone, WhenNear
-from sim.demo.session import Life, RoverStatus, Session, until_first
+from executive.values.reports import Stage
+from sim.demo.display import LineDisplay, TerminalDisplay, commands_table
+from sim.scenario.model import RunMode
+from sim.scenario.record import Answer, Record
+from sim.scenario.sent import sent_commands
+from tests.demo.playing import play
 from tests.mrs.aboard import Aboard
 
-
-class Audience:
-    """Notes what it is shown."""
-
-    def __init__(self) -> None:
-        self.x_m: dict[tuple[str, Stage | None], float] = {}
-        self._x_m = 0.0
-
-    def changed(self, life: Life) -> None:
-        self.x_m[life.spelled, life.stage] = self._x_m
-
-    def looked(self, status: RoverStatus) -> None:
-        self._x_m = status.x_m
+FORWARD = "\n- {at: 0, command: {moveForward: {distance: 0.2}}, label: go}"
+AGAIN = "\n- {after: go ENDED, repeat: go}"
 
 
 @pytest.fixture
@@ -49,107 +30,100 @@ def aboard(tmp_path: Path) -> Iterator[Aboard]:
     rover.close()
 
 
-def play(aboard: Aboard, script: Sequence[Step], audience: Audience) -> Session:
-    async def session(client: MrsClient) -> Session:
-        session = Session({Link.DIRECT: client}, audience)
-        await session.play(script)
-        return session
+def played(
+    aboard: Aboard,
+    folder: Path,
+    text: str,
+    on_news: Callable[[Record], None] = lambda _: None,
+    lasts_s: float = 60.0,
+) -> Record:
+    async def session(_: MrsClient) -> Record:
+        return await play(folder, RunMode.DIRECT, {"direct": aboard.uri}, text, on_news, lasts_s)
 
     return aboard.ground(session)
 
 
-def test_a_script_is_played_to_its_end(aboard: Aboard) -> None:
-    target = Waypoint(90.0, 0.0)  # time aboard runs: it is not to be there before the stop
-    audience = Audience()
-    played = play(
+def test_a_scenario_is_played_to_its_end(aboard: Aboard, tmp_path: Path) -> None:
+    seen: set[tuple[str, Stage | None]] = set()
+
+    def on_news(record: Record) -> None:
+        seen.update((sent.title, sent.stage) for sent in sent_commands(record))
+
+    record = played(
         aboard,
-        (
-            Step(MoveTo(target), WhenDone(), Ending.CANCELLED),
-            Step(SetCameraAngles(0.5, 0.0), AtOnce()),
-            Step(Stop(), WhenNear(target, 89.0)),
-            Step(MoveForward(1.0), WhenDone(), Ending.REJECTED),
-            Step(Resume(), WhenDone()),
-            Step(MoveForward(-0.5), WhenDone()),
-            Step(MoveForward(-0.5), WhenDone(), Ending.DUPLICATE, repeats=True),
-        ),
-        audience,
+        tmp_path,
+        """
+- {at: 0, command: {moveTo: {x: 90, y: 0}}, label: far}
+- {after: far STARTED, command: {setCameraAngles: {pan: 0.5, tilt: 0}}}
+- {after: far STARTED, command: stop}
+- {after: stop ENDED, command: {moveForward: {distance: 1}}, label: refused}
+- {after: refused ENDED, command: resume}
+- {after: resume ENDED, command: {moveForward: {distance: -0.5}}, label: back}
+- {after: back ENDED, repeat: back}
+""",
+        on_news,
     )
-    assert [life.ending for life in played.lives] == [life.step.expected for life in played.lives]
-    assert all(life.as_expected for life in played.lives)
-    assert played.lives[0].text.endswith("(reason 801)")
-    assert "send resume first" in played.lives[3].text
-    assert str(played.lives[5].command.identity.command_id) in played.lives[6].text
-    assert 1.0 <= audience.x_m["stop", None] < 90.0
-    assert ("moveForward -0.5", Stage.EXECUTED) in audience.x_m
+    far, camera, stop, refused, resume, back, again = sent_commands(record)
+    assert [each.ending for each in (far, stop, refused, resume, back, again)] == [
+        "CANCELLED",
+        "EXECUTED",
+        "REJECTED",
+        "EXECUTED",
+        "EXECUTED",
+        "DUPLICATE",
+    ]
+    assert camera.ending is not None
+    assert far.text.endswith("(reason 801)")
+    assert "send resume first" in refused.text
+    assert str(back.sending.identity.command_id) in again.text
+    assert (back.title, Stage.EXECUTED) in seen
+    assert record.statuses[-1].values["POS_X"] < 0.0
 
 
-def test_every_report_is_kept_once_and_in_order(aboard: Aboard) -> None:
-    script = (
-        Step(MoveForward(0.2), WhenDone()),
-        Step(MoveForward(0.2), WhenDone(), Ending.DUPLICATE, repeats=True),
-        Step(MoveForward(-0.2), WhenDone()),
-    )
-    played = play(aboard, script, Audience())
-    assert [told.notification.sequence for told in played.reports[Link.DIRECT]] == list(
-        range(1, 11)
-    )
+def test_every_report_is_kept_in_order_with_link_and_time(aboard: Aboard, tmp_path: Path) -> None:
+    back = "\n- {after: go ENDED + 0.1, command: {moveForward: {distance: -0.2}}, label: back}"
+    record = played(aboard, tmp_path, FORWARD + AGAIN + back)
+    numbers = dict.fromkeys(report.sequence for report in record.reports)
+    assert list(numbers) == list(range(1, len(numbers) + 1))
+    assert [each.report for each in record.receipts] == record.reports
+    assert {each.link for each in record.receipts} == {"direct"}
+    times_s = [each.time_s for each in record.receipts]
+    assert times_s == sorted(times_s)
+    assert [each.answer for each in record.sendings] == [
+        Answer.ADMITTED,
+        Answer.DUPLICATE,
+        Answer.ADMITTED,
+    ]
+    assert "already used command 1" in record.sendings[1].text
 
 
-def test_an_ending_that_the_script_does_not_expect_is_told(aboard: Aboard) -> None:
-    played = play(aboard, (Step(MoveForward(1e6), WhenDone()),), Audience())
-    (life,) = played.lives
-    assert life.ending is Ending.REJECTED
-    assert not life.as_expected
-
-
-def test_a_command_that_ends_short_of_a_place_keeps_no_later_one_back(aboard: Aboard) -> None:
-    script = (
-        Step(MoveForward(1e6), WhenDone()),
-        Step(Stop(), WhenNear(Waypoint(3.0, 0.0), 0.5)),
-    )
-    played = play(aboard, script, Audience())
-    assert [life.ending for life in played.lives] == [Ending.REJECTED, Ending.EXECUTED]
-
-
-def test_a_command_that_never_ends_is_named(
-    aboard: Aboard, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_play_ends_without_a_command_that_never_does(aboard: Aboard, tmp_path: Path) -> None:
     aboard.runs = False
-    monkeypatch.setattr("sim.demo.session.LONGEST_S", 2.0)
-    with pytest.raises(TimeoutError, match=r"moveForward 1 did not end within 2 s"):
-        play(aboard, (Step(MoveForward(1.0), WhenDone()),), Audience())
+    record = played(aboard, tmp_path, FORWARD, lasts_s=2.0)
+    (sent,) = sent_commands(record)
+    assert sent.ending is None
+    assert record.simulated_s >= 2.0
 
 
-def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard) -> None:
+def test_output_that_is_no_terminal_is_lines_and_a_table(aboard: Aboard, tmp_path: Path) -> None:
     console = Console(width=110)
     with console.capture() as printed, LineDisplay(console) as shown:
-
-        async def session(client: MrsClient) -> None:
-            audience = shown.audience(JACKAL)
-            session = Session({Link.DIRECT: client}, audience)
-            await session.play((Step(MoveForward(0.2), WhenDone()),))
-
-        aboard.ground(session)
-    lines = [line.split() for line in printed.get().splitlines() if "moveForward 0.2" in line]
-    assert [words[4] for words in lines[:2]] == ["STARTED", "EXECUTED"]
+        played(aboard, tmp_path, FORWARD, shown.view(["direct"]).on_news)
+    lines = [line for line in printed.get().splitlines() if "moveForward distance 0.2 m" in line]
+    assert [line.split()[6] for line in lines[:2]] == ["STARTED", "EXECUTED"]
     assert "\x1b" not in printed.get()
 
 
-def test_on_a_narrow_terminal_each_command_keeps_to_its_line(aboard: Aboard) -> None:
-    path = FollowPath(tuple(Waypoint(0.1 * i, 0.0) for i in range(1, 9)))
-    script = (Step(path, WhenDone()), Step(MoveForward(1e6), WhenDone(), Ending.REJECTED))
+def test_on_a_narrow_terminal_each_command_keeps_to_its_line(
+    aboard: Aboard, tmp_path: Path
+) -> None:
     screen = StringIO()
     console = Console(file=screen, force_terminal=True, width=80, height=24)
+    beyond = "\n- {after: go ENDED, command: {moveForward: {distance: 1.0e+6}}}"
     with TerminalDisplay(console) as shown:
-
-        async def session(client: MrsClient) -> Sequence[Life]:
-            session = Session({Link.DIRECT: client}, shown.audience(JACKAL))
-            await session.play(script)
-            return session.lives
-
-        lives = aboard.ground(session)
+        record = played(aboard, tmp_path, FORWARD + beyond, shown.view(["direct"]).on_news)
     with console.capture() as printed:
-        console.print(lives_table(lives, brief=True))
+        console.print(commands_table(list(sent_commands(record)), brief=True))
     drawn = Text.from_ansi(printed.get()).plain.splitlines()
     assert [line.split()[0] for line in drawn] == ["#", "1", "2"]
     assert all(len(line) <= 80 for line in drawn)
@@ -160,21 +134,3 @@ def last_table(screen: str) -> str:
     """Return what stands on the screen after all that was drawn over, in one column."""
     lines = Text.from_ansi(screen[screen.rindex("received") :]).plain.splitlines()
     return " ".join(line[60:] for line in lines)
-
-
-def test_what_fails_first_is_raised_and_the_rest_cancelled() -> None:
-    ended: list[str] = []
-
-    async def endless() -> None:
-        try:
-            await asyncio.Event().wait()
-        finally:
-            ended.append("cancelled")
-
-    async def fails() -> None:
-        await asyncio.sleep(0)
-        raise ConnectionError("gone")
-
-    with pytest.raises(ConnectionError, match="gone"):
-        asyncio.run(until_first(endless(), fails()))
-    assert ended == ["cancelled"]

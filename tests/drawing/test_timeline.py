@@ -8,6 +8,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from executive.commands import Mode
+from executive.history import TrackSource
 from executive.values.reports import Stage
 from sim.drawing import (
     COMMAND,
@@ -15,11 +16,18 @@ from sim.drawing import (
     MOTION,
     WRONG,
     CommandLane,
+    Panel,
     RunTimeline,
+    Series,
     TimeSpan,
     draw_timeline,
 )
 from tests.drawing.pictures import lines, spans, words, written_alike
+
+
+def speed(times_s: tuple[float, ...], speeds_mps: tuple[float, ...]) -> Panel:
+    return Panel("true speed", "m/s", (Series(TrackSource.TRUTH, times_s, speeds_mps),))
+
 
 DRIVEN = CommandLane("ahead", (1.0, 7.0), 1.0, 1.1, 5.0, Stage.FAILED, "DRIVE_DEADLINE")
 WAITED = CommandLane("home", (2.0,), 2.0, 5.0, 9.0, Stage.EXECUTED)
@@ -30,7 +38,7 @@ RUN = RunTimeline(
     faults=(TimeSpan("left_stuck", 2.0, 5.0), TimeSpan("left_stuck", 8.0, 9.0)),
     events=(("ODOMETRY_STALE", (3.0, 8.5)),),
     modes=((Mode.IDLE, 0.0, 1.1), (Mode.MOVING, 1.1, 9.0), (Mode.IDLE, 9.0, 12.0)),
-    speeds=((0.0, 0.0), (3.0, 0.5), (12.0, 0.0)),
+    panels=(speed((0.0, 3.0, 12.0), (0.0, 0.5, 0.0)),),
     eclipses=((3.0, 4.0),),
 )
 
@@ -51,7 +59,7 @@ def test_faults_are_drawn_while_they_last_one_row_for_each_kind() -> None:
         (8.0, 9.0),
     ]
     assert len({tuple(np.asarray(line.get_ydata())) for line in faults}) == 1
-    assert "no contact" in words(figure)
+    assert "eclipse: no contact for 1 s" in words(figure)
 
 
 def test_modes_are_named_where_there_is_room() -> None:
@@ -62,7 +70,7 @@ def test_modes_are_named_where_there_is_room() -> None:
 
 def test_the_scale_of_the_speed_holds_the_fastest() -> None:
     for fastest_mps in (0.0, 0.5, 2.0):
-        figure = draw_timeline(replace(RUN, speeds=((0.0, 0.0), (1.0, fastest_mps))))
+        figure = draw_timeline(replace(RUN, panels=(speed((0.0, 1.0), (0.0, fastest_mps)),)))
         assert figure.axes[1].get_ylim()[1] > fastest_mps
 
 

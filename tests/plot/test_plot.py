@@ -40,7 +40,7 @@ def typed(*arguments: object) -> Result:
 
 def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> None:
     shown = plot_of(stuck)
-    first, *others = shown.commands
+    first, *others = shown.timeline.commands
     assert (first.title, first.last) == ("moveForward MOE:1", Stage.FAILED)
     assert first.words == "WHEELS_OFF_COMMAND"
     assert first.figures.startswith("commanded 1 m/s, wheels 0.3")
@@ -48,9 +48,9 @@ def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> 
     assert {each.last for each in others} == {Stage.EXECUTED}
     incident = shown.incidents[0]
     assert (incident.words, round(incident.pose.x_m, 1)) == ("WHEELS_OFF_COMMAND", 0.7)
-    assert [name for name, _ in shown.events] == ["WHEELS_OFF_COMMAND", "POSE_UNCERTAIN"]
-    assert Mode.STOPPED in {mode for mode, _, _ in shown.modes}
-    speed, turn = shown.panels
+    assert [name for name, _ in shown.timeline.events] == ["WHEELS_OFF_COMMAND", "POSE_UNCERTAIN"]
+    assert Mode.STOPPED in {mode for mode, _, _ in shown.timeline.modes}
+    speed, turn = shown.timeline.panels
     assert {each.source for each in speed.series} == set(TrackSource) - {TrackSource.SECOND}
     for each in speed.series:
         assert 0.9 < max(each.values) < 1.1, each.source
@@ -60,11 +60,11 @@ def test_a_failed_drive_is_shown_with_its_figures_and_its_place(stuck: Path) -> 
 
 def test_no_line_leads_over_the_time_without_an_executive(tmp_path: Path) -> None:
     shown = plot_of(recorded("killed", tmp_path, 18))
-    ((gone_s, again_s),) = shown.gone
+    ((gone_s, again_s),) = shown.timeline.gone
     assert (round(gone_s), round(again_s)) == (3, 5)
     assert "2 starts of the executive" in shown.figures
-    assert not [mode for mode, begin_s, end_s in shown.modes if begin_s < 4 < end_s]
-    first = shown.commands[0]
+    assert not [mode for mode, begin_s, end_s in shown.timeline.modes if begin_s < 4 < end_s]
+    first = shown.timeline.commands[0]
     assert first.ended_s is not None
     assert first.ended_s < 6, "when it was reported first, not when that was repeated"
     assert len(shown.incidents) == 1

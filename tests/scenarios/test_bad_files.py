@@ -153,7 +153,7 @@ def test_a_shell_completes_names_and_files(begun: str, completed: list[str]) -> 
             "timeline: [{at: 0, near: {x: 1, y: 0, within: 1}, eclipse: 1}]",
             "timeline[0]: by the relay an eclipse is planned",
         ),
-        ("timeline: [{at: 0, command: stop, link: direct}]", "'direct' works in lock step only"),
+        ("timeline: [{at: 0, command: stop, link: third}]", "'third' works in lock step only"),
         ("timeline: [{at: 0, crash: 1}]", "crash works in lock step only"),
         ("timeline: [{at: 0, fix: here}]", "fix works in lock step only"),
         ("timeline: [{at: 0, inject: link_lost}]", "timeline[0].inject: by the relay the link is"),

@@ -80,7 +80,7 @@ def test_modes_follow_each_other_without_a_gap(played: tuple[Scenario, Record]) 
     assert [mode for mode, _, _ in timeline.modes] == [Mode.IDLE, Mode.MOVING, Mode.STOPPED]
     ends_s = [end_s for _, _, end_s in timeline.modes]
     assert ends_s == [*(begin_s for _, begin_s, _ in timeline.modes[1:]), timeline.end_s]
-    assert 0.5 < max(speed_mps for _, speed_mps in timeline.speeds) < 1.2
+    assert 0.5 < max(timeline.panels[0].series[0].values) < 1.2
 
 
 def test_the_map_shows_goals_tracks_stops_and_what_went_wrong_where(

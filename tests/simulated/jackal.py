@@ -149,7 +149,14 @@ class RelayScene:
         await asyncio.sleep(left_s)
         mode, record = RunMode.RELAY, self.record
         session = LiveSession(
-            self.scenario, self._uri, mode, None, None, self._look, record, system=system
+            self.scenario,
+            {mode.link: self._uri},
+            mode,
+            None,
+            None,
+            self._look,
+            record,
+            system=system,
         )
         await session.play()
 

@@ -1,4 +1,4 @@
-"""The timeline of a session: each thing is where it should be, and written the same each time."""
+"""Lanes between ground, orbiter and rover: each thing is where it should be."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,41 +7,50 @@ import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from sim.demo.script import Ending, Link
-from sim.demo.timeline import DARK, Lane, Passage, Timeline, draw_timeline
-from sim.drawing import COMMAND, DONE, MOTION, WRONG
+from sim.drawing import (
+    COMMAND,
+    DONE,
+    MOTION,
+    WRONG,
+    CommandLane,
+    Journey,
+    Passage,
+    RunTimeline,
+    draw_timeline,
+)
+from sim.drawing.timeline import DARK
 from tests.drawing.pictures import lines, spans, words, written_alike
 
-WAITED = Lane(
-    "moveTo 0.2,0.9,0°",
-    Link.RELAY,
-    Ending.EXECUTED,
+WAITED = Journey(
+    True,
+    "EXECUTED",
     sent_s=5.0,
     stored_s=5.01,
     received=Passage(20.0, 20.1),
     started=Passage(21.0, 21.1),
     ended=Passage(26.0, 28.0),
 )
-EXPIRED = Lane("moveForward 5", Link.RELAY, Ending.EXPIRED, sent_s=6.0, stored_s=6.0, lost_s=13.0)
-AGAIN = Lane(
-    "moveTo 0.2,0.9,0°",
-    Link.DIRECT,
-    Ending.DUPLICATE,
+EXPIRED = Journey(True, "EXPIRED", sent_s=6.0, stored_s=6.0, lost_s=13.0)
+AGAIN = Journey(
+    False,
+    "DUPLICATE",
     sent_s=28.0,
     ended=Passage(28.0, 28.5),
     again=True,
 )
 
 
-def timeline(*lanes: Lane, eclipse: bool = True) -> Figure:
+def timeline(*journeys: Journey, eclipse: bool = True) -> Figure:
+    queued, aboard = ((5.0, 1), (6.0, 2), (13.0, 1), (20.0, 0)), ((26.0, 1), (28.0, 0))
     return draw_timeline(
-        Timeline(
+        RunTimeline(
             "Commands through an <eclipse>",
-            (("", lanes),),
+            end_s=29.0,
+            commands=tuple(
+                CommandLane("moveTo", (each.sent_s,), journey=each) for each in journeys
+            ),
             eclipses=((4.0, 20.0),) if eclipse else (),
-            commands=((5.0, 1), (6.0, 2), (13.0, 1), (20.0, 0)),
-            reports=((26.0, 1), (28.0, 0)),
-            end_s=28.0,
+            waiting=(queued, aboard) if eclipse else None,
         )
     )
 
@@ -66,7 +75,7 @@ def test_what_the_orbiter_gives_up_ends_with_a_cross_there() -> None:
 def test_a_repeat_shows_no_work() -> None:
     figure = timeline(AGAIN)
     assert lines(figure, MOTION) == []
-    assert "again: moveTo 0.2,0.9,0°" in words(figure)
+    assert "DUPLICATE" in words(figure)
     assert "orbiter" not in words(figure)
 
 
@@ -76,7 +85,7 @@ def test_what_is_done_at_once_is_one_mark_with_its_time() -> None:
         WAITED, sent_s=5.9, stored_s=5.9, received=passage, started=passage, ended=passage
     )
     figure = timeline(short)
-    assert "told after 0.20 s" in words(figure)
+    assert "received after 0.20 s" in words(figure)
     assert len(lines(figure, COMMAND)) == 3, "the way up, sent, received"
     assert lines(figure, MOTION) == lines(figure, DONE) == []
 
@@ -85,7 +94,7 @@ def test_queues_stand_below_where_there_is_an_eclipse() -> None:
     dark, light = timeline(WAITED), timeline(WAITED, eclipse=False)
     assert "bundles at the orbiter" in words(dark)
     assert "bundles at the orbiter" not in words(light)
-    assert light.get_figheight() < dark.get_figheight() - 1.0, "the shorter legend leaves no gap"
+    assert light.get_figheight() < dark.get_figheight() - 1.0, "without a gap"
     assert len(dark.axes) == 2
     assert np.diff(dark.axes[1].get_yticks()).min() >= 1.0
 

@@ -1,0 +1,207 @@
+"""Commands between ground, orbiter and rover, a lane each, and what waits meanwhile."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from sim.drawing.lanes import (
+    ENDED,
+    ENDS,
+    LEFT_PX,
+    RECEIVED,
+    SENT,
+    STARTED,
+    TURN,
+    WORK,
+    Style,
+    line,
+    mark,
+    write_beside,
+)
+from sim.drawing.style import COMMAND, DONE, FAINT, GRID, INK, POINT, WRONG
+
+SHORT_S: Final = 0.4
+"""What waits for less does not wait; a command that takes less is one mark."""
+PASSAGE_PX: Final = 62
+"""The height of a lane."""
+QUEUE_PX: Final = 104
+_GROUND, _ORBITER, _ROVER, _REPORT = 14, 29, 44, 54
+"""Where the levels of a lane are, below its top."""
+Levels = Sequence[tuple[float, int]]
+"""How many wait, each from a time on."""
+_STORED: Final = mark("o", 10, COMMAND)
+_ON_GROUND: Final = mark("o", 10, DONE)
+_LOST: Final = mark("x", 12, WRONG, markeredgecolor=WRONG, markeredgewidth=2.5)
+_WAY: Final = line(COMMAND, 2)
+_STORAGE: Final = line(COMMAND, 5)
+_REPORTED: Final = line(DONE, 1.8)
+LEGEND: Final[dict[str, list[Style]]] = {
+    "sent from the ground": [SENT],
+    "stored at the orbiter": [_STORED],
+    "received aboard": [RECEIVED],
+    "started": [STARTED],
+    "carried out, ended": [WORK, ENDED],
+    "received on the ground": [_ON_GROUND],
+}
+LEGEND_OF_WAITING: Final[dict[str, list[Style]]] = {
+    "waits at the orbiter": [_STORAGE],
+    "given up there": [_LOST],
+    "waits aboard for its turn": [TURN],
+    "report waits aboard": [_REPORTED],
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """A report: when it was made aboard, and when it was received on the ground."""
+
+    made_s: float
+    ground_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Journey:
+    """A command that was sent by a link; times in seconds, as on the axis.
+
+    Attributes:
+        relayed: whether it went by the orbiter.
+        ending: how it ended, if it has.
+        stored_s: when the orbiter had it; None by the direct link.
+        received, started, ended: the reports of these stages, as far as there were any.
+        lost_s: when the orbiter gave it up.
+        again: whether it was sent before: what the rover does is in the first one's lane.
+    """
+
+    relayed: bool
+    ending: str | None
+    sent_s: float
+    stored_s: float | None = None
+    received: Passage | None = None
+    started: Passage | None = None
+    ended: Passage | None = None
+    lost_s: float | None = None
+    again: bool = False
+
+    @property
+    def short(self) -> bool:
+        """Whether all of it happened at once, as far as one can see."""
+        return self.ended is not None and self.ended.ground_s - self.sent_s < SHORT_S
+
+
+def draw_journey(axes: Axes, lane: Journey, top: float) -> None:
+    """Draw a lane of three levels, y in pixels below its top."""
+    link = "relay" if lane.relayed else "direct link"
+    write_beside(axes, 46, top + 37, f"by {link}", fontsize=11 * POINT)
+    ending, colour = lane.ending or "under way", ENDS.get(lane.ending or "", FAINT)
+    write_beside(axes, 132, top + 37, ending, color=colour, fontsize=11 * POINT)
+    levels = {"ground": top + _GROUND, "orbiter": top + _ORBITER, "rover": top + _ROVER}
+    if not lane.relayed:
+        del levels["orbiter"]
+    for name, y in levels.items():
+        write_beside(axes, LEFT_PX - 8, y + 3, name, color=FAINT, fontsize=9 * POINT, ha="right")
+        axes.axhline(y, color="#c9c9c9", linewidth=0.5, zorder=0.6)
+    if lane.short:
+        _draw_short(axes, lane, top)
+        return
+    _draw_way_up(axes, lane, top)
+    if not lane.again:
+        _draw_work(axes, lane, top + _ROVER)
+    for passage in (lane.received, lane.started, lane.ended):
+        if passage is not None:
+            _draw_report(axes, passage, top)
+    axes.plot(lane.sent_s, top + _GROUND, **SENT)
+
+
+def _draw_short(axes: Axes, lane: Journey, top: float) -> None:
+    """Draw a command that was done at once as one mark, and say how long it took."""
+    assert lane.ended is not None
+    ground, rover, sent_s = top + _GROUND, top + _ROVER, lane.sent_s
+    axes.plot([sent_s, sent_s], [ground, rover], **_WAY)
+    axes.plot(sent_s, ground, **SENT)
+    if not lane.again:
+        axes.plot(sent_s, rover, **RECEIVED)
+    late = sent_s > 0.8 * axes.get_xlim()[1]
+    axes.annotate(
+        f"received after {lane.ended.ground_s - sent_s:.2f} s",
+        (sent_s, ground),
+        xytext=(-8 if late else 8, 0),
+        textcoords="offset points",
+        ha="right" if late else "left",
+        va="center_baseline",
+        color=DONE,
+        fontsize=10 * POINT,
+        bbox={"facecolor": "white", "linewidth": 0, "pad": 1},
+    )
+
+
+def _draw_way_up(axes: Axes, lane: Journey, top: float) -> None:
+    """Draw a command from the ground to the rover, or to where it was given up."""
+    ground, orbiter, rover = top + _GROUND, top + _ORBITER, top + _ROVER
+    arrived_s = lane.lost_s if lane.received is None else lane.received.made_s
+    if lane.stored_s is None:
+        if arrived_s is not None:
+            axes.plot([lane.sent_s, arrived_s], [ground, rover], **_WAY)
+    else:
+        axes.plot([lane.sent_s, lane.sent_s], [ground, orbiter], **_WAY)
+        if arrived_s is not None and arrived_s - lane.stored_s > SHORT_S:
+            axes.plot([lane.sent_s, arrived_s], [orbiter, orbiter], **_STORAGE)
+        if lane.lost_s is not None:
+            axes.plot(lane.lost_s, orbiter, **_LOST)
+        elif arrived_s is not None:
+            axes.plot([arrived_s, arrived_s], [orbiter, rover], **_WAY)
+        axes.plot(lane.sent_s, orbiter, **_STORED)
+    if lane.received is not None:
+        axes.plot(lane.received.made_s, rover, **RECEIVED)
+
+
+def _draw_work(axes: Axes, lane: Journey, rover: float) -> None:
+    """Draw how long a command waited aboard, and was carried out."""
+    received, started, ended = lane.received, lane.started, lane.ended
+    if received is not None and started is not None and started.made_s - received.made_s > SHORT_S:
+        axes.plot([received.made_s, started.made_s], [rover, rover], **TURN)
+    if started is not None and ended is not None:
+        axes.plot([started.made_s, ended.made_s], [rover, rover], **WORK)
+        axes.plot(ended.made_s, rover, **ENDED)
+        axes.plot(started.made_s, rover, **STARTED)
+
+
+def _draw_report(axes: Axes, passage: Passage, top: float) -> None:
+    """Draw a report from the rover to the ground, after it waited aboard."""
+    made_s, ground_s = passage.made_s, passage.ground_s
+    ground, rover, report = top + _GROUND, top + _ROVER, top + _REPORT
+    if ground_s - made_s > SHORT_S:
+        axes.plot([made_s, made_s, ground_s], [rover, report, report], **_REPORTED)
+        rover = report
+    axes.plot([ground_s, ground_s], [rover, ground], **_REPORTED)
+    axes.plot(ground_s, ground, **_ON_GROUND)
+
+
+def draw_queues(axes: Axes, commands: Levels, reports: Levels) -> None:
+    """Draw how many bundles waited at the orbiter, and how many reports aboard."""
+    most = max([1, *(many for _, many in (*commands, *reports))])
+    axes.set_ylim(0, most * QUEUE_PX / (QUEUE_PX - 30))
+    axes.set_yticks(MaxNLocator(5, integer=True).tick_values(0, most))
+    axes.tick_params(axis="y", length=0, labelcolor=FAINT, labelsize=10 * POINT)
+    axes.grid(axis="y", color=GRID)
+    begin_s, end_s = axes.get_xlim()
+    for levels, colour in ((reports, DONE), (commands, COMMAND)):
+        steps = [(begin_s, 0), *levels]
+        steps.append((end_s, steps[-1][1]))
+        axes.step(*zip(*steps, strict=True), where="post", **line(colour, 2.5))
+    named = (
+        (34, "waiting", INK),
+        (54, "bundles at the orbiter", COMMAND),
+        (72, "reports aboard", DONE),
+    )
+    for y, words, colour in named:
+        write_beside(
+            axes,
+            46,
+            axes.get_ylim()[1] * (1 - y / QUEUE_PX),
+            words,
+            color=colour,
+            fontweight="bold",
+        )

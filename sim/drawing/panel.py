@@ -1,0 +1,61 @@
+"""Figures over time on one scale, by the sources that tell them."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from executive.history import TrackSource
+from sim.drawing.lanes import line, write_beside
+from sim.drawing.map import TRUE
+from sim.drawing.style import DONE, FAINT, GRID, INK, MOTION, POINT
+
+WHEEL: Final = "#b0479a"
+LOOKS: Final = {
+    TrackSource.TRUTH: line(TRUE, 5, zorder=2),
+    TrackSource.COMMANDED: line(INK, 1.2, drawstyle="steps-post"),
+    TrackSource.SECOND: line(DONE, 1.5),
+    TrackSource.ODOMETRY: line(MOTION, 1.8),
+    TrackSource.WHEELS: line(WHEEL, 0.9),
+}
+"""The sources of a track or a speed, the lowest first."""
+_LEAST: Final = {"m/s": 0.1, "rad/s": 0.1}
+"""A rover that stands has a scale, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A figure over time, NaN where the line has a gap."""
+
+    source: TrackSource
+    times_s: tuple[float, ...]
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """What is drawn on one scale."""
+
+    title: str
+    unit: str
+    series: tuple[Series, ...]
+
+
+def draw_panel(axes: Axes, panel: Panel) -> None:
+    """Draw figures over time on one scale, which holds zero."""
+    values = [value for each in panel.series for value in each.values if isfinite(value)]
+    low = min(0.0, min(values, default=0.0))
+    high = max(_LEAST.get(panel.unit, 0.0), max(values, default=0.0))
+    margin = 0.12 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.tick_params(axis="y", length=0, labelcolor=FAINT, labelsize=10 * POINT)
+    axes.grid(axis="y", color=GRID)
+    axes.axhline(0, color=FAINT, linewidth=0.8 * POINT)
+    middle = (low + high) / 2
+    write_beside(axes, 46, middle, f"{panel.title}, {panel.unit}", color=INK, fontweight="bold")
+    for each in panel.series:
+        axes.plot(np.array(each.times_s), np.array(each.values), **LOOKS[each.source])

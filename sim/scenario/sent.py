@@ -1,0 +1,119 @@
+"""What became of each command that was sent, as reported to the ground by its link."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from executive.commands import request_text
+from executive.values.reports import Report, Stage
+from sim.scenario.record import Answer, Receipt, Record, SentCommand, gives_up
+
+RELAY: Final = "relay"
+DUPLICATE: Final = "DUPLICATE"
+"""How a command ends that was sent before by the same link."""
+_ANSWERED: Final = {Answer.REFUSED: Stage.REJECTED.name, Answer.LOST: "LOST"}
+
+
+@dataclass(frozen=True, slots=True)
+class CommandJourney:
+    """A command that was sent, or sent again.
+
+    Attributes:
+        title: the request for people.
+        again: whether it was sent before, by whichever link.
+        known: whether it was sent before by the same link.
+        receipts: of the reports of its life, by its link, each once and in order.
+        given_up: of the report that its lifetime ended at the orbiter.
+    """
+
+    sending: SentCommand
+    title: str
+    again: bool
+    known: bool
+    receipts: tuple[Receipt, ...]
+    given_up: Receipt | None
+
+    @property
+    def link(self) -> str:
+        """By which link it went."""
+        return self.sending.link
+
+    @property
+    def stage(self) -> Stage | None:
+        """The last stage that was reported."""
+        return self.receipts[-1].report.stage if self.receipts else None
+
+    @property
+    def stored(self) -> bool:
+        """Whether the orbiter has stored it."""
+        return self.link == RELAY and self.sending.answer is Answer.ADMITTED
+
+    @property
+    def ending(self) -> str | None:
+        """How it ended: the name of a stage, DUPLICATE or LOST; None while it goes on."""
+        answer, stage = self.sending.answer, self.stage
+        if answer is Answer.DUPLICATE or self.known:
+            return DUPLICATE
+        if stage is not None and stage.terminal:
+            return stage.name
+        if self.given_up is not None:
+            return Stage.EXPIRED.name
+        return _ANSWERED.get(answer)
+
+    @property
+    def ended(self) -> Receipt | None:
+        """The receipt of the report of its end."""
+        if self.stage is not None and self.stage.terminal:
+            return self.receipts[-1]
+        return self.given_up
+
+    @property
+    def text(self) -> str:
+        """What was last reported of it: why it ended, or how far it is."""
+        if self.ending == DUPLICATE:
+            if self.receipts:
+                return f"reported again: {self._last(self.receipts[-1].report)}"
+            return self.sending.text.partition(": ")[2]
+        if self.given_up is not None:
+            return self.given_up.report.text.partition(": ")[2]
+        return self._last(self.receipts[-1].report) if self.receipts else self.sending.text
+
+    def at(self, stage: Stage) -> Receipt | None:
+        """Return the receipt of the first report of a stage; None if it has not come to that."""
+        return next((each for each in self.receipts if each.report.stage is stage), None)
+
+    def _last(self, report: Report) -> str:
+        if report.text == self.title.partition(" ")[0]:
+            return ""
+        return f"{report.text} (reason {report.reason.value})" if report.reason else report.text
+
+
+def sent_commands(record: Record) -> Iterator[CommandJourney]:
+    """Yield each command that was sent in a live run, in the order in which they were."""
+    requests = {each.identity: request_text(each.request) for each in record.requested}
+    links: dict[object, set[str]] = {}
+    for sending in record.sendings:
+        identity = sending.identity
+        before = links.setdefault(identity, set())
+        received = [
+            each
+            for each in record.receipts
+            if each.link == sending.link and each.time_s >= sending.time_s
+        ]
+        life: dict[int, Receipt] = {}
+        known = sending.link in before
+        if not known:
+            for each in received:
+                if each.report.identity == identity and each.report.stage is not None:
+                    life.setdefault(each.report.sequence, each)
+        given_up = (each for each in received if gives_up(each.report, identity))
+        yield CommandJourney(
+            sending,
+            requests.get(identity, sending.label),
+            bool(before),
+            known,
+            tuple(life[sequence] for sequence in sorted(life)),
+            next(given_up, None),
+        )
+        if sending.answer is not Answer.LOST:
+            before.add(sending.link)
