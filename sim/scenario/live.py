@@ -130,8 +130,11 @@ async def ready(scene: Scene, mode: RunMode) -> str:
 
 
 async def _known(uri: str, scene: Scene, mode: RunMode) -> None:
-    """Wait until every parameter is known aboard, or to the orbiter, and the true pose here."""
-    needed = () if mode is RunMode.DIRECT else (Parameter.POS_X.value, Parameter.CAM_PAN.value)
+    """Wait until pose and camera are received by a link, and the true pose here.
+
+    Other parameters come later: figures of the executive's own process are seconds apart.
+    """
+    needed = (Parameter.POS_X.value, Parameter.CAM_PAN.value)
     async with await MrsClient.connect(uri) as client:
         while not scene.heard.true or any(
             value.validity is not Validity.VALID for value in await client.get_value(*needed)
